@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what follows is found on first use, which a type checker does not see
     from cpbench.advice.recommend import recommend as recommend
+    from cpbench.api.certifying import certify as certify
     from cpbench.api.gallery import gallery as gallery
     from cpbench.api.problems import Converted as Converted
     from cpbench.api.problems import convert as convert
@@ -29,6 +30,8 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from cpbench.api.solution import Solution as Solution
     from cpbench.api.solver_list import list_solvers as list_solvers
     from cpbench.api.solving import solve as solve
+    from cpbench.api.solving_many import Solutions as Solutions
+    from cpbench.api.solving_many import solve_many as solve_many
     from cpbench.bench.results.store import read_results as read_results
     from cpbench.conversions import make as make
     from cpbench.errors import CpbenchError as CpbenchError
@@ -55,10 +58,13 @@ _HOMES = {
     "Recorder": "storage",
     "solve": "api.solving",
     "Solution": "api.solution",
+    "solve_many": "api.solving_many",
+    "Solutions": "api.solving_many",
     "convert": "api.problems",
     "Converted": "api.problems",
     "explain": "api.problems",
     "verify": "api.problems",
+    "certify": "api.certifying",
     "run": "api.runs",
     "Results": "api.results",
     "list_solvers": "api.solver_list",

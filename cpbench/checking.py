@@ -41,7 +41,7 @@ class Answer:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """What a conversion did to a problem and to one answer.
+    """Effect of a conversion on a problem and on one answer.
 
     Attributes
     ----------
@@ -123,7 +123,7 @@ def examine(
 def pushed(
     problem: Problem, converted: Problem, steps: int, known: Any, tolerance: float, tried: list[str]
 ) -> Answer | None:
-    """The known solution carried forward over the last `steps` conversions; why not goes into `tried`."""
+    """Return the known solution carried forward over the last `steps` conversions; why not goes into `tried`."""
     error = verification.judge(problem, known, tolerance).error
     if error > tolerance:
         tried.append(f"the known solution has error {error:.1e}")
@@ -139,7 +139,7 @@ def pushed(
 def answers(
     problem: Problem, tolerance: float, tried: list[str], *, native: bool = False, seconds: float = 10.0
 ) -> Iterator[Answer]:
-    """Answers of registered solvers whose error on `problem` is at most `tolerance`, one solver at a time.
+    """Yield answers of registered solvers whose error on `problem` is at most `tolerance`, one solver at a time.
 
     Native solvers come first (alone with `native`), those of the problem's own node before those behind further exact
     conversions. Who was asked in vain goes into `tried`, with the reason; nobody is asked for less than rounding.
@@ -172,7 +172,8 @@ def answers(
 
 
 def _solvers_ahead(problem: Problem, tried: list[str], native: bool) -> Iterator[tuple[graph.Arrival, Solver]]:
-    """Solvers that may serve, each with the problem brought to its node; nearest nodes first, then native ones."""
+    """Yield solvers that may serve, each with the problem brought to its node; nearest nodes first, then native
+    ones."""
     serving: dict[str, list[Solver]] = {}
     for solver in sorted(solvers, key=lambda s: (bool(s.spec.requires), s.spec.name)):
         usable = solver.spec.kind.exact and solver.availability().ok
@@ -192,7 +193,7 @@ def _solvers_ahead(problem: Problem, tried: list[str], native: bool) -> Iterator
 
 
 def _largest_ratio(problem: Problem, converted: Problem, steps: int, point: Any) -> float | None:
-    """Largest error on the source over error on the target, of answers beside `point`."""
+    """Return largest error on the source over error on the target, of answers beside `point`."""
     parts = point.arrays()
     if not any(part.size for part in parts.values()):
         return None
@@ -211,5 +212,5 @@ def _scale(part: Any) -> float:
 
 
 def ratio(source: float, target: float) -> float:
-    """source/target; 0 where there is no error here, ∞ where there is one here and none there."""
+    """Return source/target; 0 where there is no error here, ∞ where there is one here and none there."""
     return source / target if target > 0 else (0.0 if source == 0 else math.inf)

@@ -16,12 +16,12 @@ if TYPE_CHECKING:  # guests in another interpreter project by this module, and h
 
 
 def tangential_norm(x: Dense) -> Vector:
-    """‖x_T‖ of every row (normal component first)."""
+    """Return ‖x_T‖ of every row (normal component first)."""
     return np.abs(x[:, 1]) if x.shape[1] == 2 else np.sqrt(np.einsum("ij,ij->i", x[:, 1:], x[:, 1:]))
 
 
 def project_friction_cone(x: Dense, mu: Vector) -> Dense:
-    """Euclidean projection of every row on K_μ; shape (nc, d)."""
+    """Project every row on K_μ (Euclidean); shape (nc, d)."""
     t = tangential_norm(x)
     xn = x[:, 0]
     outside = t > mu * xn
@@ -37,40 +37,41 @@ def project_friction_cone(x: Dense, mu: Vector) -> Dense:
 
 
 def distance_to_friction_cone(x: Dense, mu: Vector) -> Vector:
-    """Distance of every row to K_μ."""
+    """Return distance of every row to K_μ."""
     return np.linalg.norm(x - project_friction_cone(x, mu), axis=1)
 
 
 def distance_to_dual_cone(x: Dense, mu: Vector) -> Vector:
-    """Distance of every row to K*_μ, by Moreau: x - P_{K*}(x) = -P_K(-x)."""
+    """Return distance of every row to K*_μ, by Moreau: x - P_{K*}(x) = -P_K(-x)."""
     return np.linalg.norm(project_friction_cone(-x, mu), axis=1)
 
 
 def de_saxce(u: Dense, mu: Vector) -> Dense:
-    """û = u + μ‖u_T‖ e_N, De Saxcé's change of variable (De Saxcé and Feng 1998)."""
+    """Return û = u + μ‖u_T‖ e_N, De Saxcé's change of variable (De Saxcé and Feng 1998)."""
     shifted = u.copy()
     shifted[:, 0] += mu * tangential_norm(u)
     return shifted
 
 
 def project_box(x: Vector, lower: Vector, upper: Vector) -> Vector:
-    """Projection on lower ≤ x ≤ upper (infinite bounds allowed)."""
+    """Project on lower ≤ x ≤ upper (infinite bounds allowed)."""
     return np.minimum(np.maximum(x, lower), upper)
 
 
 def box_defect(z: Vector, w: Vector, lower: Vector, upper: Vector) -> Vector:
-    """z − P(z − w), P the projection on the box, without forming z − w: no w is lost below the last digit of z."""
+    """Return z − P(z − w), P the projection on the box, without forming z − w: no w is lost below the last digit of
+    z."""
     return np.maximum(np.minimum(w, z - lower), z - upper)
 
 
 def rolling_norms(x: Dense) -> tuple[Vector, Vector]:
-    """‖x_T‖ and ‖x_M‖ of rows (N, T, M) or (N, T1, T2, M1, M2)."""
+    """Return ‖x_T‖ and ‖x_M‖ of rows (N, T, M) or (N, T1, T2, M1, M2)."""
     k = (x.shape[1] - 1) // 2
     return np.linalg.norm(x[:, 1 : 1 + k], axis=1), np.linalg.norm(x[:, 1 + k :], axis=1)
 
 
 def project_rolling_cone(x: Dense, mu: Vector, mu_r: Vector) -> Dense:
-    """Euclidean projection of every row on {r : ‖r_T‖ ≤ μ r_N, ‖m‖ ≤ μ_r r_N}; shape (nc, 3) or (nc, 5).
+    """Project every row on {r : ‖r_T‖ ≤ μ r_N, ‖m‖ ≤ μ_r r_N} (Euclidean); shape (nc, 3) or (nc, 5).
 
     For a given r_N the nearest r_T and m are x_T and x_M clipped, so r_N is the root of an increasing piecewise linear
     g(r) = r − x_N − μ(‖x_T‖ − μr)₊ − μ_r(‖x_M‖ − μ_r r)₊, and its signs at the two kinks tell which clips are active.
@@ -96,7 +97,7 @@ def project_rolling_cone(x: Dense, mu: Vector, mu_r: Vector) -> Dense:
 
 
 def rolling_de_saxce(u: Dense, mu: Vector, mu_r: Vector) -> Dense:
-    """û = u + (μ‖u_T‖ + μ_r‖ω‖) e_N, the change of variable for rolling friction (Acary and Bourrier 2021)."""
+    """Return û = u + (μ‖u_T‖ + μ_r‖ω‖) e_N, the change of variable for rolling friction (Acary and Bourrier 2021)."""
     t, m = rolling_norms(u)
     shifted = u.copy()
     shifted[:, 0] += mu * t + mu_r * m
@@ -104,7 +105,7 @@ def rolling_de_saxce(u: Dense, mu: Vector, mu_r: Vector) -> Dense:
 
 
 def project_cylinder(x: Dense, radius: Vector) -> Dense:
-    """Projection of every row on ℝ₊ × disk of that radius (Tresca's friction with a given threshold)."""
+    """Project every row on ℝ₊ × disk of that radius (Tresca's friction with a given threshold)."""
     result = x.copy()
     result[:, 0] = np.maximum(x[:, 0], 0.0)
     result[:, 1:] *= _shrink(np.linalg.norm(x[:, 1:], axis=1), radius)[:, None]
@@ -121,15 +122,16 @@ class Law(Protocol):
     """Friction law of all contacts: De Saxcé's shift, and the cone of the reactions."""
 
     def shift(self, u: Dense) -> Dense:
-        """û of velocities u, shape (nc, d)."""
+        """Return û of velocities u, shape (nc, d)."""
         ...
 
     def project(self, r: Dense) -> Dense:
-        """Projection of every row on the cone K of its contact."""
+        """Project every row on the cone K of its contact."""
         ...
 
     def in_units(self, lengths: Dense) -> Law:
-        """The law of r/lengths and u·lengths, shape (nc, d), constant over the moments of a contact, 1 elsewhere."""
+        """Return the law of r/lengths and u·lengths, shape (nc, d), constant over the moments of a contact, 1
+        elsewhere."""
         ...
 
 

@@ -24,14 +24,16 @@ By: TypeAlias = Literal["superlu", "cholmod", "qdldl"]
 
 @dataclass(frozen=True)
 class Factors:
-    """Of A: what solves with them, b (n,) to A⁻¹b (n,), and their entries (None: CHOLMOD does not tell)."""
+    """Factors of A: a function from b (n,) to A⁻¹b (n,), and the number of their entries (None: CHOLMOD does not
+    tell)."""
 
     solve: Callable[[NDArray[np.float64]], NDArray[np.float64]]
     entries: int | None
 
 
-def on_diagonal(A: Any) -> Any | None:
-    """SuperLU of a square sparse matrix in an order of its symmetric structure; None at a pivot that is exactly 0.
+def factor_on_diagonal(A: Any) -> Any | None:
+    """Factor by SuperLU a square sparse matrix in an order of its symmetric structure; None at a pivot that is exactly
+    0.
 
     Two to four times as fast as with SuperLU's pivoting by columns, with half to three quarters of the fill.
     """
@@ -44,12 +46,15 @@ def on_diagonal(A: Any) -> Any | None:
 
 
 def is_definite(lu: Any | None) -> bool:
-    """Whether what `on_diagonal` made of a symmetric matrix says that it is positive definite: all pivots are."""
+    """Return whether a symmetric matrix is positive definite: all pivots of its factors are positive.
+
+    `lu` : from `factor_on_diagonal`. A row exchange, or None, says that some pivot is not positive.
+    """
     return lu is not None and bool((lu.perm_r == lu.perm_c).all() and (lu.U.diagonal() > 0).all())
 
 
 def definite_factors(A: Any, by: By = "superlu") -> Factors | None:
-    """Factors of a sparse A with xᵀAx > 0; None where one of its pivots says otherwise, or is 0.
+    """Return factors of a sparse A with xᵀAx > 0; None where one of its pivots says otherwise, or is 0.
 
     Parameters
     ----------
@@ -63,7 +68,7 @@ def definite_factors(A: Any, by: By = "superlu") -> Factors | None:
         case "qdldl":
             return _qdldl(A)
         case _:
-            lu = on_diagonal(A)
+            lu = factor_on_diagonal(A)
             return None if lu is None else Factors(lu.solve, int(lu.nnz))
 
 

@@ -47,7 +47,7 @@ class NotApplicable(CpbenchError):
 
 
 class NoRoute(CpbenchError):
-    """No conversion route leads from the problem to the wanted formulation."""
+    """Error: no conversion route leads from the problem to the wanted formulation."""
 
 
 class UnknownName(CpbenchError):

@@ -31,7 +31,7 @@ class Exchange(ABC):
     maps: ClassVar[bool] = False
 
     def obstacle(self, problem: Problem) -> str | None:
-        """Why it cannot carry a problem, None where it can."""
+        """Return why it cannot carry a problem, None where it can."""
         if self.nodes is not None and problem.node not in self.nodes:
             return f"the exchange {self.name} carries {', '.join(sorted(self.nodes))}, not {problem.node}"
         if problem.maps() and not self.maps:
@@ -44,7 +44,7 @@ class Exchange(ABC):
 
     @abstractmethod
     def read_problem(self, path: Path) -> Problem:
-        """The problem at `path`; raises FormatError."""
+        """Read the problem at `path`; raises FormatError."""
 
     @abstractmethod
     def write_answer(self, point: Point, path: Path) -> None:
@@ -52,7 +52,7 @@ class Exchange(ABC):
 
     @abstractmethod
     def read_answer(self, path: Path, problem: Problem) -> Any:
-        """The point at `path`, which has the shape of an answer to `problem`; its numbers may be NaN.
+        """Read the point at `path`, which has the shape of an answer to `problem`; its numbers may be NaN.
 
         Raises FormatError when there is none, or it is of another shape or type.
         """

@@ -45,7 +45,7 @@ DENSE_LIMIT = 128
 
 
 def sparse_lu(A: Any, *, symmetric_structure: bool = False) -> Any | None:
-    """SuperLU's factorization of a sparse matrix, None where it is exactly singular.
+    """Return SuperLU's factorization of a sparse matrix, None where it is exactly singular.
 
     With a `symmetric_structure` whose diagonal is mostly fit to be pivoted upon, A + Aᵀ is ordered and the diagonal
     preferred: half of the fill and of the time on Jacobians of contact problems.
@@ -65,7 +65,8 @@ def sparse_lu(A: Any, *, symmetric_structure: bool = False) -> Any | None:
 
 
 def components(A: Sparse) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Label of every unknown of a square matrix and size of every component of its graph (stored zeros count)."""
+    """Return the label of every unknown of a square matrix and size of every component of its graph (stored zeros
+    count)."""
     _, labels = cast("tuple[int, NDArray[np.int32]]", csgraph.connected_components(A, directed=False))
     return labels, np.bincount(labels)
 
@@ -79,7 +80,8 @@ class Blocks:
 
 
 def diagonal_blocks(A: Sparse, limit: int) -> list[Blocks]:
-    """The components with at most `limit` unknowns as dense blocks, one entry a size; what is larger is left out."""
+    """Return the components with at most `limit` unknowns as dense blocks, one entry a size; what is larger is left
+    out."""
     labels, sizes = components(A)
     order = np.argsort(labels, kind="stable")
     first = np.concatenate([[0], np.cumsum(sizes)])
@@ -107,7 +109,7 @@ def diagonal_blocks(A: Sparse, limit: int) -> list[Blocks]:
 
 
 def assembled(blocks: Sequence[Blocks], shape: tuple[int, ...]) -> Sparse:
-    """The sparse matrix that has these blocks, and no entry elsewhere."""
+    """Return the sparse matrix that has these blocks, and no entry elsewhere."""
     data: list[NDArray[Any]] = [np.zeros(0)]
     row: list[NDArray[Any]] = [np.zeros(0, np.int64)]
     col: list[NDArray[Any]] = [np.zeros(0, np.int64)]
@@ -186,7 +188,7 @@ class Factorization:
 
     @cached_property
     def _solver(self) -> _Solver | None:
-        """What solves; None where A is exactly singular."""
+        """Function that solves with A; None where A is exactly singular."""
         try:
             if not sp.issparse(self.A):
                 return _DenseLU(self.A, self.scales)
@@ -219,7 +221,7 @@ class Factorization:
         return not self.rcond > SINGULAR_RCOND
 
     def solve(self, B: Any, *, transpose: bool = False) -> Any:
-        """A⁻¹B (A⁻ᵀB with `transpose`) for a vector or a matrix; a sparse B comes back dense.
+        """Return A⁻¹B (A⁻ᵀB with `transpose`) for a vector or a matrix; a sparse B comes back dense.
 
         Raises ProblemError where A is exactly singular.
         """
@@ -345,7 +347,7 @@ def _between(
     scales: _Scales,
     transpose: bool,
 ) -> NDArray[np.float64]:
-    """A⁻¹B from (RAC)⁻¹: scaled before and after, R and C changing places for A⁻ᵀ."""
+    """Return A⁻¹B from (RAC)⁻¹: scaled before and after, R and C changing places for A⁻ᵀ."""
     if scales is None:
         return core(B)
     before, after = scales[::-1] if transpose else scales
@@ -376,7 +378,7 @@ def _sparse_scales(A: Sparse) -> _Scales:
 
 
 def _balanced(n: int, row: NDArray[Any], column: NDArray[Any], size: Vector) -> tuple[Vector, Vector]:
-    """Powers of 2 for the rows and columns of an n x n matrix with the entries ±size at (row, column)."""
+    """Return powers of 2 for the rows and columns of an n x n matrix with the entries ±size at (row, column)."""
     diagonal = np.zeros(n)
     np.maximum.at(diagonal, row[row == column], size[row == column])
     if diagonal.all():
@@ -395,7 +397,8 @@ def _balanced(n: int, row: NDArray[Any], column: NDArray[Any], size: Vector) -> 
 
 
 def _scales_of(line: NDArray[Any], size: Vector, n: int) -> tuple[Vector, float]:
-    """Scales of the n lines (rows or columns) the entries are in, and the ratio of least to greatest line maximum.
+    """Return scales of the n lines (rows or columns) the entries are in, and the ratio of least to greatest line
+    maximum.
 
     Raises LinAlgError for a zero line.
     """

@@ -70,7 +70,7 @@ class Memory:
         return self._done[key][1]
 
     def seconds(self, problem: Problem, route: Route) -> float:
-        """What the conversions of a route that was taken from `problem` on took."""
+        """Return what the conversions of a route that was taken from `problem` on took."""
         total = 0.0
         for edge in route.steps:
             _, problem, spent = self._done[id(problem), edge.label]
@@ -80,14 +80,14 @@ class Memory:
 
 @dataclass(frozen=True)
 class _State:
-    """What a prefix made of the problem, and the weakest promise on the way."""
+    """Problem that a prefix of a route ends in, and the weakest promise on the way."""
 
     problem: Problem
     kind: Kind
 
 
 def candidates(source: str, target: str, kinds: frozenset[Kind] = EXACT, via: Sequence[Conversion] = ()) -> list[Route]:
-    """Paths from node to node that pass no node twice, cheapest first, ties by label.
+    """Return paths from node to node that pass no node twice, cheapest first, ties by label.
 
     An edge is considered when one of `kinds` could be its promise; with `via`, a path must contain those
     conversions, which are allowed whatever their kind. An edge from a node to itself is taken only then, once.
@@ -141,7 +141,8 @@ def explain(
     via: Sequence[Conversion] = (),
     apply: Apply = Conversion.step,
 ) -> tuple[DeadEnd, ...]:
-    """The routes that do not bring `problem` to `target`, each with its obstacle, up to the first one that does."""
+    """Return the routes that do not bring `problem` to `target`, each with its obstacle, up to the first one that
+    does."""
     dead: list[DeadEnd] = []
     next(_arrivals(problem, target, kinds, via, apply, dead), None)
     return tuple(dead)
@@ -158,7 +159,7 @@ def _arrivals(
     once: bool = True,
     finish: bool = True,
 ) -> Iterator[Arrival]:
-    """Routes that work; `dead` collects the refusals.
+    """Yield routes that work; `dead` collects the refusals.
 
     With `once`, a prefix that made the same problem as an earlier one is dropped if it has passed every node that
     the earlier one passed: nothing is behind it that was not behind the other, for less.
@@ -222,7 +223,7 @@ def _no_route(
 
 
 def reachable(node: str, kinds: frozenset[Kind] = EXACT) -> list[str]:
-    """Nodes that some path of edges of these kinds connects to `node`, itself included."""
+    """Return nodes that some path of edges of these kinds connects to `node`, itself included."""
     usable, maps = [edge for edge in edges() if best_kind(edge) in kinds], nodes_of_maps()
     onward = [edge for edge in usable if edge.source not in maps or edge.target in maps]
     new = {edge.target for edge in usable if edge.source == node}
@@ -241,7 +242,7 @@ def lift(problem: Problem, point: Any, steps: int | None = None) -> Any:
 
 
 def remarks(problem: Problem, point: Any, steps: int | None = None) -> list[str]:
-    """What the conversions that `lift` undoes have to say of this answer, each with its name."""
+    """Return what the conversions that `lift` undoes have to say of this answer, each with its name."""
     found: list[str] = []
     for step in reversed(_last(problem, steps)):
         edge = make(step.conversion, dict(step.parameters))
@@ -259,13 +260,14 @@ def push(problem: Problem, point: Any, steps: int | None = None) -> Any:
 
 
 def tolerance(problem: Problem, asked: float, steps: int) -> float:
-    """What to ask of a solver of a converted problem (its last `steps` conversions) to get `asked` on the source."""
+    """Return what to ask of a solver of a converted problem (its last `steps` conversions) to get `asked` on the
+    source."""
     for step in _last(problem, steps):
         asked = make(step.conversion, dict(step.parameters)).tolerance(asked, step.trace)
     return asked
 
 
 def _last(problem: Problem, steps: int | None) -> tuple[Step, ...]:
-    """The last `steps` recorded conversions, all of them for None."""
+    """Return the last `steps` recorded conversions, all of them for None."""
     recorded = problem.provenance
     return recorded if steps is None else recorded[len(recorded) - steps :]

@@ -46,7 +46,7 @@ for module in sys.argv[1:]:
 
 @cache
 def ensure_cache_dir() -> Path:
-    """The directory of the compiled kernels; sets ``NUMBA_CACHE_DIR`` unless the default place is writable.
+    """Return the directory of the compiled kernels; sets ``NUMBA_CACHE_DIR`` unless the default place is writable.
 
     Called before numba is imported. A setting of the user is left alone. Where neither the package's nor the
     user's cache directory can be written, a private temporary one serves this process and its children.
@@ -73,7 +73,8 @@ def ensure_cache_dir() -> Path:
 
 
 def load(module: str) -> ModuleType:
-    """The kernel module of that full name, compiled on the first call on this machine, read from the cache later."""
+    """Load the kernel module of that full name, compiled on the first call on this machine, then read from the
+    cache."""
     if _is_loaded(module):
         return sys.modules[module]
     directory = ensure_cache_dir()
@@ -110,7 +111,7 @@ def load_all(package: str, names: Sequence[str]) -> None:
 
 @cache
 def compiled(kernel: Any) -> Callable[..., Any]:
-    """The compiled code of a kernel that has one explicit signature, without numba's search for it by the arguments'
+    """Return the compiled code of a kernel of one explicit signature, without numba's search by the arguments'
     types, which takes longer than a small problem. Raises TypeError on arguments of other types; that an array is
     read-only nobody looks at."""
     (version,) = kernel.overloads.values()
@@ -118,7 +119,7 @@ def compiled(kernel: Any) -> Callable[..., Any]:
 
 
 def modules(*packages: str) -> list[str]:
-    """Full names of the kernel modules in `expressions`, `conversions` or `solvers`."""
+    """Return full names of the kernel modules in `expressions`, `conversions` or `solvers`."""
     return [
         f"cpbench.{package}.kernels.{file.stem}"
         for package in packages
@@ -127,7 +128,7 @@ def modules(*packages: str) -> list[str]:
 
 
 def is_compiled(module: str) -> bool:
-    """Whether the cache has kernels of this module that are younger than its source."""
+    """Return whether the cache has kernels of this module that are younger than its source."""
     source, directory = _file(module), ensure_cache_dir()
     if os.environ.get(VARIABLE):  # then what lies beside the source is not looked at
         found = directory.rglob(f"{source.stem}.*.nbi")
@@ -138,7 +139,7 @@ def is_compiled(module: str) -> bool:
 
 
 def _is_loaded(module: str) -> bool:
-    """Whether it was loaded to its end."""
+    """Return whether it was loaded to its end."""
     return hasattr(sys.modules.get(module), "READY")
 
 
@@ -166,7 +167,7 @@ def _file(module: str) -> Path:
 
 
 def _taken(module: str) -> list[tuple[str, Path]]:
-    """The kernel modules that one takes functions from, directly or through others, and their files."""
+    """Return the kernel modules that one takes functions from, directly or through others, and their files."""
     found: list[tuple[str, Path]] = []
     names = [module]
     for name in names:

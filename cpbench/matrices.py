@@ -43,7 +43,7 @@ _MARK = "_cpbench_adopted"
 
 
 def vector(value: ArrayLike, label: str = "vector", *, finite: bool = True) -> Vector:
-    """A read-only 1-D float64 copy of `value`; raises ProblemError on another shape, NaN or infinity."""
+    """Return a read-only 1-D float64 copy of `value`; raises ProblemError on another shape, NaN or infinity."""
     _require_real(value, label)
     try:
         array = _native(np.array(value, dtype=np.float64, order="C"))
@@ -57,7 +57,7 @@ def vector(value: ArrayLike, label: str = "vector", *, finite: bool = True) -> V
 
 
 def matrix(value: Any, label: str = "matrix") -> Matrix:
-    """A read-only float64 copy of `value`: 2-D array, or canonical CSR when `value` is sparse."""
+    """Return a read-only float64 copy of `value`: 2-D array, or canonical CSR when `value` is sparse."""
     _require_real(value, label)
     if sp.issparse(value):
         if _adopted(value):
@@ -89,13 +89,13 @@ def adopt(csr: Sparse) -> Sparse:
 
 
 def settle(csr: Sparse) -> Sparse:
-    """`adopt` for a CSR whose arrays are the caller's alone, where it keeps that promise; else as it is."""
+    """Return `adopt` for a CSR whose arrays are the caller's alone, where it keeps that promise; else as it is."""
     plain = csr.dtype == np.float64 and csr.data.dtype.isnative
     return adopt(csr) if plain and csr.has_canonical_format and _all_finite(csr.data) else csr
 
 
 def _adopted(value: Any) -> bool:
-    """Whether `adopt` has seen these very arrays, and nobody has thawed or replaced them since."""
+    """Return whether `adopt` has seen these very arrays, and nobody has thawed or replaced them since."""
     seen = getattr(value, _MARK, None)
     if seen is None or not isinstance(value, sp.csr_array):
         return False
@@ -104,7 +104,7 @@ def _adopted(value: Any) -> bool:
 
 
 def _native(array: NDArray[Any]) -> NDArray[Any]:
-    """The same numbers under the plain dtype: arrays from files may keep a '<f8' that equals float64, but whose
+    """Return the same numbers under the plain dtype: arrays from files may keep a '<f8' that equals float64, but whose
     buffer some guests (CVXOPT) refuse."""
     return array.view(np.float64)
 
@@ -127,7 +127,7 @@ def _all_finite(array: NDArray[Any]) -> bool:
 
 
 def _require_real(value: Any, label: str) -> None:
-    """A conversion to float64 would drop imaginary parts with no more than a warning."""
+    """Refuse complex numbers: float64 would drop imaginary parts with no more than a warning."""
     if np.iscomplexobj(value):
         raise ProblemError(label, "has complex numbers, must be real")
 
@@ -148,22 +148,22 @@ def is_sparse(M: Matrix) -> bool:
 
 
 def dense(M: Matrix) -> Dense:
-    """`M` as a 2-D array (a view when it is one already)."""
+    """Return `M` as a 2-D array (a view when it is one already)."""
     return np.asarray(M.toarray()) if sp.issparse(M) else M  # pyright: ignore
 
 
 def sparse(M: Matrix) -> Sparse:
-    """`M` as CSR (itself when it is one already)."""
+    """Return `M` as CSR (itself when it is one already)."""
     return M if isinstance(M, sp.csr_array) else sp.csr_array(M)  # pyright: ignore
 
 
 def transpose(M: Matrix) -> Matrix:
-    """Mᵀ: a view when dense, CSR when sparse."""
+    """Return Mᵀ: a view when dense, CSR when sparse."""
     return sp.csr_array(M.T) if sp.issparse(M) else M.T
 
 
 def block(rows: list[list[Matrix | None]]) -> Matrix:
-    """[[A, B], [C, D]] from blocks: dense when every block is, CSR as soon as one is sparse."""
+    """Assemble [[A, B], [C, D]]: dense when every block is, CSR as soon as one is sparse."""
     if any(sp.issparse(b) for row in rows for b in row):
         return sp.csr_array(sp.block_array(cast(Any, rows), format="csr"))
     return np.block(cast(Any, rows))
@@ -178,12 +178,12 @@ def identity(n: int, like: Matrix) -> Matrix:
 
 
 def index_dtype(*sizes: int) -> type[np.signedinteger[Any]]:
-    """int32 unless one of the numbers that an index or a count may reach does not fit."""
+    """Return int32 unless one of the numbers that an index or a count may reach does not fit."""
     return np.int64 if max(sizes, default=0) > np.iinfo(np.int32).max else np.int32
 
 
 def scaled_both(M: Matrix, s: Vector) -> Matrix:
-    """diag(s) M diag(s), stored as M is; symmetric to the last bit where M is."""
+    """Return diag(s) M diag(s), stored as M is; symmetric to the last bit where M is."""
     if not is_sparse(M):
         return dense(M) * np.outer(s, s)
     scaled = sp.csr_array(M, copy=True)
@@ -192,12 +192,12 @@ def scaled_both(M: Matrix, s: Vector) -> Matrix:
 
 
 def nnz(M: Matrix) -> int:
-    """Stored entries of a sparse matrix, nonzero ones of a dense one."""
+    """Count the stored entries of a sparse matrix, the nonzero ones of a dense one."""
     return int(M.nnz) if sp.issparse(M) else int(np.count_nonzero(M))
 
 
 def digest(M: Matrix | Vector) -> bytes:
-    """A content hash that does not see how a matrix is stored (dense or sparse, explicit zeros)."""
+    """Return a content hash that does not see how a matrix is stored (dense or sparse, explicit zeros)."""
     h = hashlib.sha256()
     if isinstance(M, np.ndarray) and M.ndim == 1:
         h.update(f"vector {M.size};".encode())
@@ -226,7 +226,7 @@ def norm(x: Vector) -> float:
 
 
 def asymmetry(M: Matrix) -> float:
-    """The largest |M_ij − M_ji| over max(√|M_ii M_jj|, |M_ij|, |M_ji|), 0 where M = Mᵀ, at most 2.
+    """Return the largest |M_ij − M_ji| over max(√|M_ii M_jj|, |M_ij|, |M_ji|), 0 where M = Mᵀ, at most 2.
 
     No choice of units changes it: it is the same for M and DMD, D a positive diagonal matrix.
     """
@@ -243,7 +243,7 @@ def asymmetry(M: Matrix) -> float:
 
 
 def block_asymmetry(blocks: Dense) -> Dense:
-    """`asymmetry` of every matrix of a stack, shape (..., n, n) to (...)."""
+    """Return `asymmetry` of every matrix of a stack, shape (..., n, n) to (...)."""
     turned = blocks.swapaxes(-1, -2)
     apart = np.abs(blocks - turned)
     if not apart.any():
@@ -254,7 +254,7 @@ def block_asymmetry(blocks: Dense) -> Dense:
 
 
 def is_symmetric(M: Matrix, tolerance: float = SYMMETRY_TOLERANCE) -> bool:
-    """Whether M is square and its `asymmetry` at most `tolerance`."""
+    """Return whether M is square and its `asymmetry` at most `tolerance`."""
     if M.shape[0] != M.shape[1]:
         return False
     apart = max_abs(cast(Matrix, M - M.T))
@@ -263,7 +263,8 @@ def is_symmetric(M: Matrix, tolerance: float = SYMMETRY_TOLERANCE) -> bool:
 
 
 def unit_diagonal(M: Matrix) -> Matrix:
-    """The symmetric part of M in units of its unknowns in which every diagonal entry is 1, -1 or 0 (to rounding).
+    """Return the symmetric part of M in units of its unknowns in which every diagonal entry is 1, -1 or 0 (to
+    rounding).
 
     The signs of its eigenvalues are those of the symmetric part (Sylvester), and for M and DMD, D a diagonal matrix of
     powers of 2, it is the same to the last bit. A row whose diagonal entry is 0 takes the unit in which its largest
@@ -285,7 +286,8 @@ def unit_diagonal(M: Matrix) -> Matrix:
 
 
 def _without_rounding(M: Matrix, S: Matrix, rows: NDArray[np.int64]) -> Matrix:
-    """S = (M + Mᵀ)/2 with 0 for those of its entries in `rows`, and as columns, that are rounding of M_ij = −M_ji."""
+    """Return S = (M + Mᵀ)/2 with 0 for those of its entries in `rows`, and as columns, that are rounding of M_ij =
+    −M_ji."""
     entries = sp.coo_array(S)
     chosen = np.zeros(S.shape[0], dtype=bool)
     chosen[rows] = True
@@ -297,7 +299,8 @@ def _without_rounding(M: Matrix, S: Matrix, rows: NDArray[np.int64]) -> Matrix:
 
 
 def is_psd(M: Matrix, tolerance: float = PSD_TOLERANCE) -> bool:
-    """Whether `unit_diagonal(M)` has no eigenvalue below -max(tolerance, 4n eps), the same in all units of unknowns.
+    """Return whether `unit_diagonal(M)` has no eigenvalue below -max(tolerance, 4n eps), the same in all units of
+    unknowns.
 
     M then is positive semidefinite once every diagonal entry has grown by that share of itself. One with a negative
     diagonal entry is not, nor one with a zero there in a row that is not zero. Decided by a factorization of the
@@ -317,7 +320,7 @@ def is_psd(M: Matrix, tolerance: float = PSD_TOLERANCE) -> bool:
 
 
 def is_definite(M: Matrix) -> bool:
-    """Whether `unit_diagonal(M)` is positive definite beyond rounding: no eigenvalue below 20n eps."""
+    """Return whether `unit_diagonal(M)` is positive definite beyond rounding: no eigenvalue below 20n eps."""
     diagonal = np.asarray(M.diagonal())
     if not (diagonal > 0.0).all():
         return False
@@ -325,10 +328,10 @@ def is_definite(M: Matrix) -> bool:
 
 
 def _has_cholesky(S: Matrix, added: Vector) -> bool:
-    """Whether S + diag(added), S symmetric and nobody else's, is positive definite."""
+    """Return whether S + diag(added), S symmetric and nobody else's, is positive definite."""
     n = S.shape[0]
     if is_sparse(S) and n > 300:
-        return definite.is_definite(definite.on_diagonal(sp.csc_array(S + sp.diags_array(added))))
+        return definite.is_definite(definite.factor_on_diagonal(sp.csc_array(S + sp.diags_array(added))))
     D = dense(S)
     D[np.diag_indices(n)] += added
     try:
@@ -339,7 +342,8 @@ def _has_cholesky(S: Matrix, added: Vector) -> bool:
 
 
 def least_eigenvalue(M: Matrix) -> float:
-    """Least eigenvalue of `unit_diagonal(M)`, for messages; by Lanczos, from above, where M is sparse and large."""
+    """Return least eigenvalue of `unit_diagonal(M)`, for messages; by Lanczos, from above, where M is sparse and
+    large."""
     S: Any = unit_diagonal(M)
     if S.shape[0] == 0:
         return 0.0
@@ -355,7 +359,8 @@ def least_eigenvalue(M: Matrix) -> float:
 
 
 def rank(M: Matrix) -> int:
-    """Numerical rank by singular values of the equilibrated matrix (dense; for messages about small blocks)."""
+    """Return the numerical rank by singular values of the equilibrated matrix (dense; for messages about small
+    blocks)."""
     if not min(M.shape):
         return 0
     D = dense(M)
@@ -365,5 +370,5 @@ def rank(M: Matrix) -> int:
 
 
 def power_of_two(top: Vector) -> Vector:
-    """The powers of 2 that bring the positive numbers `top` into [1/2, 1), and 1 for 0."""
+    """Return the powers of 2 that bring the positive numbers `top` into [1/2, 1), and 1 for 0."""
     return np.ldexp(1.0, -np.frexp(top)[1])

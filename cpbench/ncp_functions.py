@@ -45,7 +45,8 @@ def fischer_burmeister(a: Vector, b: Vector) -> Values:
 
 
 def penalized(a: Vector, b: Vector, share: float = PENALTY_SHARE) -> Values:
-    """Evaluate λ fb(a, b) + (1 − λ) a₊b₊."""
+    """Evaluate the penalized Fischer–Burmeister function λ fb(a, b) + (1 − λ) a₊b₊, λ = `share` (Chen, Chen, Kanzow
+    2000)."""
     phi, by_a, by_b = fischer_burmeister(a, b)
     rest, a_plus, b_plus = 1.0 - share, np.maximum(a, 0.0), np.maximum(b, 0.0)
     return (

@@ -12,7 +12,7 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
 def printable(text: str) -> str:
-    r"""The text with everything spelled out that a terminal would obey or no encoding has.
+    r"""Return the text with everything spelled out that a terminal would obey or no encoding has.
 
     >>> printable("red \x1b[31m, half a pair \ud800")
     'red \\x1b[31m, half a pair \\ud800'

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 
 def counted(value: int, noun: str, nouns: str = "") -> str:
-    """A number and its noun.
+    """Return a number and its noun.
 
     >>> counted(1, "problem"), counted(2, "problem"), counted(2, "family", "families")
     ('1 problem', '2 problems', '2 families')

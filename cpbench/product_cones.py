@@ -54,7 +54,7 @@ class ProductCone:
 
     @classmethod
     def of(cls, *factors: tuple[Any, ...]) -> ProductCone:
-        """Product of runs (kind, count, size, mu, mu_r): `count` equal factors of `size` components each.
+        """Build the product of runs (kind, count, size, mu, mu_r): `count` equal factors of `size` components each.
 
         >>> ProductCone.of((Cone.FREE, 1, 2), (Cone.SECOND_ORDER, 2, 3, np.array([0.5, 0.7]))).rows
         8
@@ -113,18 +113,18 @@ class ProductCone:
         return groups
 
     def project(self, x: Vector) -> Vector:
-        """Euclidean projection of x, shape (rows,)."""
+        """Project x, shape (rows,), on K (Euclidean)."""
         result = np.empty_like(x)
         for kind, rows, mu, mu_r in self.groups:
             result[rows] = _project_factor(kind, x[rows], mu, mu_r)
         return result
 
     def project_dual(self, y: Vector) -> Vector:
-        """Projection on K* = {y : yᵀx ≥ 0 for x ∈ K}, by Moreau's decomposition; K must be a cone."""
+        """Project on K* = {y : yᵀx ≥ 0 for x ∈ K}, by Moreau's decomposition; K must be a cone."""
         return y + self.project(-y)
 
     def dual(self) -> ProductCone:
-        """K*; K must be a cone."""
+        """Return K*; K must be a cone."""
         swap = {
             Cone.ZERO: Cone.FREE,
             Cone.FREE: Cone.ZERO,

@@ -124,7 +124,7 @@ class Registry(Generic[T]):
         return item
 
     def register(self, name: str) -> Callable[[U], U]:
-        """Decorator form of :meth:`add`; gives back what it decorates, with its own type."""
+        """Return a decorator that adds what it decorates (:meth:`add`) and keeps its type."""
 
         def keep(item: U) -> U:
             self.add(name, cast(T, item))
@@ -177,7 +177,7 @@ class Registry(Generic[T]):
                         return
 
     def names(self) -> list[str]:
-        """All names, sorted."""
+        """Return all names, sorted."""
         self.discover()
         return sorted(self._items)
 

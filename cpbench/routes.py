@@ -58,24 +58,24 @@ class Prefix(Generic[S]):
 
 
 def edges(extra: Iterable[Conversion] = ()) -> list[Conversion]:
-    """Every registered conversion with default knobs; `extra` ones replace their namesakes."""
+    """Return every registered conversion with default knobs; `extra` ones replace their namesakes."""
     by_name = {name: make(name) for name in conversions.names()}
     by_name |= {edge.name: edge for edge in extra}
     return [by_name[name] for name in sorted(by_name)]
 
 
 def nodes_of_maps() -> frozenset[str]:
-    """The nodes whose problems have a nonlinear map."""
+    """Return the nodes whose problems have a nonlinear map."""
     return frozenset(name for name in formulations.names() if formulations.get(name).has_maps())
 
 
 def best_kind(edge: Conversion) -> Kind:
-    """The strongest promise an edge can make on some problem."""
+    """Return the strongest promise an edge can make on some problem."""
     return getattr(edge, "best_kind", edge.kind)
 
 
 def weakest(kinds: Iterable[Kind]) -> Kind:
-    """What a chain of promises is worth."""
+    """Return what a chain of promises is worth."""
     return max(kinds, key=lambda k: k.rank, default=Kind.EQUIVALENT)
 
 
@@ -87,7 +87,7 @@ def best_first(
     start: S,
     take: Callable[[Prefix[S]], S | None],
 ) -> Iterator[tuple[Route, S]]:
-    """Paths from `source` to `target` with what `take` made of them step by step; None ends a path.
+    """Yield paths from `source` to `target` with what `take` made of them step by step; None ends a path.
 
     They come in the order of cost and label, because a prefix comes before all that begin with it: its bound is at
     most theirs, and its label is the beginning of theirs.
@@ -121,7 +121,7 @@ def best_first(
 
 
 def _is_open(node: str, target: str, usable: Sequence[Conversion], seen: frozenset[str]) -> bool:
-    """Whether a path leads from `node` to the target that passes none of the nodes seen."""
+    """Return whether a path leads from `node` to the target that passes none of the nodes seen."""
     reached, new = {node}, {node}
     while new and target not in reached:
         new = {edge.target for edge in usable if edge.source in new} - reached - seen
@@ -132,7 +132,7 @@ def _is_open(node: str, target: str, usable: Sequence[Conversion], seen: frozens
 def _cost_ahead(
     target: str, usable: Sequence[Conversion], pinned: frozenset[str]
 ) -> dict[tuple[str, frozenset[str]], float]:
-    """Least cost of getting from a node to the target when these pinned conversions are still to be taken.
+    """Return least cost of getting from a node to the target when these pinned conversions are still to be taken.
 
     No entry where nothing leads there. Dijkstra backwards; out of the target lead only its own loops.
     """

@@ -8,12 +8,12 @@ from typing import Any
 
 
 def lines(table: Mapping[str, Any]) -> list[str]:
-    """Keys of a table, a line each."""
+    """Return keys of a table, a line each."""
     return [f"{key} = {value(told)}" for key, told in table.items()]
 
 
 def value(told: Any) -> str:
-    """A value in TOML: texts are those of JSON save one character, a mapping is an inline table.
+    """Return a value in TOML: texts are those of JSON save one character, a mapping is an inline table.
 
     >>> value([1e-6, "a\\nb", True]), value({"A": float("inf"), "B": 3})
     ('[1e-06, "a\\\\nb", true]', '{"A" = inf, "B" = 3}')

@@ -17,7 +17,7 @@ from cpbench.matrices import Sparse
 
 
 def has_full_structural_rank(A: Sparse) -> bool:
-    """Whether the rows of a square matrix can be matched with its columns; stored zeros count as entries."""
+    """Return whether the rows of a square matrix can be matched with its columns; stored zeros count as entries."""
     if A.diagonal().all():
         return True
     rows, columns = _neighbours(A), _neighbours(sp.csr_array(A.T))
@@ -35,7 +35,7 @@ def _neighbours(A: Sparse) -> list[list[int]]:
 
 
 def _greedy(rows: list[list[int]], columns: list[list[int]]) -> list[int]:
-    """A column for most rows, −1 for the others; neighbours with the fewest choices first."""
+    """Return a column for most rows, −1 for the others; neighbours with the fewest choices first."""
     sides = (rows, columns)
     match = [-1] * len(rows), [-1] * len(columns)
     left = [len(r) for r in rows], [len(c) for c in columns]

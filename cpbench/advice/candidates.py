@@ -34,7 +34,7 @@ class Candidate:
 
     @property
     def summary(self) -> str:
-        """What it came to on problems like this one, in a sentence."""
+        """Results of the solver on problems like this one, in a sentence."""
         advice = self.advice
         if not advice.measured:
             return "never measured"
@@ -47,20 +47,20 @@ class Candidate:
 
 
 def solver_of(label: str, request: str) -> Solver | None:
-    """The solver of a label as results have it, None for one that is not registered here."""
+    """Return the solver of a label as results have it, None for one that is not registered here."""
     name = label.removesuffix(f"@{request}").partition("[")[0]
     return solvers.get(name) if name in solvers else None
 
 
 def unmeasured(labels: Sequence[str], requests: Mapping[str, str]) -> list[str]:
-    """Solvers registered here that none of the measured labels is of."""
+    """Return solvers registered here that none of the measured labels is of."""
     of_labels = {solver_of(label, requests.get(label, "exact")) for label in labels}
     return [solver.spec.name for solver in solvers if solver not in of_labels]
 
 
 def applicable(problem: Problem, labels: Sequence[str], requests: Mapping[str, str], warm: bool) -> set[str]:
-    """Labels whose solver is registered here and has a route from the problem, as far as its first edge tells;
-    with `warm`, those that take a starting point."""
+    """Return the labels whose solver is registered here and has a route from the problem, as far as its first edge
+    tells; with `warm`, those that take a starting point."""
     reached: dict[tuple[str, str], bool] = {}
     found: set[str] = set()
     for label in labels:
@@ -70,7 +70,7 @@ def applicable(problem: Problem, labels: Sequence[str], requests: Mapping[str, s
             continue
         way = (request, solver.spec.node)
         if way not in reached:
-            kinds, via = plan.parse_request(_request(request).header)
+            kinds, via = plan.parse_request(_request(request))
             routes = graph.candidates(problem.node, solver.spec.node, kinds, via)
             reached[way] = any(not r.steps or r.steps[0].obstacle(problem) is None for r in routes)
         if reached[way]:
@@ -78,10 +78,13 @@ def applicable(problem: Problem, labels: Sequence[str], requests: Mapping[str, s
     return found
 
 
-def examined(
+def examine(
     problem: Problem, ranked: Sequence[Advice], requests: Mapping[str, str], *, missing: bool
 ) -> Iterator[Candidate]:
-    """The labels in their order, each converted to and asked; those that cannot run here refuse unless `missing`."""
+    """Yield a candidate for each label, in their order: the problem is converted and the solver asked if it takes it.
+
+    `missing` : solvers that are not installed here are asked too, else they are candidates with an obstacle.
+    """
     memory = graph.Memory()
     for advice in ranked:
         asked = requests.get(advice.label, "exact")
@@ -93,7 +96,7 @@ def examined(
             yield Candidate(advice, obstacle=seen.line)
             continue
         request = _request(asked)
-        kinds, via = plan.parse_request(request.header)
+        kinds, via = plan.parse_request(request)
         try:
             arrival = graph.arrive(problem, solver.spec.node, kinds, via, memory)
         except (NoRoute, MemoryError) as refusal:
@@ -109,7 +112,7 @@ def examined(
 
 
 def _request(name: str) -> plan.Request:
-    """The request of a name that results give; raises CpbenchError."""
+    """Return the request of a name that results give; raises CpbenchError."""
     counts = [int(count) for count in re.findall(r"\d+", name)]
     for request in plan.requests("all", [count for count in counts if count >= 4]):
         if request.name == name:
@@ -118,7 +121,7 @@ def _request(name: str) -> plan.Request:
 
 
 def _options(request: plan.Request) -> list[str]:
-    """How `cpbench solve` is asked for a request."""
+    """Return how `cpbench solve` is asked for a request."""
     if request.via:
         labels = [make(name, dict(parameters)).label for name, parameters in request.via]
         return [part for label in labels for part in ("--via", label)]
@@ -126,7 +129,7 @@ def _options(request: plan.Request) -> list[str]:
 
 
 def require_some(ranked: Sequence[Advice], node: str) -> None:
-    """Raises CpbenchError where nothing takes the problem."""
+    """Raise CpbenchError where nothing takes the problem."""
     if not ranked:
         raise CpbenchError(
             f"no solver takes this problem ({node}), neither one that was measured nor another of those registered "

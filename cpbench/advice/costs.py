@@ -60,7 +60,7 @@ class MeasuredCosts:
         return (budget - START * self.solvers) / self.factor
 
 
-def measured(table: pd.DataFrame) -> MeasuredCosts:
+def measured_costs(table: pd.DataFrame) -> MeasuredCosts:
     """Read the costs and outcomes of a table of results; of pairs that are there twice, the later row.
 
     Raises StoreError when no row was run.

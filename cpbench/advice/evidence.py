@@ -22,7 +22,10 @@ from cpbench.plurals import counted
 def gather(
     results: Sequence[Path], warm: bool, inexact: bool, tolerance: float | None = None
 ) -> tuple[TrainingCases, str, list[str]]:
-    """What was measured, where that is from, and what a reader should know of it; raises CpbenchError."""
+    """Return the training cases, their source in words, and remarks for the reader.
+
+    Without `results` they are those of the table that cpbench ships. Raises CpbenchError where nobody solved anything.
+    """
     if results:
         known, remarks = read(results, warm, inexact, tolerance)
         source = ", ".join(map(str, results))
@@ -47,7 +50,8 @@ def gather(
 def read(
     results: Sequence[Path], warm: bool, inexact: bool, tolerance: float | None = None
 ) -> tuple[TrainingCases, list[str]]:
-    """The training cases of results files and tables together; rows of the same machine are compared across files.
+    """Return the training cases of results files and tables together; rows of the same machine are compared across
+    files.
 
     `tolerance` : of the rows to go by, None for all. Raises CpbenchError where no row has it, and for tables.
     """
@@ -75,7 +79,7 @@ def read(
 
 
 def _at(table: pd.DataFrame, tolerance: float | None, path: Path) -> pd.DataFrame:
-    """The rows of a tolerance; raises CpbenchError where there are none."""
+    """Return the rows of a tolerance; raises CpbenchError where there are none."""
     if tolerance is None:
         return table
     there = sorted(table["tolerance"].unique())
@@ -86,13 +90,14 @@ def _at(table: pd.DataFrame, tolerance: float | None, path: Path) -> pd.DataFram
 
 
 def _require_none(tolerance: float | None, source: str) -> None:
-    """Raises CpbenchError: a table has cases of all tolerances, and does not say which."""
+    """Raise CpbenchError: a table has cases of all tolerances, and does not say which."""
     if tolerance is not None:
         raise CpbenchError(f"{source}: a table does not tell tolerances apart: give --tolerance with --results of runs")
 
 
 def restricted(labels: Sequence[str], results: Sequence[Path]) -> set[str]:
-    """Labels whose solver has terms that restrict publishing, by the results or by what is registered here."""
+    """Return the labels whose solver has terms that restrict publishing, by the results or by what is registered
+    here."""
     hidden: set[str] = set()
     for path in (path for path in results if path.suffix != ".json"):
         with Store(path) as store:

@@ -18,8 +18,8 @@ from cpbench.errors import CpbenchError, FormatError, StoreError, UnknownName
 
 
 @dataclass(frozen=True)
-class History:
-    """What each label solved in every file, and how fast (`points`), with remarks on the files."""
+class SolverHistory:
+    """Results over time: what each label solved in every file, and how fast (`points`), with remarks on the files."""
 
     points: pd.DataFrame
     remarks: tuple[str, ...] = ()
@@ -48,7 +48,7 @@ class History:
             raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
 
 
-def history(files: Sequence[Path], labels: Sequence[str] = ()) -> History:
+def history(files: Sequence[Path], labels: Sequence[str] = ()) -> SolverHistory:
     """Return how the solvers of several results files did, file by file in the order of their dates.
 
     Parameters
@@ -79,7 +79,7 @@ def history(files: Sequence[Path], labels: Sequence[str] = ()) -> History:
     if labels:
         chosen = {label for pattern in labels for label in _matches(pattern, known)}
         points = points[points["label"].isin(chosen)].reset_index(drop=True)
-    return History(points, tuple(remarks))
+    return SolverHistory(points, tuple(remarks))
 
 
 def _run(path: Path, table: pd.DataFrame, meta: Mapping[str, Any], machines: Mapping[str, Any]) -> TimelineRun:

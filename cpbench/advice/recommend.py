@@ -110,7 +110,7 @@ def recommended(
     candidates.require_some(found.advice, problem.node)
     taken: list[Candidate] = []
     passed: list[Candidate] = []
-    for one in candidates.examined(problem, found.advice, known.requests, missing=missing):
+    for one in candidates.examine(problem, found.advice, known.requests, missing=missing):
         (passed if one.obstacle else taken).append(one)
         if len(taken) == top:
             break

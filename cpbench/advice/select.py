@@ -45,7 +45,7 @@ def select(
     if not math.isfinite(budget):
         raise CpbenchError("--budget none: without a limit there is nothing to select; run all problems")
     table, sources = _read(files)
-    measured = costs.measured(table)
+    measured = costs.measured_costs(table)
     room = measured.affordable(budget / safety)
     _require_room(measured, room, budget, safety)
     chosen = subset.choose(measured.outcomes, measured.cost, measured.family, room, seed)
@@ -94,7 +94,9 @@ def _remarks(plan: Chosen, builtin: Path | None, room: float) -> list[str]:
     """Return what the reader of the plan should do something about."""
     cost = plan.measured.cost
     left = cost[~cost.index.isin(plan.subset.problems)]
-    remarks = [f"not here: {file}; the plan names it as the results do" for file in subset_plan.missing(plan, builtin)]
+    remarks = [
+        f"not here: {file}; the plan names it as the results do" for file in subset_plan.missing_files(plan, builtin)
+    ]
     if len(left) and left.min() <= room - plan.subset.cost:
         remarks.insert(0, "no further problem tells the solvers apart: the rest of the budget is left")
     return remarks

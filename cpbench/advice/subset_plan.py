@@ -38,7 +38,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Chosen:
-    """What a plan tells: the choice, what it was made from, and how it was asked for."""
+    """Contents of a plan: the choice, what it was made from, and how it was asked for."""
 
     subset: Subset
     measured: MeasuredCosts
@@ -49,13 +49,13 @@ class Chosen:
 
 
 def source(name: str, plan: Mapping[str, Any] | None) -> Source:
-    """A results file by what it keeps of its plan (`RunPlan.effective`)."""
+    """Return a results file by what it keeps of its plan (`RunPlan.effective`)."""
     sets = {str(part.get("name", "")): part for part in (plan or {}).get("sets", [])}
     return Source(name, sets, int((plan or {}).get("threads", 1)))
 
 
 def text(chosen: Chosen, sources: Sequence[Source], folder: Path, builtin: Path | None) -> str:
-    """The plan; `folder` is where it will be, `builtin` where the built-in problems are (None: not here).
+    """Write the plan; `folder` is where it will be, `builtin` where the built-in problems are (None: not here).
 
     Raises StoreError when the results do not tell how their problems were run, or were run with different numbers of
     threads.
@@ -81,8 +81,8 @@ def text(chosen: Chosen, sources: Sequence[Source], folder: Path, builtin: Path 
     return "\n".join(lines) + "\n"
 
 
-def missing(chosen: Chosen, builtin: Path | None) -> list[str]:
-    """Files of chosen problems that are not here."""
+def missing_files(chosen: Chosen, builtin: Path | None) -> list[str]:
+    """Return the files of chosen problems that do not exist on this machine, sorted."""
     rows = _rows(chosen)
     files = {str(split_address(address)[0]) for address in rows["address"] if not _within(address, builtin)}
     return sorted(file for file in files if not os.path.exists(file))
@@ -97,7 +97,7 @@ def _rows(chosen: Chosen) -> pd.DataFrame:
 
 
 def _about(chosen: Chosen) -> list[str]:
-    """What was selected, why, and how far it can be trusted."""
+    """Return what was selected, why, and how far it can be trusted."""
     subset, measured = chosen.subset, chosen.measured
     families = measured.family.nunique()
     expected = measured.expected(subset.cost)
@@ -122,7 +122,7 @@ def _about(chosen: Chosen) -> list[str]:
 
 
 def _blocks(chosen: Chosen, sources: Sequence[Source]) -> list[tuple[dict[str, Any], list[tuple[Pick, str]]]]:
-    """Settings and problems of every set; sets with the same settings are one."""
+    """Return settings and problems of every set; sets with the same settings are one."""
     rows = _rows(chosen)
     addresses = rows.drop_duplicates("fingerprint").sort_values("address")
     found: dict[str, tuple[dict[str, Any], list[tuple[Pick, str]]]] = {}
@@ -146,7 +146,7 @@ def _blocks(chosen: Chosen, sources: Sequence[Source]) -> list[tuple[dict[str, A
 
 
 def _settings(part: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys of a set that are not the default, as a plan file has them."""
+    """Return the keys of a set that are not the default, as a plan file has them."""
     default = ProblemSet()
     asked = ProblemSet(
         **{f.name: _tupled(part[f.name]) for f in fields(ProblemSet) if f.name in part and f.name != "timeout"}
@@ -170,7 +170,7 @@ def _tupled(told: Any) -> Any:
 
 
 def _named(address: str, folder: Path, builtin: Path | None) -> str:
-    """A problem as a plan in `folder` names it."""
+    """Return a problem as a plan in `folder` names it."""
     inside = _within(address, builtin)
     file, member = split_address(address)
     name = f"{BUILTIN}/{inside}" if inside else os.path.relpath(file, folder)
@@ -179,7 +179,7 @@ def _named(address: str, folder: Path, builtin: Path | None) -> str:
 
 
 def _within(address: str, builtin: Path | None) -> str:
-    """Path below the folder of the built-in problems, on whatever machine the results were made; "" of other files."""
+    """Return the path below the folder of the built-in problems, wherever the results were made; "" of other files."""
     if builtin is None:
         return ""
     parts = Path(os.path.abspath(split_address(address)[0])).parts

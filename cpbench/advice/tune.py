@@ -18,15 +18,15 @@ from cpbench.advice.tuning.search import Found, Search
 from cpbench.advice.tuning.space import space
 from cpbench.bench import machine
 from cpbench.bench.lane import Lane
-from cpbench.bench.outcome import Outcome
 from cpbench.bench.planning import plan_file, plan_text
 from cpbench.bench.planning.assembly import Reading, assemble
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.quantities import duration
 from cpbench.bench.planning.run_plan import BUILTIN, ProblemSet, RunPlan
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Lanes, settings
-from cpbench.bench.staff import Setting
+from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
 
@@ -157,6 +157,6 @@ class _Keeper:
         )
         store.note_machine(platform.node(), machine.describe())
 
-    def __call__(self, pair: Pair, outcome: Outcome, host: str) -> None:
+    def __call__(self, pair: Pair, outcome: Outcome) -> None:
         self._store.plan([pair])
-        self._store.finish(pair.key, {**outcome.row, "host": host}, history=outcome.history)
+        self._store.finish(pair.key, outcome)

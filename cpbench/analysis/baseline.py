@@ -46,7 +46,7 @@ _READ = (
 )  # fmt: skip
 
 
-def of(table: pd.DataFrame) -> pd.DataFrame:
+def outcomes(table: pd.DataFrame) -> pd.DataFrame:
     """Return the outcomes of a table of results: text in every column of `COLUMNS`, unmeasured pairs included.
 
     Raises StoreError when two rows tell of one pair.
@@ -54,7 +54,7 @@ def of(table: pd.DataFrame) -> pd.DataFrame:
     >>> rows = pd.DataFrame({"problem": ["p"], "fingerprint": ["0123456789abcdef"], "label": ["pgs@inner8"],
     ...     "request": ["inner8"], "tolerance": [1e-6], "threads": [1], "status": ["solved"], "error": [3e-9],
     ...     "counters": ['{"iterations": 7}']})
-    >>> of(rows).loc[0, ["fingerprint", "solver", "route", "error", "counters"]].tolist()
+    >>> outcomes(rows).loc[0, ["fingerprint", "solver", "route", "error", "counters"]].tolist()
     ['0123456789ab', 'pgs', 'inner8', '<=1e-06', 'iterations=7']
     """
     rows = rows_of.normalised(table, _READ)
@@ -147,7 +147,7 @@ def as_table(lines: pd.DataFrame, like: pd.DataFrame | None = None) -> pd.DataFr
     >>> run = pd.DataFrame({"problem": ["p"], "fingerprint": ["0123456789abcdef"], "solver": ["pgs"],
     ...     "label": ["pgs[w=1]"], "options": ['{"w": 1}'], "tolerance": [1e-6], "status": ["wrong"],
     ...     "claim": ["solved"], "error": [0.2]})
-    >>> as_table(parse(text(of(run)), "b.csv"), run)[["fingerprint", "label", "options", "error"]].values.tolist()
+    >>> as_table(parse(text(outcomes(run)), "b.csv"), run)[["fingerprint", "label", "options", "error"]].values.tolist()
     [['0123456789abcdef', 'pgs[w=1]', '{"w": 1}', 1.0]]
     """
     other = rows_of.normalised(pd.DataFrame(columns=list(rows_of.TEXT)) if like is None else like)

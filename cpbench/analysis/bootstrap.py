@@ -87,7 +87,7 @@ def families_of(group: pd.DataFrame) -> pd.Series[str]:
 
 
 def clusters(problems: pd.Index[Any], families: pd.Series[str] | None = None) -> tuple[npt.NDArray[np.intp], int]:
-    """Number the cluster of each problem, and count them; a problem without a family (missing, '') is its own
+    """Give the cluster of each problem a number, and count them; a problem without a family (missing, '') is its own
     cluster.
 
     >>> clusters(pd.Index(["p", "q", "r", "s"]), pd.Series({"p": "x", "r": "x", "s": ""}))

@@ -41,10 +41,10 @@ class Penalty:
     factor: float = 1.0
     seconds: float | None = None
 
-    def of(self, limit: float) -> float:
+    def seconds_at(self, limit: float) -> float:
         """Return seconds under a time limit [s]; NaN where there is none to multiply.
 
-        >>> PAR2.of(10.0), PAR2.of(math.inf), Penalty(seconds=100.0).of(math.inf)
+        >>> PAR2.seconds_at(10.0), PAR2.seconds_at(math.inf), Penalty(seconds=100.0).seconds_at(math.inf)
         (20.0, nan, 100.0)
         """
         cost = self.factor * limit if self.seconds is None else self.seconds
@@ -104,7 +104,7 @@ def charge(times: pd.DataFrame, penalty: Penalty, limit: float) -> float:
     >>> charge(pd.DataFrame({"a": [1.0, math.inf], "b": [10.5, 2.0]}), LIMIT, limit=10.0)
     10.5
     """
-    penalty_seconds = penalty.of(limit)
+    penalty_seconds = penalty.seconds_at(limit)
     finite = times.to_numpy(dtype=float)
     return (
         penalty_seconds
@@ -180,7 +180,7 @@ def means(
     ({'a': 1.0, 'b': 2.0}, 1, 'only 1 problem is solved by all 2 labels')
     """
     shift = default_shift(matrix) if shift is None else shift
-    penalty_seconds, cost = penalty.of(limit), charge(matrix, penalty, limit)
+    penalty_seconds, cost = penalty.seconds_at(limit), charge(matrix, penalty, limit)
     whole = matrix if common is None else matrix.loc[commonly_solved(matrix, common), list(common)]
     whole = whole[sorted(whole.columns)]
     seconds = values(whole)

@@ -119,7 +119,7 @@ def solutions(table: pd.DataFrame, answers: Mapping[str, Vector]) -> Iterator[Re
 
 
 def clustered(points: Sequence[Vector]) -> tuple[list[int], list[Vector]]:
-    """Number each point's solution, from 1, by how many points it has, and return the first point of each.
+    """Give each point's solution a number, from 1, by how many points it has, and return the first point of each.
 
     >>> import numpy as np
     >>> numbers, centres = clustered([np.array([0.0, 1.0]), np.array([2.0, 0.0]), np.array([2.0, 1e-6])])

@@ -75,25 +75,53 @@ def without(table: pd.DataFrame, solvers: Collection[str]) -> pd.DataFrame:
     return table[~table["solver"].isin(list(solvers))].reset_index(drop=True)
 
 
-def left_out_lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Write a line for each way to install what a run left out, for each licence, and for each formulation without a
-    route; `entries` are `left_out` of the facts of its results."""
-    entries = list(entries)
-    told = [
+def lacking_lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Write a line for each way to install what a run left out, and for each licence.
+
+    `entries` are `left_out` of the facts of its results.
+    """
+    return [
         f"{LACK[entry['status']]}: {some_of(sorted(entry['solvers']), NAMED)} ({entry['reason']})"
         for entry in entries
         if entry["status"] in LACK
     ]
-    by_node: dict[str, list[Mapping[str, Any]]] = {}
-    for entry in entries:
-        if entry["status"] == Status.UNSUPPORTED:
-            by_node.setdefault(entry["node"], []).append(entry)
+
+
+def unreached_lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Write a line for each formulation from which no route led to some solvers, with the most frequent reason."""
+    by_node = _unreached(entries)
+    told: list[str] = []
     for node, reasons in by_node.items():
         solvers = {name: 0 for entry in reasons for name in entry["solvers"]}
-        count = sum(len(entry["keys"]) for entry in reasons)
         most = max(reasons, key=lambda entry: len(entry["keys"]))
-        pairs = counted(count, "pair")
+        pairs = counted(_pairs(reasons), "pair")
         told.append(
             f"no route from {node} to {some_of(sorted(solvers), FEW)}, {pairs}: {_ROUTE.sub('', most['reason'])}"
         )
     return told
+
+
+def unreached_summary(entries: Iterable[Mapping[str, Any]]) -> str:
+    """Write in one line how many pairs had no route, by formulation."""
+    by_node = {node: _pairs(reasons) for node, reasons in _unreached(entries).items()}
+    parts = ", ".join(f"{node} {count}" for node, count in by_node.items())
+    return f"no conversion leads to what the solver accepts: {counted(sum(by_node.values()), 'pair')} ({parts})"
+
+
+def left_out_lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Write the lines on what is not installed, then those on what no route leads to."""
+    entries = list(entries)
+    return [*lacking_lines(entries), *unreached_lines(entries)]
+
+
+def _unreached(entries: Iterable[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
+    """Return the entries without a route by formulation, in their order."""
+    by_node: dict[str, list[Mapping[str, Any]]] = {}
+    for entry in entries:
+        if entry["status"] == Status.UNSUPPORTED:
+            by_node.setdefault(entry["node"], []).append(entry)
+    return by_node
+
+
+def _pairs(entries: Iterable[Mapping[str, Any]]) -> int:
+    return sum(len(entry["keys"]) for entry in entries)

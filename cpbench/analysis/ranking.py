@@ -106,8 +106,8 @@ class Ranking:
         return first.solver if first is not None and first.solved + first.stationary else ""
 
     @property
-    def size(self) -> str:
-        """How many problems it rests on, and from how many starts."""
+    def problems_and_starts(self) -> str:
+        """Numbers of problems that it rests on, and of starts where there are more, as text."""
         told = counted(self.problems, "problem")
         return told if self.cases == self.problems else f"{told}, {counted(self.cases, 'start')}"
 
@@ -227,7 +227,7 @@ def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[
 
 
 def _sentence(name: str, cases: int, ranked: Sequence[RankedSolver], times: pd.DataFrame, noun: str) -> str:
-    """What to use, and what that rests on; `noun` says what the cases are."""
+    """Return what to use, and what that rests on; `noun` says what the cases are."""
     if not cases:
         return f"{name}: no problem that has a solution."
     if not ranked or not ranked[0].solved + ranked[0].stationary:

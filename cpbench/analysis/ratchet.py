@@ -51,7 +51,7 @@ def changes(old: pd.DataFrame, new: pd.DataFrame, slack: float = SLACK) -> pd.Da
 
     >>> rows = pd.DataFrame({"problem": ["p", "q"], "fingerprint": ["p", "q"], "label": ["s", "s"],
     ...     "tolerance": [1e-6] * 2, "error": [0.0, 0.0], "status": ["solved", "timeout"]})
-    >>> old, new = baseline.of(rows), baseline.of(rows.assign(status=["timeout", "timeout"]))
+    >>> old, new = baseline.outcomes(rows), baseline.outcomes(rows.assign(status=["timeout", "timeout"]))
     >>> changes(old, new)[["problem", "change", "detail"]].values.tolist()
     [['p', 'regressed', 'solved -> timeout'], ['q', 'same', '']]
     """

@@ -14,7 +14,7 @@ from cpbench.analysis.table import Floats
 
 
 def sizes_read(group: pd.DataFrame) -> tuple[Integers, list[Mapping[str, float]]]:
-    """Number each row's sizes, and return these, of every dimension by its symbol.
+    """Give each row's sizes a number, and return these, of every dimension by its symbol.
 
     >>> place, sizes = sizes_read(pd.DataFrame({"sizes": ['{"n": 3}', "", '{"n": 3}']}))
     >>> place.tolist(), sizes

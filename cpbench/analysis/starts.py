@@ -122,7 +122,7 @@ def gains(
     both = done_warm & done_cold
     common = both & ~found["fell_back"].to_numpy()
     limit, limits = pd.factorize(found["seconds"])
-    cost = np.array([*map(penalty.of, limits), penalty.of(math.inf)])[limit]
+    cost = np.array([*map(penalty.seconds_at, limits), penalty.seconds_at(math.inf)])[limit]
     charged_warm = np.where(done_warm, warm, np.maximum(cost, np.where(done_cold, cold, 0.0)))
     charged_cold = np.where(done_cold, cold, np.maximum(cost, np.where(done_warm, warm, 0.0)))
     with np.errstate(invalid="ignore"):
@@ -220,7 +220,7 @@ def _counted_alike(reasons: list[str]) -> str:
 
 
 def _settings(warm: pd.DataFrame, cold: pd.DataFrame) -> tuple[Integers, Integers]:
-    """Number each row by what a pair has in common: merging on it is faster than on seven columns of text."""
+    """Give each row a number by what a pair has in common: merging on it is faster than on seven columns of text."""
     setting = np.zeros(len(warm) + len(cold), dtype=np.int64)
     for name in _SETTING:
         code, values = pd.factorize(pd.concat([warm[name], cold[name]]), use_na_sentinel=False)

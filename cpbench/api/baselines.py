@@ -26,7 +26,7 @@ def outcomes(results: Path) -> tuple[pd.DataFrame, list[str]]:
     """
     with sealed(results) as store:
         table, sheets = store.table(), store.meta().get("solvers") or {}
-    new = baseline.of(table)
+    new = baseline.outcomes(table)
     if new["status"].isin(baseline.UNMEASURED).all():
         cause = f"none of {counted(len(new), 'pair')} was run" if len(new) else "no row"
         raise StoreError(f"{results}: {cause}: nothing to keep; run it with: cpbench run PROBLEMS -o {results}")

@@ -83,10 +83,10 @@ def confirm(
     keys = set[str]()
     with Store(results) as store:
         for row in store.rows():
-            place = (str(row["fingerprint"]), str(row["tolerance"]), str(row["start"]))
-            noise = place in problems and (row["solver"] in others or row["label"] in others)
-            if noise or (*place, str(row["label"])) in mine:
-                keys.add(str(row["key"]))
+            place = (row.fingerprint, str(row.tolerance), row.start)
+            noise = place in problems and (row.solver in others or row.label in others)
+            if noise or (*place, row.label) in mine:
+                keys.add(row.key)
     report(f"run again: {counted(len(pairs), 'pair')}, {counted(len(keys), 'solve')}")
     with tempfile.TemporaryDirectory(prefix="cpbench-confirm-") as folder:
         asked = rerun.plan(results, keys, Path(folder, "again.sqlite"))

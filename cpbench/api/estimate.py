@@ -51,7 +51,7 @@ NOTHING = Span(0.0, 0.0)
 
 
 def estimate(todo: Sequence[Pair], asked: RunPlan) -> str:
-    """How long the pairs may take, and by what."""
+    """Return how long the pairs may take, as text, and what that rests on."""
     spans, measured = solves(todo, shipped_cases())
     known = [span for span in spans if span is not None]
     if len(known) < ENOUGH:
@@ -68,7 +68,7 @@ def estimate(todo: Sequence[Pair], asked: RunPlan) -> str:
 
 
 def solves(todo: Sequence[Pair], known: TrainingCases) -> tuple[list[Span | None], int]:
-    """What the solves of each pair may take, None where nobody solved its problem; how many were timed.
+    """Return what the solves of each pair may take, None where nobody solved its problem; how many were timed.
 
     A label that was started on other problems, and not on this one, could not be run on it.
     """
@@ -92,15 +92,15 @@ def solves(todo: Sequence[Pair], known: TrainingCases) -> tuple[list[Span | None
 
 
 def _repeated(time: float, pair: Pair) -> float:
-    """What a solve takes with its repeats, within its limit."""
+    """Return what a solve takes with its repeats, within its limit."""
     return time * pair.limits.repeats if time < SHORT else min(time, pair.limits.seconds)
 
 
 def _beside(path: Path) -> list[float]:
-    """What pairs took beside their solves in a results file [s], of those that were run on this machine."""
+    """Return what pairs took beside their solves in a results file [s], of those that were run on this machine."""
     with Store(path) as store:
         return [
-            max(0.0, row["wall"] - row["solve"] * (row["repeats"] or 1))
+            max(0.0, row.wall - row.solve * (row.repeats or 1))
             for row in store.rows()
-            if row["wall"] is not None and row["solve"] is not None and row["host"] == platform.node()
+            if row.wall is not None and row.solve is not None and row.host == platform.node()
         ]

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Container
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import h5py
 
 from cpbench.bench.results import answers
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
 from cpbench.storage.base import write_atomic
 
@@ -25,25 +26,24 @@ def export_answers(store: Store, path: Path, *, force: bool = False) -> int:
         with h5py.File(out, "w") as file:
             for key, blob in store.answers():
                 row = store.row(key)
-                group = file.require_group(f"{row['problem']}-{row['fingerprint'][:8]}")
-                group.attrs.update({"node": row["node"], "fingerprint": row["fingerprint"], "address": row["address"]})
+                group = file.require_group(f"{row.problem}-{row.fingerprint[:8]}")
+                group.attrs.update({"node": row.node, "fingerprint": row.fingerprint, "address": row.address})
                 data = group.create_dataset(_name(row, group), data=answers.unpack(blob))
-                data.attrs.update(
-                    {k: row[k] for k in ("status", "error", "claim", "route", "solver") if row[k] is not None}
-                )
+                told = {name: getattr(row, name) for name in ("status", "error", "claim", "route", "solver")}
+                data.attrs.update({name: value for name, value in told.items() if value is not None})
                 count += 1
 
     write_atomic(path, put, force=force)
     return count
 
 
-def _name(row: Mapping[str, Any], taken: Container[str]) -> str:
-    """Label, tolerance and what else tells rows of one problem apart, where it is not the usual: `lemke tol=1e-06
-    start=file:2`; the number of the row among those of one name, where two sets have it."""
-    parts = [str(row["label"]), f"tol={row['tolerance']:g}"]
-    parts += [f"start={row['start']}"] if row["start"] not in (None, "", "cold") else []
-    parts += [f"threads={row['threads']}"] if row["threads"] != 1 else []
-    parts += [f"measure={row['measure']}"] if row["measure"] else []
+def _name(row: Row, taken: Container[str]) -> str:
+    """Return label, tolerance and what else tells rows of one problem apart, where it is not the usual: `lemke
+    tol=1e-06 start=file:2`; the number of the row among those of one name, where two sets have it."""
+    parts = [row.label, f"tol={row.tolerance:g}"]
+    parts += [f"start={row.start}"] if row.start not in (None, "", "cold") else []
+    parts += [f"threads={row.threads}"] if row.threads != 1 else []
+    parts += [f"measure={row.measure}"] if row.measure else []
     name = " ".join(parts).replace("/", "|")
     count = 1
     while (numbered := name if count == 1 else f"{name} ({count})") in taken:

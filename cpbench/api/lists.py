@@ -65,17 +65,17 @@ class SolverList:
     others: tuple[SolverSpec, ...]
 
     def records(self) -> list[dict[str, object]]:
-        """Return everything known of each, as JSON takes it."""
+        """Return everything known of each solver, as JSON takes it."""
         return [solver_tables.as_data(solver, self.states[solver.spec.name]) for solver in self.shown]
 
     def sheets(self, width: int) -> Iterator[str]:
-        """Yield everything known of each, in lines of at most `width` characters."""
+        """Yield everything known of each solver, in lines of at most `width` characters."""
         for i, solver in enumerate(self.shown):
             yield from [""] * bool(i)
             yield from solver_tables.sheet(solver, self.states[solver.spec.name], width)
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Return a row for each, below the names of the columns."""
+        """Return a row for each solver, below the names of the columns."""
         seen = [(solver.spec, self.states[solver.spec.name]) for solver in self.shown]
         return [(*solver_tables.HEAD, "here"), *((*solver_tables.cells(spec, one), one.line) for spec, one in seen)]
 

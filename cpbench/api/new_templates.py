@@ -21,7 +21,8 @@ ONLY = "lcp"
 
 
 def texts(kind: str, words: Mapping[str, str], lang: str, node: str, guest: str | None) -> dict[str, str]:
-    """Name of a file -> its text, for a plugin with the names in `words`; raises CpbenchError where there is none."""
+    """Return the texts by name of the file, for a plugin with the names in `words`; raises CpbenchError where there is
+    none."""
     folder = files("cpbench") / "templates" / kind
     own = folder / lang
     nodes = _nodes(own)
@@ -40,7 +41,7 @@ def texts(kind: str, words: Mapping[str, str], lang: str, node: str, guest: str 
 
 
 def words(kind: str, name: str) -> dict[str, str]:
-    """What is filled into a template of a plugin; raises CpbenchError when `name` cannot be one."""
+    """Return what is filled into a template of a plugin; raises CpbenchError when `name` cannot be one."""
     module = name.replace("-", "_")
     if not (module.isidentifier() and name.isascii() and name[0].isalpha() and name[-1] not in "-_"):
         raise CpbenchError(f"'{name}' cannot be a name: take letters, digits, - and _, and a letter first")
@@ -52,7 +53,7 @@ def words(kind: str, name: str) -> dict[str, str]:
 
 
 def _nodes(folder: Traversable) -> list[str]:
-    """The formulations that a folder has templates for."""
+    """Return the formulations that a folder has templates for."""
     return sorted(PurePath(file.name).stem for file in folder.iterdir() if file.name.endswith(PART)) or [ONLY]
 
 
@@ -62,7 +63,7 @@ def _of_node(file: Traversable, node: str) -> dict[str, str]:
 
 
 def _filled(text: str, words: Mapping[str, str], mark: str) -> str:
-    """`text` with every word in place of its mark; those that hold marks themselves come first in `words`."""
+    """Return `text` with every word in place of its mark; those that hold marks themselves come first in `words`."""
     for word, value in words.items():
         text = text.replace(mark.format(word), value)
     return text

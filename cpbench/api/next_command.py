@@ -10,7 +10,8 @@ from cpbench.registry import PLUGIN_FILES
 
 
 def line(*words: str) -> str:
-    """`cpbench WORDS`, quoted for a shell, with the plugins that this command was given: names come from them."""
+    """Return `cpbench WORDS`, quoted for a shell, with the plugins that this command was given: names come from
+    them."""
     given = [path for path in os.environ.get(PLUGIN_FILES, "").split(os.pathsep) if path]
     plugins = [word for path in dict.fromkeys(given) for word in ("--plugin", near(path))]
     return shlex.join(["cpbench", *words, *plugins])

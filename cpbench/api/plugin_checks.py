@@ -14,8 +14,8 @@ from cpbench.bench.processes import wire
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
-from cpbench.bench.staff import obituary
 from cpbench.bench.time_limits import START, WARM_UP
+from cpbench.bench.worker_pool import describe_exit
 from cpbench.errors import CpbenchError
 from cpbench.testing.conduct import Item, Mark, conduct, named, registered_by
 
@@ -43,7 +43,7 @@ class PluginChecker:
         except TimedOut:
             why = f"was not loaded within {START.floor:g} s"
         except Died as death:
-            why = f"ends the process that loads it ({obituary(death)})"
+            why = f"ends the process that loads it ({describe_exit(death)})"
         except wire.WireError as noise:
             why = f"sends what is no message while it is loaded ({noise})"
         self._close()
@@ -69,7 +69,7 @@ class PluginChecker:
         except TimedOut:
             why = f"still running after {seconds:g} s"
         except Died as death:
-            why = f"the process ended: {obituary(death)}"
+            why = f"the process ended: {describe_exit(death)}"
         except (wire.WireError, KeyError) as noise:
             why = f"what came is no answer: {noise}"
         self._close()

@@ -71,7 +71,7 @@ def _describe(value: matrices.Matrix | matrices.Vector) -> str:
 
 
 def record(address: str, problem: Problem, facts: Sequence[Fact]) -> dict[str, Any]:
-    """Return the same as data that JSON takes."""
+    """Return what `lines` yields as data that JSON takes."""
     return {
         "address": address,
         "node": problem.node,
@@ -112,7 +112,7 @@ def _data_record(value: matrices.Matrix | matrices.Vector) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """A value that JSON has: NumPy scalars and arrays unpacked, infinities and NaN by name."""
+    """Return a value that JSON has: NumPy scalars and arrays unpacked, infinities and NaN by name."""
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items()}
     if isinstance(value, (np.ndarray, list, tuple)):

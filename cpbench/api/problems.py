@@ -120,7 +120,7 @@ def convert(
         from cpbench.bench.planning import plan
 
         asked = plan.pinned([via] if isinstance(via, str) else list(via), knobs or {})
-        pinned = plan.parse_request(asked.header)[1]
+        pinned = plan.parse_request(asked)[1]
     if to is not None:
         graph.formulations.get(to)
     target = to or (pinned[-1].target if pinned else problem.node)
@@ -179,7 +179,8 @@ def verify(
 
 
 def point_of(problem: Problem, answer: Solution | Point | Sequence[float]) -> Any:
-    """Return an answer as a point of the problem; raises PointError when it is none."""
+    """Return an answer as a point of the problem; raises PointError when it does not fit the problem, or there is
+    none."""
     from cpbench.errors import PointError
 
     if isinstance(answer, Solution):

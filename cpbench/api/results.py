@@ -121,6 +121,8 @@ class Results:
         Parameters
         ----------
         choice : `publishable`, `with_imported`, `count_stationary`, `data`, as `cpbench report --help` says.
+
+        Raises FormatError where the folder cannot be made.
         """
         from cpbench.api.reports import write_report
         from cpbench.errors import FormatError

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import logging
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from cpbench.bench.planning.plan import Pair
+from cpbench.bench.events import Compiling, Event, Solving, Starting
 from cpbench.errors import CpbenchError
 from cpbench.plain_text import printable
 
@@ -37,14 +35,17 @@ def run_log(verbose: bool, log: Path | None) -> logging.Logger | None:
     return logger
 
 
-def log_line(event: str, pair: Pair | None, row: Mapping[str, Any]) -> str:
+def log_line(event: Event) -> str:
     """Return an event of the run in one line."""
-    if pair is None:
-        return f"{event:<12} {row.get('solver', '')}".rstrip()
-    named = f"{pair.address} {pair.label}"
-    if event != "done":
-        return f"{event:<12} {named}"
-    took = f", solve {row['solve']:.3g} s" if row.get("solve") is not None else ""
-    error = f", error {row['error']:.2e}" if row.get("error") is not None else ""
-    message = f": {' '.join(str(row['message']).split())}" if row.get("message") else ""
-    return printable(f"{row['status']:<12} {named}{error}{took}{message}")
+    if isinstance(event, Starting):
+        return f"{'start':<12} {event.solver}"
+    if isinstance(event, Compiling):
+        return f"{'compiling':<12} {event.solver}"
+    named = f"{event.pair.address} {event.pair.label}"
+    if isinstance(event, Solving):
+        return f"{'solve':<12} {named}"
+    found = event.outcome
+    took = f", solve {found.solve:.3g} s" if found.solve is not None else ""
+    error = f", error {found.error:.2e}" if found.error is not None else ""
+    message = f": {' '.join(found.message.split())}" if found.message else ""
+    return printable(f"{found.status:<12} {named}{error}{took}{message}")

@@ -64,10 +64,8 @@ def removed(store: Store) -> Iterator[str]:
 
 def absent(store: Store) -> Iterator[str]:
     """Yield the reasons why solvers could not run, a line for each of the first; the report has all."""
-    rows = [row for row in store.rows() if row["status"] == Status.UNAVAILABLE]
-    reasons = {
-        str(row["solver"]): (str(row["message"] or "").strip().splitlines() or ["no reason"])[-1] for row in rows
-    }
+    rows = [row for row in store.rows() if row.status == Status.UNAVAILABLE]
+    reasons = {row.solver: ((row.message or "").strip().splitlines() or ["no reason"])[-1] for row in rows}
     for name, reason in sorted(reasons.items())[:ABSENT]:
         yield f"not available: {name}: {printable(reason)}"
     if len(reasons) > ABSENT:
@@ -82,7 +80,7 @@ def title(asked: RunPlan) -> str:
 
 
 def ending(asked: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame) -> Ending:
-    """Return what a run came to; it failed where rows are missing or removed, or as `fail_on` says.
+    """Return the outcome of a run; it failed where rows are missing or removed, or as `fail_on` says.
 
     Parameters
     ----------
@@ -93,6 +91,9 @@ def ending(asked: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame
     counts = store.counts()
     nothing = "none in this shard" if asked.shard != (1, 1) else "none could be run"
     lines = [f"{counted(sum(counts.values()), 'pair')}: {summary(counts) or nothing}"]
+    wrong = table["label"][table["status"] == str(Status.WRONG)].value_counts()
+    if len(wrong):
+        lines.append(f"wrong answers by {', '.join(f'{label} ({count})' for label, count in wrong.items())}")
     lines += [*map(printable, remarks(table)), f"results: {asked.results}"]
     failures: list[str] = []
     gaps = campaign.gaps(store, assembly)

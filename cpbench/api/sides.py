@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
 
 def side(path: Path) -> ComparisonSide:
-    """The rows and facts of a results file; raises CpbenchError when it has none."""
+    """Return the rows and facts of a results file; raises CpbenchError when it has none."""
     with sealed(path) as store:
         return side_of(store)
 
 
 def side_of(store: Store) -> ComparisonSide:
-    """The same of a file that is open."""
+    """Return the rows and facts of a results file that is open; raises CpbenchError when it has no rows."""
     from cpbench.analysis.comparison import ComparisonSide
 
     table = store.table()
@@ -30,7 +30,8 @@ def side_of(store: Store) -> ComparisonSide:
 
 
 def base(path: Path, new: ComparisonSide) -> ComparisonSide:
-    """A results file, or the text of a baseline, whose lines are completed from the results they are compared with."""
+    """Return a results file, or the text of a baseline, whose lines are completed from the results they are compared
+    with."""
     from cpbench.analysis.comparison import ComparisonSide
     from cpbench.report import baseline_file
 

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from cpbench import storage
 from cpbench.bench import starts
+from cpbench.bench.events import Notice, silent
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.results import answers
-from cpbench.bench.staff import Setting
+from cpbench.bench.results.rows import Outcome
+from cpbench.bench.results.schema import MEASURED
+from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.plain_text import printable
 from cpbench.solvers.base import solvers
@@ -24,58 +27,60 @@ from cpbench.verification import MET_TOLERANCE, PROVEN
 
 @dataclass(frozen=True)
 class SolvedApart:
-    """The row of one solve as results have it, the pair it is of, and the packed answer, None where there is none."""
+    """Outcome of one solve, and the pair that it is of."""
 
     pair: plan.Pair
-    row: Mapping[str, Any]
-    answer: bytes | None
+    outcome: Outcome
 
     def __bool__(self) -> bool:
-        return self.row["status"] in (*MET_TOLERANCE, *PROVEN)
+        return self.outcome.status in (*MET_TOLERANCE, *PROVEN)
 
     def record(self) -> dict[str, Any]:
-        """Return the row with its problem and label, as JSON takes it."""
-        return {"problem": self.pair.problem, "solver": self.pair.label, **self.row}
+        """Return what was measured with its problem and label, as JSON takes it."""
+        measured = {name: getattr(self.outcome, name) for name in MEASURED}
+        found = {name: value for name, value in measured.items() if value is not None}
+        return {"problem": self.pair.problem, "solver": self.pair.label, **found}
 
     def lines(self) -> Iterator[str]:
         """Yield what the answer is worth, by what route it came, and what it took."""
-        pair, row = self.pair, self.row
-        yield f"{pair.problem} ({pair.node}) by {pair.label}: {row['status']}"
-        if row.get("started") not in (None, "cold"):
-            yield f"  started    {row['started']}"
-        if row.get("route"):
-            yield f"  route      {row['route']} ({row['kind']})"
-        if row.get("error") is not None:
-            yield f"  error      {row['error']:.3g}, asked for {pair.tolerance:.3g}; claimed {row['claim']}"
-        if row.get("route") != "direct" and row.get("target_error") is not None:
-            there, asked = row["target_error"], row["target_tolerance"]
+        pair, row = self.pair, self.outcome
+        yield f"{pair.problem} ({pair.node}) by {pair.label}: {row.status}"
+        if row.started not in (None, "cold"):
+            yield f"  started    {row.started}"
+        if row.route:
+            yield f"  route      {row.route} ({row.kind})"
+        if row.error is not None:
+            yield f"  error      {row.error:.3g}, asked for {pair.tolerance:.3g}; claimed {row.claim}"
+        if row.route != "direct" and row.target_error is not None:
+            there, asked = row.target_error, row.target_tolerance
             yield f"  there      {there:.3g}, asked for {asked:.3g}: the error on the solver's own problem"
-        if row.get("flags"):
-            yield f"  flags      {row['flags']}"
-        for name, value in json.loads(row.get("parts") or "{}").items():
+        if row.flags:
+            yield f"  flags      {row.flags}"
+        for name, value in json.loads(row.parts or "{}").items():
             yield f"    {name:<28} {value:.3g}"
-        times = {k: row[k] for k in ("load", "convert", "setup", "solve", "lift", "verify") if row.get(k) is not None}
+        parts = ("load", "convert", "setup", "solve", "lift", "verify")
+        times = {part: getattr(row, part) for part in parts if getattr(row, part) is not None}
         if times:
             yield "  seconds    " + ", ".join(f"{k} {v:.3g}" for k, v in times.items())
-        counters = json.loads(row.get("counters") or "{}")
+        counters = json.loads(row.counters or "{}")
         if counters:
             yield "  counters   " + ", ".join(f"{k} {v}" for k, v in counters.items())
-        if row.get("message"):
-            yield f"  message    {printable(row['message'])}"
+        if row.message:
+            yield f"  message    {printable(row.message)}"
 
     def save(self, path: Path, *, format: str | None = None, force: bool = False) -> None:
         """Write the answer, as a plain vector (.npy, .csv, .txt) or with its problem and verdict (.h5).
 
         Raises CpbenchError where there is no answer, FormatError where the file exists (unless `force`).
         """
-        if self.answer is None:
+        if self.outcome.answer is None:
             raise CpbenchError(f"{self.pair.label}: no answer to write")
         problem = storage.load(self.pair.address, format=format)
-        point = problem.point_from_vector(answers.unpack(self.answer))
+        point = problem.point_from_vector(answers.unpack(self.outcome.answer))
         if not save_vector(point, path, force=force):
-            row = self.row
-            facts = {"solver": self.pair.label, "claim": row["claim"], "verdict": row["status"]}
-            facts |= {"residual": row["error"], "tolerance": self.pair.tolerance}
+            row = self.outcome
+            facts = {"solver": self.pair.label, "claim": row.claim, "verdict": row.status}
+            facts |= {"residual": row.error, "tolerance": self.pair.tolerance}
             storage.save_answer(path, problem, point, facts, force=force, with_problem=True)
 
 
@@ -90,7 +95,7 @@ def solve_apart(
     tolerance: float = 1e-6,
     limits: plan.Limits,
     format: str | None = None,
-    notice: Callable[[str, str], None] = lambda event, solver: None,
+    notice: Notice = silent,
 ) -> SolvedApart:
     """Solve a problem of a file by one solver, in a process that is stopped at the limits.
 
@@ -99,7 +104,7 @@ def solve_apart(
     address : the file, or ``FILE::NAME``. solver : a name with options. via : conversions to go through.
     facets : for conversions of `via` that have them. routes : exact, or all. start : where the solver begins.
     tolerance : the largest error of an answer that counts as solved. limits : seconds, bytes and threads of a solve.
-    notice : called with an event (``"compiling"``) and the solver.
+    notice : called with the events of the run.
 
     Raises NoRoute where no route leads to the solver, UnknownName, CpbenchError on a start that needs several solves.
     """
@@ -123,13 +128,12 @@ def solve_apart(
         pairs = plan.pairs([survey], [entry], asked, tolerance, limits, relaxations=relaxed, start=str(policy))
         if not pairs:
             raise NoRoute(
-                f"no {routes} route from {survey['node']} to {solver}; "
-                f"see: cpbench route {shlex.quote(address)} --explain"
+                f"no {routes} route from {survey.node} to {solver}; see: cpbench route {shlex.quote(address)} --explain"
             )
         prepared = lane.prepare(pairs[0])
         lane.start([entry.solver], limits, notice)
         outcome = lane.run(pairs[0], prepared)
-    return SolvedApart(pairs[0], outcome.row, outcome.answer)
+    return SolvedApart(pairs[0], outcome)
 
 
 def _only(entry: plan.Entry, request: plan.Request) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def start_answers(store: Store, table: pd.DataFrame) -> dict[str, Vector]:
-    """The kept answers by key of the row; none where no problem has several starts."""
+    """Return the kept answers by key of the row; none where no problem has several starts."""
     found: dict[str, Vector] = {}
     for key in multi_start.wanted(rows_of.normalised(table, ("start", "node", "status"))):
         _, kept = store.ending(key)

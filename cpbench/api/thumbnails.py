@@ -110,7 +110,8 @@ class Thumbnails:
 
 
 def sitters(store: Store, rows: pd.DataFrame) -> list[Sitter]:
-    """The problems of the rows, those in small files first, each contact problem with its best verified answer."""
+    """Return the problems of the rows, those in small files first, each contact problem with its best verified
+    answer."""
     formats: Mapping[str, str] = store.meta().get("formats") or {}
     first = rows.drop_duplicates("fingerprint")
     answers = _answers(store, rows)
@@ -126,7 +127,7 @@ def sitters(store: Store, rows: pd.DataFrame) -> list[Sitter]:
 
 
 def _place(address: str, folder: Path) -> tuple[str, int]:
-    """Where the file of an address is, and its bytes; ('', 0) where there is no ordinary file and no folder."""
+    """Return where the file of an address is, and its bytes; ('', 0) where there is no ordinary file and no folder."""
     for base in (Path.cwd(), folder) if address else ():
         place = os.path.abspath(base / address)
         try:
@@ -141,7 +142,7 @@ def _place(address: str, folder: Path) -> tuple[str, int]:
 
 
 def _answers(store: Store, rows: pd.DataFrame) -> dict[str, tuple[bytes, str, float]]:
-    """The kept answer of least error of each contact problem that somebody solved, its label and error."""
+    """Return the kept answer of least error of each contact problem that somebody solved, its label and error."""
     contact = [name for name in formulations.names() if issubclass(formulations.get(name), ContactProblem)]
     solved = rows.loc[
         rows["node"].isin(contact) & rows_of.met(rows), ["fingerprint", "key", "label", "error"]
@@ -155,7 +156,7 @@ def _answers(store: Store, rows: pd.DataFrame) -> dict[str, tuple[bytes, str, fl
 
 
 def paint(asked: Sequence[Sitter]) -> dict[str, Thumbnail]:
-    """By fingerprint the thumbnails, or {"why": words}."""
+    """Draw the thumbnails and return them by fingerprint, or {"why": words}."""
     found: dict[str, Thumbnail] = {one.fingerprint: {"why": SPENT} for one in asked}
     spent = 0
     for one, told in _read(asked[:MOST]):
@@ -167,7 +168,7 @@ def paint(asked: Sequence[Sitter]) -> dict[str, Thumbnail]:
 
 
 def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
-    """Each as it comes, until the time is over; after one that takes its process down, by another process."""
+    """Yield each as it comes, until the time is over; after one that takes its process down, by another process."""
     left, end = list(asked), math.inf
     while left and time.monotonic() < end:
         try:
@@ -194,7 +195,7 @@ def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
 
 
 def _next(child: Child) -> tuple[Thumbnail, str]:
-    """The next thumbnail, or why there is none; the words again where the process cannot go on."""
+    """Return the next thumbnail, or why there is none; the words again where the process cannot go on."""
     try:
         header, _ = wire.unpack(child.receive(PATIENCE))
         return header["thumbnail"], ""
@@ -215,7 +216,7 @@ def _source(one: Sitter) -> tuple[str, str]:
 
 
 def _main(channel: Channel, asked: Sequence[tuple[Any, ...]]) -> None:
-    """A message that it is there, then one a problem."""
+    """Send a message that the process is there, then one a problem."""
     limit_memory(MEMORY)
     warnings.simplefilter("ignore")
     channel.send_bytes(wire.pack({"ready": True}))
@@ -247,14 +248,14 @@ def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Thumbnail:
 
 
 def _about(problem: Problem) -> Thumbnail:
-    """What the problem says of its licence and its source, cut to what a page has room for."""
+    """Return what the problem says of its licence and its source, cut to what a page has room for."""
     info = problem.info
     told = {"licence": info.licence, "source": info.source, "citation": info.citation}
     return {name: cut(text, ABOUT) for name, text in told.items() if text}
 
 
 def _generated(family: str, made: dict[str, dict[str, Problem]]) -> dict[str, Problem]:
-    """The problems of the generator of that name, by fingerprint; none where there is no such generator."""
+    """Return the problems of the generator of that name, by fingerprint; none where there is no such generator."""
     if family not in made:
         instances = generators.get(family).instances() if family in generators else []
         made[family] = {instance.problem.fingerprint: instance.problem for instance in instances}

@@ -6,25 +6,19 @@ A block is data, and running it needs nothing but a lane: here, in a thread besi
 from __future__ import annotations
 
 import random
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
+from cpbench.bench.events import Notice, Solving, silent
 from cpbench.bench.history import History, derived_rows
 from cpbench.bench.lane import Lane
-from cpbench.bench.outcome import Outcome, Predecessor
+from cpbench.bench.messages import Prepared
 from cpbench.bench.planning.plan import Pair
-from cpbench.verification import MET_TOLERANCE
+from cpbench.bench.results.rows import Outcome
 
-Notice: TypeAlias = Callable[[str, Pair | None, Mapping[str, Any]], None]
-"""Called with an event (`start`, `solve`, `done`), the pair, and the row or what there is of it."""
 Ending: TypeAlias = tuple[str, bytes | None]
 """Status and kept answer of a row."""
-
-
-def silent(event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
-    """The notice that nobody reads."""
 
 
 @dataclass(frozen=True)
@@ -49,12 +43,13 @@ class Block:
         return any(pair.scene for pair in self.pairs)
 
     def rest(self, endings: Mapping[str, Ending]) -> Block | None:
-        """What is left when some of its pairs have ended, by key; None when all have."""
+        """Return what is left when some of its pairs have ended, by key; None when all have."""
         left = tuple(pair for pair in self.pairs if pair.key not in endings)
         return self._only(left, {**self.known, **endings}) if left else None
 
     def cut(self, count: int) -> tuple[Block, Block | None]:
-        """Its first pairs, at least `count` and at least one, and the others; a history answers for all its pairs.
+        """Return its first pairs, at least `count` and at least one, and the others; a history answers for all its
+        pairs.
 
         Where it is chained, the others cannot be run before it is known how the first ones end (`rest`).
         """
@@ -65,7 +60,7 @@ class Block:
         return self._only(first, self.known), self._only(others, self.known) if others else None
 
     def only(self, pairs: Sequence[Pair]) -> Block:
-        """These of its pairs; where some start from others, all that belong to one another."""
+        """Return a block of these of its pairs; where some start from others, all that belong to one another."""
         return self._only(tuple(pairs), self.known)
 
     def _only(self, pairs: tuple[Pair, ...], known: Mapping[str, Ending]) -> Block:
@@ -76,7 +71,7 @@ class Block:
 
 
 def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callable[[str], Ending]) -> list[Block]:
-    """The pending pairs in blocks, in a seeded random order that does not depend on the order of the files.
+    """Return the pending pairs in blocks, in a seeded random order that does not depend on the order of the files.
 
     Problems are shuffled, and the solvers within each: a drift of the machine then touches all solvers of a problem
     alike, and every conversion is done once and shared. With the start policy `previous` sequences are shuffled,
@@ -105,28 +100,27 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
 
 
 def block_name(pair: Pair) -> str:
-    """Pairs of one name are run in one go, by one lane."""
+    """Return pairs of one name are run in one go, by one lane."""
     return f"sequence {pair.scene}" if pair.scene else f"problem {pair.address} {pair.format or ''}"
 
 
 def run(
     lane: Lane, block: Block, notice: Notice = silent, put_off: list[Block] | None = None
 ) -> Iterator[tuple[Pair, Outcome]]:
-    """The outcome of every pair of the block, one after the other. A worker is started, and waited for, before the
-    first pair that needs it.
+    """Yield the outcome of every pair of the block, one after the other. A worker is started, and waited for, before
+    the first pair that needs it.
 
     put_off : gets a block of the pairs whose solvers compile meanwhile; None where these are waited for.
     """
     waiting, later = dict[str, bool](), list[Pair]()
-    prepared: dict[tuple[str, str, float, float], dict[str, Any]] = {}
+    prepared: dict[tuple[str, str, float, float], Prepared | Outcome] = {}
     endings: dict[str, Ending] = dict(block.known)
     derived: dict[str, Outcome] = {}
     held: tuple[str, str | None] = ("", None)
     for pair in block.pairs:
         name = pair.entry.solver
         if name not in waiting:
-            tell = lambda event, name: notice(event, None, {"solver": name})  # noqa: E731
-            waiting[name] = bool(lane.start([name], pair.limits, tell, patient=put_off is None))
+            waiting[name] = bool(lane.start([name], pair.limits, notice, patient=put_off is None))
         if waiting[name]:
             later.append(pair)
             continue
@@ -136,21 +130,15 @@ def run(
         outcome = derived.pop(pair.key, None)
         if outcome is None and where not in prepared:
             prepared[where] = lane.prepare(pair)
-        notice("solve", pair, {})
+        notice(Solving(pair))
         if outcome is None:
             before = block.before.get(pair.key)
-            outcome = lane.run(pair, prepared[where], before and _predecessor(before, endings[before.key]))
+            outcome = lane.run(pair, prepared[where], before and (before, *endings[before.key]))
             derived |= _looser(pair, outcome, block.pairs)
         endings[pair.key] = (outcome.status, outcome.answer)
-        yield pair, outcome.dated(time.strftime("%Y-%m-%dT%H:%M:%S"))
+        yield pair, outcome
     if put_off is not None and later:
         put_off.append(block.only(later))
-
-
-def _predecessor(before: Pair, ending: Ending) -> Predecessor:
-    status, answer = ending
-    verified = answer if status in MET_TOLERANCE else None
-    return Predecessor(before.address, before.format, before.fingerprint, status, verified)
 
 
 def _looser(pair: Pair, outcome: Outcome, pairs: Sequence[Pair]) -> dict[str, Outcome]:
@@ -158,21 +146,22 @@ def _looser(pair: Pair, outcome: Outcome, pairs: Sequence[Pair]) -> dict[str, Ou
     if outcome.history is None:
         return {}
     wanted = {p.tolerance: p.key for p in pairs if p.tolerance > pair.tolerance and variant(p) == variant(pair)}
-    rows = derived_rows(outcome.row, History.unpack(outcome.history), wanted)
+    rows = derived_rows(outcome, History.unpack(outcome.history), wanted)
     limit = pair.limits.seconds
-    return {wanted[t]: Outcome(row) for t, row in rows.items() if row["setup"] + row["solve"] <= limit}
+    return {wanted[t]: row for t, row in rows.items() if (row.setup or 0.0) + (row.solve or 0.0) <= limit}
 
 
 def variant(pair: Pair) -> tuple[Any, ...]:
-    """Pairs of one variant differ by their tolerance; told apart only where a history makes one of them enough, which
-    it does not for a step that others start from."""
+    """Return pairs of one variant differ by their tolerance; told apart only where a history makes one of them
+    enough, which it does not for a step that others start from."""
     if not pair.limits.history or pair.scene:
         return (pair.key,)
     return (pair.set, pair.address, pair.label, pair.start, pair.measure)
 
 
 def befores(members: Sequence[Pair]) -> dict[str, Pair]:
-    """The pair of the step before with the same solver, options, request and tolerance, by key; steps are sorted."""
+    """Return the pair of the step before with the same solver, options, request and tolerance, by key; steps are
+    sorted."""
     last: dict[tuple[Any, ...], Pair] = {}
     found: dict[str, Pair] = {}
     for pair in members:

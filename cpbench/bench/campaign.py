@@ -10,6 +10,7 @@ from typing import Any, Protocol
 
 from cpbench.bench import left_out, machine, reference
 from cpbench.bench.block import befores
+from cpbench.bench.events import Done, Event
 from cpbench.bench.lane import FELL_BACK, Lane
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.plan import Pair
@@ -25,23 +26,23 @@ from cpbench.solvers.external import declared
 
 
 class Watcher(Protocol):
-    """Who is told how a run goes."""
+    """An observer of how a run goes."""
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
-        """The run, or another round of it, begins."""
+        """Note that the run, or another round of it, begins."""
         ...
 
-    def progress(self, event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
-        """An event of the runner."""
+    def progress(self, event: Event) -> None:
+        """Take an event of the runner."""
         ...
 
     def end(self) -> None:
-        """The round ended, whatever the reason."""
+        """Note that the round ended, whatever the reason."""
         ...
 
 
 def require_answers(asked: RunPlan, planned: Sequence[Pair]) -> None:
-    """Raises CpbenchError when steps are to start from answers that nobody keeps."""
+    """Refuse steps that are to start from answers that nobody keeps."""
     if asked.keep != "all" and any(pair.scene for pair in planned):
         raise CpbenchError(
             f"--keep {asked.keep} with --start previous: a step starts from the kept answer to the one before; leave "
@@ -62,7 +63,7 @@ def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> lis
         store.reset(RERUN[asked.rerun], [pair.key for pair in pairs])
         _reset_followers(store, pairs)
     planned = {pair.fingerprint for pair in pairs}
-    surveyed = {str(survey["fingerprint"]): survey["features"] for survey in reversed(assembly.surveys)}
+    surveyed = {survey.fingerprint: survey.features for survey in reversed(assembly.surveys)}
     store.note_features({fingerprint: facts for fingerprint, facts in surveyed.items() if fingerprint in planned})
     store.note_files(assembly.read, assembly.refused)
     store.set_meta(
@@ -97,10 +98,10 @@ def work(
     mine = store.pending() & {pair.key for pair in planned}
     versions: dict[str, str] = {}
 
-    def notice(event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
-        if event == "done" and pair is not None and row.get("version"):
-            versions[pair.entry.solver] = str(row["version"])
-        watcher.progress(event, pair, row)
+    def notice(event: Event) -> None:
+        if isinstance(event, Done) and event.outcome.version:
+            versions[event.pair.entry.solver] = event.outcome.version
+        watcher.progress(event)
 
     try:
         for attempt in range(1 + asked.retry):
@@ -119,7 +120,7 @@ def work(
 
 
 def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
-    """Steps that began cold because the step before had failed are run again when that one is."""
+    """Plan steps that began cold, because the step before had failed, again when that one is."""
     ordered = sorted((pair for pair in planned if pair.scene), key=lambda pair: pair.step)
     before = befores(ordered)
     pending = store.pending()
@@ -127,7 +128,7 @@ def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
     for pair in ordered:
         if pair.key in pending or pair.key not in before or before[pair.key].key not in pending:
             continue
-        if str(store.row(pair.key)["started"] or "").startswith(FELL_BACK):
+        if (store.row(pair.key).started or "").startswith(FELL_BACK):
             again.append(pair.key)
             pending.add(pair.key)
     if again:
@@ -135,16 +136,16 @@ def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
 
 
 def statuses(path: Path) -> dict[str, str]:
-    """Status of every row of a results file by key, and of the pairs that were left out; of none where there is no such
-    file."""
+    """Return status of every row of a results file by key, and of the pairs that were left out; of none where there
+    is no such file."""
     if not path.exists():
         return {}
     with Store(path) as store:
-        return {**left_out.statuses(store), **{str(row["key"]): str(row["status"]) for row in store.rows()}}
+        return {**left_out.statuses(store), **{row.key: row.status for row in store.rows()}}
 
 
 def gaps(store: Store, assembly: Assembly) -> list[str]:
-    """What the plan asked for and the results lack: nothing after a run that was carried out to its end."""
+    """Return what the plan asked for and the results lack: nothing after a run that was carried out to its end."""
     waiting = store.pending() & {pair.key for pair in assembly.pairs}
     rows = [f"{len(waiting)} of {counted(len(assembly.pairs), 'pair')} not run"] if waiting else []
     files = [f"nobody could say what {address} holds" for address in assembly.unread[:1]]
@@ -153,22 +154,22 @@ def gaps(store: Store, assembly: Assembly) -> list[str]:
 
 
 def failures(store: Store, asked: RunPlan, planned: Sequence[Pair]) -> Counter[str]:
-    """How many of the planned pairs ended in a status that the plan calls a failure."""
+    """Return how many of the planned pairs ended in a status that the plan calls a failure."""
     if not asked.fail_on:
         return Counter()
     keys = {pair.key for pair in planned}
-    ended = [*((row["key"], row["status"]) for row in store.rows()), *left_out.statuses(store).items()]
+    ended = [*((row.key, row.status) for row in store.rows()), *left_out.statuses(store).items()]
     return Counter(status for key, status in ended if key in keys and status in asked.fail_on)
 
 
 def _formats(before: Mapping[str, str], read: Mapping[str, str | None]) -> dict[str, str]:
-    """The format by which each file of the results was read, where one was said."""
+    """Return the format by which each file of the results was read, where one was said."""
     kept = {address: name for address, name in before.items() if address not in read}
     return kept | {address: name for address, name in read.items() if name is not None}
 
 
 def _plugin_of_variant(name: str) -> str:
-    """The file that makes the solver known of which `name` is a variant: another command needs both."""
+    """Return the file that makes the solver known of which `name` is a variant: another command needs both."""
     solver, at, _ = name.partition(declared.AT)
     return declared.origin(solver)[0] if at and solver in solvers else ""
 
@@ -179,7 +180,7 @@ def _sheets(
     versions: Mapping[str, str],
     tunings: Sequence[Tuning],
 ) -> dict[str, Any]:
-    """What the results say of each solver in them: those of earlier commands stay, and so do the version of one
+    """Return what the results say of each solver in them: those of earlier commands stay, and so do the version of one
     that had nothing left to do and how one was tuned."""
     sheets: dict[str, Any] = dict(before)
     tuned = {tuning.label: tuning.as_data() for tuning in tunings}

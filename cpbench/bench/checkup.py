@@ -17,8 +17,8 @@ from cpbench.bench.processes import wire
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import Context, context
 from cpbench.bench.processes.process import Child, Died, TimedOut
-from cpbench.bench.staff import obituary
 from cpbench.bench.time_limits import START, WARM_UP
+from cpbench.bench.worker_pool import describe_exit
 from cpbench.solvers.base import Solver, package_version, solvers
 
 PATIENCE = START.floor
@@ -30,7 +30,7 @@ STATES = ("ok", "installed", "untried", "licence", "broken", "missing")
 
 @dataclass(frozen=True)
 class Checkup:
-    """What was found of one solver.
+    """A finding on one solver.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Checkup:
 
 
 def glance(solver: Solver) -> Checkup:
-    """What can be told of a solver without importing anything."""
+    """Return what can be told of a solver without importing anything."""
     spec = solver.spec
     for package in spec.requires:
         if find_spec(package.partition(".")[0]) is None:
@@ -70,7 +70,7 @@ def glance(solver: Solver) -> Checkup:
 
 
 def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[Checkup]:
-    """What happens when the solvers are made ready, as it becomes known: those of one guest in one process, two
+    """Yield what happens when the solvers are made ready, as it becomes known: those of one guest in one process, two
     processes at a time. With `warm` they are warmed up, too: compiled, and in the cache for the first run."""
     waiting: queue.SimpleQueue[list[str]] = queue.SimpleQueue()
     found: queue.SimpleQueue[Checkup | BaseException] = queue.SimpleQueue()
@@ -133,7 +133,7 @@ class _Lane(threading.Thread):
             self._child.strike()
 
     def _answered(self, names: Sequence[str]) -> int:
-        """How many of the solvers something is known of now: all up to the one that ended the process."""
+        """Return how many of the solvers something is known of now: all up to the one that ended the process."""
         child = None
         seconds = PATIENCE + (WARM_UP.floor if self._warm else 0.0)
         for i, name in enumerate(names):
@@ -145,7 +145,7 @@ class _Lane(threading.Thread):
             except TimedOut:
                 seen = Checkup(name, "broken", f"said nothing within {seconds:g} s")
             except Died as death:
-                seen = Checkup(name, "broken", f"{death.output}\n{obituary(death)}".strip())
+                seen = Checkup(name, "broken", f"{death.output}\n{describe_exit(death)}".strip())
             except (wire.WireError, KeyError) as noise:
                 seen = Checkup(name, "broken", f"sent no valid message: {noise}")
             else:
@@ -161,7 +161,7 @@ class _Lane(threading.Thread):
 
 
 def _main(channel: Channel, names: Sequence[str], warm: bool) -> None:
-    """In the process: a message a solver."""
+    """Send a message a solver; runs in the process."""
     for name in names:
         solver = solvers.get(name)
         try:

@@ -36,7 +36,7 @@ class Compiler:
         self.tried: set[str] = set()
 
     def takes(self, name: str) -> bool:
-        """Whether a solver that has to compile may be left to it."""
+        """Return whether a solver that has to compile may be left to it."""
         return bool(self._cpus) and name not in self.tried
 
     def add(self, name: str) -> None:
@@ -46,7 +46,7 @@ class Compiler:
         self._go_on()
 
     def waits(self, name: str) -> bool:
-        """Whether its loops are not compiled yet."""
+        """Return whether its loops are not compiled yet."""
         self._go_on()
         return name == self._now or name in self._queue
 

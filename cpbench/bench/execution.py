@@ -13,7 +13,7 @@ from cpbench.bench.planning.assembly import Assembly, assemble
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import settings
-from cpbench.bench.staff import Setting
+from cpbench.bench.worker_pool import Setting
 
 if TYPE_CHECKING:
     from cpbench.bench.cluster.crew import Cluster
@@ -22,7 +22,7 @@ T = TypeVar("T")
 
 
 class Audience(campaign.Watcher, Protocol):
-    """What is told how a run goes, from reading the problems on."""
+    """An observer of how a run goes, from reading the problems on."""
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
         """Yield the addresses; each is being read from when it is yielded until the next is asked for."""
@@ -37,7 +37,7 @@ class Silent:
 
     def begin(self, planned: object, pending: object) -> None: ...
 
-    def progress(self, event: str, pair: object, row: object) -> None: ...
+    def progress(self, event: object) -> None: ...
 
     def end(self) -> None: ...
 

@@ -18,7 +18,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cpbench.bench.messages import JudgeHistory, Recorded
 from cpbench.bench.processes import wire
+from cpbench.bench.results.rows import Outcome
 from cpbench.errors import PointError, StoreError
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
@@ -38,7 +40,7 @@ FLAG = "history"
 """Flag of a row that was not run but read off the history of a tighter one."""
 
 
-class Recorder:
+class IterateRecorder:
     """The `Record` of one solve: keeps iterates at geometrically growing times; its own time is not the solver's.
 
     All are kept until the room is full, then only those that lie apart by a factor, which grows when they are still
@@ -68,8 +70,8 @@ class Recorder:
             self._due = self._next()
         self.cost += time.perf_counter() - now
 
-    def finish(self, output: SolverOutput) -> bytes:
-        """The message with what was kept and, last, the answer, whatever was recorded.
+    def finish(self, output: SolverOutput) -> Recorded:
+        """Return what was kept and, last, the answer, whatever was recorded.
 
         A solve that is done with its last iterate still has to conclude; one that ended with another would have, too,
         and that time is added to all.
@@ -80,15 +82,13 @@ class Recorder:
         if output.point is not None:
             last = output.counters.get("iterations", kept[-1][1] if kept else 0)
             kept.append((total, last, math.nan, output.point))
-        return wire.pack(
-            {"event": "history", "count": len(kept), "solve": total, "cost": self.cost, "calls": self.calls},
-            {
-                "time": [seconds for seconds, *_ in kept],
-                "iteration": [iteration for _, iteration, *_ in kept],
-                "told": [told for *_, told, _ in kept],
-                "iterates": np.concatenate([np.zeros(0), *(v for *_, p in kept for v in p.arrays().values())]),
-            },
-        )
+        vectors = {
+            "time": np.array([seconds for seconds, *_ in kept]),
+            "iteration": np.array([float(iteration) for _, iteration, *_ in kept]),
+            "told": np.array([told for *_, told, _ in kept]),
+            "iterates": np.concatenate([np.zeros(0), *(v for *_, p in kept for v in p.arrays().values())]),
+        }
+        return Recorded(len(kept), total, self.cost, self.calls, vectors)
 
     def _next(self) -> float:
         return self._kept[-1][0] + self._apart * max(self._kept[-1][0], FINEST)
@@ -103,18 +103,18 @@ class Recorder:
                     self._kept.append(one)
 
 
-def recorded(solver: Solver, problem: Problem, budget: Budget, options: Any, start: Any | None) -> bytes:
-    """Solve once more and record it; the message to the runner."""
+def recorded(solver: Solver, problem: Problem, budget: Budget, options: Any, start: Any | None) -> Recorded:
+    """Solve once more and record it."""
     prepared = solver.setup(problem, budget, options)
     size = sum(problem.point_sizes.values())
     gc.collect(0)
-    recorder = Recorder(max(LEAST, min(ROOM, int(BYTES / (8 * size + 1)))))
+    recorder = IterateRecorder(max(LEAST, min(ROOM, int(BYTES / (8 * size + 1)))))
     return recorder.finish(solver.solve(prepared, budget, options, start, recorder))
 
 
 @dataclass(frozen=True, eq=False)
 class Trail:
-    """What a worker recorded, nothing of it believed but the times: `iterates` is (count, numbers of an answer)."""
+    """A record of a worker, nothing of it believed but the times: `iterates` is (count, numbers of an answer)."""
 
     time: Vector
     iteration: Vector
@@ -125,28 +125,21 @@ class Trail:
     calls: int
 
     @classmethod
-    def from_message(cls, header: Mapping[str, Any], vectors: Mapping[str, Any], size: int) -> Trail:
-        """Of answers of `size` numbers. Raises PointError when the message does not hold together."""
+    def of(cls, told: JudgeHistory, size: int) -> Trail:
+        """Return of answers of `size` numbers. Raises PointError when the message does not hold together."""
         try:
-            count = int(header["count"])
-            columns = {name: np.asarray(vectors[name], dtype=float) for name in ("time", "iteration", "told")}
-            if any(column.shape != (count,) for column in columns.values()):
-                raise ValueError(f"{count} iterates with {[c.size for c in columns.values()]} times and residuals")
+            columns = {name: np.asarray(told.vectors[name], dtype=float) for name in ("time", "iteration", "told")}
+            if any(column.shape != (told.count,) for column in columns.values()):
+                raise ValueError(f"{told.count} iterates with {[c.size for c in columns.values()]} times and residuals")
             if not (np.isfinite(columns["time"]).all() and (np.diff(columns["time"], prepend=0.0) >= 0.0).all()):
                 raise ValueError("the times do not rise")
-            iterates = np.asarray(vectors["iterates"], dtype=float).reshape(count, size)
-            return cls(
-                **columns,
-                iterates=iterates,
-                solve=float(header["solve"]),
-                cost=float(header["cost"]),
-                calls=int(header["calls"]),
-            )
+            iterates = np.asarray(told.vectors["iterates"], dtype=float).reshape(told.count, size)
         except (KeyError, TypeError, ValueError) as cause:
             raise PointError(f"the recorded iterates are none: {cause}") from None
+        return cls(**columns, iterates=iterates, solve=told.solve, cost=told.cost, calls=told.calls)
 
     def judged(self, errors: Mapping[int, tuple[float, tuple[str, ...]]]) -> History:
-        """The history of the iterates whose error and flags are given, by their places."""
+        """Return the history of the iterates whose error and flags are given, by their places."""
         places = sorted(errors)
         return History(
             time=self.time[places],
@@ -162,7 +155,7 @@ class Trail:
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """What was measured of the iterates of a solve that were kept, in order of time.
+    """Measurements of the iterates of a solve that were kept, in order of time.
 
     Attributes
     ----------
@@ -187,7 +180,7 @@ class History:
         return int(good[0]) if good.size else None
 
     def time_to(self, tolerance: float) -> float:
-        """Seconds to the first iterate that solves the problem, ∞ when none does.
+        """Return seconds to the first iterate that solves the problem, ∞ when none does.
 
         An upper bound, for an iterate that was not kept may have done it before; at most since the one kept before.
         """
@@ -195,13 +188,13 @@ class History:
         return math.inf if k is None else float(self.time[k])
 
     def pack(self) -> bytes:
-        """As one compressed blob."""
+        """Pack into one compressed blob."""
         header = {"flags": self.flags, "solve": self.solve, "cost": self.cost, "calls": self.calls}
         return zlib.compress(wire.pack(header, {name: getattr(self, name) for name in COLUMNS}), 6)
 
     @classmethod
     def unpack(cls, blob: bytes) -> History:
-        """Raises StoreError when the blob is none of ours."""
+        """Read a packed history; raises StoreError when the blob is none of ours."""
         try:
             header, columns = wire.unpack(zlib.decompress(blob))
             return cls(
@@ -219,8 +212,8 @@ COLUMNS = ("time", "iteration", "told", "error")
 
 
 def coarse_to_fine(count: int) -> list[int]:
-    """0 … count - 1 with the last first, then the first, then the middles of what is between: cut anywhere, what was
-    done is spread over the whole.
+    """Return 0 … count - 1 with the last first, then the first, then the middles of what is between: cut anywhere,
+    what was done is spread over the whole.
 
     >>> coarse_to_fine(6)
     [5, 0, 2, 1, 3, 4]
@@ -236,43 +229,42 @@ def coarse_to_fine(count: int) -> list[int]:
     return order
 
 
-def derived_rows(row: Mapping[str, Any], history: History, tolerances: Iterable[float]) -> dict[float, dict[str, Any]]:
-    """The measured columns of looser tolerances, by tolerance, read off the history of a run at a tight one.
+def derived_rows(row: Outcome, history: History, tolerances: Iterable[float]) -> dict[float, Outcome]:
+    """Return the outcomes of looser tolerances, by tolerance, read off the history of a run at a tight one.
 
     A tolerance that the history does not reach has no row: it is to be run. Times are shares of the recorded solve,
     charged to the time of the one that was timed. They say when an iterate was good enough for us, which the solver,
     asked for less, may have noticed later.
     """
-    rows: dict[float, dict[str, Any]] = {}
-    scale = float(row["solve"]) / history.solve if row.get("solve") and history.solve > 0 else 1.0
+    rows: dict[float, Outcome] = {}
+    scale = row.solve / history.solve if row.solve and history.solve > 0 else 1.0
     for tolerance in tolerances:
         k = history.first(tolerance)
         if k is None:
             continue
         seconds, earlier = scale * history.time[k], scale * history.time[k - 1] if k else 0.0
         flags = [flag for flag in history.flags[k].split(",") if flag]
-        rows[tolerance] = {
-            **{column: None for column in OWN if column in row},
-            **{column: value for column, value in row.items() if column not in OWN},
-            "status": str(Status.STATIONARY if "stationary" in flags else Status.SOLVED),
-            "error": float(history.error[k]),
-            "flags": ",".join([*flags, FLAG]),
-            "solve": float(seconds),
-            "counters": json.dumps({"iterations": int(history.iteration[k])}),
-            "message": f"read off the history of a tighter run: solved after {earlier:.3g} to {seconds:.3g} s",
-            "claim": "",
-            "parts": "{}",
-            "samples": "[]",
-            "repeats": 0,
-        }
+        rows[tolerance] = row.changed(
+            **dict.fromkeys(OWN),
+            status=str(Status.STATIONARY if "stationary" in flags else Status.SOLVED),
+            error=float(history.error[k]),
+            flags=",".join([*flags, FLAG]),
+            solve=float(seconds),
+            counters=json.dumps({"iterations": int(history.iteration[k])}),
+            message=f"read off the history of a tighter run: solved after {earlier:.3g} to {seconds:.3g} s",
+            claim="",
+            parts="{}",
+            samples="[]",
+            repeats=0,
+        )
     return rows
 
 
 OWN = (
     "target_error", "target_tolerance", "solve_min", "solve_iqr", "cpu", "peak", "wall", "verify", "signal", "code",
-    "loadavg", "attempts",
+    "loadavg", "attempts", "answer", "history", "proof",
 )  # fmt: skip
-"""Columns of a row that hold for the run that made it and for nothing that is read off its history."""
+"""Fields of an outcome that hold for the run that made it and for nothing that is read off its history."""
 
 
 def table(histories: Iterable[tuple[str, bytes]]) -> pd.DataFrame:

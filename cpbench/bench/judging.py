@@ -14,7 +14,7 @@ from cpbench.formulations.base import Kind, Point, Problem
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """What an answer is worth.
+    """The worth of an answer.
 
     Attributes
     ----------

@@ -7,33 +7,39 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import statistics
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Iterable, Sequence
+from functools import partial
+from typing import TypeAlias
 
 import cpbench.bench.worker as worker_process
-from cpbench.bench import machine
+from cpbench.bench import machine, messages
 from cpbench.bench.compiler import Compiler
-from cpbench.bench.desk import Case
-from cpbench.bench.outcome import Outcome, Predecessor, Result, conversion_row, iqr, remembered, repeat_times
+from cpbench.bench.events import Compiling, Notice, Starting, silent
+from cpbench.bench.outcome import iqr, marks, remembered, told, unprepared
 from cpbench.bench.planning.plan import PREVIOUS, Limits, Pair, Request
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
-from cpbench.bench.referee import PROOF_SECONDS
-from cpbench.bench.staff import Referee, Setting, Workers, hear, obituary
+from cpbench.bench.referee import HISTORY_SECONDS, PROOF_SECONDS
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.time_limits import GRACE, LOAD, REFEREE
+from cpbench.bench.worker_pool import RefereeClient, Reply, Setting, WorkerPool, describe_exit, hear
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import folder
 from cpbench.temporary import RUN, TemporaryHome
-from cpbench.verification import PROVEN
+from cpbench.verification import MET_TOLERANCE, PROVEN
 
+Before: TypeAlias = tuple[Pair, str, bytes | None]
+"""The pair of the step before in a sequence: its status, and its kept answer."""
 FELL_BACK = "cold: the step before was"
 """How `started` begins where a step had no answer to start from."""
+NOTHING = Outcome()
+"""What is known of a pair before it is run."""
 FULL = 0.25
 """Share of the memory limit a worker may hold after a solve; beyond it, the next solve gets a fresh worker."""
 
@@ -47,7 +53,7 @@ class Unread(CpbenchError):
 
 
 class NoStart(Exception):
-    """There is no point to start from; message and status become the row's."""
+    """The lack of a point to start from; message and status become the row's."""
 
     def __init__(self, message: str, status: str = "unsupported") -> None:
         self.status = status
@@ -61,8 +67,8 @@ class Lane:
         self.setting = setting = setting or Setting()
         self._scratch = TemporaryHome(RUN)
         means = context(setting.threads, few=setting.single)
-        self.referee = Referee(means, setting, self._scratch.folder)
-        self.workers = Workers(means, setting, self._scratch.folder)
+        self.referee = RefereeClient(means, setting, self._scratch.folder)
+        self.workers = WorkerPool(means, setting, self._scratch.folder)
         idle = sorted({*machine.cores()} - {*setting.cpus}) if setting.cpus and setting.lanes == 1 else []
         self.compiler = Compiler(means, idle)
 
@@ -94,36 +100,29 @@ class Lane:
         timeout: float = 0.0,
         *,
         guesses: bool = False,
-    ) -> dict[str, Any]:
-        """Facts of a problem for the plan; raises Refused, Unread. `timeout` : of a solve. `guesses` : whether the
-        starting points of its file are counted, too."""
-        reply, _ = self.referee.ask(
-            REFEREE.limit(timeout),
-            command="survey",
-            address=address,
-            format=format,
-            requests=[r.header for r in requests],
-            guesses=guesses,
-        )
-        if reply["event"] == "refused":
-            raise Refused(reply["message"])
-        if reply["event"] != "surveyed":
-            raise Unread(f"{address}: {reply.get('message', reply['event'])}")
-        return {**reply, "address": address, "format": format}
+    ) -> messages.Surveyed:
+        """Return facts of a problem for the plan; raises Refused, Unread. `timeout` : of a solve. `guesses` : whether
+        the starting points of its file are counted, too."""
+        asked = messages.Survey(address, format, tuple(requests), guesses)
+        reply = self.referee.ask(REFEREE.limit(timeout), asked, messages.Surveyed)
+        if isinstance(reply, messages.Declined):
+            raise Refused(reply.message)
+        if isinstance(reply, messages.Failure):
+            raise Unread(f"{address}: {told(reply)}")
+        return reply
 
     def start(
         self,
         names: Iterable[str],
         limits: Limits,
-        progress: Callable[[str, str], None] = lambda event, name: None,
+        notice: Notice = silent,
         *,
         patient: bool = True,
     ) -> set[str]:
         """Start the workers and wait until every one has warmed up, so that none disturbs a measurement.
 
-        limits : of the solves to come. progress : called with `start` and a name where a process begins, and with
-        `compiling` where kernels are not in the cache yet. patient : whether these are waited for; else they are
-        compiled where nothing is timed, if there is such a core, and their solvers are returned.
+        limits : of the solves to come. patient : whether those are waited for whose kernels are not in the cache yet;
+        else they are compiled where nothing is timed, if there is such a core, and their solvers are returned.
         """
         waiting = set[str]()
         for name in names:
@@ -132,147 +131,156 @@ class Lane:
                 continue
             wait = patient or not self.compiler.takes(name)
             if not self.workers.ready(name, limits.memory):
-                progress("start", name)
-            told = lambda name=name: progress("compiling", name)  # noqa: E731
+                notice(Starting(name))
+            told = lambda name=name: notice(Compiling(name))  # noqa: E731
             worker = self.workers.get(name, limits.memory, limits.seconds, told, patient=wait)
             if worker is None and name not in self.workers.unavailable:
                 self.compiler.add(name)
                 waiting.add(name)
         return waiting
 
-    def prepare(self, pair: Pair) -> dict[str, Any]:
-        """Bring the pair's problem to its solver's node; the referee's reply, whatever it is.
+    def prepare(self, pair: Pair) -> messages.Prepared | Outcome:
+        """Bring the pair's problem to its solver's node, or say what comes of the pair where that cannot be.
 
-        A problem that cannot be loaded, or is not the one that was planned, is told apart by `stage`.
+        A problem that cannot be loaded, or is not the one that was planned, is told apart by its message.
         """
         seconds = REFEREE.limit(pair.limits.seconds)
-        opened, _ = self.referee.ask(seconds, command="open", **_problem_of(pair))
-        if opened["event"] != "opened":
-            return {**opened, "stage": "loading"}
-        reply, _ = self.referee.ask(seconds, command="prepare", case=Case.header(pair))
-        return reply
+        opened = self.referee.ask(seconds, messages.Open(pair.address, pair.format, pair.fingerprint), messages.Opened)
+        if isinstance(opened, messages.Failure):
+            return unprepared(opened, loading=True)
+        reply = self.referee.ask(seconds, messages.Prepare(messages.RefereeCase.of(pair)), messages.Prepared)
+        return unprepared(reply, loading=False) if isinstance(reply, messages.Failure) else reply
 
-    def run(self, pair: Pair, prepared: Mapping[str, Any], before: Predecessor | None = None) -> Outcome:
-        """The outcome of one pair. Never raises for anything that a solver, a conversion or a file does."""
+    def run(self, pair: Pair, prepared: messages.Prepared | Outcome, before: Before | None = None) -> Outcome:
+        """Return the outcome of one pair. Never raises for anything that a solver, a conversion or a file does.
+
+        `prepared` : by `prepare`. `before` : the step before, where the pair starts from it.
+        """
         begun = time.perf_counter()
-        row = conversion_row(prepared)
-        try:
-            outcome = self._run(pair, prepared, before, row) if not row["status"] else Outcome(row)
-        except Exception as noise:  # a worker may say anything, and fail us in ways that nobody thought of
-            self.workers.drop(pair.entry.solver)
-            message = f"the worker sent no valid message: {type(noise).__name__}: {noise}"[:500]
-            outcome = Outcome({**row, "status": "error", "message": message})
+        outcome = prepared if isinstance(prepared, Outcome) else self._run(pair, prepared, before)
         self.workers.served(pair.entry.solver)
-        about = {
-            "wall": time.perf_counter() - begun,
-            "jobs": self.setting.lanes,
-            "loadavg": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
-        }
-        return replace(outcome, row={**outcome.row, **about})
+        return outcome.changed(
+            wall=time.perf_counter() - begun,
+            jobs=self.setting.lanes,
+            loadavg=os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+            host=platform.node(),
+            finished=time.strftime("%Y-%m-%dT%H:%M:%S"),
+        )
 
-    def _run(self, pair: Pair, prepared: Mapping[str, Any], before: Predecessor | None, row: dict[str, Any]) -> Outcome:
-        """The outcome; `row` is filled on the way, for what the worker says may be no message (any exception)."""
-        name, limit = pair.entry.solver, pair.limits.seconds
+    def _run(self, pair: Pair, prepared: messages.Prepared, before: Before | None) -> Outcome:
+        """Return the outcome of a pair whose problem was converted."""
+        name = pair.entry.solver
+        known = partial(
+            NOTHING.changed,
+            route=prepared.route,
+            kind=str(max(Kind(prepared.kind), solvers.get(name).spec.kind, key=lambda kind: kind.rank)),
+            convert=prepared.convert,
+            target_tolerance=prepared.tolerance,
+        )
         try:
-            start, row["started"] = self._start_of(pair, before)
+            start, started = self._start_of(pair, before)
+            known = partial(known, started=started)
+            worker = self.workers.get(name, pair.limits.memory, pair.limits.seconds)
+            if worker is None:
+                why = self.workers.unavailable[name]
+                return known(status="unavailable", message=f"{why.state}: {why.message}")
+            known = partial(known, version=self.workers.versions[name])
+            return self._solved(pair, prepared, start, worker, known)
         except NoStart as why:
-            return Outcome({**row, "status": why.status, "message": str(why)})
-        worker = self.workers.get(name, pair.limits.memory, limit)
-        if worker is None:
-            state, detail = self.workers.unavailable[name]
-            return Outcome({**row, "status": "unavailable", "message": f"{state}: {detail}"})
-        row["version"] = self.workers.versions[name]
-        promises = (Kind(row["kind"]), solvers.get(name).spec.kind)
-        row["kind"] = str(max(promises, key=lambda kind: kind.rank))
+            return known(status=why.status, message=str(why))
+        except Exception as noise:  # a worker may say anything, and fail us in ways that nobody thought of
+            self.workers.drop(name)
+            message = f"the worker sent no valid message: {type(noise).__name__}: {noise}"[:500]
+            return known(status="error", message=message)
+
+    def _solved(
+        self, pair: Pair, prepared: messages.Prepared, start: messages.Vectors, worker: Child, known: partial[Outcome]
+    ) -> Outcome:
+        """Return the outcome of a pair whose worker is ready; `known` is what of it is known before. Raises
+        WireError."""
+        name, limit = pair.entry.solver, pair.limits.seconds
+        asked = messages.Solve(
+            path=prepared.path,
+            tolerance=prepared.tolerance,
+            seconds=limit,
+            options=dict(pair.entry.options),
+            repeats=pair.limits.repeats,
+            history=pair.limits.history and Trait.HISTORY in solvers.get(name).spec.traits,
+            held=self.workers.holds(name, prepared.path),
+            checksum=prepared.checksum,
+            vectors=start,
+        )
+        loaded = False
         try:
             worker.forget()
-            held = self.workers.holds(name, prepared["path"])
-            asked = {
-                "path": prepared["path"],
-                "checksum": prepared["checksum"],
-                "held": held,
-                "budget": {"tolerance": prepared["tolerance"], "seconds": limit},
-                "options": dict(pair.entry.options),
-                "repeats": pair.limits.repeats,
-                "history": pair.limits.history and Trait.HISTORY in solvers.get(name).spec.traits,
-            }
             over = time.monotonic() + LOAD.limit(limit)
-            worker.send(wire.pack(asked, start), LOAD.limit(limit))
-            reply: dict[str, Any] = {"event": "loaded", "load": 0.0}
-            if not held:
-                reply, _ = hear(worker, over - time.monotonic())
-            if reply["event"] == "loaded":
-                row["load"] = float(reply["load"])
-                self.workers.loaded(name, prepared["path"])
+            worker.send(messages.pack(asked), LOAD.limit(limit))
+            reply = messages.ProblemLoaded(messages.Seconds(0.0))
+            if not asked.held:
+                reply = hear(worker, over - time.monotonic())
+            if isinstance(reply, messages.ProblemLoaded):
+                known, loaded = partial(known, load=reply.load), True
+                self.workers.loaded(name, prepared.path)
                 begun = time.perf_counter()
-                reply, vectors = hear(worker, limit + GRACE)
-                if reply["event"] == "result":
-                    result = Result.from_message(reply, time.perf_counter() - begun)
-                    if result.children > self.setting.processes:
+                reply = hear(worker, limit + GRACE)
+                if isinstance(reply, messages.Result):
+                    if reply.children > self.setting.processes:
                         raise Died(None, worker.output(), reason=crowded(self.setting.processes))
-                    return self._answered(pair, row, result, vectors, worker, asked["history"])
+                    waited = time.perf_counter() - begun
+                    return self._answered(pair, known, worker, reply, waited, asked.history)
         except TimedOut:
             self.workers.drop(name)
-            if "load" not in row:  # the solver was not asked yet
-                message = f"loading: not over after {LOAD.limit(limit):g} s ({LOAD.what})"
-                return Outcome({**row, "status": "error", "message": message})
-            return Outcome({**row, "status": "timeout", "message": f"killed after {limit:g} s", "solve": limit})
+            if loaded:
+                return known(status="timeout", message=f"killed after {limit:g} s", solve=limit)
+            message = f"loading: not over after {LOAD.limit(limit):g} s ({LOAD.what})"
+            return known(status="error", message=message)
         except Died as death:
             self.workers.drop(name)
             status = "memout" if death.out_of_memory else "crash"
-            ending = {"message": obituary(death), "signal": death.signal, "code": death.code}
-            return Outcome({**row, "status": status, **ending})
-        if reply["event"] == "memory":
+            return known(status=status, message=describe_exit(death), signal=death.signal, code=death.code)
+        if isinstance(reply, messages.OutOfMemory):
             self.workers.drop(name)  # what is left of its memory is not worth trusting
-            return Outcome({**row, "status": "memout", "message": f"over {pair.limits.memory} bytes"})
-        status = reply["event"] if reply["event"] in ("unsupported", "unavailable") else "error"
-        if status == "error":
+            return known(status="memout", message=f"over {pair.limits.memory} bytes")
+        status = "error"
+        if isinstance(reply, messages.ProblemUnsupported):
+            status = "unsupported"
+        elif isinstance(reply, messages.SolverUnavailable):
+            status = "unavailable"
+        else:
             self.workers.drop(name)  # nobody has looked at what it left behind
-        told = str(reply.get("message", reply["event"]))[: worker_process.WORDS]
-        return Outcome({**row, "status": status, "message": told})
+        return known(status=status, message=told(reply)[: worker_process.WORDS])
 
-    def _start_of(self, pair: Pair, before: Predecessor | None) -> tuple[Mapping[str, Any] | None, str]:
-        """Vectors of the point to start from, and what the row tells of it; raises NoStart."""
+    def _start_of(self, pair: Pair, before: Before | None) -> tuple[messages.Vectors, str]:
+        """Vectors of the point to start from, none for a cold start, and what the row tells of it; raises NoStart."""
         if pair.start == "cold":
-            return None, "cold"
+            return {}, "cold"
         spec = solvers.get(pair.entry.solver).spec
         if Trait.WARM_START not in spec.traits:
             raise NoStart(f"{spec.name} takes no starting point, and a cold start is not what was asked for")
         if pair.start == PREVIOUS and pair.scene is None:
             raise NoStart("start previous: the problem is no step of a sequence (cpbench pack --sequence makes one)")
-        if pair.start == PREVIOUS and (before is None or before.answer is None):
-            return None, "cold: first step" if before is None else f"{FELL_BACK} {before.status}"
-        earlier = None
-        if before is not None:
-            earlier = {"address": before.address, "format": before.format, "fingerprint": before.fingerprint}
-        reply, vectors = self.referee.ask(
-            REFEREE.limit(pair.limits.seconds),
-            {"answer": before.answer} if before is not None and before.answer is not None else None,
-            command="start",
-            case=Case.header(pair),
-            policy=pair.start,
-            before=earlier,
-        )
-        if reply["event"] != "started":
-            known = reply["event"] == "refused" and reply.get("cause") == NotApplicable.__name__
-            status = "unsupported" if known else "memout" if reply["event"] == "memory" else "error"
-            raise NoStart(f"{'' if known else 'start: '}{reply.get('message', reply['event'])}", status)
-        return vectors, str(reply["told"])
+        earlier, status, answer = before or (None, "", None)
+        verified = answer if status in MET_TOLERANCE else None
+        if pair.start == PREVIOUS and verified is None:
+            return {}, f"{FELL_BACK} {status}" if earlier else "cold: first step"
+        case, vectors = earlier and messages.RefereeCase.of(earlier), {} if verified is None else {"answer": verified}
+        asked = messages.FindStart(messages.RefereeCase.of(pair), pair.start, case, vectors)
+        reply = self.referee.ask(REFEREE.limit(pair.limits.seconds), asked, messages.StartFound)
+        if isinstance(reply, messages.StartFound):
+            return reply.vectors, reply.told
+        if isinstance(reply, messages.Declined) and reply.cause == NotApplicable.__name__:
+            raise NoStart(reply.message)
+        raise NoStart(f"start: {told(reply)}", "memout" if isinstance(reply, messages.OutOfMemory) else "error")
 
     def _answered(
-        self,
-        pair: Pair,
-        row: dict[str, Any],
-        result: Result,
-        vectors: dict[str, Any],
-        worker: Child,
-        recorded: bool,
+        self, pair: Pair, known: partial[Outcome], worker: Child, result: messages.Result, waited: float, recorded: bool
     ) -> Outcome:
-        """The rest of a row whose worker returned: repeats, the history, the verdict."""
+        """Return the outcome of a pair whose worker returned, `waited` seconds later: repeats, the history, the
+        verdict."""
         setups, solves, lost = self._repeated(pair, result, worker)
-        trail: tuple[dict[str, Any], dict[str, Any]] | None = None
+        trail: messages.Recorded | None = None
         if recorded and not lost:
-            trail, lost = self._recorded(pair, worker)
+            trail, lost = self._next(worker, pair, messages.Recorded, pair.limits.seconds + GRACE, "history")
         if (
             result.children
             or result.wrote
@@ -281,106 +289,90 @@ class Lane:
         ):
             self.workers.drop(pair.entry.solver)  # what one problem left behind must not count against the next
         once = remembered(solves)
-        marks = (*result.flags(pair.limits.threads), ("repeat", bool(lost)), ("remembered", once))
-        told = [flag for flag, holds in marks if holds]
-        row |= {
-            "claim": result.claim,
-            "counters": json.dumps(result.counters),
-            "setup": statistics.median(setups),
-            "solve": solves[0] if once else statistics.median(solves),
-            "cpu": result.cpu,
-            "peak": result.peak,
-            "reported": result.reported,
-            "repeats": len(solves),
-            "samples": json.dumps([float(f"{s:.6g}") for s in solves]),
-            "solve_min": min(solves),
-            "solve_iqr": iqr(solves),
-            "flags": ",".join(told),
-        }
-        case = Case.header(pair)
-        reply, extra = self.referee.ask(
-            REFEREE.limit(pair.limits.seconds),
-            vectors,
-            command="judge",
-            case=case,
+        flags = marks(result, waited, pair.limits.threads)
+        flags += [flag for flag, holds in (("repeat", bool(lost)), ("remembered", once)) if holds]
+        case, seconds = messages.RefereeCase.of(pair), REFEREE.limit(pair.limits.seconds)
+        asked = messages.Judge(
+            case,
             claim=result.claim,
             answered=result.answered,
             promise=str(solvers.get(pair.entry.solver).spec.kind),
             proof_seconds=min(pair.limits.seconds / 2, PROOF_SECONDS),
+            vectors=result.vectors,
         )
-        if reply["event"] != "judged":
-            message = f"the answer could not be judged: {reply.get('message', reply['event'])}"
-            return Outcome({**row, "status": "error", "message": "; ".join(filter(None, (message, lost)))})
-        row |= {
-            "status": reply["status"],
-            "message": "; ".join(filter(None, (reply["message"], result.message, lost))),
-            "error": reply["error"],
-            "target_error": reply["target_error"],
-            "flags": ",".join([*reply["flags"], *told]),
-            "parts": json.dumps(reply["parts"]),
-            "lift": reply["lift"],
-            "verify": reply["verify"],
-        }
+        judged = self.referee.ask(seconds, asked, messages.Judged)
+        timed = partial(
+            known,
+            claim=result.claim,
+            counters=json.dumps(result.counters),
+            setup=statistics.median(setups),
+            solve=solves[0] if once else statistics.median(solves),
+            cpu=result.cpu,
+            peak=result.peak,
+            reported=result.reported,
+            repeats=len(solves),
+            samples=json.dumps([float(f"{s:.6g}") for s in solves]),
+            solve_min=min(solves),
+            solve_iqr=iqr(solves),
+        )
+        if isinstance(judged, messages.Failure):
+            message = f"the answer could not be judged: {told(judged)}"
+            return timed(flags=",".join(flags), status="error", message="; ".join(filter(None, (message, lost))))
+        status, message = judged.status, "; ".join(filter(None, (judged.message, result.message, lost)))
         if result.setup + result.solve > pair.limits.seconds:
-            row |= {"status": "timeout", "message": f"answered after the limit of {pair.limits.seconds:g} s"}
+            status, message = "timeout", f"answered after the limit of {pair.limits.seconds:g} s"
         history = None
         if trail is not None:
-            header, snapshots = trail
-            judged, blobs = self.referee.ask(
-                REFEREE.limit(pair.limits.seconds), snapshots, command="judge_history", case=case, trail=header
-            )
-            history = blobs.get("history") if judged["event"] == "history" else None
-        proof = extra.get("proof") if row["status"] in PROVEN else None
-        return Outcome(row, extra.get("answer"), history, proof)
+            again = messages.JudgeHistory(case, HISTORY_SECONDS, **vars(trail))
+            measured = self.referee.ask(seconds, again, messages.HistoryJudged)
+            history = measured.vectors.get("history") if isinstance(measured, messages.HistoryJudged) else None
+        return timed(
+            status=status,
+            message=message,
+            error=judged.error,
+            target_error=judged.target_error,
+            flags=",".join([*judged.flags, *flags]),
+            parts=json.dumps(judged.parts),
+            lift=judged.lift,
+            verify=judged.verify,
+            answer=judged.vectors.get("answer"),
+            history=history,
+            proof=judged.vectors.get("proof") if status in PROVEN else None,
+        )
 
-    def _repeated(self, pair: Pair, result: Result, worker: Child) -> tuple[list[float], list[float], str]:
-        """Setup and solve times of the first solve and its repeats, and what became of repeats that failed.
+    def _repeated(self, pair: Pair, result: messages.Result, worker: Child) -> tuple[list[float], list[float], str]:
+        """Return setup and solve times of the first solve and its repeats, and what became of repeats that failed.
 
         The first answer stands whatever happens to a repeat, with its own times. It is judged after the repeats:
         the referee at work beside them would spoil the times.
         """
-        setups, solves = [result.setup], [result.solve]
+        setups, solves = [float(result.setup)], [float(result.solve)]
         more = pair.limits.repeats - 1
         if more < 1 or result.wrote or result.setup + result.solve >= worker_process.SHORT:
             return setups, solves, ""
-        reply, _, lost = self._next(worker, pair, more * (pair.limits.seconds + GRACE), "repeat")
-        if reply is not None and reply["event"] == "repeats":
-            try:
-                times = repeat_times(reply["times"], more)
-            except (KeyError, TypeError, ValueError, OverflowError) as noise:
-                self.workers.drop(pair.entry.solver)
-                return setups, solves, f"a repeat failed: no valid message: {noise}"
-            setups += [setup for setup, _ in times]
-            solves += [solve for _, solve in times]
+        repeats, lost = self._next(worker, pair, messages.Repeats, more * (pair.limits.seconds + GRACE), "repeat")
+        if repeats is not None and len(repeats.times) > more:
+            self.workers.drop(pair.entry.solver)
+            return setups, solves, f"a repeat failed: {len(repeats.times)} repeats, {more} were asked for"
+        if repeats is not None:
+            setups += [setup for setup, _ in repeats.times]
+            solves += [solve for _, solve in repeats.times]
         return setups, solves, lost
 
-    def _recorded(self, pair: Pair, worker: Child) -> tuple[tuple[dict[str, Any], dict[str, Any]] | None, str]:
-        """The iterates of a solve that was recorded, after all that were timed."""
-        reply, vectors, lost = self._next(worker, pair, pair.limits.seconds + GRACE, "history")
-        return ((reply, vectors) if reply is not None and reply["event"] == "history" else None), lost
-
     def _next(
-        self, worker: Child, pair: Pair, patience: float, what: str
-    ) -> tuple[dict[str, Any] | None, dict[str, Any], str]:
-        """One more message of a worker that has answered; what it did instead does not cost the answer."""
+        self, worker: Child, pair: Pair, expected: type[Reply], patience: float, what: str
+    ) -> tuple[Reply | None, str]:
+        """Return one more message of a worker that has answered; what it did instead does not cost the answer."""
         try:
-            reply, vectors = hear(worker, patience)
-            if reply["event"] != "memory":
-                told = "" if reply["event"] in ("repeats", "history") else str(reply.get("message", reply["event"]))
-                if told:
-                    self.workers.drop(pair.entry.solver)
-                return reply, vectors, told and f"a {what} failed: {told}"
-            lost = f"over {pair.limits.memory} bytes"
+            reply = hear(worker, patience)
+            if isinstance(reply, expected):
+                return reply, ""
+            lost = f"over {pair.limits.memory} bytes" if isinstance(reply, messages.OutOfMemory) else told(reply)
         except TimedOut:
             lost = f"killed after {patience:g} s"
         except Died as death:
-            lost = obituary(death)
-        except (wire.WireError, KeyError, TypeError, ValueError) as noise:
+            lost = describe_exit(death)
+        except wire.WireError as noise:
             lost = f"no valid message: {noise}"
         self.workers.drop(pair.entry.solver)
-        return None, {}, f"a {what} failed: {lost}"
-
-
-def _problem_of(pair: Pair) -> dict[str, Any]:
-    """What every message about a pair says of its problem."""
-    return {"address": pair.address, "format": pair.format, "fingerprint": pair.fingerprint}
+        return None, f"a {what} failed: {lost}"

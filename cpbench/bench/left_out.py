@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from cpbench.bench.planning.plan import Pair
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
 from cpbench.verification import Status
 
@@ -22,14 +23,14 @@ AGAIN: Mapping[str, tuple[str, ...]] = {"failed": (LICENCE, MISSING), "all": (LI
 
 
 def planned(store: Store, pairs: Sequence[Pair], rerun: str) -> list[Pair]:
-    """The pairs without those that an earlier command has left out and that nobody asks for by name now."""
+    """Return the pairs without those that an earlier command has left out and that nobody asks for by name now."""
     again = AGAIN.get(rerun, ())
     out = {key for entry in _entries(store) if entry["status"] not in again for key in entry["keys"]}
     return [pair for pair in pairs if pair.named or pair.key not in out]
 
 
 def statuses(store: Store) -> dict[str, str]:
-    """What became of the pairs that were left out, by key, in the words of rows."""
+    """Return what became of the pairs that were left out, by key, in the words of rows."""
     absent = str(Status.UNAVAILABLE)
     return {
         key: absent if entry["status"] in (MISSING, LICENCE) else entry["status"]
@@ -60,11 +61,11 @@ def settle(store: Store, pairs: Iterable[Pair], absent: Mapping[str, str]) -> No
         note(MISSING, "", hint, solver, [], 0)
     gone: list[str] = []
     for row in store.rows() if unnamed else ():
-        status = _status(row) if row["key"] in unnamed else ""
+        status = _status(row) if row.key in unnamed else ""
         if status:
-            _, _, reason = str(row["message"] or "").partition(": ")
-            note(status, str(row["node"]) if status == Status.UNSUPPORTED else "", reason, row["solver"], [row["key"]])
-            gone.append(row["key"])
+            _, _, reason = (row.message or "").partition(": ")
+            note(status, row.node if status == Status.UNSUPPORTED else "", reason, row.solver, [row.key])
+            gone.append(row.key)
     store.withdraw(gone)
     store.set_meta(left_out=[found[key] for key in sorted(found)])
 
@@ -77,14 +78,14 @@ def _entry(status: str, node: str, reason: str) -> dict[str, Any]:
     return {"status": status, "node": node, "reason": reason, "solvers": {}, "keys": []}
 
 
-def _status(row: Mapping[str, Any]) -> str:
-    """Why a row cannot be: '' where it can. A solver that is broken is no one's choice, and keeps its rows."""
-    if row["status"] == Status.UNSUPPORTED:
+def _status(row: Row) -> str:
+    """Return why a row cannot be: '' where it can. A solver that is broken is no one's choice, and keeps its rows."""
+    if row.status == Status.UNSUPPORTED:
         return str(Status.UNSUPPORTED)
-    state = str(row["message"] or "").partition(":")[0]
-    return state if row["status"] == Status.UNAVAILABLE and state in (MISSING, LICENCE) else ""
+    state = (row.message or "").partition(":")[0]
+    return state if row.status == Status.UNAVAILABLE and state in (MISSING, LICENCE) else ""
 
 
 def _pattern(reason: str) -> str:
-    """A reason without its numbers, so that the same cause is one entry."""
+    """Return a reason without its numbers, so that the same cause is one entry."""
     return re.sub(r"\d[\d.e+-]*", "#", reason)

@@ -12,7 +12,7 @@ PACKAGES = ("cpbench", "numpy", "scipy", "h5py", "numba", "qpsolvers", "cvxpy", 
 
 
 def describe() -> dict[str, Any]:
-    """One flat dictionary, printable as it is."""
+    """Return one flat dictionary, printable as it is."""
     import psutil
 
     return {

@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import graph, storage, verification
-from cpbench.bench import starts
-from cpbench.bench.desk import Case, Desk, Prepared
+from cpbench.bench import messages, starts
 from cpbench.bench.history import Trail, coarse_to_fine
 from cpbench.bench.judging import judge_answer, look_for_proof
 from cpbench.bench.planning.features import features
-from cpbench.bench.planning.plan import parse_request
-from cpbench.bench.processes import wire
+from cpbench.bench.planning.plan import Request, parse_request
+from cpbench.bench.problem_cache import ConvertedProblem, ProblemCache
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import limit_memory
 from cpbench.bench.results import answers
@@ -34,146 +33,133 @@ PROOF_SECONDS = 20.0
 
 
 def main(connection: Channel, scratch: str, memory: int) -> None:
-    """Serve `survey`, `open`, `prepare` and `judge` until the runner closes the pipe, within `memory` bytes."""
+    """Answer the runner until it closes the connection, within `memory` bytes."""
     limit_memory(memory)
     referee = Referee(Path(scratch))
     while True:
         try:
-            header, vectors = wire.unpack(connection.recv_bytes())
+            asked = messages.unpack(connection.recv_bytes())
         except EOFError:
             return
         try:
-            reply = getattr(referee, header.pop("command"))(vectors, **header)
+            reply = referee.answer(asked)
         except CpbenchError as refusal:
-            reply = wire.pack({"event": "refused", "cause": type(refusal).__name__, "message": str(refusal)})
+            reply = messages.Declined(str(refusal), type(refusal).__name__)
         except MemoryError:
-            reply = wire.pack({"event": "memory"})
+            reply = messages.OutOfMemory()
         except Exception as error:
-            reply = wire.pack({"event": "error", "message": f"{type(error).__name__}: {error}"})
-        connection.send_bytes(reply)
+            reply = messages.Failed(f"{type(error).__name__}: {error}")
+        connection.send_bytes(messages.pack(reply))
 
 
 class Referee:
-    """The commands that the runner gives, each with its reply; `case` is a `Case` as it came in the message."""
+    """The requests of the runner, with their answers; each raises CpbenchError where the input is bad."""
 
     def __init__(self, scratch: Path) -> None:
-        self._desk = Desk(scratch)
+        self._cache = ProblemCache(scratch)
         self._attempts: tuple[str, dict[str, verification.Attempt]] = ("", {})
 
-    def survey(
-        self, _: Any, address: str, format: str | None, requests: list[dict[str, Any]], guesses: bool = False
-    ) -> bytes:
-        """What a plan needs to know of a problem, with the nodes whose first edge is open, by request."""
-        problem = self._desk.open(address, format)
-        open_nodes = {r["name"]: _open_nodes(problem, r) for r in requests}
+    def answer(self, asked: messages.Message) -> messages.Message:
+        """Answer a message of the runner."""
+        match asked:
+            case messages.Survey():
+                return self.survey(asked)
+            case messages.Open():
+                self._cache.open(asked.address, asked.format, asked.fingerprint)
+                return messages.Opened()
+            case messages.Prepare():
+                return self.prepare(asked.case)
+            case messages.FindStart():
+                return self.find_start(asked)
+            case messages.Judge():
+                return self.judge(asked)
+            case messages.JudgeHistory():
+                return self.judge_history(asked)
+            case _:
+                raise TypeError(f"a referee does not answer {type(asked).__name__}")
+
+    def survey(self, asked: messages.Survey) -> messages.Surveyed:
+        """Measure what a plan needs to know of a problem."""
+        problem = self._cache.open(asked.address, asked.format)
         sequence = getattr(problem, "sequence", None)
-        return wire.pack(
-            {
-                "event": "surveyed",
-                "problem": problem.name,
-                "fingerprint": problem.fingerprint,
-                "node": problem.node,
-                "family": problem.info.family,
-                "sizes": problem.sizes(),
-                "features": features(problem),
-                "nodes": open_nodes,
-                "sequence": sequence.name if sequence else "",
-                "step": sequence.step if sequence else 0,
-                "guesses": len(storage.guesses(address)) if guesses else 0,
-            }
+        return messages.Surveyed(
+            address=asked.address,
+            format=asked.format,
+            problem=problem.name,
+            fingerprint=problem.fingerprint,
+            node=problem.node,
+            family=problem.info.family,
+            sizes=problem.sizes(),
+            features=features(problem),
+            nodes={request.name: _open_nodes(problem, request) for request in asked.requests},
+            sequence=sequence.name if sequence else "",
+            step=sequence.step if sequence else 0,
+            guesses=len(storage.guesses(asked.address)) if asked.guesses else 0,
         )
 
-    def open(self, _: Any, address: str, format: str | None, fingerprint: str) -> bytes:
-        """Load the problem, unless it is the one that is held; refuses another one than was planned."""
-        self._desk.open(address, format, fingerprint)
-        return wire.pack({"event": "opened"})
-
-    def prepare(self, _: Any, case: dict[str, Any]) -> bytes:
-        """Bring the problem to the node along the request; the reply names the file that solvers load."""
-        asked = Case(**case)
-        _, ready = self._desk.ready(asked)
-        return wire.pack(
-            {
-                "event": "prepared",
-                "path": ready.path,
-                "checksum": ready.checksum,
-                "route": ready.label,
-                "kind": str(ready.kind),
-                "convert": ready.seconds,
-                "tolerance": graph.tolerance(ready.problem, asked.tolerance, ready.steps),
-            }
+    def prepare(self, case: messages.RefereeCase) -> messages.Prepared:
+        """Bring the problem to the node along the request, into a file that solvers load."""
+        _, ready = self._cache.ready(case)
+        return messages.Prepared(
+            path=ready.path,
+            checksum=ready.checksum,
+            route=ready.label,
+            kind=str(ready.kind),
+            convert=ready.seconds,
+            tolerance=graph.tolerance(ready.problem, case.tolerance, ready.steps),
         )
 
-    def start(self, vectors: dict[str, Any], case: dict[str, Any], policy: str, before: dict[str, Any] | None) -> bytes:
-        """The point that a solver is to start from, on the converted problem; refuses where there is none.
-
-        `before` names the step before, whose kept answer comes with the message.
-        """
-        asked = Case(**case)
-        source, prepared = self._desk.ready(asked)
-        earlier = None
-        if before is not None:
-            earlier = starts.step_before(**before, answer=answers.unpack(vectors["answer"]))
+    def find_start(self, asked: messages.FindStart) -> messages.StartFound:
+        """Find the point that a solver is to start from, on the converted problem; refuses where there is none."""
+        case, earlier = asked.case, None
+        source, ready = self._cache.ready(case)
+        if asked.before is not None:
+            before, answer = asked.before, answers.unpack(asked.vectors["answer"])
+            earlier = starts.step_before(before.address, before.format, before.fingerprint, answer)
         begin = starts.start(
-            starts.parse_start(policy),
+            starts.parse_start(asked.policy),
             source,
-            asked.address,
-            prepared.problem,
-            prepared.steps,
-            tolerance=asked.tolerance,
+            case.address,
+            ready.problem,
+            ready.steps,
+            tolerance=case.tolerance,
             before=earlier,
         )
-        found = begin.point.arrays() if begin.point is not None else {}
-        return wire.pack({"event": "started", "told": begin.told}, found)
+        return messages.StartFound(begin.told, begin.point.arrays() if begin.point is not None else {})
 
-    def judge(
-        self,
-        vectors: dict[str, Any],
-        case: dict[str, Any],
-        claim: str,
-        answered: bool,
-        promise: str = Kind.EQUIVALENT,
-        proof_seconds: float = PROOF_SECONDS,
-    ) -> bytes:
-        """Lift the answer, measure it on the problem that was asked, and give the row its status (`judge_answer`).
-
-        A claim that there is no solution gets `proof_seconds` for its proof.
-        """
-        asked = Case(**case)
-        source, prepared = self._desk.ready(asked)
-        certificate = vectors.pop("certificate", None)
+    def judge(self, asked: messages.Judge) -> messages.Judged:
+        """Lift the answer, measure it on the problem that was asked, and give the row its status (`judge_answer`)."""
+        source, ready = self._cache.ready(asked.case)
+        answer = {name: vector for name, vector in asked.vectors.items() if name != "certificate"}
+        certificate = asked.vectors.get("certificate")
+        attempt = partial(self._attempt, source)
         found = judge_answer(
             source,
-            prepared.problem,
-            prepared.steps,
-            vectors if answered else None,
-            tolerance=asked.tolerance,
-            claim=claim,
-            kind=prepared.kind,
-            promise=Kind(promise),
-            measure=asked.measure,
-            prove=lambda: look_for_proof(
-                partial(self._attempt, source), not prepared.steps, claim, certificate, proof_seconds
-            ),
+            ready.problem,
+            ready.steps,
+            answer if asked.answered else None,
+            tolerance=asked.case.tolerance,
+            claim=asked.claim,
+            kind=ready.kind,
+            promise=Kind(asked.promise),
+            measure=asked.case.measure,
+            prove=lambda: look_for_proof(attempt, not ready.steps, asked.claim, certificate, asked.proof_seconds),
         )
-        return wire.pack(
-            {
-                "event": "judged",
-                "status": str(found.status),
-                "message": found.message,
-                "error": found.verdict.error,
-                "target_error": None if found.target is None else found.target.error,
-                "flags": found.flags,
-                "parts": {**found.verdict.judged, **found.verdict.parts},
-                "lift": found.lift,
-                "verify": found.verify,
-            },
-            ({} if found.point is None else {"answer": answers.pack(found.point)})
+        return messages.Judged(
+            status=str(found.status),
+            message=found.message,
+            error=found.verdict.error,
+            target_error=None if found.target is None else found.target.error,
+            flags=tuple(found.flags),
+            parts={**found.verdict.judged, **found.verdict.parts},
+            lift=found.lift,
+            verify=found.verify,
+            vectors=({} if found.point is None else {"answer": answers.pack(found.point)})
             | ({} if found.proof is None else {"proof": verification.packed(found.proof)}),
         )
 
     def _attempt(self, source: Problem, kind: str, certificate: Any, seconds: float) -> verification.Attempt:
-        """A proof of this kind; it is found once, and not found once without a certificate."""
+        """Return a proof of this kind; it is found once, and not found once without a certificate."""
         held, attempts = self._attempts
         if held != source.fingerprint:
             attempts.clear()
@@ -185,52 +171,42 @@ class Referee:
                 attempts[kind] = known
         return known
 
-    def judge_history(
-        self,
-        vectors: dict[str, Any],
-        case: dict[str, Any],
-        trail: dict[str, Any],
-        seconds: float = HISTORY_SECONDS,
-    ) -> bytes:
+    def judge_history(self, asked: messages.JudgeHistory) -> messages.HistoryJudged:
         """Lift and measure the iterates of a recorded solve on the problem that was asked, as many as time permits."""
-        asked = Case(**case)
-        source, prepared = self._desk.ready(asked)
-        recorded = Trail.from_message(trail, vectors, sum(prepared.problem.point_sizes.values()))
+        source, ready = self._cache.ready(asked.case)
+        recorded = Trail.of(asked, sum(ready.problem.point_sizes.values()))
         errors: dict[int, tuple[float, tuple[str, ...]]] = {}
         begun = time.perf_counter()
         for place in coarse_to_fine(len(recorded.iterates)):
-            if errors and time.perf_counter() - begun > seconds:
+            if errors and time.perf_counter() - begun > asked.seconds:
                 break
-            errors[place] = _measured(source, prepared, recorded.iterates[place], asked.measure)
-        return wire.pack(
-            {"event": "history", "judged": len(errors), "of": len(recorded.iterates)},
-            {"history": recorded.judged(errors).pack()},
-        )
+            errors[place] = _measured(source, ready, recorded.iterates[place], asked.case.measure)
+        return messages.HistoryJudged({"history": recorded.judged(errors).pack()})
 
 
-def _open_nodes(problem: Problem, request: dict[str, Any]) -> list[str]:
-    """Nodes that some route of the request reaches, as far as its first edge tells."""
+def _open_nodes(problem: Problem, request: Request) -> tuple[str, ...]:
+    """Return nodes that some route of the request reaches, as far as its first edge tells."""
     kinds, via = parse_request(request)
     nodes: list[str] = []
     for node in graph.formulations.names():
-        if request["nodes"] and node not in request["nodes"]:
+        if request.nodes and node not in request.nodes:
             continue
         routes = _routes(problem.node, node, kinds, via)
         if any(not r.steps or r.steps[0].obstacle(problem) is None for r in routes):
             nodes.append(node)
-    return nodes
+    return tuple(nodes)
 
 
 @lru_cache(maxsize=2**12)
 def _routes(source: str, target: str, kinds: frozenset[Kind], via: tuple[Conversion, ...]) -> tuple[graph.Route, ...]:
-    """Paths between nodes, found once for all problems of a node."""
+    """Return paths between nodes, found once for all problems of a node."""
     return tuple(graph.candidates(source, target, kinds, via))
 
 
-def _measured(source: Problem, prepared: Prepared, x: Any, measure: str | None) -> tuple[float, tuple[str, ...]]:
+def _measured(source: Problem, ready: ConvertedProblem, x: Any, measure: str | None) -> tuple[float, tuple[str, ...]]:
     """Error of a solver's vector on the problem that was asked, with the flags of a tolerance that it just meets."""
     try:
-        answer = graph.lift(prepared.problem, prepared.problem.point_from_vector(x), prepared.steps)
+        answer = graph.lift(ready.problem, ready.problem.point_from_vector(x), ready.steps)
         error = verification.judge(source, answer, 0.0, measure).error
         if not math.isfinite(error):
             return math.inf, ()

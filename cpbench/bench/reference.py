@@ -15,8 +15,8 @@ from cpbench.bench.processes import wire
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
-from cpbench.bench.staff import Setting
 from cpbench.bench.time_limits import START
+from cpbench.bench.worker_pool import Setting
 
 ORDER = 200
 """Of a dense system: about a millisecond, and half a megabyte that stays in the cache."""

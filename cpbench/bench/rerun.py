@@ -16,7 +16,7 @@ from cpbench.bench.planning.assembly import Assembly, Reading, assemble
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import settings
-from cpbench.bench.staff import Setting
+from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, StoreError
 
 CHOOSING = ("found", "problems", "keyword", "family", "where", "max_problems", "split")
@@ -25,13 +25,13 @@ KEPT = ("seed", "threads", "jobs", "isolate", "affinity")
 
 
 def plan(path: Path, keys: Collection[str], output: Path) -> RunPlan:
-    """The plan of a results file for the problems of some of its rows; nothing of it starts a program by itself.
+    """Return the plan of a results file for the problems of some of its rows; nothing of it starts a program by itself.
 
     Raises StoreError where the file keeps none, UnknownName on solvers that are not loaded.
     """
     with Store(path) as store:
         told: Mapping[str, Any] = store.meta().get("plan") or {}
-        rows = [row for row in store.rows() if row["key"] in keys]
+        rows = [row for row in store.rows() if row.key in keys]
     if not told.get("sets"):
         raise StoreError(f"{path}: does not say how its rows were run: none can be run again")
     sets: list[dict[str, Any]] = []
@@ -40,7 +40,7 @@ def plan(path: Path, keys: Collection[str], output: Path) -> RunPlan:
         if programs:
             raise CpbenchError(f"{path}: the solver '{programs[0]}' starts a program: load it with --plugin FILE")
         own = {key: _read(path, key, value) for key, value in part.items() if key not in CHOOSING and value}
-        addresses = [str(row["address"]) for row in rows if (row["set"] or "") == part.get("name", "")]
+        addresses = [row.address for row in rows if (row.set or "") == part.get("name", "")]
         if addresses:
             sets.append({**own, "problems": tuple(dict.fromkeys(addresses))})
     if not sets:

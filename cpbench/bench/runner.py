@@ -13,20 +13,21 @@ from typing import Any, Protocol
 
 from cpbench.bench import block as blocks
 from cpbench.bench import machine
-from cpbench.bench.block import Block, Notice, silent
+from cpbench.bench.block import Block
+from cpbench.bench.events import Done, Event, Notice, silent
 from cpbench.bench.lane import Lane
-from cpbench.bench.outcome import Outcome
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.reference import Reference
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
-from cpbench.bench.staff import Setting
+from cpbench.bench.worker_pool import Setting
 
 REFERENCE_EVERY = 100
 """Pairs between two reference solves."""
 
 
 def settings(common: Setting, jobs: int = 1, *, pin: bool = True) -> list[Setting]:
-    """One setting a lane; with `pin`, each with cores of its own, where there are enough of them.
+    """Return one setting a lane; with `pin`, each with cores of its own, where there are enough of them.
 
     The first cores of the machine, where interrupts and the runner are at home, are given away last.
     """
@@ -39,7 +40,7 @@ def settings(common: Setting, jobs: int = 1, *, pin: bool = True) -> list[Settin
 
 
 class Crew(Protocol):
-    """Who works blocks off: lanes of this machine, or the machines of a cluster."""
+    """An executor of blocks: lanes of this machine, or the machines of a cluster."""
 
     @property
     def reference(self) -> Setting | None:
@@ -51,8 +52,8 @@ class Crew(Protocol):
         """What each machine is, by host, before the first outcome from there."""
         ...
 
-    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome, str]]:
-        """What comes of every pair, and the host that it was run on. Who closes the generator stops the work."""
+    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
+        """Yield what comes of every pair, with the host that it was run on. Closing the generator stops the work."""
         ...
 
 
@@ -61,21 +62,16 @@ class Lanes:
 
     def __init__(self, lanes: Sequence[Lane]) -> None:
         self._lanes = lanes
-        self._host = platform.node()
-        self.machines = {self._host: machine.describe()}
+        self.machines = {platform.node(): machine.describe()}
 
     @property
     def reference(self) -> Setting:
         return self._lanes[0].setting
 
-    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome, str]]:
+    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
         if len(self._lanes) > 1:
-            ended = _side_by_side(self._lanes, todo, notice)
-        else:
-            ended = _one_by_one(self._lanes[0], todo, notice)
-        with closing(ended):
-            for pair, outcome in ended:
-                yield pair, outcome, self._host
+            return _side_by_side(self._lanes, todo, notice)
+        return _one_by_one(self._lanes[0], todo, notice)
 
 
 def execute(
@@ -96,12 +92,13 @@ def execute(
         outcomes = stack.enter_context(closing(crew.outcomes(todo, notice)))
         if reference:
             store.add_reference(0, *reference.measure())
-        for done, (pair, outcome, host) in enumerate(outcomes, 1):
+        for done, (pair, outcome) in enumerate(outcomes, 1):
+            host = str(outcome.host)
             if host not in hosts:
                 store.note_machine(host, crew.machines[host])
                 hosts.add(host)
-            store.finish(pair.key, {**outcome.row, "host": host}, outcome.answer, outcome.history, outcome.proof)
-            notice("done", pair, outcome.row)
+            store.finish(pair.key, outcome)
+            notice(Done(pair, outcome))
             if reference and (done % REFERENCE_EVERY == 0 or done == pairs):
                 store.add_reference(done, *reference.measure())
 
@@ -123,9 +120,9 @@ def _one_by_one(lane: Lane, todo: Sequence[Block], notice: Notice) -> Generator[
 
 
 def _side_by_side(lanes: Sequence[Lane], todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
-    """A thread a lane: it waits for processes nearly all the time. Whoever stops listening stops the lanes."""
+    """Yield a thread a lane: it waits for processes nearly all the time. Whoever stops listening stops the lanes."""
     waiting: queue.SimpleQueue[Block | None] = queue.SimpleQueue()
-    events: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    events: queue.SimpleQueue[Event | BaseException | None] = queue.SimpleQueue()
     stopped = threading.Event()
     for block in (*todo, *(None for _ in lanes)):
         waiting.put(block)
@@ -133,14 +130,14 @@ def _side_by_side(lanes: Sequence[Lane], todo: Sequence[Block], notice: Notice) 
     def work(lane: Lane) -> None:
         try:
             while (block := waiting.get()) is not None and not stopped.is_set():
-                for ended in blocks.run(lane, block, lambda *event: events.put(("notice", event))):
+                for ended in blocks.run(lane, block, events.put):
                     if stopped.is_set():
                         return
-                    events.put(("outcome", ended))
+                    events.put(Done(*ended))
         except BaseException as error:
-            events.put(("failed", error))
+            events.put(error)
         finally:
-            events.put(("idle", None))
+            events.put(None)
 
     threads = [threading.Thread(target=work, args=(lane,), daemon=True) for lane in lanes]
     try:
@@ -148,15 +145,15 @@ def _side_by_side(lanes: Sequence[Lane], todo: Sequence[Block], notice: Notice) 
             thread.start()
         working = len(threads)
         while working:
-            what, value = events.get()
-            if what == "outcome":
-                yield value
-            elif what == "notice":
-                notice(*value)
-            elif what == "failed":
-                raise value
-            else:
+            event = events.get()
+            if event is None:
                 working -= 1
+            elif isinstance(event, BaseException):
+                raise event
+            elif isinstance(event, Done):
+                yield event.pair, event.outcome
+            else:
+                notice(event)
     finally:
         stopped.set()
         for lane in lanes:

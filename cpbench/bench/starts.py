@@ -42,7 +42,7 @@ class StartKind(StrEnum):
 
 @dataclass(frozen=True)
 class StartPolicy:
-    """What was asked for. `sigma` : relative size of the noise of `perturbed`, 0 for the solution itself.
+    """A start policy as asked for. `sigma` : relative size of the noise of `perturbed`, 0 for the solution itself.
 
     `guess` : which of the file's guesses, counted from 1; EVERY for each of them, which a plan makes pairs of.
     """
@@ -52,7 +52,7 @@ class StartPolicy:
     guess: int = 1
 
     def __str__(self) -> str:
-        """One text for one policy: part of a row's key."""
+        """Return one text for one policy: part of a row's key."""
         if self.kind is StartKind.PERTURBED:
             return f"{self.kind}:{self.sigma!r}"
         if self.guess == EVERY:
@@ -82,7 +82,7 @@ class Start:
 
 
 def parse_start(text: str) -> StartPolicy:
-    """`cold`, `file`, `file:2`, `file:all`, `previous` or `perturbed:0.01`; raises UnknownName, CpbenchError
+    """Return `cold`, `file`, `file:2`, `file:all`, `previous` or `perturbed:0.01`; raises UnknownName, CpbenchError
     on a wrong number.
 
     >>> str(parse_start("perturbed:1e-2"))
@@ -108,8 +108,8 @@ def parse_start(text: str) -> StartPolicy:
 
 
 def each_start(asked: str, guesses: int) -> list[str]:
-    """The policies that one stands for, on a problem whose file has so many guesses; one that has none is asked for the
-    first, so that its row says that there is none.
+    """Return the policies that one stands for, on a problem whose file has so many guesses; one that has none is
+    asked for the first, so that its row says that there is none.
 
     >>> each_start("file:all", 3), each_start("cold", 3), each_start("file:all", 0)
     (['file', 'file:2', 'file:3'], ['cold'], ['file'])
@@ -121,7 +121,8 @@ def each_start(asked: str, guesses: int) -> list[str]:
 
 
 def step_before(address: str, format: str | None, fingerprint: str, answer: Vector) -> Before:
-    """The step whose answer was kept as a plain vector; raises FormatError, ProblemError when the file changed."""
+    """Return the step whose answer was kept as a plain vector; raises FormatError, ProblemError when the file
+    changed."""
     problem = storage.load(address, format=format)
     if problem.fingerprint != fingerprint:
         raise ProblemError(
@@ -141,7 +142,7 @@ def start(
     seed: int = 0,
     before: Before | None = None,
 ) -> Start:
-    """Where to start on `converted`, which is `problem` after `steps` conversions.
+    """Return where to start on `converted`, which is `problem` after `steps` conversions.
 
     Raises NotApplicable with the reason where the policy gives no start, or no conversion carries it.
     """
@@ -158,7 +159,7 @@ def start_for(
     seed: int = 0,
     before: Before | None = None,
 ) -> Start:
-    """Where to start on the problem at `address` itself; raises NotApplicable, FormatError.
+    """Return where to start on the problem at `address` itself; raises NotApplicable, FormatError.
 
     `before` None means, for `previous`, that there is nothing to go on: the start is cold and says so.
     """
@@ -176,7 +177,7 @@ def start_for(
 
 
 def carry(point: Any, converted: Problem, steps: int) -> Any:
-    """The start on a converted problem; raises NotApplicable where a conversion cannot carry it."""
+    """Return the start on a converted problem; raises NotApplicable where a conversion cannot carry it."""
     try:
         carried = graph.push(converted, point, steps)
         converted.check_point(carried)
@@ -188,7 +189,7 @@ def carry(point: Any, converted: Problem, steps: int) -> Any:
 
 
 def known_solution(problem: Problem, address: str, tolerance: float) -> Any:
-    """The file's solution, if it is one; raises NotApplicable with what was measured."""
+    """Return the file's solution, if it is one; raises NotApplicable with what was measured."""
     found = storage.solution(address)
     if found is None:
         raise NotApplicable("start perturbed", "the file has no solution to start near to")
@@ -202,7 +203,7 @@ def known_solution(problem: Problem, address: str, tolerance: float) -> Any:
 
 
 def perturbed(problem: Problem, solution: Any, sigma: float, seed: int) -> Any:
-    """x* + σ s ξ; raises NotApplicable for x* = 0, which has no scale."""
+    """Return x* + σ s ξ; raises NotApplicable for x* = 0, which has no scale."""
     if not any(x.any() for x in solution.arrays().values()):
         raise NotApplicable(
             "start perturbed", "the solution in the file is 0: noise has no scale there, and 0 is the cold start"
@@ -218,7 +219,7 @@ def perturbed(problem: Problem, solution: Any, sigma: float, seed: int) -> Any:
 
 
 def _blocks(problem: Problem, part: str, size: int) -> list[np.ndarray[Any, np.dtype[np.intp]]]:
-    """Indices of what has one unit: a part, or the forces and the moments in reactions with rolling friction."""
+    """Return indices of what has one unit: a part, or the forces and the moments in reactions with rolling friction."""
     index = np.arange(size)
     if part != "r" or not hasattr(problem, "mu_r") or not isinstance(problem, ContactProblem):
         return [index]
@@ -248,8 +249,8 @@ def _from_file(problem: Problem, address: str, policy: StartPolicy) -> Start:
 
 
 def _own(problem: Problem) -> list[Any]:
-    """The start that is part of a problem with maps (as MathOptFormat's primal_start), multipliers 0; none where it is
-    0, as it is where nobody set one."""
+    """Return the start that is part of a problem with maps (as MathOptFormat's primal_start), multipliers 0; none
+    where it is 0, as it is where nobody set one."""
     start: Vector | None = getattr(problem, "start", None)
     if start is None or not start.any():
         return []

@@ -30,7 +30,7 @@ class Phase:
     what: str
 
     def limit(self, timeout: float = 0.0) -> float:
-        """Seconds that it may take where a solve may take `timeout`."""
+        """Return seconds that it may take where a solve may take `timeout`."""
         return max(self.floor, timeout)
 
 
@@ -46,7 +46,7 @@ PHASES = (START, WARM_UP, LOAD, REFEREE)
 
 
 def floors() -> str:
-    """The floors in a sentence.
+    """Return the floors in a sentence.
 
     >>> floors()
     'start 60 s, warm-up 5 min, load 30 s, conversion 120 s'
@@ -55,7 +55,7 @@ def floors() -> str:
 
 
 def told() -> Iterator[tuple[str, str]]:
-    """Each phase with its limit, for a reader."""
+    """Yield each phase with its limit, for a reader."""
     yield "solve", "--timeout: set-up, solve, and bringing back the answer"
     for phase in PHASES:
         yield phase.name, f"--timeout, at least {duration(phase.floor)}: {phase.what}"

@@ -1,10 +1,9 @@
 """The process that runs one solver. It loads, warms up, solves and reports; it judges nothing.
 
-Messages in: the path of a problem, budget, options. Messages out: `warming` once the solver is found to be available,
-`compiling` where kernels are not in the cache yet, `ready`, then for every request `loaded` (unless the runner knows
-that the problem is `held`), `result`, and where they are asked for `repeats` and `history`; or one that says why not:
-`unsupported`, `error`, `memory`. The limit of a solve counts from `loaded`; what goes before has its own
-(`time_limits`).
+Messages in: `Solve`. Messages out: `WarmingUp` once the solver is found to be available, `CompilingKernels` where these
+are not in the cache yet, `Ready`, then for every request `ProblemLoaded` (unless the runner knows that the problem is
+held), `Result`, and where they are asked for `Repeats` and `Recorded`; or a `Failure`. The limit of a solve counts
+from `ProblemLoaded`; what goes before has its own (`time_limits`).
 """
 
 from __future__ import annotations
@@ -24,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from cpbench import kernel_cache
-from cpbench.bench import handover
+from cpbench.bench import messages, shared_problem
 from cpbench.bench.history import recorded
-from cpbench.bench.processes import guard, wire
+from cpbench.bench.processes import guard
 from cpbench.bench.processes.apart import apart
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import confine, forks, limit_memory
@@ -59,10 +58,9 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
         confine(scratch, own=type(solver).__module__.startswith("cpbench.solvers."))
     available = solver.availability()
     if not available.ok:
-        connection.send_bytes(_message(event="unavailable", state=available.state, detail=available.detail[-WORDS:]))
+        connection.send_bytes(messages.pack(messages.SolverUnavailable(available.detail[-WORDS:], available.state)))
         return
-    connection.send_bytes(_message(event="warming"))
-    started = time.perf_counter()
+    connection.send_bytes(messages.pack(messages.WarmingUp()))
     with _telling_of_compilation(connection):
         solver.warmup()
         if formulations.get(solver.spec.node).has_maps():
@@ -74,14 +72,14 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
     forked = fresh and forks() and bench.meter.threads == 1 and not bench.meter.helpers
     if forked:
         gc.freeze()  # what is warm is not walked through again in every process forked from it
-    seconds = time.perf_counter() - started
-    bench.tell(event="ready", version=version, seconds=seconds, pid=os.getpid(), single=fresh and not forked)
+    bench.tell(messages.Ready(version[:WORDS], single=fresh and not forked))
     while True:
         try:
-            request = wire.unpack(connection.recv_bytes())
+            asked = messages.unpack(connection.recv_bytes())
         except EOFError:
             return
-        bench.serve(*request, apart if forked else _here)
+        assert isinstance(asked, messages.Solve), "the runner asks a worker for nothing else"
+        bench.serve(asked, apart if forked else _here)
         if fresh and not forked:
             return
 
@@ -93,7 +91,7 @@ def _telling_of_compilation(connection: Channel) -> Generator[None]:
 
     def heard(record: logging.LogRecord) -> bool:
         if not told:
-            connection.send_bytes(_message(event="compiling"))
+            connection.send_bytes(messages.pack(messages.CompilingKernels()))
         told.append(record.getMessage())
         return True
 
@@ -111,31 +109,31 @@ class Bench:
     def __init__(self, connection: Channel, solver: Solver) -> None:
         self._connection, self._solver = connection, solver
         self._path, self._problem, self._handed, self._checksum = "", None, None, 0
-        self._header: Mapping[str, Any] = {}
-        self._start: Mapping[str, Any] = {}
+        self._asked = messages.Solve("", 0.0, 0.0, {})
         self.meter = Meter()
 
-    def serve(self, header: Mapping[str, Any], start: Mapping[str, Any], run: Callable[..., Any]) -> None:
+    def serve(self, asked: messages.Solve, run: Callable[..., Any]) -> None:
         """Answer a request; `run` takes each step of it, here or in a process of its own."""
-        self._header, self._start = header, start
+        self._asked = asked
         result = run(lambda: self._safely(self._answer))
         if result is None:
             return
-        if header["repeats"] > 1 and result["short"] and not result["wrote"]:
+        if asked.repeats > 1 and result["short"] and not result["wrote"]:
             times: list[Any] = []
-            for _ in range(header["repeats"] - 1):
+            for _ in range(asked.repeats - 1):
                 times.append(run(lambda: self._safely(self._repeat)))
                 if times[-1] is None:
                     return
-            self.tell(event="repeats", times=times)
-        if header.get("history"):
+            self.tell(messages.Repeats(tuple(times)))
+        if asked.history:
             run(lambda: self._safely(self._record))
 
-    def tell(self, vectors: Mapping[str, Any] | None = None, **header: Any) -> None:
-        self._connection.send_bytes(_message(vectors, **header))
+    def tell(self, message: messages.Message) -> None:
+        self._connection.send_bytes(messages.pack(message))
 
     def _safely(self, step: Callable[[], Any]) -> Any:
-        """What `step` returns; None when it raised, and the runner has been told. SystemExit ends the process."""
+        """Return what `step` returns; None when it raised, and the runner has been told. SystemExit ends the
+        process."""
         me = os.getpid()
         try:
             return step()
@@ -146,15 +144,15 @@ class Bench:
             if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
                 self._forget()
                 gc.collect()
-                self.tell(event="memory")
+                self.tell(messages.OutOfMemory())
             elif isinstance(error, Ended):
                 guard.end_like(error.code)
             elif isinstance(error, NotApplicable):
-                self.tell(event="unsupported", message=error.obstacle)
+                self.tell(messages.ProblemUnsupported(error.obstacle[:WORDS]))
             elif isinstance(error, Unavailable):
-                self.tell(event="unavailable", message=str(error))
+                self.tell(messages.SolverUnavailable(str(error)[:WORDS]))
             else:
-                self.tell(event="error", message=_told(error))
+                self.tell(messages.Failed(_told(error)))
             return None
 
     # --------------------------------------------------------------------------------------------- steps
@@ -164,13 +162,13 @@ class Bench:
         problem = self._loaded()
         why = self._solver.obstacle(problem)
         if why is not None:
-            self.tell(event="unsupported", message=why)
+            self.tell(messages.ProblemUnsupported(why[:WORDS]))
             return None
         if self._handed is None:
             self._handed = self._solver.hand_over(problem)
-        if not self._header.get("held"):
-            self.tell(event="loaded", load=time.perf_counter() - begun)
-        asked = self._asked(problem)
+        if not self._asked.held:
+            self.tell(messages.ProblemLoaded(messages.Seconds(time.perf_counter() - begun)))
+        asked = self._arguments(problem)
         self.meter.begin()
         output, setup, solve, cpu = _timed(self._solver, self._handed, *asked, self.meter.cpu)
         used = self.meter.end(setup + solve, cpu)
@@ -181,40 +179,42 @@ class Bench:
         if wrote:
             self._forget()
         self.tell(
-            vectors,
-            event="result",
-            claim=str(output.claim),
-            answered=output.point is not None,
-            message="; ".join(filter(None, (*notes, str(output.message)[:WORDS]))),
-            counters=counters,
-            setup=setup,
-            solve=solve,
-            cpu=cpu,
-            reported=output.reported,
-            wrote=wrote,
-            **used,
+            messages.Result(
+                claim=str(output.claim),
+                answered=output.point is not None,
+                message="; ".join(filter(None, (*notes, str(output.message))))[:WORDS],
+                counters=counters,
+                setup=messages.Seconds(setup),
+                solve=messages.Seconds(solve),
+                cpu=messages.Seconds(cpu),
+                reported=None if output.reported is None else messages.Seconds(output.reported),
+                wrote=wrote,
+                vectors=vectors,
+                **used,
+            )
         )
         return {"short": setup + solve < SHORT, "wrote": wrote}
 
-    def _repeat(self) -> tuple[float, float, float]:
-        asked = self._asked(self._loaded())
+    def _repeat(self) -> tuple[messages.Seconds, messages.Seconds]:
+        asked = self._arguments(self._loaded())
         self._handed = self._solver.hand_over(self._problem)  # again: a program may remember what it has solved
-        return _timed(self._solver, self._handed, *asked, self.meter.cpu)[1:]
+        _, setup, solve, _ = _timed(self._solver, self._handed, *asked, self.meter.cpu)
+        return messages.Seconds(setup), messages.Seconds(solve)
 
     def _record(self) -> bool:
         me, problem = os.getpid(), self._loaded()
-        message = recorded(self._solver, problem, *self._asked(problem))
+        found = recorded(self._solver, problem, *self._arguments(problem))
         _end_unless(me)
-        self._connection.send_bytes(message)
+        self.tell(found)
         return True
 
     def _loaded(self) -> Problem:
-        path = self._header["path"]
+        path = self._asked.path
         if self._problem is None or self._path != path:
             self._forget()  # two problems at a time might not fit
-            self._problem = handover.read(path)
+            self._problem = shared_problem.read(path)
             self._path, self._checksum = path, checksum(self._problem)
-            if self._header.get("checksum", self._checksum) != self._checksum:  # files are within reach of every solver
+            if self._asked.checksum not in (None, self._checksum):  # files are within reach of every solver
                 self._forget()
                 raise ValueError(f"loading: {path} is not what the referee wrote")
         return self._problem
@@ -222,10 +222,12 @@ class Bench:
     def _forget(self) -> None:
         self._path, self._problem, self._handed = "", None, None
 
-    def _asked(self, problem: Problem) -> tuple[Budget, Any, Any]:
+    def _arguments(self, problem: Problem) -> tuple[Budget, Any, Any]:
         """Budget, options and starting point of the request."""
-        first = problem.point_type(**self._start) if self._start else None
-        return Budget(**self._header["budget"]), self._solver.spec.options(**self._header["options"]), first
+        asked = self._asked
+        first = problem.point_type(**asked.vectors) if asked.vectors else None
+        budget = Budget(tolerance=asked.tolerance, seconds=asked.seconds)
+        return budget, self._solver.spec.options(**asked.options), first
 
 
 def _here(step: Callable[[], Any]) -> Any:
@@ -276,7 +278,7 @@ def _checked(output: Any, problem: Problem) -> tuple[dict[str, Vector], dict[str
 
 
 def _counters(told: Mapping[Any, Any]) -> tuple[dict[str, int], list[str]]:
-    """The first of the counters, each an integer of 64 bits by a short name, and remarks on what is left out.
+    """Return the first of the counters, each an integer of 64 bits by a short name, and remarks on what is left out.
 
     To send and to keep a million of them takes seconds, after a solve that was over within its limit.
     """
@@ -298,13 +300,8 @@ def _counters(told: Mapping[Any, Any]) -> tuple[dict[str, int], list[str]]:
     return counters, notes
 
 
-def _message(vectors: Mapping[str, Any] | None = None, **header: Any) -> bytes:
-    """A message to the runner; no text in it is longer than `WORDS`."""
-    return wire.pack({k: v[:WORDS] if isinstance(v, str) else v for k, v in header.items()}, vectors)
-
-
 def _told(error: BaseException) -> str:
-    """One line and the last lines of the trace; an exception that cannot even say what it is has its class."""
+    """Return one line and the last lines of the trace; an exception that cannot even say what it is has its class."""
     name = type(error).__name__
     try:
         return f"{name}: {error}"[:WORDS]

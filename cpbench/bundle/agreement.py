@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
+from cpbench.bench.results.rows import Row
 from cpbench.verification import Status
 
 LIMITED = (str(Status.TIMEOUT), str(Status.MEMOUT))
@@ -30,7 +30,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Agreement:
-    """What came of running a bundle again.
+    """Result of running a bundle again, beside the first.
 
     Attributes
     ----------
@@ -50,43 +50,43 @@ class Agreement:
         return self.same + len(self.different)
 
 
-def agree(
-    before: Iterable[Mapping[str, Any]], now: Mapping[str, Mapping[str, Any]], problems: Iterable[str]
-) -> Agreement:
+def agree(before: Iterable[Row], now: Mapping[str, Row], problems: Iterable[str]) -> Agreement:
     """Compare rows of a bundle with those of another run, by key; `problems` are fingerprints of those that are here.
 
     A solver that could not run on either side is not compared.
 
-    >>> told = {"problem": "p", "fingerprint": "f", "solver": "s", "label": "s", "origin": "", "message": ""}
-    >>> found = agree([{**told, "key": "1", "status": "solved"}], {"1": {**told, "status": "wrong"}}, ["f"])
+    >>> from dataclasses import replace
+    >>> from cpbench.bench.results.rows import Planned, columns
+    >>> row = Row(**{**dict.fromkeys(columns(Planned), ""), "fingerprint": "f"}, status="solved")
+    >>> found = agree([row], {"": replace(row, status="wrong")}, ["f"])
     >>> found.different[0].before, found.different[0].now
     ('solved', 'wrong')
     """
     here = set(problems)
     rows = list(before)
-    known = {str(row["solver"]) for row in now.values()}
+    known = {row.solver for row in now.values()}
     same, elsewhere = 0, 0
     different: list[Difference] = []
     absent: dict[str, int] = {}
     lost: dict[str, int] = {}
     for row in rows:
-        again = now.get(str(row["key"]))
-        status = str(again["status"]) if again is not None else ""
-        solver, problem = str(row["solver"]), str(row["problem"])
-        if row["origin"] or row["status"] in (Status.NOT_RUN, Status.UNAVAILABLE):
+        again = now.get(row.key)
+        status = again.status if again is not None else ""
+        solver, problem = row.solver, row.problem
+        if row.origin or row.status in (Status.NOT_RUN, Status.UNAVAILABLE):
             elsewhere += 1
-        elif str(row["fingerprint"]) not in here:
+        elif row.fingerprint not in here:
             lost[problem] = lost.get(problem, 0) + 1
         elif status == Status.UNAVAILABLE or (again is None and solver not in known):
             absent[solver] = absent.get(solver, 0) + 1
-        elif status == row["status"]:
+        elif status == row.status:
             same += 1
         else:
-            message = str(again["message"] or "") if again is not None else ""
-            different.append(Difference(problem, str(row["label"]), str(row["status"]), status, message))
+            message = str(again.message or "") if again is not None else ""
+            different.append(Difference(problem, row.label, row.status, status, message))
     return Agreement(same, tuple(different), dict(sorted(absent.items())), dict(sorted(lost.items())), elsewhere)
 
 
 def ordered(differences: Sequence[Difference]) -> list[Difference]:
-    """Those that no limit explains first."""
+    """Return the differences, those that no limit explains first."""
     return sorted(differences, key=lambda item: (item.limited, item.problem, item.label))

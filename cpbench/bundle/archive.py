@@ -69,13 +69,13 @@ def pack(folder: Path, target: Path, about: Mapping[str, Any]) -> None:
 
 
 def digest(path: Path) -> str:
-    """SHA-256 of a file."""
+    """Return the SHA-256 of a file."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def name_of(text: str) -> str:
-    """A text as one part of a name in a bundle.
+    """Return a text as one part of a name in a bundle.
 
     >>> name_of("a b/ç::d"), name_of(".."), name_of("")
     ('a_b_d', 'x', 'x')
@@ -158,7 +158,7 @@ def _is_sheet(sheet: Any) -> bool:
 
 
 def _entries(path: Path, archive: zipfile.ZipFile, manifest: Mapping[str, Any]) -> dict[str, zipfile.ZipInfo]:
-    """The files by name, once each is known to be listed, plain, and as large as the list says."""
+    """Return the files by name, once each is known to be listed, plain, and as large as the list says."""
     infos = archive.infolist()
     if len(infos) > MOST_FILES:
         raise BundleError(path, f"has {len(infos)} files, at most {MOST_FILES} are unpacked")
@@ -186,7 +186,7 @@ def _entries(path: Path, archive: zipfile.ZipFile, manifest: Mapping[str, Any]) 
 
 
 def is_plain(name: str) -> bool:
-    """Whether a name is a relative path that stays where it begins, on every system.
+    """Return whether a name is a relative path that stays where it begins, on every system.
 
     >>> [is_plain(name) for name in ("plugins/a.py", "../a", "/a", "a//b", "C:a", "a\\\\b", "a/..", "a.")]
     [True, False, False, False, False, False, False, False]
@@ -206,7 +206,7 @@ def _require_room(path: Path, folder: Path, size: int) -> None:
 
 
 def _require_ours(path: Path, folder: Path, raw: bytes) -> None:
-    """The folder is new, empty, or has this bundle."""
+    """Raise unless the folder is new, empty, or has this bundle."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         there = sorted(item.name for item in folder.iterdir())
@@ -239,7 +239,7 @@ def _extract(
 
 
 def _copy(source: Any, out: BinaryIO, size: int) -> str:
-    """SHA-256 of what was copied, `size` bytes at most."""
+    """Copy at most `size` bytes; return their SHA-256."""
     seen, left = hashlib.sha256(), size
     while left and (chunk := source.read(min(_CHUNK, left))):
         seen.update(chunk)

@@ -6,12 +6,14 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from cpbench.bench.results.rows import Row
+
 HEADING = """The plan of this bundle: cpbench reproduce runs it and compares. By hand, in this folder:
 cpbench run --plan plan.toml, with --plugin for each file in plugins/ that is told in REPRODUCE.md."""
 
 
 def text(about: Mapping[str, Any], report: bool) -> str:
-    """`REPRODUCE.md`."""
+    """Write `REPRODUCE.md`."""
     loaded: list[str] = about["plugins"]
     plugin = "".join(f" --plugin {name}" for name in loaded)
     ask = (
@@ -49,10 +51,10 @@ def text(about: Mapping[str, Any], report: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-def versions(meta: Mapping[str, Any], rows: Iterable[Mapping[str, Any]]) -> str:
-    """`versions.txt`: Python, the system, packages as `pip freeze` writes them, and what each solver said of itself."""
+def versions(meta: Mapping[str, Any], rows: Iterable[Row]) -> str:
+    """Write `versions.txt`: Python, the system, packages as `pip freeze` has them, what each solver said of itself."""
     machine: Mapping[str, Any] = meta.get("machine") or {}
-    told = sorted({(str(row["solver"]), str(row["version"])) for row in rows if row["version"]})
+    told = sorted({(row.solver, row.version) for row in rows if row.version})
     return "\n".join(
         [
             f"# Python {machine.get('python', 'not told')}, {machine.get('os', 'system not told')}",
@@ -75,7 +77,7 @@ def _builtin(place: Mapping[str, Any]) -> bool:
 
 
 def _withheld(places: Iterable[Mapping[str, Any]]) -> list[str]:
-    """A line each; whoever has the problem gives its folder to `cpbench reproduce --problems`."""
+    """Return a line each; whoever has the problem gives its folder to `cpbench reproduce --problems`."""
     return [
         f"- `{p['address']}` ({p['node']}, fingerprint {p['fingerprint']}): {p['withheld']}"
         + (f"; from {p['source']}" if p["source"] else "")
@@ -92,7 +94,7 @@ def _listed(names: list[str]) -> str:
 
 def _duration(seconds: float) -> str:
     """
-    >>> _duration(12.3), _duration(7300)
+    Write seconds as a reader would say them.
     ('about 12 s', 'about 122 min')
     """
     return f"about {seconds:.0f} s" if seconds < 600 else f"about {seconds / 60:.0f} min"

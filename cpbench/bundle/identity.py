@@ -40,7 +40,7 @@ _PATIENCE = 10.0
 
 @dataclass(frozen=True)
 class Identity:
-    """What would tell who made a run.
+    """Words that would tell who made a run.
 
     Attributes
     ----------
@@ -56,13 +56,13 @@ class Identity:
 
 
 def of_run(store: Store, folders: Iterable[Path]) -> Identity:
-    """Who made the run of a results file, and who bundles it; `folders` are those its files lie in."""
+    """Return who made the run of a results file, and who bundles it; `folders` are those its files lie in."""
     rows = list(store.rows())
     meta = store.meta()
-    hosts = {str(row["host"]) for row in rows if row["host"]} | set(store.machines())
+    hosts = {row.host for row in rows if row.host} | set(store.machines())
     hosts |= {platform.node(), socket.gethostname(), os.environ.get("HOSTNAME", "")}
     hosts |= {host.partition(".")[0] for host in hosts}
-    addresses = {str(row["address"]) for row in rows}
+    addresses = {row.address for row in rows}
     places = {str(Path(address).parent) for address in addresses if os.path.isabs(address)}
     own = {str(folder.resolve()) for folder in folders} | {str(Path.cwd()), str(Path.home()), store_folder(store)}
     paths = own | places | {tempfile.gettempdir()} | _paths_in(str(meta.get("command", "")))
@@ -79,12 +79,12 @@ def of_run(store: Store, folders: Iterable[Path]) -> Identity:
 
 
 def store_folder(store: Store) -> str:
-    """The folder of a results file."""
+    """Return the folder of a results file."""
     return str(store.path.resolve().parent)
 
 
 def _told(names: Iterable[str]) -> tuple[str, ...]:
-    """The names that tell somebody; one that is a word of Python (`max`) is left where it stands."""
+    """Return the names that tell somebody; one that is a word of Python (`max`) is left where it stands."""
     words = ANYBODY | {*keyword.kwlist, *dir(builtins)}
     return tuple(sorted({n for n in names if len(n) >= SHORTEST and not {n, n.casefold()} & words}))
 
@@ -110,7 +110,8 @@ def _paths_in(command: str) -> set[str]:
 
 
 def _repositories(folders: Iterable[str]) -> tuple[set[str], set[str]]:
-    """Remotes of the repositories that the folders are in, and whose they are: name, mail, accounts in the remotes."""
+    """Return the remotes of the repositories that the folders are in, and whose they are: name, mail, accounts in the
+    remotes."""
     remotes: set[str] = set()
     people: set[str] = set()
     for folder in folders:
@@ -126,7 +127,7 @@ def _repositories(folders: Iterable[str]) -> tuple[set[str], set[str]]:
 
 
 def _remote(address: str) -> tuple[str, set[str]]:
-    """Server of a remote, '' for one that everybody uses, and the accounts in its path.
+    """Return the server of a remote, '' for one that everybody uses, and the accounts in its path.
 
     >>> [(server, sorted(names)) for server, names in map(_remote, ["git@github.com:ann/mine.git", "git.a.org:bob/x"])]
     [('', ['ann']), ('git.a.org', ['bob'])]
@@ -152,10 +153,10 @@ def _git(folder: str, *arguments: str) -> list[str]:
 
 
 def _values() -> tuple[str, ...]:
-    """Values of variables that are long enough to be nobody else's words."""
+    """Return the values of variables that are long enough to be nobody else's words."""
     return tuple(sorted({value for value in os.environ.values() if len(value) >= 8 and not value.isalpha()}))
 
 
 def of_tables(tables: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
-    """Values of the variables that declared solvers are started with."""
+    """Return the values of the variables that declared solvers are started with."""
     return tuple(sorted({v for table in tables.values() for v in (table.get("env") or {}).values() if len(v) >= 4}))

@@ -26,7 +26,7 @@ _SQLITE, _HDF5 = b"SQLite format 3\0", b"\x89HDF\r\n\x1a\n"
 
 
 def require_none(folder: Path, words: Mapping[str, str]) -> None:
-    """Raises CpbenchError where a file below `folder` holds one of the words, or is called by it."""
+    """Raise CpbenchError where a file below `folder` holds one of the words, or is called by it."""
     patterns = [(word, kind, _pattern(word)) for word, kind in sorted(words.items())]
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         name = path.relative_to(folder).as_posix()
@@ -42,13 +42,13 @@ def require_none(folder: Path, words: Mapping[str, str]) -> None:
 
 
 def _pattern(word: str) -> re.Pattern[bytes]:
-    """The word as such: not as a part of another."""
+    """Return a pattern of the word as such: not as a part of another."""
     raw = re.escape(word.encode("utf-8", "surrogateescape"))
     return re.compile(rb"(?<![A-Za-z0-9])" + raw + rb"(?![A-Za-z0-9])", re.IGNORECASE)
 
 
 def _contents(path: Path) -> Iterator[tuple[str, bytes]]:
-    """The bytes of a file, and what is packed in them."""
+    """Yield the bytes of a file, and what is packed in them."""
     raw = path.read_bytes()
     yield "its content", raw
     yield from unpacked(raw, path)
@@ -58,7 +58,7 @@ def _contents(path: Path) -> Iterator[tuple[str, bytes]]:
 
 
 def unpacked(raw: bytes, path: Path | None = None) -> Iterator[tuple[str, bytes]]:
-    """What is packed in bytes: the values of a database, texts and arrays of an HDF5 file, zlib, gzip and zip."""
+    """Yield what is packed in bytes: the values of a database, texts and arrays of an HDF5 file, zlib, gzip and zip."""
     if raw.startswith(_SQLITE) and path is not None:
         yield from _of_database(path)
     elif raw.startswith(_HDF5):

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
 from cpbench.bundle import archive, guide, identity, leaks, plan_of_rows, plugins, problems, results
 from cpbench.bundle.plugins import Plugins
@@ -32,7 +33,7 @@ Reporter = Callable[[Path, Path, str], object]
 
 @dataclass(frozen=True)
 class Asked:
-    """What a bundle is to be. `renames` : other names, of solvers and of any word. `withhold` : globs of problems that
+    """Choices for a bundle. `renames` : other names, of solvers and of any word. `withhold` : globs of problems that
     stay out. `builtin` : the folder of the built-in problems. `report` : None for a bundle without one."""
 
     anonymous: bool = False
@@ -45,7 +46,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Made:
-    """What went into a bundle. `remarks` : what its maker should know."""
+    """Contents of a bundle. `remarks` : what its maker should know."""
 
     pairs: int
     problems: int
@@ -100,11 +101,11 @@ def _require_target(target: Path, asked: Asked) -> None:
 # --------------------------------------------------------------------------------------- names and words
 
 
-def _scrub(store: Store, rows: Sequence[Mapping[str, Any]], found: Plugins, asked: Asked) -> Scrub | None:
+def _scrub(store: Store, rows: Sequence[Row], found: Plugins, asked: Asked) -> Scrub | None:
     if not asked.anonymous:
         return None
     foreign = _foreign(store, rows)
-    names = {str(row["solver"]).partition("@")[0] for row in rows}
+    names = {row.solver.partition("@")[0] for row in rows}
     renames: dict[str, str] = {}
     for old, new in asked.renames:
         if old in names - foreign:
@@ -121,16 +122,16 @@ def _scrub(store: Store, rows: Sequence[Mapping[str, Any]], found: Plugins, aske
     return Scrub(identity.Identity(who.hosts, who.people, who.paths, who.remotes, values), renames)
 
 
-def _foreign(store: Store, rows: Sequence[Mapping[str, Any]]) -> set[str]:
-    """Solvers of the rows that are not cpbench's own: from plugins, installed packages, tables of programs."""
+def _foreign(store: Store, rows: Sequence[Row]) -> set[str]:
+    """Return solvers of the rows that are not cpbench's own: from plugins, installed packages, tables of programs."""
     sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
     told = {str(sheet.get("name")) for sheet in sheets.values() if sheet.get("plugin")}
     own = {solver.spec.name for solver in solvers if type(solver).__module__.startswith(OWN)}
-    return {name for name in {str(row["solver"]) for row in rows} if name in told or name not in own}
+    return {name for name in {row.solver for row in rows} if name in told or name not in own}
 
 
 def _anonymous(found: Plugins, scrub: Scrub) -> Plugins:
-    """Names and texts of the plugins without what tells whose they are."""
+    """Return names and texts of the plugins without what tells whose they are."""
     return Plugins(
         loaded=[scrub.name(name) for name in found.loaded],
         names={origin: scrub.name(name) for origin, name in found.names.items()},
@@ -142,7 +143,7 @@ def _anonymous(found: Plugins, scrub: Scrub) -> Plugins:
 
 
 def _scrub_texts(folder: Path, scrub: Scrub) -> None:
-    """What a report adds of its own to the rows: citations, definitions."""
+    """Scrub what a report adds of its own to the rows: citations, definitions."""
     for path in sorted(path for path in folder.rglob("*") if path.suffix in TEXTS):
         text = path.read_text(encoding="utf-8")
         path.write_text(scrub.name(text), encoding="utf-8")
@@ -153,19 +154,19 @@ def _scrub_texts(folder: Path, scrub: Scrub) -> None:
 
 def _write(
     store: Store,
-    rows: Sequence[Mapping[str, Any]],
+    rows: Sequence[Row],
     places: Mapping[Unit, Place],
     found: Plugins,
     folder: Path,
     asked: Asked,
     scrub: Scrub | None,
 ) -> dict[str, Any]:
-    """Results, plan, machine, versions and the guide; what `BUNDLE.json` says beside the files."""
+    """Write results, plan, machine, versions and the guide; return what `BUNDLE.json` says beside the files."""
     meta = store.meta()
     settings = plan_of_rows.settings(meta, rows)
     kept = {"sets": [], **settings, "output": "", "report": None, "shard": [1, 1], "tunings": []}
     new = results.write(store, rows, places, folder / results.NAME, kept, _foreign(store, rows), found.names, scrub)
-    ours = [row for row in new if not row["origin"] and row["status"] != "not_run"]
+    ours = [row for row in new if not row.origin and row.status != "not_run"]
     recorded = any(True for _ in store.histories())
     text = plan_of_rows.text(settings, plan_of_rows.sets(ours, recorded, {}), guide.HEADING)
     (folder / PLAN).write_text(text, encoding="utf-8")
@@ -181,8 +182,8 @@ def _write(
         "absent": found.absent,
         "problems": [asdict(place) for place in unique],
         "pairs": len(ours),
-        "statuses": dict(sorted(Counter(str(row["status"]) for row in ours).items())),
-        "seconds": round(plan_of_rows.lasts(ours), 1),
+        "statuses": dict(sorted(Counter(row.status for row in ours).items())),
+        "seconds": round(plan_of_rows.total_seconds(ours), 1),
         "restricted": {
             str(sheet.get("name")): str(sheet["publishing"])
             for sheet in (told.get("solvers") or {}).values()
@@ -202,7 +203,7 @@ def _json(value: Any) -> str:
 
 
 def _remarks(withheld: Sequence[Place], found: Plugins, asked: Asked) -> list[str]:
-    """What the maker of a bundle should know, a line each."""
+    """Return what the maker of a bundle should know, a line each."""
     told = [
         f"not in the bundle: {count} problems: {why}" for why, count in Counter(p.withheld for p in withheld).items()
     ]

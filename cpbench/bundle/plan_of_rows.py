@@ -11,12 +11,14 @@ import json
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from operator import attrgetter
 from typing import Any
 
 from cpbench import brackets
 from cpbench.bench.planning import plan_text
 from cpbench.bench.planning.plan import BEYOND, Entry
 from cpbench.bench.planning.run_plan import RunPlan
+from cpbench.bench.results.rows import Row
 from cpbench.formulations.base import Kind
 
 SETTINGS = ("seed", "threads", "jobs", "isolate", "affinity", "keep", "retry")
@@ -28,28 +30,28 @@ PARTS = (
 """Keys of a set that a bundle says: selections are made, formats are one."""
 _FACETS = re.compile(r"(inner|facets|outer)(\d+)(?:-.*)?")
 _LEVELS = ("exact", "facets", "all")
-_OVER_ALL = ("set", "seconds", "memory", "repeats_asked", "measure", "start")
+_over_all = attrgetter("set", "seconds", "memory", "repeats_asked", "measure", "start")
 
 
-def settings(meta: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """What the plan says for all of its sets."""
+def settings(meta: Mapping[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
+    """Return what the plan says for all of its sets."""
     asked: Mapping[str, Any] = meta.get("plan") or {}
     known = {key: asked[key] for key in SETTINGS if asked.get(key) is not None}
-    threads = [row["threads"] for row in rows if row["threads"]]
+    threads = [row.threads for row in rows if row.threads]
     most = max(sorted(set(threads)), key=threads.count, default=RunPlan.threads)
     return {"seed": meta.get("seed") or 0, **known, "keep": "all", "threads": int(most)}
 
 
-def sets(rows: Iterable[Mapping[str, Any]], recorded: bool, written: Mapping[str, str]) -> list[dict[str, Any]]:
-    """The sets that hold the rows, whose addresses are those of the bundle.
+def sets(rows: Iterable[Row], recorded: bool, written: Mapping[str, str]) -> list[dict[str, Any]]:
+    """Return the sets that hold the rows, whose addresses are those of the bundle.
 
     `recorded` : whether histories were kept. `written` : how a solver is written in a plan, where not by its name.
     """
-    groups: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
+    groups: dict[tuple[Any, ...], list[Row]] = {}
     for row in rows:
-        request = str(row["request"])
+        request = row.request
         via = "" if _level(request) is not None else request
-        groups.setdefault((*(row[name] for name in _OVER_ALL), via), []).append(row)
+        groups.setdefault((*_over_all(row), via), []).append(row)
     parts = [_set(own, via, recorded, written) for (*_, via), own in groups.items()]
     for k, part in enumerate(parts, 1):
         before = [other["name"] for other in parts[: k - 1]]
@@ -59,7 +61,7 @@ def sets(rows: Iterable[Mapping[str, Any]], recorded: bool, written: Mapping[str
 
 
 def text(settings: Mapping[str, Any], parts: Iterable[Mapping[str, Any]], heading: str) -> str:
-    """The file."""
+    """Write the plan file."""
     lines = [*(f"# {line}" for line in heading.splitlines()), *plan_text.lines(settings), "report = false"]
     for part in parts:
         lines += ["", "[[set]]"]
@@ -73,46 +75,46 @@ def text(settings: Mapping[str, Any], parts: Iterable[Mapping[str, Any]], headin
     return "\n".join(lines) + "\n"
 
 
-def _set(rows: Sequence[Mapping[str, Any]], via: str, recorded: bool, written: Mapping[str, str]) -> dict[str, Any]:
+def _set(rows: Sequence[Row], via: str, recorded: bool, written: Mapping[str, str]) -> dict[str, Any]:
     first = rows[0]
     part: dict[str, Any] = {
-        "name": first["set"] or "",
-        "problems": _unique(row["address"] for row in rows),
+        "name": first.set or "",
+        "problems": _unique(row.address for row in rows),
         "solvers": sorted({_entry(row, written) for row in rows}),
     }
     part |= {"via": brackets.split(via, "+")} if via else _routes(rows)
-    part["tolerance"] = sorted({float(row["tolerance"]) for row in rows}, reverse=True)
-    limits = {"timeout": first["seconds"], "memory": first["memory"], "repeats": first["repeats_asked"]}
+    part["tolerance"] = sorted({float(row.tolerance) for row in rows}, reverse=True)
+    limits = {"timeout": first.seconds, "memory": first.memory, "repeats": first.repeats_asked}
     part |= {key: value for key, value in limits.items() if value is not None}
     if recorded:
         part["history"] = True
-    if first["measure"]:
-        part["measure"] = first["measure"]
-    if first["start"]:
-        part["start"] = first["start"]
+    if first.measure:
+        part["measure"] = first.measure
+    if first.start:
+        part["start"] = first.start
     return part
 
 
-def _entry(row: Mapping[str, Any], written: Mapping[str, str]) -> str:
-    """The solver with its options as it is typed; a truth value is `true` there."""
-    given: dict[str, Any] = json.loads(row["options"] or "{}")
+def _entry(row: Row, written: Mapping[str, str]) -> str:
+    """Return the solver with its options as it is typed; a truth value is `true` there."""
+    given: dict[str, Any] = json.loads(row.options or "{}")
     typed = {key: str(value).lower() if isinstance(value, bool) else value for key, value in given.items()}
-    solver = str(row["solver"])
+    solver = row.solver
     return Entry(written.get(solver, solver), typed).label
 
 
-def _routes(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The least routes that hold what was requested, with the facet counts."""
-    requests = {str(row["request"]) for row in rows}
+def _routes(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return the least routes that hold what was requested, with the facet counts."""
+    requests = {row.request for row in rows}
     level = max(_level(request) or 0 for request in requests)
-    if any(row["request"] == "exact" and row["kind"] == Kind.RELAXATION for row in rows):
+    if any(row.request == "exact" and row.kind == Kind.RELAXATION for row in rows):
         level = _LEVELS.index("all")  # solvers that drop a term take part there only
     counts = sorted({int(found[2]) for request in requests if (found := _FACETS.fullmatch(request))})
     return {"routes": _LEVELS[level], **({"facets": counts} if counts else {})}
 
 
 def _level(request: str) -> int | None:
-    """The routes that make a request, None for one that is pinned."""
+    """Return the routes that make a request, None for one that is pinned."""
     facets = _FACETS.fullmatch(request)
     if facets:
         return _LEVELS.index("all" if facets[1] == "outer" else "facets")
@@ -123,6 +125,6 @@ def _unique(items: Iterable[Any]) -> list[Any]:
     return sorted(dict.fromkeys(items))
 
 
-def lasts(rows: Iterable[Mapping[str, Any]]) -> float:
-    """Seconds that the run took, as far as its rows tell."""
-    return math.fsum(float(row["wall"]) for row in rows if row["wall"] and math.isfinite(row["wall"]))
+def total_seconds(rows: Iterable[Row]) -> float:
+    """Return the sum of the wall-clock times of the rows [s]; rows without one count 0."""
+    return math.fsum(float(row.wall) for row in rows if row.wall and math.isfinite(row.wall))

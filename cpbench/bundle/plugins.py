@@ -18,6 +18,7 @@ from typing import Any
 from cpbench import toml_text
 from cpbench.bench.planning import plan_file
 from cpbench.bench.processes.launch import THREAD_VARIABLES
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
 from cpbench.bundle.archive import name_of
 from cpbench.errors import CpbenchError
@@ -31,7 +32,7 @@ LARGEST = 2**20
 
 @dataclass
 class Plugins:
-    """What is bundled of plugins.
+    """Files, tables and notices of plugins in a bundle.
 
     Attributes
     ----------
@@ -52,10 +53,10 @@ class Plugins:
         return "\n".join(self.texts.values())
 
 
-def gather(store: Store, rows: Sequence[Mapping[str, Any]], *, anonymous: bool) -> Plugins:
-    """The plugins of the solvers of the rows, of the command that ran them, and those that are loaded here."""
+def gather(store: Store, rows: Sequence[Row], *, anonymous: bool) -> Plugins:
+    """Return the plugins of the solvers of the rows, of the command that ran them, and those that are loaded here."""
     sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
-    needed = {str(row["solver"]) for row in rows}
+    needed = {row.solver for row in rows}
     needed |= {name.partition("@")[0] for name in needed}
     told = [str(sheet.get("plugin") or "") for sheet in sheets.values() if sheet.get("name") in needed]
     named = [*_in_command(str(store.meta().get("command", ""))), *os.environ.get(PLUGIN_FILES, "").split(os.pathsep)]
@@ -79,7 +80,7 @@ def gather(store: Store, rows: Sequence[Mapping[str, Any]], *, anonymous: bool) 
 
 
 def _in_command(command: str) -> list[str]:
-    """Files of --plugin, and of --plan for its solvers, in a command line."""
+    """Return files of --plugin, and of --plan for its solvers, in a command line."""
     try:
         words = shlex.split(command)
     except ValueError:
@@ -134,7 +135,7 @@ def _tables(path: Path, source: str) -> dict[str, dict[str, Any]]:
 
 
 def _add_variants(found: Plugins, sheets: Mapping[str, Mapping[str, Any]], needed: set[str], anonymous: bool) -> None:
-    """Variants that a command line declared, as tables: `nsgs@head={interpreter="..."}`."""
+    """Add the variants that a command line declared, as tables: `nsgs@head={interpreter="..."}`."""
     written = {str(sheet.get("name")): str(sheet.get("written") or "") for sheet in sheets.values()}
     tables: dict[str, dict[str, Any]] = {}
     for name in sorted(needed & written.keys()):
@@ -148,7 +149,7 @@ def _add_variants(found: Plugins, sheets: Mapping[str, Mapping[str, Any]], neede
 
 
 def _without_variables(found: Plugins, name: str, table: Mapping[str, Any], anonymous: bool) -> dict[str, Any]:
-    """The table; in an anonymous bundle, of its variables those that only count threads."""
+    """Return the table; in an anonymous bundle, of its variables those that only count threads."""
     kept = dict(table)
     if anonymous and kept.get("env"):
         lost = sorted(kept["env"].keys() - {*THREAD_VARIABLES})
@@ -159,7 +160,7 @@ def _without_variables(found: Plugins, name: str, table: Mapping[str, Any], anon
 
 
 def _add_scripts(found: Plugins, name: str, table: Mapping[str, Any], here: Path, folder: str) -> None:
-    """The files that the command of a solver names, below the folder of its table."""
+    """Add the files that the command of a solver names, below the folder of its table."""
     base = (here / table.get("cwd", "")).resolve()
     words = shlex.split(table.get("serve") or table.get("command") or "")
     if table.get("interpreter"):
@@ -188,7 +189,7 @@ def _script(file: Path) -> str | None:
 
 
 def _text(tables: Mapping[str, Mapping[str, Any]]) -> str:
-    """The tables as TOML."""
+    """Return the tables as TOML."""
     lines: list[str] = []
     for name, table in sorted(tables.items(), key=lambda item: ("@" in item[0], item[0])):
         lines += [f"[solver.{toml_text.value(name)}]", *toml_text.lines(table), ""]
@@ -196,7 +197,7 @@ def _text(tables: Mapping[str, Mapping[str, Any]]) -> str:
 
 
 def programs(text: str) -> list[str]:
-    """What the tables of a file start, one line each, for who is asked whether they may."""
+    """Return what the tables of a file start, one line each, for who is asked whether they may."""
     tables: Mapping[str, Mapping[str, Any]] = tomllib.loads(text).get("solver", {})
     return [f"{name}: {_started(table)}" for name, table in tables.items()]
 
@@ -214,5 +215,5 @@ def write(found: Plugins, folder: Path) -> None:
 
 
 def paths(names: Iterable[str], folder: Path) -> list[str]:
-    """The plugin files of an unpacked bundle, as --plugin takes them."""
+    """Return the plugin files of an unpacked bundle, as --plugin takes them."""
     return [str((folder / name).absolute()) for name in names]

@@ -17,6 +17,7 @@ from typing import Any
 
 from cpbench import storage
 from cpbench.bench.planning.run_plan import BUILTIN
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
 from cpbench.bundle.archive import name_of
 from cpbench.bundle.scrub import Scrub
@@ -39,7 +40,7 @@ FORBIDS = re.compile(
 
 @dataclass(frozen=True)
 class Place:
-    """Where a problem of a bundle is.
+    """Place of a problem of a bundle.
 
     Attributes
     ----------
@@ -65,13 +66,13 @@ Unit = tuple[str, str]
 """A fingerprint, and the address where a scene tells equal problems apart."""
 
 
-def unit(row: Mapping[str, Any]) -> Unit:
-    """Which problem a row is about."""
-    return str(row["fingerprint"]), str(row["address"]) if row["sequence"] else ""
+def unit(row: Row) -> Unit:
+    """Return which problem a row is about."""
+    return row.fingerprint, row.address if row.sequence else ""
 
 
 def shipped(folder: Path) -> dict[str, Place]:
-    """The built-in problems by fingerprint, from the sheets beside them."""
+    """Return the built-in problems by fingerprint, from the sheets beside them."""
     found: dict[str, Place] = {}
     for sheet in sorted(folder.glob("*/*.toml")):
         told = _sheet(sheet)
@@ -87,7 +88,7 @@ def shipped(folder: Path) -> dict[str, Place]:
 
 def gather(
     store: Store,
-    rows: Sequence[Mapping[str, Any]],
+    rows: Sequence[Row],
     folder: Path,
     builtin: Mapping[str, Place],
     withhold: Sequence[str] = (),
@@ -101,32 +102,32 @@ def gather(
     found: dict[Unit, Place] = {}
     used: set[str] = set()
     scenes: dict[tuple[str, str], str] = {}
-    for row in sorted(rows, key=lambda row: (str(row["node"]), str(row["problem"]), int(row["step"] or 0))):
+    for row in sorted(rows, key=lambda row: (row.node, row.problem, int(row.step or 0))):
         key = unit(row)
         if key in found:
             continue
-        if not row["sequence"] and key[0] in builtin:
+        if not row.sequence and key[0] in builtin:
             found[key] = builtin[key[0]]
             continue
         place = _place(row, scrub, used, scenes)
-        found[key] = _written(row, place, store, folder, formats.get(str(row["address"])), withhold, scrub)
+        found[key] = _written(row, place, store, folder, formats.get(row.address), withhold, scrub)
     return found
 
 
-def _place(row: Mapping[str, Any], scrub: Scrub | None, used: set[str], scenes: dict[tuple[str, str], str]) -> Place:
-    """A name of its own below the folder of the node; steps of a scene in a folder of their scene."""
+def _place(row: Row, scrub: Scrub | None, used: set[str], scenes: dict[tuple[str, str], str]) -> Place:
+    """Return a name of its own below the folder of the node; steps of a scene in a folder of their scene."""
     told = scrub.name if scrub is not None else str
-    node, problem, scene = str(row["node"]), told(str(row["problem"])), told(str(row["sequence"] or ""))
+    node, problem, scene = row.node, told(row.problem), told(row.sequence or "")
     base = f"{FOLDER}/{name_of(node)}/{name_of(scene or problem)}"
     if scene:
-        file, pack, _ = str(row["address"]).partition(SEPARATOR)
-        origin = (file if pack else str(Path(file).parent), str(row["sequence"]))
+        file, pack, _ = row.address.partition(SEPARATOR)
+        origin = (file if pack else str(Path(file).parent), row.sequence)
         if origin not in scenes:
             scenes[origin] = _free(base, used)
-        address = _free(f"{scenes[origin]}/step-{int(row['step'] or 0):06d}", used)
+        address = _free(f"{scenes[origin]}/step-{int(row.step or 0):06d}", used)
     else:
         address = _free(base, used)
-    return Place(f"{address}.h5", str(row["fingerprint"]), problem, node)
+    return Place(f"{address}.h5", row.fingerprint, problem, node)
 
 
 def _free(name: str, used: set[str]) -> str:
@@ -139,7 +140,7 @@ def _free(name: str, used: set[str]) -> str:
 
 
 def _written(
-    row: Mapping[str, Any],
+    row: Row,
     place: Place,
     store: Store,
     folder: Path,
@@ -147,9 +148,10 @@ def _written(
     withhold: Sequence[str],
     scrub: Scrub | None,
 ) -> Place:
-    """The place with what is known of the problem, once its file is written or the reason is found why it is not."""
+    """Return the place with what is known of the problem, once its file is written or the reason is found why it is
+    not."""
     told: Callable[[str], str] = scrub.text if scrub is not None else str
-    address = located(str(row["address"]), store.path)
+    address = located(row.address, store.path)
     try:
         problem = storage.load(address, format=format)
     except CpbenchError:
@@ -160,7 +162,7 @@ def _written(
         return replace(about, withheld="its file was changed after the run")
     if FORBIDS.search(licence):
         return replace(about, withheld=f"its licence does not let it be handed on: {about.licence}")
-    names = (problem.name, info.family, str(row["problem"]), str(row["address"]))
+    names = (problem.name, info.family, row.problem, row.address)
     if any(fnmatch.fnmatchcase(name, pattern) for name in names for pattern in withhold):
         return replace(about, withheld="whoever made the bundle kept it")
     save(problem, address, folder / place.address, scrub)
@@ -168,13 +170,13 @@ def _written(
 
 
 def _licence_beside(address: str) -> str:
-    """The licence in the sheet of a collection, `pack.toml` beside `pack.h5`; '' where there is none."""
+    """Return the licence in the sheet of a collection, `pack.toml` beside `pack.h5`; '' where there is none."""
     sheet = split_address(address)[0].with_suffix(".toml")
     return str(_sheet(sheet).get("licence", "")) if sheet.is_file() else ""
 
 
 def _sheet(path: Path) -> dict[str, Any]:
-    """What a sheet says; nothing where it is none."""
+    """Return what a sheet says; nothing where it is none."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -182,7 +184,8 @@ def _sheet(path: Path) -> dict[str, Any]:
 
 
 def located(address: str, results: Path) -> str:
-    """An address of a row as a path from here: relative ones were from where the run was, or beside the results."""
+    """Return an address of a row as a path from here: relative ones were from where the run was, or beside the
+    results."""
     file, member = split_address(address)
     if file.is_absolute() or file.exists():
         return address
@@ -204,7 +207,8 @@ def save(problem: Problem, address: str, target: Path, scrub: Scrub | None) -> N
 
 
 def _points(address: str) -> tuple[list[Point], Point | None]:
-    """Starting points and the solution of a file, none where it is not of a kind that has any, or they are damaged."""
+    """Return starting points and the solution of a file, none where it is not of a kind that has any, or they are
+    damaged."""
     try:
         found = storage.solution(address)
         return storage.guesses(address), found[0] if found is not None else None
@@ -213,7 +217,7 @@ def _points(address: str) -> tuple[list[Point], Point | None]:
 
 
 def anonymous(problem: Problem, scrub: Scrub) -> Problem:
-    """The same mathematics without provenance, and with texts that tell nobody."""
+    """Return the same mathematics without provenance, and with texts that tell nobody."""
     about = {name: scrub.text(getattr(problem.info, name)) for name in _TEXTS}
     info = Info(**about, family=scrub.name(problem.info.family), properties=scrub.deep(problem.info.properties))
     given: dict[str, Any] = {"name": scrub.name(problem.name), "info": info, "provenance": ()}

@@ -53,7 +53,7 @@ class Bundle:
         return list(self.about["plugins"])
 
     def code(self) -> list[tuple[str, str, int]]:
-        """(name, SHA-256, bytes) of every file that may be executed: plugins, and the scripts beside them."""
+        """Return (name, SHA-256, bytes) of every file that may be executed: plugins, and the scripts beside them."""
         files: Mapping[str, Mapping[str, Any]] = self.about["files"]
         return [
             (name, str(sheet["sha256"]), int(sheet["bytes"]))
@@ -62,7 +62,7 @@ class Bundle:
         ]
 
     def programs(self) -> list[str]:
-        """What the tables among the plugins start; raises BundleError where they are none."""
+        """Return what the tables among the plugins start; raises BundleError where they are none."""
         found: list[str] = []
         for name in self.loaded:
             if name.endswith(".toml"):
@@ -102,7 +102,7 @@ def adopt(bundle: Bundle, candidates: Sequence[str]) -> int:
 
 
 def load_plugins(bundle: Bundle) -> None:
-    """Have the plugins loaded, here and by all processes of the run: after everybody agreed, before any solver is
+    """Load the plugins, here and by all processes of the run: after everybody agreed, before any solver is
     looked up."""
     if bundle.loaded:
         before = [path for path in os.environ.get(PLUGIN_FILES, "").split(os.pathsep) if path]
@@ -110,7 +110,7 @@ def load_plugins(bundle: Bundle) -> None:
 
 
 def plan(bundle: Bundle, jobs: int | None = None) -> tuple[RunPlan, list[str]]:
-    """The plan of a bundle, for the solvers that are here, and the names of those that are not.
+    """Return the plan of a bundle, for the solvers that are here, and the names of those that are not.
 
     Raises BundleError on a plan that cpbench bundle does not write, CpbenchError when nothing of it can be run here.
     """
@@ -167,7 +167,7 @@ def _solvers(bundle: Bundle, texts: Any, missing: list[str]) -> tuple[str, ...]:
 
 
 def _addresses(bundle: Bundle, texts: Any) -> tuple[str, ...]:
-    """Addresses below the folder of the bundle, or built in."""
+    """Return addresses below the folder of the bundle, or built in."""
     if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
         raise BundleError(bundle.path, f"{PLAN}: problems: is no list of files: nothing was run")
     found: list[str] = []
@@ -183,15 +183,15 @@ def run(bundle: Bundle, asked: RunPlan, builtin: Callable[[], Path], watcher: Wa
     """Run the pairs of the plan that the bundle has results of, into its folder; the same call goes on with a run that
     was interrupted. Raises CpbenchError where no pair of them can be run here."""
     with Store(bundle.results) as store:
-        wanted = {str(row["key"]) for row in store.rows() if row["status"] != "not_run" and not row["origin"]}
+        wanted = {row.key for row in store.rows() if row.status != "not_run" and not row.origin}
     return rerun.carry_out(
         asked, wanted, f"cpbench reproduce {bundle.path.name}", str(bundle.path), builtin, watcher, reading
     )
 
 
 def compare(bundle: Bundle, found: Assembly) -> Agreement:
-    """What of the statuses of a bundle holds here."""
+    """Return what of the statuses of a bundle holds here."""
     with Store(bundle.results) as before, Store(bundle.again) as again:
-        now = {str(row["key"]): row for row in again.rows()}
-        here = {str(survey["fingerprint"]) for survey in found.surveys}
+        now = {row.key: row for row in again.rows()}
+        here = {survey.fingerprint for survey in found.surveys}
         return agree(before.rows(), now, here)

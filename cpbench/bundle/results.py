@@ -8,11 +8,14 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results import seal_key
+from cpbench.bench.results.limits import limits_of
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
 from cpbench.bundle.problems import Place, Unit, unit
 from cpbench.bundle.scrub import Scrub
@@ -26,89 +29,96 @@ _TABLES = ("refused", "references", "merged", "formats")
 _MACHINE = ("cpu", "cores", "threads", "ram_gib", "python")
 
 
-def rows_of(store: Store) -> list[dict[str, Any]]:
-    """All rows of a results file; raises CpbenchError where none was run."""
+def rows_of(store: Store) -> list[Row]:
+    """Return all rows of a results file; raises CpbenchError where none was run."""
     rows = list(store.rows())
-    if not any(row["status"] != "not_run" for row in rows):
+    if not any(row.status != "not_run" for row in rows):
         raise CpbenchError(f"{store.path}: has no results; make some with: cpbench run PROBLEMS -o {store.path}")
     return rows
 
 
-def moved(row: Mapping[str, Any], place: Place, scrub: Scrub | None, own: bool) -> dict[str, Any]:
-    """The row in the bundle, under the key that its pair has there; `own` : whether its solver is cpbench's."""
-    new = dict(row) | {"address": place.address}
+def moved(row: Row, place: Place, scrub: Scrub | None, own: bool) -> Row:
+    """Return the row in the bundle, under the key that its pair has there; `own` : whether its solver is cpbench's."""
+    new = replace(row, address=place.address)
     if scrub is not None:
-        new |= _anonymous(row, scrub, own)
+        new = _anonymous(new, scrub, own)
     key, label = identity(new)
-    if scrub is not None:
-        new["label"] = label
-    return new | {"key": key}
+    return replace(new, key=key, label=new.label if scrub is None else label)
 
 
-def identity(row: Mapping[str, Any]) -> tuple[str, str]:
-    """Key and label of the pair of a row."""
-    limits: Any = Limits(row["seconds"], row["memory"], row["threads"], row["repeats_asked"])
+def identity(row: Row) -> tuple[str, str]:
+    """Return the key and label of the pair of a row."""
+    limits: tuple[Any, ...] = limits_of(row)  # one that is not known is None
     pair = Pair(
-        address=str(row["address"]),
-        problem=str(row["problem"]),
-        fingerprint=str(row["fingerprint"]),
-        node=str(row["node"]),
-        family=str(row["family"]),
+        address=row.address,
+        problem=row.problem,
+        fingerprint=row.fingerprint,
+        node=row.node,
+        family=row.family,
         sizes={},
-        request=Request(str(row["request"])),
-        entry=Entry(str(row["solver"]), json.loads(row["options"] or "{}")),
+        request=Request(row.request),
+        entry=Entry(row.solver, json.loads(row.options or "{}")),
         target="",
-        tolerance=float(row["tolerance"]),
-        limits=limits,
-        start=str(row["start"] or "cold"),
-        set=str(row["set"] or ""),
-        measure=row["measure"],
-        sequence=str(row["sequence"] or ""),
-        step=int(row["step"] or 0),
+        tolerance=float(row.tolerance),
+        limits=Limits(*limits),
+        start=str(row.start or "cold"),
+        set=row.set or "",
+        measure=row.measure,
+        sequence=row.sequence or "",
+        step=int(row.step or 0),
     )
     return pair.key, pair.label
 
 
-def _anonymous(row: Mapping[str, Any], scrub: Scrub, own: bool) -> dict[str, Any]:
-    """The columns that may tell somebody. What a plugin says is its author's, and left out."""
-    names = {
-        name: scrub.name(str(row[name])) for name in ("problem", "family", "set", "solver", "sequence") if row[name]
-    }
-    told = {name: scrub.code(str(row[name])) for name in ("options", "version", "claim") if row[name]}
-    if row["message"]:
-        told["message"] = scrub.text(str(row["message"])) if own else ""
-    return {
-        **names,
-        **told,
-        "counters": json.dumps(scrub.deep(json.loads(row["counters"]))) if row["counters"] else row["counters"],
-        "host": scrub.host(str(row["host"] or "")) or None,
-        "origin": ELSEWHERE if row["origin"] else row["origin"],
-    }
+def _anonymous(row: Row, scrub: Scrub, own: bool) -> Row:
+    """Return the row without what may tell somebody. What a plugin says is its author's, and left out."""
+
+    def renamed(text: str) -> str:
+        return scrub.name(text) if text else text
+
+    def reworded(text: str | None) -> str | None:
+        return scrub.code(text) if text else text
+
+    return replace(
+        row,
+        problem=renamed(row.problem),
+        family=renamed(row.family),
+        set=renamed(row.set),
+        solver=renamed(row.solver),
+        sequence=renamed(row.sequence),
+        options=reworded(row.options),
+        version=reworded(row.version),
+        claim=reworded(row.claim),
+        message=scrub.text(row.message) if row.message and own else row.message and "",
+        counters=json.dumps(scrub.deep(json.loads(row.counters))) if row.counters else row.counters,
+        host=scrub.host(row.host or "") or None,
+        origin=ELSEWHERE if row.origin else row.origin,
+    )
 
 
 def write(
     store: Store,
-    rows: Sequence[Mapping[str, Any]],
+    rows: Sequence[Row],
     places: Mapping[Unit, Place],
     target: Path,
     plan: Mapping[str, Any],
     foreign: Iterable[str],
     names: Mapping[str, str],
     scrub: Scrub | None,
-) -> list[dict[str, Any]]:
+) -> list[Row]:
     """Write the results file of a bundle; its rows.
 
     `foreign` : solvers that are not cpbench's own. `names` : of plugin files in the bundle, by where they were.
     """
     others = set(foreign)
     keys: dict[str, str] = {}
-    new: list[dict[str, Any]] = []
+    new: list[Row] = []
     for row in rows:
-        own = row["solver"] not in others and not row["origin"]
+        own = row.solver not in others and not row.origin
         made = moved(row, places[unit(row)], scrub, own)
-        keys[str(row["key"])] = made["key"]
+        keys[row.key] = made.key
         new.append(made)
-    key = None if scrub is None else seal_key.for_one_file(row["key"] for row in new)
+    key = None if scrub is None else seal_key.for_one_file(row.key for row in new)
     with Store(target, create=True, key=key) as made_store:
         made_store.set_meta(**_meta(store, plan, names, scrub))
         for host, about in store.machines().items():
@@ -144,13 +154,13 @@ def _meta(store: Store, plan: Mapping[str, Any], names: Mapping[str, str], scrub
 
 
 def _placed(sheet: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
-    """What is told of a solver, with its plugin where it is in the bundle."""
+    """Return what is told of a solver, with its plugin where it is in the bundle."""
     plugin = str(sheet.get("plugin") or "")
     return {**sheet, "plugin": names.get(plugin, plugin)}
 
 
 def _sheet(sheet: Mapping[str, Any], scrub: Scrub) -> dict[str, Any]:
-    """What is told of a solver; of a plugin nothing but what it solves and how."""
+    """Return what is told of a solver; of a plugin nothing but what it solves and how."""
     told: dict[str, Any] = scrub.deep(sheet)
     if sheet.get("plugin"):
         told |= {"citation": "", "summary": "", "written": told.get("name", "")}
@@ -158,7 +168,7 @@ def _sheet(sheet: Mapping[str, Any], scrub: Scrub) -> dict[str, Any]:
 
 
 def _machine(about: Mapping[str, Any], scrub: Scrub) -> dict[str, Any]:
-    """The machine without its name, and without the release of its system, which may be one of a kind."""
+    """Return the machine without its name, and without the release of its system, which may be one of a kind."""
     told = {name: scrub.deep(about[name]) for name in _MACHINE if name in about}
     system = re.match(r"[A-Za-z]+", str(about.get("os", "")))
     return told | ({"os": system[0]} if system else {})

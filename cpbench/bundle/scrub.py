@@ -26,7 +26,7 @@ _MAIL = re.compile(r"[\w.+-]+@[\w-]+(?:\.[\w-]+)+")
 
 
 class Scrub:
-    """What an anonymous bundle does to texts.
+    """Replacements that an anonymous bundle makes in texts.
 
     Parameters
     ----------
@@ -44,20 +44,21 @@ class Scrub:
         self._values = _replacing(dict.fromkeys(who.values, "…"), "", "")
 
     def name(self, text: str) -> str:
-        """A name: of a problem, a set, a label, a file."""
+        """Return a name: of a problem, a set, a label, a file."""
         return self._renamed(self._words(text))
 
     def text(self, text: str) -> str:
-        """A text for readers: a message, a description."""
+        """Return a text for readers: a message, a description."""
         bare = _ANY_PATH.sub(PATH, self._literal(text))
         return self.name(_MAIL.sub(PERSON, self._values(bare)))
 
     def code(self, text: str) -> str:
-        """A text that a program reads: paths are replaced where they begin as those of machines do, values stay."""
+        """Return a text that a program reads: paths are replaced where they begin as those of machines do, values
+        stay."""
         return self.name(_MAIL.sub(PERSON, _PLAIN_PATH.sub(PATH, self._literal(text))))
 
     def deep(self, value: Any, how: Callable[[str], str] | None = None) -> Any:
-        """All texts in lists and tables, their keys too."""
+        """Return all texts in lists and tables, their keys too."""
         how = how or self.text
         if isinstance(value, str):
             return how(value)
@@ -66,12 +67,12 @@ class Scrub:
         return [self.deep(item, how) for item in value] if isinstance(value, list | tuple) else value
 
     def host(self, name: str) -> str:
-        """A machine by number, also one whose name tells nobody."""
+        """Return a machine by number, also one whose name tells nobody."""
         return self.machines.setdefault(name, f"machine-{len(self.machines) + 1}") if name else ""
 
 
 def _replacing(words: Mapping[str, str], before: str, after: str, flags: int = 0) -> Callable[[str], str]:
-    """A function that replaces the words, the longest first."""
+    """Return a function that replaces the words, the longest first."""
     known = {(word.casefold() if flags else word): new for word, new in words.items() if len(word) >= 1}
     if not known:
         return lambda text: text
@@ -81,7 +82,7 @@ def _replacing(words: Mapping[str, str], before: str, after: str, flags: int = 0
 
 
 def searched(who: Identity, renamed: Mapping[str, str]) -> dict[str, str]:
-    """What is looked for in a finished bundle, with what it is."""
+    """Return what is looked for in a finished bundle, with what it is."""
     kinds = {"a host": who.hosts, "a user": who.people, "a path": who.paths, "a remote": who.remotes}
     found = {text: kind for kind, texts in kinds.items() for text in texts if len(text) >= SHORTEST}
     return found | {name: "a solver that was renamed" for name in renamed if len(name) >= SHORTEST}

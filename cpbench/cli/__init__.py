@@ -24,11 +24,12 @@ COMMANDS = {
     "convert": "Convert a problem to another formulation; the file knows the way back.",
     "lift": "Carry an answer to a converted problem back to its source.",
     "verify": "Measure an answer on a problem, or judge the kept answers of a results file again.",
+    "certify": "Prove that a solution is near an answer, and how near.",
     "info": "Show what is in a problem file, and facts measured of its matrices.",
     "show": "Show a problem in numbers or as block structure, with its law; also as LaTeX.",
     "plot": "Draw a figure of a run (profile, pairs, scaling, ...) or of a problem (friction cone, contacts, ...).",
     "graph": "Show the conversions between formulations, as text or to be drawn, or check them all.",
-    "route": "Show how a problem reaches a formulation, and why not.",
+    "route": "Show how a problem reaches a formulation, or why it cannot.",
     "list": "List formulations, conversions, solvers, formats or problems.",
     "pack": "Make a problem file from matrices and vectors.",
     "report": "Write the report of a results file: HTML, Markdown and figures, or LaTeX.",
@@ -114,7 +115,8 @@ def cli() -> None:
 
 
 def main() -> None:
-    """Entry point: errors in one line; exit codes 0 done, 1 check failed, 2 bad input, 3 internal, 130 interrupted."""
+    """Run the command line: errors in one line; exit codes 0 done, 1 check failed, 2 bad input, 3 internal, 130
+    interrupted."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files may have bytes that are no text
             stream.reconfigure(errors="backslashreplace")

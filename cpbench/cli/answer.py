@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.participation import left_out_lines
+from cpbench.analysis.participation import lacking_lines, unreached_lines, unreached_summary
 from cpbench.analysis.ranking import RankedSolver, Ranking, rankings
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
@@ -19,6 +19,8 @@ from cpbench.report.text import counted, seconds
 
 LINES = 30
 """The most lines on what could not be run."""
+FEW = 3
+"""The most formulations without a route to some solver that have a line each."""
 WIDE, SHORTEST = 400, 16
 """Columns of a table where nobody sees a terminal; the least that names get of one."""
 
@@ -35,10 +37,15 @@ def print_answer(store: Store) -> None:
     ranked = rankings(table, meta.get("solvers"))
     for ranking in ranked:
         _print_ranking(ranking)
-    reasons = left_out_lines(meta.get("left_out", []))
+    left_out = meta.get("left_out", [])
+    unreached = unreached_lines(left_out)
+    many = len(unreached) > FEW
+    reasons = [*lacking_lines(left_out), *(() if many else unreached)]
     for line in reasons[:LINES]:
         click.echo(_fitted(line))
-    if any(_fitted(line) != line for line in reasons[:LINES]):
+    if many:
+        click.echo("\n".join(folded(unreached_summary(left_out))))
+    if many or any(_fitted(line) != line for line in reasons[:LINES]):
         click.echo("\n".join(folded("why: cpbench route PROBLEM --explain, and the report")))
     if len(reasons) > LINES:
         click.echo(f"and {counted(len(reasons) - LINES, 'more reason')} why pairs could not be run")
@@ -61,7 +68,7 @@ def _print_ranking(ranking: Ranking) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    head = f"{ranking.formulation}{_title(ranking)}: {ranking.size}"
+    head = f"{ranking.formulation}{_title(ranking)}: {ranking.problems_and_starts}"
     table = Table(
         title=Text(head), title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0)
     )

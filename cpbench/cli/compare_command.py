@@ -44,7 +44,11 @@ NOT_NEGATIVE = click.FloatRange(min=0)
 @click.option(
     "--noise", type=LABELS, metavar="LABEL,LABEL", help="Two labels of equal code: what differs between them is noise."
 )
-@click.option("--confirm", is_flag=True, help="Run what alarmed again, by the plan in the file; one alarm is none.")
+@click.option(
+    "--confirm",
+    is_flag=True,
+    help="Run the pairs that raised an alarm again, by the plan in the file, and keep alarms that repeat.",
+)
 @stationary_option
 @click.option("--same-machine", is_flag=True, help="Treat the two files as of one machine, whatever its name in them.")
 @seed_option("Random seed of the bootstrap.")
@@ -70,8 +74,9 @@ def command(
     Every pair of a problem and a solver is improved, the same, inconclusive or regressed: by status first, then by
     verified error, counters, and by time where both were timed on one machine, beyond its noise.
 
-    With --confirm, pairs that alarmed are run again: of two builds in one file both, of two files the new side, with
-    the solvers that are installed now (--plugin for those of a file). What does not alarm twice is inconclusive.
+    With --confirm, pairs that raised an alarm are run again: of two builds in one file both, of two files the new side,
+    with the solvers that are installed now (--plugin for those of a file). A pair without a second alarm is
+    inconclusive.
 
     Ends with 0 whatever differs, 1 for --fail-on and when rows are not as a run wrote them, 2 for bad input.
     """

@@ -21,7 +21,8 @@ from cpbench.cli.terminal import fitted, folded, print_lines, reading_width
 def command(warm: bool) -> None:
     """Say what works on this machine and how to get what does not.
 
-    Every guest is imported, in a process of its own: one that crashes or hangs is reported, and harms nothing.
+    Every package of a solver is imported in a process of its own: one that crashes or hangs is reported, and
+    harms nothing.
     """
     from cpbench.solvers.base import solvers
 

@@ -58,7 +58,7 @@ def command(
 
     ANSWERS is a folder with a file or folder for every problem, named after the problem or its fingerprint, in the form
     of any exchange (.h5, .npz, .npy, .csv, .json, a folder of .npy or .mtx files), or an HDF5 file of cpbench export
-    --answers. Without a claim (in the table of times, or in claim.json) an answer counts as claimed.
+    --answers. Without a claim (in the table of times, or in claim.json) an answer counts as claimed to be solved.
 
     Every problem of a formulation that some answer is to has a row; one without an answer is failed. Rows are marked
     by --machine, and their times stay out of rankings unless cpbench report has --with-imported.

@@ -55,7 +55,7 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
     records: list[dict[str, object]] = []
     for address in addresses:
         problem = storage.load(address, format=file_format)
-        measured = facts.of(problem) if measure else ()
+        measured = facts.of_problem(problem) if measure else ()
         if as_json:
             records.append(problem_text.record(address, problem, measured))
         else:

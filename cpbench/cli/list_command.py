@@ -18,7 +18,7 @@ from cpbench.cli.terminal import print_lines
 @click.option("--available", is_flag=True, help="Show only solvers that can run here.")
 @click.option("--node", metavar="NODE", help="Formulation of the solvers.")
 @click.option(
-    "--check", is_flag=True, help="Import every guest of the solvers, instead of looking whether it is there."
+    "--check", is_flag=True, help="Import the packages of all solvers, instead of looking whether they are installed."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the solvers as JSON.")
 def command(

@@ -116,7 +116,7 @@ via_option = click.option(
     "--via",
     cls=ListOption,
     metavar="CONVERSION",
-    help="Conversion to go through, by its name or the end of it; NAME[knob=value] sets its knobs. Repeatable.",
+    help="Conversion to go through, by its name or the end of it; NAME[parameter=value] sets one. Repeatable.",
 )
 format_option = click.option(
     "--format", "file_format", metavar="NAME", help="Format of the input (cpbench list formats)."
@@ -193,7 +193,7 @@ def problem_options(split: str | None) -> Decorator:
 
 
 def require_with_via(via: Sequence[str]) -> None:
-    """Raises UsageError when a knob of conversions is given that no conversion is named to take."""
+    """Raise UsageError where an option of conversions is given and no conversion is named that takes it."""
     context = click.get_current_context()
     for name in ("facets", "angle"):
         source = context.get_parameter_source(name)
@@ -202,7 +202,7 @@ def require_with_via(via: Sequence[str]) -> None:
 
 
 def outputs_option(suffixes: Sequence[str], text: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """`--output` of commands that write several files, each in the form that its suffix names."""
+    """Add `--output` to commands that write several files, each in the form that its suffix names."""
 
     def _check(_: click.Context, __: click.Parameter, outputs: tuple[Path, ...]) -> tuple[Path, ...]:
         for path in outputs:

@@ -19,7 +19,7 @@ from cpbench.report.figure_kinds import FigureKind, Need
 
 
 def command_of(kind: FigureKind) -> click.Command:
-    """`cpbench plot KIND [FILE] [--answer FILE] -o FIGURE` with the options of the kind."""
+    """Build `cpbench plot KIND [FILE] [--answer FILE] -o FIGURE` with the options of the kind."""
     parameters: list[click.Parameter] = []
     needed = kind.problem is Need.REQUIRED
     if kind.problem is not Need.NONE:

@@ -41,7 +41,7 @@ _LAYOUT = (
 
 
 def command_of(kind: FigureKind) -> click.Command:
-    """`cpbench plot KIND RESULTS -o FIGURE` with the options of the kind and those that choose rows."""
+    """Build `cpbench plot KIND RESULTS -o FIGURE` with the options of the kind and those that choose rows."""
     parameters: list[click.Parameter] = [click.Argument(["results"], type=PATH)]
     parameters += [kind_option(name, default, kind.helps[name]) for name, default in kind.options.items()]
     parameters += [*CHOICE, *_LAYOUT, *OUTPUT]

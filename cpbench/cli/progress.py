@@ -6,7 +6,7 @@ import shutil
 import sys
 import time
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cpbench.api.run_log import log_line, run_log
+from cpbench.bench.events import Compiling, Event, Solving, Starting
 from cpbench.bench.planning.plan import Pair
 from cpbench.cli.standings import Standings
 from cpbench.conversions import Conversion
@@ -70,25 +71,25 @@ class Display:
             self._live = Live(get_renderable=self.view, console=console, refresh_per_second=2, transient=True)
             self._live.start()
 
-    def progress(self, event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
-        """Called by the runner with `start` (a solver warms up), `compiling`, `solve` and `done`."""
-        if event == "start":
-            self._warming = str(row["solver"])
-        elif event == "compiling":
-            self._warming = compiling(str(row["solver"]))
+    def progress(self, event: Event) -> None:
+        """Show an event of the run."""
+        if isinstance(event, Starting):
+            self._warming = event.solver
+        elif isinstance(event, Compiling):
+            self._warming = compiling(event.solver)
             if not self._quiet and not self._terminal:
                 click.echo(self._warming, err=True)
-        elif pair is not None and event == "solve":
-            self._warming = ""
+        elif isinstance(event, Solving):
+            self._warming, pair = "", event.pair
             self._now[pair.key] = (f"{pair.label} on {pair.problem}", time.monotonic(), pair.limits.seconds)
-        elif pair is not None:
-            self._now.pop(pair.key, None)
+        else:
+            self._now.pop(event.pair.key, None)
             self._done += 1
-            self._counts[str(row["status"])] += 1
-            self._standings.note(pair.label, row)
+            self._counts[event.outcome.status] += 1
+            self._standings.note(event.pair.label, event.outcome)
             self._tell()
         if self._events is not None:
-            self._events.info(log_line(event, pair, row))
+            self._events.info(log_line(event))
 
     def end(self) -> None:
         if self._live is not None:
@@ -147,7 +148,7 @@ def compiling(solver: str) -> str:
 
 
 def converting(edge: Conversion, problem: Problem, apply: Apply, room: int) -> Problem:
-    """`apply`, announced on stderr where the result is large, with a spinner on a terminal.
+    """Convert as `apply` does, announced on stderr where the result is large, with a spinner on a terminal.
 
     Raises NotApplicable, with the estimate, when the result may take more than `room` bytes (0: no limit).
     """

@@ -65,7 +65,7 @@ def command(
 ) -> None:
     """Say which solver suits a problem, by what route, how sure that is, and the command that runs it.
 
-    It goes by features of the problem (cpbench info shows more of them), and by what solvers came to on problems like
+    It is based on features of the problem (cpbench info shows more of them), and on results of solvers on problems like
     it: the built-in ones, or those of your own runs. How sure it is depends on how many problems like it were measured,
     and on how often such advice is good for problems of an origin that was left out.
     """

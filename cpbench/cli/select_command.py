@@ -45,7 +45,7 @@ def command(files: tuple[Path, ...], budget: float, seed: int, safety: float, ou
 
     Every family that fits is represented by its cheapest problem. The rest of the budget goes to problems that tell
     the solvers apart; those that everybody solves at once, or nobody, add nothing. Solvers, routes and limits are
-    those of the results, and so is the time it takes: on another machine, mind --safety.
+    those of the results, and so is the time it takes: on another machine, raise --safety.
     """
     from cpbench.advice.select import select
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from cpbench.api.solve_apart import solve_apart
+from cpbench.bench.events import Compiling, Event
 from cpbench.bench.planning.plan import Limits
 from cpbench.cli.options import (
     Command,
@@ -85,7 +86,7 @@ def command(
         notice=_notice,
     )
     print_lines([json.dumps(solved.record())] if as_json else solved.lines())
-    if output is not None and solved.answer is None:
+    if output is not None and solved.outcome.answer is None:
         click.echo("no answer to write", err=True)
         sys.exit(1)
     if output is not None:
@@ -95,6 +96,6 @@ def command(
         sys.exit(1)
 
 
-def _notice(event: str, solver: str) -> None:
-    if event == "compiling":
-        click.echo(compiling(solver), err=True)
+def _notice(event: Event) -> None:
+    if isinstance(event, Compiling):
+        click.echo(compiling(event.solver), err=True)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from cpbench.bench.results.rows import Outcome
 from cpbench.verification import MET_TOLERANCE, REFUSED
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Standing:
-    """What became of a solver so far: pairs solved and not, those it never started on, and the time it took [s]."""
+    """Outcomes of a solver so far: pairs solved and not, those it never started on, and the time it took [s]."""
 
     solved: int = 0
     failed: int = 0
@@ -28,13 +28,13 @@ class Standings:
 
     of: dict[str, Standing] = field(default_factory=dict)
 
-    def note(self, label: str, row: Mapping[str, Any]) -> None:
+    def note(self, label: str, outcome: Outcome) -> None:
         """Count a pair of a solver that has ended."""
-        standing, status = self.of.setdefault(label, Standing()), str(row["status"])
+        standing, status = self.of.setdefault(label, Standing()), outcome.status
         standing.solved += status in MET_TOLERANCE
         standing.refused += status in REFUSED
         standing.failed += status not in (*MET_TOLERANCE, *REFUSED)
-        standing.seconds += float(row.get("wall") or 0.0)
+        standing.seconds += outcome.wall or 0.0
 
     def table(self, most: int) -> Table:
         """Return at most so many rows of solvers that were started, the rest counted."""

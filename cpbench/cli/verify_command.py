@@ -87,7 +87,7 @@ def _parts(verdict: verification.Verdict) -> Iterator[str]:
         yield f"          {name:<28} {number(value)}"
 
 
-def _table(measures: Sequence[verification.Measured], tolerance: float) -> Iterator[str]:
+def _table(measures: Sequence[verification.PublishedMeasure], tolerance: float) -> Iterator[str]:
     """Yield a line for each measure, then the sources; `-` stands where a measure has no tolerance."""
     if not measures:
         return

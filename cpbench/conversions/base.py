@@ -29,6 +29,7 @@ class Size:
 
     @classmethod
     def dense(cls, rows: int, columns: int) -> Size:
+        """Return the size of a dense matrix of float64."""
         return cls(rows, rows * columns, 8 * rows * columns)
 
     @classmethod
@@ -87,7 +88,7 @@ class Conversion(ABC):
 
     @abstractmethod
     def lift(self, point: Any, trace: Trace) -> Any:
-        """Return the source answer that a target answer stands for."""
+        """Return the source answer, a point of `source`, that a target answer stands for; `trace` : from `apply`."""
 
     def push(self, point: Any, trace: Trace) -> Any:
         """Return the target answer of a source answer (warm starts, tests); raises NotApplicable where there is
@@ -100,7 +101,7 @@ class Conversion(ABC):
         return ""
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
-        """Return what to ask of an answer to the target so that the lifted answer meets `tolerance` on the source.
+        """Return the tolerance on the target with which the lifted answer meets `tolerance` on the source.
 
         What depends on the problem, `apply` has put into the trace.
         """
@@ -130,8 +131,9 @@ class Conversion(ABC):
             raise NotApplicable(self.label, why)
 
     def step(self, problem: Problem) -> Problem:
-        """Apply the conversion, with the step added to the provenance of the result and name and geometry carried
-        along.
+        """Apply the conversion; the result has the step in its provenance, and the name and geometry of the source.
+
+        Raises NotApplicable, as `apply`.
         """
         converted, trace = self.apply(problem)
         done = Step(
@@ -163,7 +165,10 @@ def make(name: str, parameters: dict[str, Any] | None = None) -> Conversion:
 
 
 def lift_step(step: Step, point: Any) -> Any:
-    """Undo one recorded step of a problem's provenance."""
+    """Return the answer before one recorded step of a provenance, from the answer `point` after it.
+
+    Raises UnknownName where the conversion of that step is not registered.
+    """
     return make(step.conversion, dict(step.parameters)).lift(point, step.trace)
 
 

@@ -60,11 +60,11 @@ def condense(problem: GlobalContact) -> tuple[Matrix, Vector, Trace]:
     return W, problem.free_velocity, {"factor": problem.saddle, "H": problem.H, "f": problem.f, "b": problem.b}
 
 
-def size(problem: GlobalContact) -> Size:
+def size_bound(problem: GlobalContact) -> Size:
     """Bound the size of W that `condense` will make; joints couple all contacts."""
     if problem.b.size:
         return Size.dense(problem.w.size, problem.w.size)
-    return elimination.size(matrices.transpose(problem.H), problem.factorization, problem.H)
+    return elimination.size_bound(matrices.transpose(problem.H), problem.factorization, problem.H)
 
 
 def lift(point: FCPoint, trace: Trace) -> GFCPoint:
@@ -93,7 +93,7 @@ class Condensation(Conversion):
         return obstacle(problem)
 
     def predict(self, problem: GlobalContact) -> Size:
-        return size(problem)
+        return size_bound(problem)
 
     def lift(self, point: FCPoint, trace: Trace) -> GFCPoint:
         return lift(point, trace)

@@ -158,7 +158,7 @@ def _nonzeros(A: NDArray[Any]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def repeat(block: Dense, weights: Vector) -> Sparse:
-    """Return blockdiag(weights_c · block), CSR."""
+    """Return blockdiag(weights_c · block) over the contacts c, CSR; `block` (h, w), result (nc·h, nc·w)."""
     row, col = np.nonzero(block)
     height, width = block.shape
     contact = np.arange(weights.size)[:, None]

@@ -74,7 +74,7 @@ def velocities(problem: LocalContact, chosen: Units, x: Any) -> Any:
     return (product(W, x) + q).reshape(problem.nc, problem.dimension)
 
 
-def length(parts: Any) -> Any:
+def row_norms(parts: Any) -> Any:
     """Return the norms of the rows of an array of symbols; the derivative at 0 is 0, one of its subgradients."""
     squares = (parts * parts).sum(axis=-1)
     positive = less(0.0, squares)
@@ -89,9 +89,9 @@ def shifted(problem: LocalContact, chosen: Units) -> Map:
     last = 1 + (problem.dimension - 1) // 2 if rolls else problem.dimension
     normal = y[:, :1]
     if problem.nc:
-        normal = normal + (problem.mu * length(y[:, 1:last]))[:, None]
+        normal = normal + (problem.mu * row_norms(y[:, 1:last]))[:, None]
         if rolls:
-            normal = normal + (rolling_coefficient(problem, chosen) * length(y[:, last:]))[:, None]
+            normal = normal + (rolling_coefficient(problem, chosen) * row_norms(y[:, last:]))[:, None]
     return record.map(np.hstack([normal, y[:, 1:]]))
 
 

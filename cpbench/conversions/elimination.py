@@ -82,7 +82,7 @@ def schur(B: Matrix, D: Matrix, factor: Factorization, C: Matrix) -> Matrix:
     return less
 
 
-def size(left: Matrix, factor: Factorization, right: Matrix, added: int = 0) -> Size:
+def size_bound(left: Matrix, factor: Factorization, right: Matrix, added: int = 0) -> Size:
     """Bound the size of what `product` will make, with `added` entries of a matrix that it is taken from.
 
     Every row of left meets every column of right that touches the same component of A.

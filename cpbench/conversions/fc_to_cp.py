@@ -18,7 +18,7 @@ from cpbench.conversions.contact_cones import ToCP
 @conversions.register("fc-cp")
 @dataclass(frozen=True)
 class FCtoCP(ToCP):
-    """De Saxcé's law as it stands. Trace: `unit`, `size`."""
+    """De Saxcé's law as it stands. Trace: `unit`, `size`, `steepness`."""
 
     name = "fc-cp"
     source = "fc"

@@ -143,7 +143,7 @@ def _map(problem: FrictionContact, chosen: Units, regular: bool) -> Map:
     rows: list[Any] = []
     for c in range(nc):
         xn, xt, gap = x[c, 0], x[c, 1:], y[c, 0] if regular else 0.0
-        room = xn - contact_maps.length(xt) + gap if regular else xn * xn - (xt * xt).sum()
+        room = xn - contact_maps.row_norms(xt) + gap if regular else xn * xn - (xt * xt).sum()
         rubs = [xn * y[c, 1:] + (xi[c] + gap) * xt, room]
         rows += [y[c, 0], *(rubs if problem.mu[c] > 0 else [xt, xi[c]])]
     return record.map(*rows)

@@ -17,7 +17,7 @@ from cpbench.conversions.contact_cones import ToVI
 @conversions.register("fc-vi")
 @dataclass(frozen=True)
 class FCtoVI(ToVI):
-    """De Saxcé's law over the product of the friction cones. Trace: `unit`, `size`."""
+    """De Saxcé's law over the product of the friction cones. Trace: `unit`, `size`, `steepness`."""
 
     name = "fc-vi"
     source = "fc"

@@ -75,7 +75,7 @@ class FCMtoFC(Conversion):
         return None
 
     def predict(self, problem: MixedFrictionContact) -> Size:
-        return elimination.size(
+        return elimination.size_bound(
             problem.V, problem.factorization, matrices.transpose(problem.V), matrices.nnz(problem.W)
         )
 

@@ -46,7 +46,7 @@ class MLCPtoLCPSchur(Conversion):
         return elimination.singularity(problem.factorization, "the equality block A", instead)
 
     def predict(self, problem: MLCP) -> Size:
-        return elimination.size(problem.D, problem.factorization, problem.C, matrices.nnz(problem.B))
+        return elimination.size_bound(problem.D, problem.factorization, problem.C, matrices.nnz(problem.B))
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
         """Ask for more, for the terms that cancel on the way back (see `shift`)."""

@@ -7,7 +7,9 @@ Target  z = (u⁺, u⁻, v),  M = [[A, −A, C], [−A, A, −C], [D, −D, B]],
         permutation with scales), where PC = −Dᵀ or PC = Dᵀ makes the whole semidefinite.
 Lift    u = u⁺ − u⁻,  v.        Push  u⁺ = max(u, 0), u⁻ = max(−u, 0), v.
 Kind    equivalent; P changes the equalities, not their solutions. The solutions of the target form rays along
-        u⁺ = u⁻, its matrix is singular: no target for an interior point or a plain Newton method.
+        u⁺ = u⁻, its matrix is singular: no target for an interior point or a plain Newton method. With t more in both,
+        the terms of the rows are 2|A|t larger, and what is ε of these may be (1 + 2t/|u|) ε of the source: `lost`. No
+        tolerance can make up for it, t being the answer's. A method that leaves one of both at 0 has t = 0.
 """
 
 from __future__ import annotations

@@ -58,7 +58,7 @@ class QPtoDual(Conversion):
     def predict(self, problem: QP) -> Size:
         rows = kkt.rows(problem, problem.Q)
         G = matrices.block([[rows.E], [rows.F]])
-        return elimination.size(G, problem.factorization, matrices.transpose(G))
+        return elimination.size_bound(G, problem.factorization, matrices.transpose(G))
 
     def tolerance(self, tolerance: float, trace: Trace) -> float:
         """Ask for more, for the terms that cancel on the way back (see `shift`)."""

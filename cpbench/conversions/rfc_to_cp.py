@@ -17,7 +17,7 @@ from cpbench.conversions.contact_cones import ToCP
 @conversions.register("rfc-cp")
 @dataclass(frozen=True)
 class RFCtoCP(ToCP):
-    """The law of Acary and Bourrier as it stands. Trace: `unit`, `size`."""
+    """The law of Acary and Bourrier as it stands. Trace: `unit`, `size`, `steepness`."""
 
     name = "rfc-cp"
     source = "rfc"

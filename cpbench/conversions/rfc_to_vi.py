@@ -17,7 +17,7 @@ from cpbench.conversions.contact_cones import ToVI
 @conversions.register("rfc-vi")
 @dataclass(frozen=True)
 class RFCtoVI(ToVI):
-    """The law of Acary and Bourrier over the product of the rolling cones. Trace: `unit`, `size`."""
+    """The law of Acary and Bourrier over the product of the rolling cones. Trace: `unit`, `size`, `steepness`."""
 
     name = "rfc-vi"
     source = "rfc"

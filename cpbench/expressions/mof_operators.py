@@ -39,7 +39,7 @@ class OperandValue:
     build: Builder
     number: int
 
-    def of(self, operator: Operator, *others: OperandValue) -> OperandValue:
+    def apply(self, operator: Operator, *others: OperandValue) -> OperandValue:
         """Apply an operator to a value and others."""
         return OperandValue(self.build, self.build.apply(operator, self.number, *(other.number for other in others)))
 
@@ -47,25 +47,25 @@ class OperandValue:
         return OperandValue(self.build, self.build.constant(value))
 
     def __add__(self, other: OperandValue) -> OperandValue:
-        return self.of(Operator.ADD, other)
+        return self.apply(Operator.ADD, other)
 
     def __sub__(self, other: OperandValue) -> OperandValue:
-        return self.of(Operator.SUB, other)
+        return self.apply(Operator.SUB, other)
 
     def __mul__(self, other: OperandValue | float) -> OperandValue:
-        return self.of(Operator.MUL, other if isinstance(other, OperandValue) else self._constant(other))
+        return self.apply(Operator.MUL, other if isinstance(other, OperandValue) else self._constant(other))
 
     def __truediv__(self, other: float) -> OperandValue:
-        return self.of(Operator.DIV, self._constant(other))
+        return self.apply(Operator.DIV, self._constant(other))
 
     def __rtruediv__(self, other: float) -> OperandValue:
-        return self._constant(other).of(Operator.DIV, self)
+        return self._constant(other).apply(Operator.DIV, self)
 
     def __rpow__(self, other: float) -> OperandValue:
-        return self._constant(other).of(Operator.POW, self)
+        return self._constant(other).apply(Operator.POW, self)
 
     def __pow__(self, other: float) -> OperandValue:
-        return self.of(Operator.POW, self._constant(other))
+        return self.apply(Operator.POW, self._constant(other))
 
     def is_constant(self, value: float) -> bool:
         return self.number == self.build.constant(value)
@@ -73,18 +73,18 @@ class OperandValue:
     def signed(self, size: OperandValue) -> OperandValue:
         """Return `size` with the sign of this, 0 where this is 0."""
         zero = self._constant(0.0)
-        above, below = zero.of(Operator.LT, self), self.of(Operator.LT, zero)
-        return above.of(Operator.CHOOSE, size) - below.of(Operator.CHOOSE, size)
+        above, below = zero.apply(Operator.LT, self), self.apply(Operator.LT, zero)
+        return above.apply(Operator.CHOOSE, size) - below.apply(Operator.CHOOSE, size)
 
 
 def _choice(condition: OperandValue, yes: OperandValue, no: OperandValue) -> OperandValue:
     """Return ifelse in as few operations as there are; what NOT and CHOOSE are written as becomes these again."""
     if no.is_constant(0.0):
-        return condition.of(Operator.CHOOSE, yes)
-    otherwise = condition.of(Operator.NOT)
+        return condition.apply(Operator.CHOOSE, yes)
+    otherwise = condition.apply(Operator.NOT)
     if yes.is_constant(0.0) and no.is_constant(1.0):
         return otherwise
-    return condition.of(Operator.CHOOSE, yes) + otherwise.of(Operator.CHOOSE, no)
+    return condition.apply(Operator.CHOOSE, yes) + otherwise.apply(Operator.CHOOSE, no)
 
 
 _LN2, _LN10, _DEGREE = math.log(2.0), math.log(10.0), math.pi / 180.0
@@ -105,22 +105,22 @@ _SINES = {name: UNARY[name] for name in ("sin", "cos", "tan")}
 _ARCSINES = {name: UNARY[name] for name in ("asin", "acos", "atan")}
 FORMULAS: Mapping[str, tuple[int, Callable[..., OperandValue]]] = {
     "ifelse": (3, _choice),
-    ">": (2, lambda a, b: b.of(Operator.LT, a)),
-    ">=": (2, lambda a, b: b.of(Operator.LE, a)),
+    ">": (2, lambda a, b: b.apply(Operator.LT, a)),
+    ">=": (2, lambda a, b: b.apply(Operator.LE, a)),
     "abs2": (1, lambda x: x * x),
     "inv": (1, lambda x: 1.0 / x),
-    "cbrt": (1, lambda x: x.signed(x.of(Operator.ABS) ** (1.0 / 3.0))),
-    "log2": (1, lambda x: x.of(Operator.LOG) / _LN2),
-    "log10": (1, lambda x: x.of(Operator.LOG) / _LN10),
+    "cbrt": (1, lambda x: x.signed(x.apply(Operator.ABS) ** (1.0 / 3.0))),
+    "log2": (1, lambda x: x.apply(Operator.LOG) / _LN2),
+    "log10": (1, lambda x: x.apply(Operator.LOG) / _LN10),
     "exp2": (1, lambda x: 2.0**x),
     "deg2rad": (1, lambda x: x * _DEGREE),
     "rad2deg": (1, lambda x: x / _DEGREE),
-    **_named(_CIRCULAR | _HYPERBOLIC, "", lambda x, o: 1.0 / x.of(o)),
-    **_named(_ARCS | _AREAS, "", lambda x, o: (1.0 / x).of(o)),
-    **_named(_SINES, "d", lambda x, o: (x * _DEGREE).of(o)),
-    **_named(_CIRCULAR, "d", lambda x, o: 1.0 / (x * _DEGREE).of(o)),
-    **_named(_ARCSINES, "d", lambda x, o: x.of(o) / _DEGREE),
-    **_named(_ARCS, "d", lambda x, o: (1.0 / x).of(o) / _DEGREE),
+    **_named(_CIRCULAR | _HYPERBOLIC, "", lambda x, o: 1.0 / x.apply(o)),
+    **_named(_ARCS | _AREAS, "", lambda x, o: (1.0 / x).apply(o)),
+    **_named(_SINES, "d", lambda x, o: (x * _DEGREE).apply(o)),
+    **_named(_CIRCULAR, "d", lambda x, o: 1.0 / (x * _DEGREE).apply(o)),
+    **_named(_ARCSINES, "d", lambda x, o: x.apply(o) / _DEGREE),
+    **_named(_ARCS, "d", lambda x, o: (1.0 / x).apply(o) / _DEGREE),
 }
 """The other operators: how many arguments, and what they are in those above. Those in degrees are right to rounding,
 so that sind(180) is 1e-16."""

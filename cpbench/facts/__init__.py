@@ -1,12 +1,12 @@
 """Facts about problems and matrices: measured, each with its number and how it was found.
 
-`of(problem)` measures every matrix of a problem, `of_matrix(M, name)` one of them. No test takes longer than a
+`of_problem(problem)` measures every matrix of a problem, `of_matrix(M, name)` one of them. No test takes longer than a
 bound that its room states; beyond it a fact is `not decided`, with the reason.
 """
 
 from cpbench.facts.copositivity import copositivity
 from cpbench.facts.fact import Fact, How
-from cpbench.facts.problem import of, of_matrix
+from cpbench.facts.problem import of_matrix, of_problem
 from cpbench.facts.sign_classes import m_matrix, p_matrix, z_matrix
 from cpbench.facts.spectrum import definiteness, rank, symmetry
 
@@ -16,8 +16,8 @@ __all__ = [
     "copositivity",
     "definiteness",
     "m_matrix",
-    "of",
     "of_matrix",
+    "of_problem",
     "p_matrix",
     "rank",
     "symmetry",

@@ -20,7 +20,7 @@ _OTHER_SETS = frozenset({("mlcp", "A"), ("qp", "Q"), ("coneqp", "Q"), ("soclcp",
 """Square matrices whose unknowns do not live in an orthant or a box: the classes of the LCP say nothing of them."""
 
 
-def of(problem: Problem) -> tuple[Fact, ...]:
+def of_problem(problem: Problem) -> tuple[Fact, ...]:
     """Return all facts of a problem, matrix by matrix in the order of its definition."""
     found: list[Fact] = []
     contact = isinstance(problem, ContactProblem)

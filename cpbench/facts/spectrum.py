@@ -16,7 +16,7 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 
 from cpbench import matrices
-from cpbench.definite import is_definite, on_diagonal
+from cpbench.definite import factor_on_diagonal, is_definite
 from cpbench.facts.components import EIGEN_LIMIT, eigenvalues, singular_values
 from cpbench.facts.fact import Fact, How, undecided
 from cpbench.matrices import PSD_TOLERANCE, SYMMETRY_TOLERANCE, Matrix, Vector
@@ -155,7 +155,7 @@ def affordable(S: Matrix) -> bool:
 
 
 def _symmetric_lu(S: Matrix, shift: float) -> Any | None:
-    lu = on_diagonal(S + shift * sp.eye_array(S.shape[0]))
+    lu = factor_on_diagonal(S + shift * sp.eye_array(S.shape[0]))
     return lu if lu is not None and (lu.perm_r == lu.perm_c).all() else None
 
 

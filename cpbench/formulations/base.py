@@ -31,10 +31,11 @@ the native storage can write with a converted file)."""
 
 
 _FLOAT = np.dtype(np.float64)
+_new = object.__new__
 
 
 class Kind(StrEnum):
-    """What a conversion, or a solver that drops a term, promises; from the strongest to the weakest."""
+    """Promise of a conversion, or of a solver that drops a term; from the strongest to the weakest."""
 
     EQUIVALENT = "equivalent"
     """The solution sets correspond, both ways."""
@@ -58,7 +59,7 @@ class Kind(StrEnum):
 
 
 def matrix_field(rows: str, cols: str, *, optional: bool = False) -> Any:
-    """A matrix of the problem; the symbols are its dimensions, shared with the other fields, or fixed numbers.
+    """Declare a matrix of the problem; the symbols are its dimensions, shared with other fields, or fixed numbers.
 
     An optional one may be left out: it is zero, and a dimension that no earlier field has is 0.
     """
@@ -67,7 +68,7 @@ def matrix_field(rows: str, cols: str, *, optional: bool = False) -> Any:
 
 
 def vector_field(size: str, *, finite: bool = True, fill: float | None = None) -> Any:
-    """A vector of the problem; `finite=False` admits infinite bounds (never NaN).
+    """Declare a vector of the problem; `finite=False` admits infinite bounds (never NaN).
 
     One with a `fill` may be left out: all its numbers are `fill`, as many as earlier fields say, or none.
     """
@@ -76,14 +77,14 @@ def vector_field(size: str, *, finite: bool = True, fill: float | None = None) -
 
 
 def map_field(rows: str, cols: str, *, optional: bool = False) -> Any:
-    """A nonlinear map of the problem, with its dimensions (`2n`: twice n); an optional one that is left out has no
+    """Declare a nonlinear map of the problem, with its dimensions (`2n`: twice n); an optional one left out has no
     rows."""
     return field(default=None, metadata={"map": (rows, cols)}) if optional else field(metadata={"map": (rows, cols)})
 
 
 @dataclass(frozen=True)
 class Info:
-    """Who made a problem and what is known of it; no part of its mathematics."""
+    """Origin of a problem and facts known of it; not part of its mathematics."""
 
     title: str = ""
     description: str = ""
@@ -123,7 +124,7 @@ class Sequence:
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """What is known of nc contacts, in the order of the problem's rows; a part that is not known is empty.
+    """Facts known of nc contacts, in the order of the problem's rows; a part that is not known is empty.
 
     Attributes
     ----------
@@ -153,7 +154,7 @@ class Contacts:
         return next((len(part) for name, _, _ in _CONTACT_PARTS if len(part := getattr(self, name))), 0)
 
     def knows(self, name: str) -> bool:
-        """Whether the part of this name is known."""
+        """Return whether the part of this name is known."""
         return len(getattr(self, name)) == self.count
 
 
@@ -181,12 +182,18 @@ class Point:
 
     @classmethod
     def adopt(cls, *vectors: Vector) -> Self:
-        """A point of vectors of float64 that nobody else holds, in the order of the fields: frozen, not copied."""
+        """Return a point of vectors of float64 that nobody else holds, in the order of the fields: frozen, not
+        copied. Raises TypeError on another number of vectors."""
         names = cls.__match_args__  # type: ignore[attr-defined]
         if len(vectors) != len(names):
             raise TypeError(f"{cls.__name__} has {len(names)} vectors, not {len(vectors)}")
-        point = object.__new__(cls)
+        point = _new(cls)
         own = point.__dict__
+        if len(names) == 1:  # most often, and in two thirds of the time
+            (value,) = vectors
+            value.setflags(False)
+            own[names[0]] = value
+            return point
         for place, value in enumerate(vectors):
             value.setflags(False)
             own[names[place]] = value
@@ -209,7 +216,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Residuals:
-    """What was measured of an answer.
+    """Measurements of an answer.
 
     Attributes
     ----------
@@ -310,7 +317,7 @@ class Problem(ABC):
         self.check()
 
     def _left_out(self, f: dataclasses.Field[Any], sizes: Mapping[str, int]) -> Matrix | Vector | Map:
-        """What an optional field is when it is not given."""
+        """Return what an optional field is when it is not given."""
         if "map" in f.metadata:
             return Map.empty(counted(f.metadata["map"][1], sizes))
         shape = tuple(sizes.get(symbol, 0) for symbol in f.metadata["shape"])
@@ -323,23 +330,23 @@ class Problem(ABC):
         return matrices.zeros(shape[0], shape[1], like)
 
     def check(self) -> None:
-        """Conditions beyond shapes; raises ProblemError."""
+        """Check conditions beyond shapes; raises ProblemError."""
 
     @classmethod
     def _data_fields(cls) -> list[dataclasses.Field[Any]]:
         return [f for f in fields(cls) if "shape" in f.metadata]
 
     def data(self) -> dict[str, Matrix | Vector]:
-        """The matrices and vectors by name, in the order of the definition."""
+        """Return the matrices and vectors by name, in the order of the definition."""
         return {f.name: getattr(self, f.name) for f in self._data_fields()}
 
     @classmethod
     def has_maps(cls) -> bool:
-        """Whether nonlinear maps belong to its data."""
+        """Return whether nonlinear maps belong to its data."""
         return any("map" in f.metadata for f in fields(cls))
 
     def maps(self) -> dict[str, Map]:
-        """The nonlinear maps by name, in the order of the definition."""
+        """Return the nonlinear maps by name, in the order of the definition."""
         return {f.name: getattr(self, f.name) for f in fields(self) if "map" in f.metadata}
 
     @property
@@ -348,8 +355,8 @@ class Problem(ABC):
         return {name: value for F in self.maps().values() for name, value in F.parameters.items()}
 
     def with_parameters(self, values: Mapping[str, float]) -> Self:
-        """The problem in which these parameters have other values; what was known of this one is left out, and how it
-        was made. Raises ProblemError on a name that is none of them."""
+        """Return the problem in which these parameters have other values; what was known of this one is left out, and
+        how it was made. Raises ProblemError on a name that is none of them."""
         unknown = sorted(values.keys() - self.parameters.keys())
         if unknown:
             has = ", ".join(self.parameters) or "no parameters"
@@ -362,7 +369,7 @@ class Problem(ABC):
         return dataclasses.replace(self, info=info, provenance=(), **maps)
 
     def sizes(self) -> dict[str, int]:
-        """Dimensions by symbol (n, m, nc, ...)."""
+        """Return the dimensions by symbol: n unknowns, m rows, nc contacts, and others that the fields name."""
         return dict(self.__dict__["_sizes"])
 
     @cached_property
@@ -385,15 +392,16 @@ class Problem(ABC):
         """Measure `point` on this problem; `tolerance` only tells noise from motion in the readable parts."""
 
     def slacks(self, point: Any) -> dict[str, Vector]:
-        """The dependent parts of an answer (w, u, ...), recomputed from `point`."""
+        """Return the dependent parts of an answer (w, u, ...), recomputed from `point`."""
         return {}
 
     def certifies_infeasibility(self, certificate: Vector) -> bool:
-        """Whether `certificate` excludes every solution, to rounding: enough for a solver's claim, and no proof."""
+        """Return whether `certificate` excludes every solution, to rounding: enough for a solver's claim, and no
+        proof."""
         return False
 
     def check_point(self, point: Any) -> None:
-        """Raises PointError unless `point` has this problem's unknowns."""
+        """Raise PointError unless `point` has this problem's unknowns."""
         if not isinstance(point, self.point_type):
             raise PointError(
                 f"{self.node}: the answer is a {type(point).__name__}, expected {self.point_type.__name__}"
@@ -421,12 +429,12 @@ class Problem(ABC):
         return self.point_type(**parts)
 
     def zero_point(self) -> Any:
-        """The point of zeros."""
+        """Return the point of this problem whose numbers are all 0."""
         return self.point_type(**{name: np.zeros(size) for name, size in self.point_sizes.items()})
 
 
 def counted(symbol: str, sizes: Mapping[str, int]) -> int:
-    """What a dimension is: `3`, `n` or `2n`, n being 0 where no earlier field has it."""
+    """Return what a dimension is: `3`, `n` or `2n`, n being 0 where no earlier field has it."""
     digits = len(symbol) - len(symbol.lstrip("0123456789"))
     unit = sizes.get(symbol[digits:], 0) if digits < len(symbol) else 1
     return int(symbol[:digits] or 1) * unit
@@ -436,11 +444,11 @@ formulations: Registry[type[Problem]] = Registry("formulation", "cpbench.formula
 
 
 def scaled(value: float, *scales: float) -> float:
-    """value / max(scales); the value itself when they are all 0 (the error is then absolute)."""
+    """Return value / max(scales); the value itself when they are all 0 (the error is then absolute)."""
     scale = max(scales, default=0.0)
     return value / scale if scale > 0 else value
 
 
 def squared(value: float) -> float:
-    """value², ∞ where that is no number any more: Python's own power raises OverflowError."""
+    """Return value², ∞ where that is no number any more: Python's own power raises OverflowError."""
     return value * value

@@ -11,7 +11,7 @@ from cpbench.matrices import Vector, max_abs, norm
 
 
 def check_bounds(node: str, lb: Vector, ub: Vector) -> None:
-    """Raises ProblemError where lb > ub or a bound is infinite on the wrong side."""
+    """Raise ProblemError where lb > ub or a bound is infinite on the wrong side."""
     if (lb > ub).any():
         i = int(np.flatnonzero(lb > ub)[0])
         raise ProblemError(f"{node}.lb", f"exceeds ub at {i}: {lb[i]:g} > {ub[i]:g}")
@@ -21,7 +21,9 @@ def check_bounds(node: str, lb: Vector, ub: Vector) -> None:
 
 
 def box_residuals(z: Vector, w: Vector, lb: Vector, ub: Vector, z_scale: float | Vector, w_scale: float) -> float:
-    """‖z′ − P_[lb′,ub′](z′ − w′)‖ with z, lb, ub over z_scale and w over w_scale (1 where a scale is 0).
+    """Return ‖z′ − P_[lb′,ub′](z′ − w′)‖₂ with z, lb, ub over z_scale and w over w_scale (1 where a scale is 0).
+
+    All vectors are (n,), the scales numbers or (n,); the result has no unit.
 
     It is ‖min(z′, w′)‖ for lb = 0 and ub = ∞, and does not change with the units of z and w.
     """
@@ -30,16 +32,16 @@ def box_residuals(z: Vector, w: Vector, lb: Vector, ub: Vector, z_scale: float |
 
 
 def top(x: Vector, moving: NDArray[np.bool_]) -> float:
-    """max|x| over the unknowns that can move (lb < ub): what is fixed takes any force, however large."""
+    """Return max|x| over the unknowns that can move (lb < ub): what is fixed takes any force, however large."""
     return max_abs(x[moving])
 
 
 def largest_in_box(lb: Vector, ub: Vector, moving: NDArray[np.bool_]) -> float:
-    """max|z| over the box of the moving unknowns, 0 where it is unbounded."""
+    """Return max|z| over the box of the moving unknowns, 0 where it is unbounded."""
     bound = np.maximum(np.abs(lb[moving]), np.abs(ub[moving]))
     return float(bound.max(initial=0.0)) if np.isfinite(bound).all() else 0.0
 
 
 def own_scale(z_scale: float, lb: Vector, moving: NDArray[np.bool_]) -> Vector:
-    """z_scale for what moves; for what is fixed its own value, if that is larger."""
+    """Return z_scale for what moves; for what is fixed its own value, if that is larger."""
     return np.where(moving, z_scale, np.maximum(z_scale, np.abs(lb)))

@@ -58,7 +58,7 @@ class ConeQP(ConicProblem):
 
     @classmethod
     def over(cls, Q: Matrix, p: Vector, K: ProductCone, A: Matrix | None = None, b: Vector | None = None) -> ConeQP:
-        """The program with K given as a product; A = I and b = 0 unless given."""
+        """Return the program with K given as a product; A = I and b = 0 unless given."""
         if A is None:
             A = matrices.identity(np.size(p), Q)
         return cls(Q=Q, p=p, A=A, b=b, **cone_fields(K))  # pyright: ignore[reportArgumentType]

@@ -61,12 +61,12 @@ class ConicProblem(_HasCone, Problem):
 
 
 def cone_fields(K: ProductCone) -> Mapping[str, Vector]:
-    """K as the four data vectors of a conic node."""
+    """Return K as the four data vectors of a conic node: kind, size, μ and μ_r of its runs of equal factors."""
     return {"cone_kind": K.kind, "cone_size": K.size, "cone_mu": K.mu, "cone_mu_r": K.mu_r}
 
 
 def cone_residuals(K: ProductCone, s: Vector, y: Vector, s_scale: float | Vector, y_scale: float | Vector) -> float:
-    """‖(s − P_K(s − ρy))/σ_s‖ with ρ = σ_s/σ_y, which does not change with the units of s and y.
+    """Return ‖(s − P_K(s − ρy))/σ_s‖ with ρ = σ_s/σ_y, which does not change with the units of s and y.
 
     The scales are numbers, or vectors that are constant on every factor, positive.
     """

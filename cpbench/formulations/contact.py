@@ -110,7 +110,7 @@ class ContactProblem(_HasFriction, Problem):
     def contact_residuals(
         self, r: Vector, u: Vector, q: Vector, tolerance: float, *, absolute: bool
     ) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
-        """:func:`contact_residuals` of this problem's law; q are the velocities for r = 0."""
+        """Return :func:`contact_residuals` of this problem's law; q are the velocities for r = 0."""
         return contact_residuals(
             r, u, q, self.law, self.rho, tolerance, absolute=absolute, lengths=self.lengths.ravel()
         )
@@ -151,7 +151,7 @@ class LocalContact(DelassusContact):
 
 
 def diagonal_blocks(W: Matrix, d: int) -> Dense:
-    """The d×d diagonal blocks of a square matrix, shape (nc, d, d)."""
+    """Return the d×d diagonal blocks of a square matrix, shape (nc, d, d)."""
     nc = W.shape[0] // d
     if not sp.issparse(W):
         c = np.arange(nc)
@@ -165,7 +165,7 @@ def diagonal_blocks(W: Matrix, d: int) -> Dense:
 
 
 def natural_rho(trace: Vector, d: int) -> Vector:
-    """ρ_c = d / trace, 1 where the trace is not positive."""
+    """Return ρ_c = d / trace, 1 where the trace is not positive; `trace` (nc,), of the diagonal blocks of W."""
     positive = trace > 0
     return matrices.freeze(np.where(positive, d / np.where(positive, trace, 1.0), 1.0))
 
@@ -181,7 +181,8 @@ def contact_residuals(
     absolute: bool,
     lengths: Vector | float = 1.0,
 ) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
-    """Measured numbers, readable parts and flags of reactions r with velocities u (recomputed by the caller).
+    """Return the measured numbers, readable parts and flags of reactions r with velocities u (recomputed by the
+    caller).
 
     Measured: `natural` = ‖r − P_K(r − û)‖/max(‖q‖, ‖r‖, ‖u‖), Siconos' fc3d_compute_error; the energy norm
     `energy` = √Σ‖Δ_c‖²/ρ_c / max(√Σ‖r_c‖²/ρ_c, √Σρ_c‖u_c‖², √Σρ_c‖q_c‖²), Δ_c = r_c − P(r_c − ρ_c û_c), which
@@ -242,7 +243,7 @@ def contact_residuals(
 
 
 def _angles(R: Dense, U: Dense, law: Law, noise: Vector) -> dict[str, float]:
-    """Largest and r_N-weighted mean angle between what moves and what resists, sliding and rolling."""
+    """Return largest and r_N-weighted mean angle between what moves and what resists, sliding and rolling."""
     mu_r = getattr(law, "mu_r", None)
     last = R.shape[1] if mu_r is None else 1 + (R.shape[1] - 1) // 2
     kinds = {"slip": (slice(1, last), getattr(law, "mu", np.ones(len(R))))}
@@ -257,7 +258,10 @@ def _angles(R: Dense, U: Dense, law: Law, noise: Vector) -> dict[str, float]:
 
 
 def opposition(normal: Vector, rt: Dense, ut: Dense, mu: Vector, noise: Vector) -> tuple[Vector, Vector]:
-    """∠(−u_T, r_T) in degrees and r_N of the contacts that push, rub, and slide faster than `noise`."""
+    """Return ∠(−u_T, r_T) [degrees] and r_N of the sliding contacts: r_N, μ and ‖r_T‖ positive, ‖u_T‖ above `noise`.
+
+    Coulomb's law asks for an angle of 0. `rt`, `ut` : (nc, d − 1); the other arguments (nc,).
+    """
     sliding = (normal > 0) & (mu > 0) & (_row_norms(rt) > 0) & (_row_norms(ut) > noise)
     rt, ut = rt[sliding], ut[sliding]
     opposite = -np.einsum("ci,ci->c", rt, ut)

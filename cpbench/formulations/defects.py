@@ -21,7 +21,7 @@ COMPARABLE = 1e-3
 
 
 def cone_defect(K: ProductCone, x: Vector, w: Vector) -> Vector:
-    """x − P_K(x − w), shape (rows,)."""
+    """Return x − P_K(x − w), shape (rows,)."""
     result = x - K.project(x - w)
     for kind, rows, mu, mu_r in K.groups:
         a, b = x[rows], w[rows]
@@ -37,7 +37,7 @@ def cone_defect(K: ProductCone, x: Vector, w: Vector) -> Vector:
 
 
 def _factor(kind: Cone, x: Dense, w: Dense, mu: Vector, mu_r: Vector) -> Dense:
-    """Factors of one kind and size, shape (count, size)."""
+    """Return x − P(x − w) of the factors of one kind and size, shape (count, size)."""
     match kind:
         case Cone.ZERO:
             return x
@@ -90,13 +90,13 @@ class _Part:
         return cls(columns, mu, direction, L, np.divide(change, total, out=np.zeros_like(L), where=total > 0))
 
     def defect(self, x: Dense, w: Dense, length: Vector, over: Vector) -> Dense:
-        """Where y_c is longer than `length` by `over`; w where over ≤ 0."""
+        """Return where y_c is longer than `length` by `over`; w where over ≤ 0."""
         cut = w + np.maximum(over, 0.0)[:, None] * self.direction
         return np.where((length < over)[:, None], x - length[:, None] * self.direction, cut)
 
 
 def _clipped(x: Dense, w: Dense, groups: list[tuple[slice, Vector]]) -> Dense:
-    """{r : ‖r_c‖ ≤ μ_c r_N for one or two groups c}, as `cones.project_rolling_cone`.
+    """Return {r : ‖r_c‖ ≤ μ_c r_N for one or two groups c}, as `cones.project_rolling_cone`.
 
     With e_c = ‖y_c‖ − μ_c y_N the projection raises y_N by g, the root of g = Σ μ_c(e_c − μ_c g)₊.
     """
@@ -121,7 +121,7 @@ def _clipped(x: Dense, w: Dense, groups: list[tuple[slice, Vector]]) -> Dense:
 
 
 def _active(mus: list[Vector], e: list[Vector]) -> list[NDArray[np.bool_]]:
-    """Which groups the projection shortens."""
+    """Return which groups the projection shortens."""
     if len(mus) == 1:
         return [e[0] > 0]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -138,7 +138,7 @@ def _disk(x: Dense, w: Dense, radius: Vector) -> Dense:
 
 
 def _sum(*terms: Vector) -> Vector:
-    """From the largest term on: what cancels does so before small ones are added."""
+    """Sum from the largest term on: what cancels does so before small ones are added."""
     stacked = np.stack(terms)
     order = np.argsort(-np.abs(stacked), axis=0, kind="stable")
     total = np.zeros_like(terms[0])

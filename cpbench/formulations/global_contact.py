@@ -87,7 +87,7 @@ class GlobalContact(_HasDynamics, ContactProblem):
         return matrices.freeze(diagonal.reshape(self.nc, self.dimension))
 
     def _moved(self, force: Vector | Dense) -> Vector | Dense:
-        """M⁻¹ force, shape (n,) or (n, k); where M is singular the velocities of K⁻¹(force, 0)."""
+        """Return M⁻¹ force, shape (n,) or (n, k); where M is singular the velocities of K⁻¹(force, 0)."""
         if not self.factorization.singular:
             return self.factorization.solve(force)
         return self.saddle.solve(np.concatenate([force, np.zeros((self.b.size, *force.shape[1:]))]))[: self.f.size]

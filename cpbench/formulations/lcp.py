@@ -83,7 +83,8 @@ class LCP(AffineProblem):
             )
 
     def certifies_infeasibility(self, certificate: Vector) -> bool:
-        """Farkas: y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 exclude every z ≥ 0 with Mz + q ≥ 0 (to rounding: 1e-12)."""
+        """Return whether y is a proof of Farkas: y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 exclude every z ≥ 0 with Mz + q ≥ 0 (to
+        rounding: 1e-12)."""
         y = np.maximum(certificate, 0.0)
         if y.size != self.q.size or not np.isfinite(y).all() or not y.any():
             return False
@@ -94,5 +95,6 @@ class LCP(AffineProblem):
 
 
 def unit_free_complementarity(z: Vector, w: Vector, z_scale: float, w_scale: float) -> float:
-    """‖min(z/z_scale, w/w_scale)‖₂ with 0/0 = 0."""
+    """Return ‖min(z/z_scale, w/w_scale)‖₂ with 0/0 = 0; z and w (n,), the scales are numbers, the result has no
+    unit."""
     return norm(np.minimum(z / z_scale if z_scale > 0 else z, w / w_scale if w_scale > 0 else w))

@@ -52,14 +52,15 @@ class MiCP(NonlinearProblem):
 
     @classmethod
     def from_index_set(cls, F: Map, complementary: Sequence[int], **others: Any) -> MiCP:
-        """Definition (21): z_C ≥ 0 beside F_C(z) ≥ 0 for the indices given, F_i(z) = 0 for the others."""
+        """Build a problem by definition (21): z_C ≥ 0 beside F_C(z) ≥ 0 for the indices given, F_i(z) = 0 for the
+        others."""
         lb = np.full(F.inputs, -np.inf)
         lb[list(complementary)] = 0.0
         return cls(F=F, lb=lb, ub=np.full(F.inputs, np.inf), **others)
 
     @classmethod
     def from_mof(cls, text: str | bytes, **others: Any) -> MiCP:
-        """Of a model in MathOptFormat, a JSON text: (F(z), z) in Complements, z between bounds.
+        """Read a model in MathOptFormat, a JSON text: (F(z), z) in Complements, z between bounds.
 
         Raises FormatError, ProblemError.
         """

@@ -115,8 +115,8 @@ class MLCP(Problem):
             )
 
     def certifies_infeasibility(self, certificate: Vector) -> bool:
-        """Farkas: (y, z) with z ≥ 0, Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0 exclude every u, v ≥ 0 with
-        Au + Cv + a = 0 and Du + Bv + b ≥ 0 (to rounding: 1e-12 of each column by itself)."""
+        """Return whether (y, z) is a proof of Farkas: z ≥ 0, Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0 exclude every
+        u, v ≥ 0 with Au + Cv + a = 0 and Du + Bv + b ≥ 0 (to rounding: 1e-12 of each column by itself)."""
         n = self.a.size
         if certificate.size != n + self.b.size or not np.isfinite(certificate).all() or not certificate.any():
             return False
@@ -131,7 +131,7 @@ class MLCP(Problem):
 
 
 def _siconos_error(equality: Vector, v: Vector, w: Vector, a: Vector) -> float:
-    """mlcp_compute_error: the worse of the equality and the complementarity part, each over 1 + (1 + scale).
+    """Return mlcp_compute_error: the worse of the equality and the complementarity part, each over 1 + (1 + scale).
 
     The scale of the complementarity part is Σ‖w‖ of the answer, not of the data, as in Siconos 4.4.
     """

@@ -13,17 +13,17 @@ SOURCE = "MathOptFormat"
 
 
 def program_of(text: bytes | str) -> dict[str, Any]:
-    """`program` of a text; raises FormatError."""
+    """Read a text as `program` does; raises FormatError."""
     return program(read_model(text, SOURCE))
 
 
 def complementarity_of(text: bytes | str) -> dict[str, Any]:
-    """`complementarity` of a text; raises FormatError."""
+    """Read a text as `complementarity` does; raises FormatError."""
     return complementarity(read_model(text, SOURCE))
 
 
 def program(model: Model) -> dict[str, Any]:
-    """f, g, h, lb, ub, start of min f(z), g(z) ≥ 0, h(z) = 0, lb ≤ z ≤ ub, rows in the order of the model.
+    """Return f, g, h, lb, ub, start of min f(z), g(z) ≥ 0, h(z) = 0, lb ≤ z ≤ ub, rows in the order of the model.
 
     A maximum is the minimum of the opposite; a model without an objective has f = 0. Raises FormatError.
     """
@@ -42,13 +42,16 @@ def program(model: Model) -> dict[str, Any]:
 
 
 def complementarity(model: Model) -> dict[str, Any]:
-    """F, lb, ub, start; raises FormatError where it is no complementarity problem."""
+    """Return F, lb, ub, start by name, of (F(z), z) in Complements with lb ≤ z ≤ ub.
+
+    Raises FormatError where the model is no complementarity problem.
+    """
     F = model.functions.map(model.beside())
     return {"F": F, "lb": model.lb, "ub": model.ub, "start": model.start}
 
 
 def _slack(functions: Functions, row: ModelRow) -> Function:
-    """function − side, or side − function."""
+    """Return function − side, or side − function."""
     function, side = row.function, row.side
     if isinstance(function, Nonlinear):
         build = functions.build

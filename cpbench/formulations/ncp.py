@@ -39,7 +39,7 @@ class NCP(NonlinearProblem):
 
     @classmethod
     def from_mof(cls, text: str | bytes, **others: Any) -> NCP:
-        """Of a model in MathOptFormat, a JSON text: (F(z), z) in Complements, z ≥ 0.
+        """Read a model in MathOptFormat, a JSON text: (F(z), z) in Complements, z ≥ 0.
 
         Raises FormatError, ProblemError.
         """

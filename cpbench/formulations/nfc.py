@@ -68,7 +68,8 @@ class NonlinearFrictionContact(ContactProblem):
         return {"v": self.start.size, "r": self.w.size}
 
     def linearized(self, v: Vector) -> GlobalFrictionContact:
-        """F(v) + F′(v)(x − v) = Hr in place of F(x) = Hr: M = F′(v), f = Mv − F(v)."""
+        """Linearize at the velocities v, shape (n,): F(v) + F′(v)(x − v) = Hr in place of F(x) = Hr: M = F′(v), f = Mv
+        − F(v)."""
         M = self.F.jacobian(v)
         return GlobalFrictionContact(
             M=M, H=self.H, f=M @ v - self.F(v), w=self.w, mu=self.mu, dimension=self.dimension,

@@ -57,7 +57,7 @@ class NLP(Problem):
 
     @classmethod
     def from_mof(cls, text: str | bytes, **others: Any) -> NLP:
-        """Of a model in MathOptFormat, a JSON text. Raises FormatError, ProblemError."""
+        """Read a model in MathOptFormat, a JSON text. Raises FormatError, ProblemError."""
         return cls(**{**program_of(text), **others})
 
     def check(self) -> None:

@@ -30,7 +30,7 @@ class NonlinearProblem(_HasMap, Problem):
 
     @classmethod
     def from_casadi(cls, z: Any, F: Any, parameters: Mapping[str, float] | None = None, **others: Any) -> Self:
-        """Of CasADi expressions: a column of symbols z and a column F, or a list of its rows, in which other symbols
+        """Read CasADi expressions: a column of symbols z and a column F, or a list of its rows, in which other symbols
         are named in `parameters`, with their values. Raises ProblemError."""
         return cls(F=Map.from_casadi(z, F, parameters), **others)
 
@@ -38,16 +38,16 @@ class NonlinearProblem(_HasMap, Problem):
     def from_sympy(
         cls, z: Sequence[Any], F: Sequence[Any], parameters: Mapping[str, float] | None = None, **others: Any
     ) -> Self:
-        """Of SymPy expressions in the symbols z, and in those named in `parameters`. Raises ProblemError."""
+        """Read SymPy expressions in the symbols z, and in those named in `parameters`. Raises ProblemError."""
         return cls(F=Map.from_sympy(z, F, parameters), **others)
 
     def project(self, z: Vector) -> Vector:
-        """P(z), on the part of the set that has a projection in closed form."""
+        """Return P(z), on the part of the set that has a projection in closed form."""
         return z
 
     @cached_property
     def scale(self) -> float:
-        """A property of the problem, never of an answer; 0: errors are absolute."""
+        """Size by which errors are divided, of the problem and never of an answer; 0: errors are absolute."""
         with np.errstate(all="ignore"):
             for z in (self.project(np.zeros(self.start.size)), self.start):
                 size = norm(self.F(z))
@@ -56,7 +56,8 @@ class NonlinearProblem(_HasMap, Problem):
         return 0.0
 
     def natural(self, defect: Vector, finite: bool, **parts: float) -> Residuals:
-        """‖defect‖/scale as the one measured number; ∞ where the answer is not `finite`, which a bound would clip."""
+        """Return ‖defect‖/scale as the one measured number; ∞ where the answer is not `finite`, which a bound would
+        clip."""
         absolute = norm(defect) if finite else np.inf
         return Residuals(
             measured={"natural": scaled(absolute, self.scale)},

@@ -72,7 +72,7 @@ class QP(Problem):
         *,
         name: str = "",
     ) -> QP:
-        """A QP with the absent parts empty (no rows) or infinite (bounds)."""
+        """Return a QP with the absent parts empty (no rows) or infinite (bounds)."""
         n = np.size(p)
         return cls(
             Q=Q,
@@ -166,9 +166,9 @@ class QP(Problem):
             )
 
     def certifies_infeasibility(self, certificate: Vector) -> bool:
-        """Farkas: (λ, μ) with λ ≥ 0 and ν = −Aᵀλ − Cᵀμ excludes every z within the constraints when
-        bᵀλ + dᵀμ + lbᵀν⁺ − ubᵀν⁻ > 0, for λᵀ(Az − b) + μᵀ(Cz − d) + Σ ν⁺(z − lb) + ν⁻(ub − z) ≥ 0 would be minus that.
-        ν has to be 0 where the bound it goes with is infinite (to rounding: 1e-12 of what cancels in it)."""
+        """Return whether (λ, μ) is a proof of Farkas: λ ≥ 0 and ν = −Aᵀλ − Cᵀμ excludes every z within the constraints
+        when bᵀλ + dᵀμ + lbᵀν⁺ − ubᵀν⁻ > 0, for λᵀ(Az − b) + μᵀ(Cz − d) + Σ ν⁺(z − lb) + ν⁻(ub − z) ≥ 0 would be minus
+        that. ν has to be 0 where the bound it goes with is infinite (to rounding: 1e-12 of what cancels in it)."""
         m = self.b.size
         if certificate.size != m + self.d.size or not np.isfinite(certificate).all() or not certificate.any():
             return False

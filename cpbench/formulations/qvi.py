@@ -71,7 +71,7 @@ class QVI(SimpleSetProblem):
         return {"z": self.start.size, "nu": self.g.rows}
 
     def set_at(self, z: Vector) -> tuple[ProductCone, Vector, Vector]:
-        """S(z): the product, and the bounds of its free components (lb ≤ ub unless X(z) is empty)."""
+        """Return S(z): the product, and the bounds of its free components (lb ≤ ub unless X(z) is empty)."""
         K, lb, ub = self.K, self.lb, self.ub
         if self._normals.size:
             mu = K.mu.copy()
@@ -91,20 +91,20 @@ class QVI(SimpleSetProblem):
         return (np.cumsum(sizes) - sizes)[self.K.kind == Cone.CYLINDER]
 
     def project_at(self, z: Vector, x: Vector) -> Vector:
-        """P_S(z)(x)."""
+        """Return P_S(z)(x), shape (n,)."""
         K, lb, ub = self.set_at(z)
         return project_box(K.project(x), lb, ub)
 
     def defect(self, z: Vector, w: Vector) -> Vector:
-        """z − P_S(z)(z − w)."""
+        """Return z − P_S(z)(z − w), shape (n,)."""
         return self._defect(z, w, *self.set_at(z))
 
     def row_values(self, z: Vector) -> Vector:
-        """g(z, z)."""
+        """Return g(z, z), shape (p,)."""
         return self.g(np.concatenate([z, z])) if self.g.rows else np.zeros(0)
 
     def row_slopes(self, z: Vector) -> Sparse:
-        """∂g/∂y at (z, z), shape (p, n)."""
+        """Return ∂g/∂y at (z, z), shape (p, n)."""
         return self.g.jacobian(np.concatenate([z, z]))[:, : z.size]
 
     def residuals(self, point: QVIPoint, tolerance: float = 1e-6) -> Residuals:

@@ -47,7 +47,7 @@ class Relay(AffineProblem):
 
     @cached_property
     def moving(self) -> NDArray[np.bool_]:
-        """lb < ub."""
+        """Whether lb < ub, so that the unknown is not fixed, shape (n,)."""
         return self.lb < self.ub
 
     @cached_property

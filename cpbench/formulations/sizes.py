@@ -12,17 +12,17 @@ from cpbench.matrices import Matrix, Vector, freeze
 
 
 def least(*sizes: float) -> float:
-    """The smallest positive one, 0 where there is none."""
+    """Return the smallest positive of the numbers, 0 where there is none."""
     return min((size for size in sizes if size > 0), default=0.0)
 
 
 def ratio(size: float, per: float) -> float:
-    """size / per, 0 where nothing can be said."""
+    """Return size / per, 0 where nothing can be said."""
     return size / per if per > 0 else 0.0
 
 
 def row_sizes(A: Matrix, groups: Any = None) -> Vector:
-    """max|A_ij| of every row, 1 for a zero row; with `groups` (the group of every row) the largest of its group.
+    """Return max|A_ij| of every row, 1 for a zero row; with `groups` (the group of every row) the largest of its group.
 
     A row divided by its size has the units of the unknowns, and its multiplier times it those of the forces.
     """
@@ -38,12 +38,13 @@ def row_sizes(A: Matrix, groups: Any = None) -> Vector:
 
 
 def group_max(x: Vector, groups: Any) -> Vector:
-    """max|x_i| over every group; groups are numbered from 0."""
+    """Return max|x_i| over every group; groups are numbered from 0."""
     result = np.zeros(int(groups[-1]) + 1 if len(groups) else 0)
     np.maximum.at(result, groups, np.abs(x))
     return result
 
 
 def least_squares(apply: Any, b: Vector) -> Vector:
-    """The shortest x with ‖Ax − b‖ least, by LSMR, for a matrix or operator A that is singular; to about 1e-8."""
+    """Return the shortest x with ‖Ax − b‖ least, by LSMR, for a matrix or operator A that is singular; to about
+    1e-8."""
     return freeze(np.asarray(spla.lsmr(apply, b, atol=1e-12, btol=1e-12, maxiter=1000)[0]))

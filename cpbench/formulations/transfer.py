@@ -56,7 +56,7 @@ class Transferred:
 
 
 def transfer(contacts: Contacts | None, point: Point, problem: Problem) -> Transferred:
-    """`point`, an answer to the step before with geometry `contacts`, as a start for `problem`.
+    """Carry `point`, an answer to the step before with geometry `contacts`, over as a start for `problem`.
 
     Raises NotApplicable where nothing says which contact is which: no ids, no positions, and another number; or, for
     a problem without contacts, another number of unknowns. PointError on an answer of another node.
@@ -97,7 +97,7 @@ def transfer(contacts: Contacts | None, point: Point, problem: Problem) -> Trans
 
 
 def _nearest(before: Contacts, after: Contacts) -> tuple[Index, Index]:
-    """Indices of the contacts that are the same by their positions, in both steps."""
+    """Return the indices of the contacts that are the same by their positions, in both steps."""
     from scipy.spatial import KDTree  # a tenth of a second, for who needs it
 
     for geometry in (before, after):
@@ -117,12 +117,12 @@ def _nearest(before: Contacts, after: Contacts) -> tuple[Index, Index]:
 
 
 def _spacing(tree: Any, contacts: Contacts) -> Vector:
-    """The way from every contact to the nearest other one of its step; ∞ where it is alone."""
+    """Return the way from every contact to the nearest other one of its step; ∞ where it is alone."""
     return np.asarray(tree.query(contacts.position, k=2)[0])[:, 1]
 
 
 def _in_new_frames(r: Dense, before: Contacts, old: Index, after: Contacts, new: Index, *, rolling: bool) -> Dense:
-    """Reactions of the matched contacts, row for row, shape (k, d)."""
+    """Return reactions of the matched contacts, row for row, shape (k, d)."""
     d = r.shape[1]
     k = (d - 1) // 2 if rolling else d - 1
     axes = 1 + k if d == 2 else 3
@@ -146,7 +146,7 @@ def _in_new_frames(r: Dense, before: Contacts, old: Index, after: Contacts, new:
 
 
 def _tangent_map(F: Dense, G: Dense, turned: Vector, k: int) -> Dense:
-    """T'RTᵀ of every contact, shape (c, k, k); 0 where the normals are more than a right angle apart.
+    """Return T'RTᵀ of every contact, shape (c, k, k); 0 where the normals are more than a right angle apart.
 
     R = I + [a]ₓ + [a]ₓ²/(1 + n·n') with a = n × n' (Rodrigues), so that t'·Rt = t'·t − (t'·n)(n'·t)/(1 + n·n'): t is
     normal to n, and t' to n'.

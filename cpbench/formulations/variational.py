@@ -78,7 +78,7 @@ class SimpleSetProblem(_HasBounds, NonlinearProblem, ConicProblem):
         return project_box(self.K.project(z), self.lb, self.ub)
 
     def defect(self, z: Vector, w: Vector) -> Vector:
-        """z − P_S(z − w), shape (n,), without forming z − w: nothing is lost beside a large z or w."""
+        """Return z − P_S(z − w), shape (n,), without forming z − w: nothing is lost beside a large z or w."""
         return self._defect(z, w, self.K, self.lb, self.ub)
 
     def _defect(self, z: Vector, w: Vector, K: ProductCone, lb: Vector, ub: Vector) -> Vector:
@@ -101,11 +101,12 @@ class RowsProblem(_HasRows, SimpleSetProblem):
     """
 
     def force(self, point: VIPoint) -> Vector:
-        """G."""
+        """Return G of the class, F less the forces of the rows, at a point; shape (n,)."""
         return self.F(point.z) - self.A.T @ point.lam - self.C.T @ point.mu
 
     def row_defects(self, point: VIPoint) -> list[Vector]:
-        """min(λ, Az − b) and Cz − d."""
+        """Return min(λ, Az − b), shape (m,), and Cz − d, shape (p,): 0 where the rows hold and complement their
+        forces."""
         return [np.minimum(point.lam, self.A @ point.z - self.b), self.C @ point.z - self.d]
 
     @property

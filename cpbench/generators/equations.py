@@ -9,7 +9,7 @@ import numpy as np
 
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.generators.base import Instance, collection
-from cpbench.generators.ncp_classics import of
+from cpbench.generators.ncp_classics import formula_map
 from cpbench.generators.symbols import Symbol, total
 
 
@@ -37,7 +37,7 @@ def _known(
     kind: str,
 ) -> Instance:
     begin = np.array(start, dtype=float)
-    problem = Equation(F=of(begin.size, formula), start=begin, name=name)
+    problem = Equation(F=formula_map(begin.size, formula), start=begin, name=name)
     solution = EquationPoint(z=np.array(root, dtype=float))
     return Instance(problem, solution, "published", None, {"class": kind}, (EquationPoint(z=begin),))
 

@@ -42,7 +42,7 @@ def build() -> list[Instance]:
     ]
 
 
-def of(n: int, formula: Callable[[list[Symbol]], Sequence[Any]]) -> Map:
+def formula_map(n: int, formula: Callable[[list[Symbol]], Sequence[Any]]) -> Map:
     """Return the map z ↦ formula(z) of n unknowns."""
     z = unknowns(n)
     return mapped(z, formula(z))
@@ -62,7 +62,7 @@ def kojima_shindo_map() -> Map:
             a**2 + 3.0 * b**2 + 2.0 * c + 3.0 * d - 3.0,
         ]
 
-    return of(4, F)
+    return formula_map(4, F)
 
 
 def kojima_shindo() -> Instance:
@@ -88,7 +88,7 @@ def josephy() -> Instance:
             a**2 + 3.0 * b**2 + 2.0 * c + 3.0 * d - 3.0,
         ]
 
-    problem = NCP(F=of(4, F), start=MCPLIB_STARTS[0], name="josephy")
+    problem = NCP(F=formula_map(4, F), start=MCPLIB_STARTS[0], name="josephy")
     facts = {"class": "regular", "degenerate": False}
     return Instance(problem, NCPPoint(z=DEGENERATE), "published", None, facts, points(*MCPLIB_STARTS))
 
@@ -105,7 +105,7 @@ def mathiesen(name: str, share: float, rest: float, b: Sequence[float], solution
         income = b[0] * p2 + b[1] * p3
         return [p2 + p3 - p1, y - share * income / p1, b[0] - y - rest * income / p2, b[1] - y]
 
-    problem = NCP(F=of(4, F), start=np.ones(4), name=name)
+    problem = NCP(F=formula_map(4, F), start=np.ones(4), name=name)
     facts = {"class": "homogeneous, singular", "ray": f"y = {solution[0]:g}, p = t·{tuple(solution[1:])}, t > 0"}
     return Instance(problem, NCPPoint(z=np.array(solution)), "published", properties=facts, starts=points(np.ones(4)))
 
@@ -114,7 +114,7 @@ def billups() -> Instance:
     """Build F(z) = (z − 1)² − 1.01, from 0: Newton's directions lead to where merits are least, which is no
     solution.
     """
-    problem = NCP(F=of(1, lambda z: [(z[0] - 1.0) ** 2 - 1.01]), start=np.zeros(1), name="billups")
+    problem = NCP(F=formula_map(1, lambda z: [(z[0] - 1.0) ** 2 - 1.01]), start=np.zeros(1), name="billups")
     solution = NCPPoint(z=[1.0 + np.sqrt(1.01)])
     facts = {"class": "made against Newton", "degenerate": False}
     return Instance(problem, solution, "published", None, facts, points((0.0,)))
@@ -123,5 +123,5 @@ def billups() -> Instance:
 def munson1() -> Instance:
     """Build three unknowns of MCPLIB, affine: z = (1, 0, 0)."""
     M, q = np.array([[1.0, 2, 3], [0, 1, -1], [1, 1, 0]]), (-1.0, 1.0, 1.0)
-    F = of(3, lambda z: [row + c for row, c in zip(product(M, z), q, strict=True)])
+    F = formula_map(3, lambda z: [row + c for row, c in zip(product(M, z), q, strict=True)])
     return Instance(NCP(F=F, name="munson1"), NCPPoint(z=[1.0, 0, 0]), "published", properties={"class": "affine"})

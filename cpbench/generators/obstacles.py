@@ -103,7 +103,8 @@ def journal_bearing(m: int, n: int, eccentricity: float) -> Instance:
 
 
 def american_put(n: int) -> Instance:
-    """Strike 1, r = 0.05, σ = 0.3, Δt = 0.02, log prices in (−1.5, 1.5): z = V − payoff after one implicit step."""
+    """Build an American put with strike 1, r = 0.05, σ = 0.3, Δt = 0.02, log prices in (−1.5, 1.5): z = V − payoff
+    after one implicit step."""
     rate, sigma, dt = 0.05, 0.3, 0.02
     h = 3.0 / (n + 1)
     x = -1.5 + h * np.arange(n + 2)

@@ -9,7 +9,7 @@ import numpy as np
 from cpbench.formulations.qvi import QVI, QVIPoint
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench.generators.contact_planted import STATES, contact_states
-from cpbench.generators.ncp_classics import of
+from cpbench.generators.ncp_classics import formula_map
 from cpbench.generators.symbols import Symbol, mapped, product, unknowns
 from cpbench.product_cones import Cone, ProductCone
 
@@ -55,13 +55,15 @@ def duopoly(*, rows: bool) -> Instance:
         return [2.0 * z[0] + (8.0 / 3.0) * z[1] - 34.0, 1.25 * z[0] + 2.0 * z[1] - 24.25]
 
     limit: dict[str, Any] = (
-        {"g": of(4, lambda x: [15.0 - x[0] - x[3], 15.0 - x[2] - x[1]])}  # x = (y₁, y₂, z₁, z₂)
+        {"g": formula_map(4, lambda x: [15.0 - x[0] - x[3], 15.0 - x[2] - x[1]])}  # x = (y₁, y₂, z₁, z₂)
         if rows
-        else {"upper": of(2, lambda z: [15.0 - z[1], 15.0 - z[0]])}
+        else {"upper": formula_map(2, lambda z: [15.0 - z[1], 15.0 - z[0]])}
     )
     starts = [np.array(z) for z in ((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), (0.0, 10.0))]
     none = np.zeros(2 if rows else 0)
-    problem = QVI(F=of(2, F), lb=np.zeros(2), ub=np.full(2, 10.0), name="duopoly-rows" if rows else "duopoly", **limit)
+    problem = QVI(
+        F=formula_map(2, F), lb=np.zeros(2), ub=np.full(2, 10.0), name="duopoly-rows" if rows else "duopoly", **limit
+    )
     facts = {
         "class": "many solutions",
         "solutions": "(5, 9); (t, 15 - t) for 9 <= t <= 10",

@@ -13,7 +13,7 @@ from cpbench.formulations.ge import GE, GEPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.generators.base import Instance, collection, dyadic, generator
-from cpbench.generators.ncp_classics import kojima_shindo_map, of
+from cpbench.generators.ncp_classics import formula_map, kojima_shindo_map
 from cpbench.generators.symbols import Symbol, mapped, product, total, unknowns
 from cpbench.matrices import Vector
 from cpbench.product_cones import Cone, ProductCone
@@ -78,7 +78,7 @@ def mathiesen_polyhedron() -> Instance:
         return [0.0 - 0.9 * income / p[0], 5.0 - 0.1 * income / p[1], 3.0]
 
     problem = VI(
-        F=of(3, F), lb=np.zeros(3), A=np.array([[-1.0, 1, 1]]), b=np.zeros(1), C=np.ones((1, 3)), d=np.ones(1),
+        F=formula_map(3, F), lb=np.zeros(3), A=np.array([[-1.0, 1, 1]]), b=np.zeros(1), C=np.ones((1, 3)), d=np.ones(1),
         start=np.array([0.25, 0.5, 0.25]), name="mathiesen-polyhedron",
     )  # fmt: skip
     solution = VIPoint(z=np.array([6.0, 1, 5]) / 12.0, lam=np.array([3.0]), mu=np.zeros(1))
@@ -96,8 +96,8 @@ def fukushima() -> Instance:
             0.5 * a - 0.2 * b + 2.0 * c - 0.5,
         ]
 
-    g = of(3, lambda z: [1.0 - z[0] ** 2 - 0.4 * z[1] ** 2 - 0.6 * z[2] ** 2])
-    problem = VI(F=of(3, F), g=g, name="fukushima")
+    g = formula_map(3, lambda z: [1.0 - z[0] ** 2 - 0.4 * z[1] ** 2 - 0.6 * z[2] ** 2])
+    problem = VI(F=formula_map(3, F), g=g, name="fukushima")
     return Instance(
         problem, VIPoint(z=[1.0, 0, 0], nu=[0.9]), "published", properties={"class": "strongly monotone", "set": "g"}
     )
@@ -113,7 +113,7 @@ def river_basin() -> Instance:
         all_of_them = 0.01 * total(z)
         return [all_of_them + 0.01 * x + (2.0 * s) * x + (c - 3.0) for x, c, s in zip(z, linear, square, strict=True)]
 
-    problem = VI(F=of(3, F), lb=np.zeros(3), A=-reach * emission, b=np.full(2, -100.0), name="river-basin")
+    problem = VI(F=formula_map(3, F), lb=np.zeros(3), A=-reach * emission, b=np.full(2, -100.0), name="river-basin")
     solution = VIPoint(z=BASIN, lam=[BASIN_PRICE, 0.0])
     return Instance(problem, solution, "published", properties={"class": "affine, strongly monotone"})
 

@@ -44,7 +44,7 @@ def answer(run: Run) -> Iterator[str]:
 
 
 def _sentence(ranking: Ranking) -> str:
-    """What to use, after the formulation and what it is called in full."""
+    """Return what to use, after the formulation and what it is called in full."""
     title = f" ({plain(ranking.title)})" if ranking.title else ""
     winner = f"use {ranking.winner}: "
     said = plain(ranking.verdict.removeprefix(winner))

@@ -39,7 +39,10 @@ def graph_drawing(kinds: Collection[Kind]) -> Drawing:
 
 
 def graph_map(kinds: Collection[Kind] = tuple(Kind)) -> tuple[Figure, int]:
-    """Draw boxes and arrows, and count these conversions; made within `canvas.drawing`."""
+    """Draw the formulations as boxes and the conversions as arrows; return the figure and the number of arrows drawn.
+
+    To be called within `canvas.drawing`.
+    """
     pairs: dict[tuple[str, str], bool] = {}
     roads = [edge for edge in edges() if edge.source != edge.target and best_kind(edge) in kinds]
     for edge in roads:
@@ -78,7 +81,7 @@ def _places() -> dict[str, tuple[float, float]]:
 
 
 def _border(name: str, place: tuple[float, float], other: tuple[float, float]) -> float:
-    """Points from the middle of a box to a little beyond its border, towards another place."""
+    """Return points from the middle of a box to a little beyond its border, towards another place."""
     across, up = (b - a for a, b in zip(place, other, strict=True))
     length = math.hypot(across * UNIT[0], up * UNIT[1])
     half = (6.0 + 2.9 * len(name), 11.0)

@@ -60,8 +60,8 @@ def draw(run: Run, rankings: Sequence[Ranking]) -> tuple[str, str]:
         left = f" {len(panels)} of {len(rankings)} formulations are shown, those with most problems, then most solves."
     return NAME, (
         "A curve at τ is the fraction of the problems that the solver solved within τ times the time of the fastest "
-        "solver of that problem: left where it was the fastest, right at all. Below each panel: the solvers with the "
-        f"largest area under their curves, and how many problems each solved.{left}"
+        "solver of that problem: at the left end where it was the fastest, at the right end at all. Below each panel: "
+        f"the solvers with the largest area under their curves, and how many problems each solved.{left}"
     )
 
 
@@ -127,7 +127,7 @@ def _curves(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
 
 
 def _names(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
-    """A line a named solver, the best first: its look, what it solved, its name."""
+    """Write a line a named solver, the best first: its look, what it solved, its name."""
     axes.set_axis_off()
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(NAMED - 0.5, -0.5)

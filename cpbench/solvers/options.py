@@ -33,7 +33,10 @@ DECADE = 10.0
 def searched(
     default: T, *, low: float | None = None, high: float | None = None, log: bool = False, choices: Sequence[T] = ()
 ) -> T:
-    """Return a field of a dataclass of options that says where to search: between two numbers, or among choices."""
+    """Return a field of a dataclass of options that `cpbench tune` searches: between two numbers, or among choices.
+
+    `log` : the search is uniform in the logarithm.
+    """
     metadata = {"choices": tuple(choices)} if choices else {"range": (low, high), "log": log}
     return field(default=default, metadata=metadata)
 
@@ -55,7 +58,7 @@ class Domain:
 
     @property
     def size(self) -> float:
-        """How many values there are."""
+        """Number of values; infinite where they need not be whole."""
         if self.choices:
             return len(self.choices)
         return math.floor(self.high) - math.ceil(self.low) + 1 if self.whole else math.inf

@@ -54,7 +54,7 @@ class Format(ABC):
 
     @abstractmethod
     def load(self, path: Path, member: str) -> Problem:
-        """Load the problem `member` of the file; raises FormatError."""
+        """Load the problem `member` of the file ("" where the file is one problem); raises FormatError."""
 
     def members(self, path: Path) -> list[str]:
         """Return the names of the problems in the file; [""] when the file is one problem."""
@@ -65,7 +65,7 @@ class Format(ABC):
         return []
 
     def encode(self, problem: Problem, *, compress: bool) -> bytes:
-        """Return the whole file that holds `problem`."""
+        """Return the bytes of a file that holds `problem`; raises FormatError where the format cannot hold it."""
         raise FormatError(
             problem.name or problem.node, "", f"cannot be written as {self.name}: that format is read only"
         )
@@ -73,12 +73,15 @@ class Format(ABC):
     def write(self, problem: Problem, file: BinaryIO, *, compress: bool, guesses: Sequence[Point] = ()) -> None:
         """Put `problem` into an empty file, open for reading too; a format of large files need not build it first.
 
-        A format that `keeps_guesses` writes these starting points too.
+        A format that `keeps_guesses` writes these starting points too. Raises FormatError, as `encode`.
         """
         file.write(self.encode(problem, compress=compress))
 
     def load_any(self, others: Sequence[Format], path: Path, member: str) -> Problem:
-        """Load the problem of a file that `self` and `others` recognise; a family of formats decides by content."""
+        """Load the problem of a file that `self` and `others` recognise; a family of formats decides by content.
+
+        Raises FormatError where there are others: the reader has to name the format.
+        """
         if others:
             names = ", ".join(sorted(f.name for f in (self, *others)))
             raise FormatError(path, "", f"may be any of {names}: say which with --format")
@@ -95,7 +98,7 @@ def no_member(path: Path, member: str) -> None:
 
 
 def split_address(address: str | Path) -> tuple[Path, str]:
-    """Return file and member of ``file::member``.
+    """Return file and member of ``file::member``; the member is "" where none is named, or a file has that whole name.
 
     >>> split_address("pack.h5::murty-8")[1]
     'murty-8'
@@ -143,7 +146,7 @@ def read_text(path: Path) -> str:
 
 
 def build(path: Path, cls: type[Problem], where: str, **parts: Any) -> Problem:
-    """Return `cls(**parts)`, with a refusal that names the file and the place in it."""
+    """Return `cls(**parts)`; raises FormatError, which names the file and the place in it, where that is no problem."""
     try:
         return cls(**parts)
     except ProblemError as cause:

@@ -61,7 +61,7 @@ def one_sided(kind: str, side: str, value: float) -> str:
 
 
 def numbered(name: str, count: int) -> list[str]:
-    """Number the entries of a vector from 1, as JuMP does."""
+    """Give the entries of a vector numbers from 1, as JuMP does."""
     return [f"{name}[{i}]" for i in range(1, count + 1)]
 
 

@@ -16,7 +16,8 @@ Check = Callable[[Any, list[Case]], None]
 
 
 def checks(kind: str) -> dict[str, Check]:
-    """The checks of a kind of plugin: formulation, conversion, solver, format or problem (a collection of them)."""
+    """Return the checks of a kind of plugin: formulation, conversion, solver, format or problem (a collection of
+    them)."""
     import importlib
 
     module = importlib.import_module(f"cpbench.testing.checks_{kind}")

@@ -39,7 +39,8 @@ class Case:
 
 @cache
 def cases(node: str) -> list[Case]:
-    """Dense and sparse, n = 0 and 1, degenerate, frictionless, singular, nonsymmetric, zero rows, units of 1e±8.
+    """Build dense and sparse ones, n = 0 and 1, degenerate, frictionless, singular, nonsymmetric, zero rows, units of
+    1e±8.
 
     Of a formulation that has no such cases, the problems of its generators whose solution is known.
     """
@@ -54,7 +55,7 @@ def cases(node: str) -> list[Case]:
 
 
 def infeasible(node: str) -> list[Case]:
-    """Problems of the node that have no solution (their point is None)."""
+    """Return problems of the node that have no solution (their point is None)."""
     if node == "lcp":  # w₁ = −z₂ − z₃ − 10⁻⁴ < 0; w = −z − 1 < 0
         pang = LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1e-4, -1, 1])
         return [Case("pang", pang, None), Case("negative", LCP(M=-np.eye(2), q=-np.ones(2)), None)]
@@ -70,8 +71,8 @@ def infeasible(node: str) -> list[Case]:
 
 
 def draw(node: str, seed: int, size: int) -> Case:
-    """A random case; what hypothesis draws are the seed and the size. Of a formulation without random cases, one of
-    the others."""
+    """Return a random case; what hypothesis draws are the seed and the size. Of a formulation without random cases,
+    one of the others."""
     rng = np.random.default_rng(seed)
     if not any(node in makers for makers in _ALL_MAKERS):
         return cases(node)[int(rng.integers(len(cases(node))))]
@@ -139,7 +140,8 @@ _NO_ROWS = np.zeros(0, dtype=np.int64)
 
 
 def renumbered(case: Case, seed: int) -> Case | None:
-    """The same problem with unknowns, rows and contacts in another order; None for a node that is not known here."""
+    """Return the same problem with unknowns, rows and contacts in another order; None for a node that is not known
+    here."""
     symbols = _SYMBOLS.get(case.problem.node)
     if symbols is None:
         return None
@@ -173,7 +175,7 @@ def renumbered(case: Case, seed: int) -> Case | None:
 
 
 def _reordered(F: Map, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Map:
-    """x[columns] ↦ F(x)[rows]; the map to ℝ¹ has no rows to reorder."""
+    """Return x[columns] ↦ F(x)[rows]; the map to ℝ¹ has no rows to reorder."""
     record = MapRecorder(F.inputs)
     value = record(F, record.z[np.argsort(columns)])
     return record.map(value[rows] if rows.size else value)
@@ -239,7 +241,7 @@ def _fc() -> dict[str, tuple[Problem, Any]]:
 
 
 def _without_friction(problem: FrictionContact, point: Any) -> tuple[Problem, Any]:
-    """μ = 0: only normal reactions, each contact either pushes at rest or is open."""
+    """Return μ = 0: only normal reactions, each contact either pushes at rest or is open."""
     r, u = np.zeros((problem.nc, 3)), np.zeros((problem.nc, 3))
     r[::2, 0], u[1::2, 0], u[:, 1] = 1.5, 0.5, 0.25
     W = problem.W

@@ -26,7 +26,7 @@ def _fcm() -> dict[str, tuple[Problem, Any]]:
 
 
 def gfc_with_joints() -> dict[str, tuple[Problem, Any]]:
-    """Cases of gfc whose G has columns."""
+    """Return cases of gfc whose G has columns."""
     return {
         "joints-3d": planted_contact.gfc(_rng(0), 3, 4, 2, 3),
         "joints-2d": planted_contact.gfc(_rng(1), 3, 4, 2, 2),

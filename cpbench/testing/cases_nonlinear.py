@@ -43,7 +43,7 @@ def _laws(make: Callable[..., Any], seed: int, *sizes: Any) -> Made:
 
 
 def _ncp() -> Made:
-    """z = F(z) = 0 in half of the components, not monotone, F without a value at 0."""
+    """Return z = F(z) = 0 in half of the components, not monotone, F without a value at 0."""
     made = _laws(plant.ncp, 300, 9)
     made["not-monotone"] = plant.ncp(_rng(310), 8, "any")
     made["one"] = plant.ncp(_rng(311), 1, "positive definite", "exp")
@@ -59,7 +59,7 @@ def _ncp() -> Made:
 
 
 def _micp() -> Made:
-    """Nothing bounded, everything fixed, at a bound with F = 0."""
+    """Return a problem with nothing bounded, everything fixed, at a bound with F = 0."""
     made = _laws(plant.micp, 320, 10)
     made["not-monotone"] = plant.micp(_rng(330), 8, "any")
     made["one"] = plant.micp(_rng(331), 1, "positive definite", "exp")
@@ -80,7 +80,7 @@ def _micp() -> Made:
 
 
 def _equation() -> Made:
-    """Smooth, with corners, and nothing to solve."""
+    """Build smooth equations, with corners, and nothing to solve."""
     made = _laws(plant.equation, 340, 7)
     made["piecewise"] = plant.equation(_rng(350), 7, "positive definite", "piecewise")
     made["one"] = plant.equation(_rng(351), 1, "positive definite", "cube")
@@ -94,7 +94,7 @@ def _ball(n: int, radius: float) -> ProductCone:
 
 
 def _vi() -> Made:
-    """Box, polyhedron, ball, second-order cone, products, g(z) ≥ 0; everything at once."""
+    """Build a box, polyhedron, ball, second-order cone, products, g(z) ≥ 0; everything at once."""
     soc = ProductCone.of((Cone.SECOND_ORDER, 3, 3, np.array([0.0, 0.5, 1.0])))
     orthant = ProductCone.of((Cone.NONNEGATIVE, 1, 4), (Cone.ZERO, 1, 2))
     made: Made = {
@@ -136,7 +136,7 @@ def _ge() -> Made:
 
 
 def _cp() -> Made:
-    """Products with and without rows; the lecture's orthant; μ of 0 and ∞."""
+    """Build products with and without rows; the lecture's orthant; μ of 0 and ∞."""
     half_space = ProductCone.of((Cone.SECOND_ORDER, 3, 3, np.array([0.0, np.inf, 1.0])))
     orthant = ProductCone.of((Cone.NONNEGATIVE, 1, 6))
     return {
@@ -153,7 +153,8 @@ def _cp() -> Made:
 
 
 def _nlp() -> Made:
-    """Convex and qualified, qualified by nobody's word, stationary points, nothing but bounds, nothing at all."""
+    """Build convex ones and qualified ones, qualified by nobody's word, stationary points, nothing but bounds, nothing
+    at all."""
     made: Made = {
         "convex": plant.nlp(_rng(420), 8, 4, 2),
         "no-equality": plant.nlp(_rng(421), 7, 3, 0),
@@ -213,7 +214,7 @@ MAKERS = {
 
 
 def infeasible(node: str) -> dict[str, Problem]:
-    """Problems without solution, none of them nearly solved anywhere."""
+    """Return problems without solution, none of them nearly solved anywhere."""
     below = graph(1, lambda x: -x * x - 1.0)
     above = graph(1, lambda x: x * x + 1.0)
     rows, e, both = np.array([[1.0], [-1.0]]), np.ones(2), np.array([0.0, np.inf])
@@ -245,7 +246,7 @@ def infeasible(node: str) -> dict[str, Problem]:
 
 
 def draw(node: str, rng: np.random.Generator, size: int, kind: str) -> tuple[Problem, Any] | None:
-    """A random case of a nonlinear node; None for another one."""
+    """Return a random case of a nonlinear node; None for another one."""
     few = int(rng.integers(0, 3))
     makers: dict[str, Callable[[], tuple[Problem, Any]]] = {
         "ncp": lambda: plant.ncp(rng, size, kind),

@@ -25,7 +25,7 @@ LIFTED = 1e-7
 
 
 def _open(edge: Conversion, cases: list[Case]) -> Iterator[tuple[Case, Problem]]:
-    """Cases that take the edge, with the converted problem."""
+    """Yield cases that take the edge, with the converted problem."""
     for case in cases:
         if edge.obstacle(case.problem) is None:
             yield case, _converted(edge, case.problem)
@@ -57,7 +57,7 @@ def check_types_are_those_declared(edge: Conversion, cases: list[Case]) -> None:
 
 
 def check_promises_agree(edge: Conversion, cases: list[Case]) -> None:
-    """The promise for a problem is one that the edge declares; no solver is asked for less."""
+    """Check that an edge declares what it promises for a problem; no solver is asked for less."""
     declared = {graph.best_kind(edge), *edge.between, edge.kind}
     for case, target in _open(edge, cases):
         promise = edge.exactness(case.problem)
@@ -69,7 +69,7 @@ def check_promises_agree(edge: Conversion, cases: list[Case]) -> None:
 
 
 def check_the_input_stays(edge: Conversion, cases: list[Case]) -> None:
-    """The data are the same afterwards, bit for bit (they are read-only, but an edge could replace them)."""
+    """Check that the data stay the same bit for bit (an edge could replace read-only arrays)."""
     for case in cases:
         before = _content(case.problem)
         if edge.obstacle(case.problem) is None:
@@ -78,7 +78,7 @@ def check_the_input_stays(edge: Conversion, cases: list[Case]) -> None:
 
 
 def _content(problem: Problem) -> dict[str, tuple[int, bytes]]:
-    """Identity and digest of matrices, vectors and maps; the digest of a map is kept, so of a copy."""
+    """Return identity and digest of matrices, vectors and maps; the digest of a map is kept, so of a copy."""
     data = {k: (id(v), matrices.digest(v)) for k, v in problem.data().items()}
     return data | {k: (id(F), dataclasses.replace(F).digest) for k, F in problem.maps().items()}
 
@@ -89,7 +89,7 @@ def check_the_same_twice(edge: Conversion, cases: list[Case]) -> None:
 
 
 def check_obstacles_are_kept(edge: Conversion, cases: list[Case]) -> None:
-    """`apply` refuses where there is an obstacle, for that reason, and nowhere else."""
+    """Check that `apply` refuses where there is an obstacle, for that reason, and nowhere else."""
     for case in cases:
         why = edge.obstacle(case.problem)
         if why is not None:
@@ -104,7 +104,7 @@ def check_obstacles_are_kept(edge: Conversion, cases: list[Case]) -> None:
 
 
 def check_lift_undoes_push(edge: Conversion, cases: list[Case]) -> None:
-    """An exact edge: a solution pushed forward solves the target, and lifted back solves the source."""
+    """Check that a solution pushed over an exact edge solves the target, and lifted back the source."""
     for case, target in _open(edge, cases):
         if not edge.exactness(case.problem).exact:
             continue
@@ -118,7 +118,7 @@ def check_lift_undoes_push(edge: Conversion, cases: list[Case]) -> None:
 
 
 def check_lift_works_in_another_process(edge: Conversion, cases: list[Case]) -> None:
-    """A new instance of the edge, with the trace out of a file or a pickle, lifts as the first one does."""
+    """Check that a new instance with the trace out of a file or a pickle lifts as the first one does."""
     with tempfile.TemporaryDirectory() as folder:
         for k, (case, target) in enumerate(_open(edge, cases)):
             path = Path(folder) / f"{k}.h5"
@@ -137,7 +137,7 @@ def check_lift_works_in_another_process(edge: Conversion, cases: list[Case]) -> 
 
 
 def check_sparse_as_dense(edge: Conversion, cases: list[Case]) -> None:
-    """The same target from sparse and from dense data, to rounding."""
+    """Check that sparse and dense data give the same target, to rounding."""
     for case, target in _open(edge, cases):
         for change in (matrices.sparse, matrices.dense):
             stored = {k: change(v) for k, v in case.problem.data().items() if v.ndim == 2}
@@ -152,7 +152,7 @@ def check_sparse_as_dense(edge: Conversion, cases: list[Case]) -> None:
 
 
 def check_the_mathematics_is_written_down(edge: Conversion, cases: list[Case]) -> None:
-    """The module says source, target, lift and kind in words and formulas."""
+    """Check that the module says source, target, lift and kind in words and formulas."""
     text = inspect.getdoc(sys.modules[type(edge).__module__]) or ""
     missing = [word for word in ("Source", "Target", "Lift", "Kind") if word not in text]
     assert not missing, f"the module does not say: {', '.join(missing)}"

@@ -30,7 +30,7 @@ INFO = Info(
 
 
 def _written(form: Format, cases: list[Case], folder: Path) -> Iterator[tuple[Case, Path]]:
-    """The cases the format takes, each in a file of its own; what it refuses must be a FormatError."""
+    """Yield the cases the format takes, each in a file of its own; what it refuses must be a FormatError."""
     for k, case in enumerate(cases):
         if case.problem.node in form.writes:
             path = folder / f"{k}{form.suffixes[0]}"
@@ -59,7 +59,8 @@ def check_round_trip_is_exact(form: Format, cases: list[Case]) -> None:
 
 
 def _same(a: Any, b: Any) -> bool:
-    """Equal numbers in equal places; the signs of zeros too, but for matrices, where a storage may drop zeros."""
+    """Return whether equal numbers are in equal places; the signs of zeros too, but for matrices, where a storage may
+    drop zeros."""
     signs = a.ndim == 2 or np.array_equal(np.signbit(a), np.signbit(b))
     return signs and matrices.digest(a) == matrices.digest(b)
 
@@ -95,7 +96,7 @@ def check_files_are_not_overwritten(form: Format, cases: list[Case]) -> None:
 
 
 def check_cut_files_are_refused(form: Format, cases: list[Case]) -> None:
-    """Half a file is a FormatError, never another problem, and never another exception."""
+    """Check that half a file is a FormatError, never another problem, and never another exception."""
     with tempfile.TemporaryDirectory() as folder:
         for case, path in _written(form, cases, Path(folder)):
             content = path.read_bytes()

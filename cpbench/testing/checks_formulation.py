@@ -25,7 +25,7 @@ def check_planted_points_have_no_residual(node: type[Problem], cases: list[Case]
 
 
 def check_wrong_points_have_a_residual(node: type[Problem], cases: list[Case]) -> None:
-    """Shifting every part of a solution by its size must show, unless nothing is unknown."""
+    """Check that shifting every part of a solution by its size shows, unless nothing is unknown."""
     for case in cases:
         parts = {k: v + 1.0 + np.abs(v) for k, v in case.point.arrays().items()}
         if sum(v.size for v in parts.values()):
@@ -34,7 +34,7 @@ def check_wrong_points_have_a_residual(node: type[Problem], cases: list[Case]) -
 
 
 def check_nan_is_not_solved(node: type[Problem], cases: list[Case]) -> None:
-    """One NaN or infinity anywhere makes the error infinite, in the residuals themselves."""
+    """Check that one NaN or infinity anywhere makes the error infinite, in the residuals themselves."""
     for case in cases:
         for part, value in case.point.arrays().items():
             for bad in (math.nan, math.inf):
@@ -48,7 +48,7 @@ def check_nan_is_not_solved(node: type[Problem], cases: list[Case]) -> None:
 
 
 def check_shapes_are_named(node: type[Problem], cases: list[Case]) -> None:
-    """An array that is one row too long is refused, and the refusal names it or what it disagrees with; so is a map of
+    """Refuse arrays that are one row too long, and name them or what they disagree with; so with a map of
     one unknown more. A dimension that nothing else has may be any."""
     for case in cases:
         for name, value in case.problem.data().items():
@@ -65,7 +65,7 @@ def check_shapes_are_named(node: type[Problem], cases: list[Case]) -> None:
 
 
 def _has_rows_of_its_own(node: type[Problem], name: str) -> bool:
-    """Whether the number of rows of a field is a dimension that no other field has."""
+    """Return whether the number of rows of a field is a dimension that no other field has."""
     shapes = {f.name: f.metadata.get("shape", f.metadata.get("map", ())) for f in dataclasses.fields(node)}
     symbol = shapes.pop(name)[0]
     return not symbol.isdigit() and not any(symbol in shape for shape in shapes.values())
@@ -95,7 +95,7 @@ def check_data_are_read_only(node: type[Problem], cases: list[Case]) -> None:
 
 
 def check_fingerprint_is_of_the_content(node: type[Problem], cases: list[Case]) -> None:
-    """The same for dense and sparse storage and for any name; another one for other data."""
+    """Check the fingerprint: the same for dense and sparse storage and any name, another one for other data."""
     for case in cases:
         problem = case.problem
         for change in (matrices.sparse, matrices.dense):
@@ -130,7 +130,8 @@ def check_dense_and_sparse_have_the_same_residuals(node: type[Problem], cases: l
 
 
 def check_renumbering_changes_nothing(node: type[Problem], cases: list[Case]) -> None:
-    """Unknowns, rows and contacts in another order: the same error, of a solution and of a wrong answer."""
+    """Check that unknowns, rows and contacts in another order have the same error, of a solution and of a wrong
+    answer."""
     for case in cases:
         other = renumbered(case, seed=1)
         if other is not None:
@@ -147,7 +148,7 @@ def _close(a: float, b: float, absolute: float) -> bool:
 
 
 def check_points_have_their_sizes(node: type[Problem], cases: list[Case]) -> None:
-    """A vector of the right length makes a point and comes back; one number more is refused."""
+    """Make a point of a vector of the right length and get it back; refuse one number more."""
     for case in cases:
         flat = np.concatenate(list(case.point.arrays().values()))
         again = case.problem.point_from_vector(flat)

@@ -25,7 +25,7 @@ KNOWN = {"planted": 1e-12, "published": 1e-12, "closed form": 1e-12, "planted to
 
 
 def check_problems_are_of_the_node(collection: Collection, cases: list[Case]) -> None:
-    """There are some, each with a name of its own that a file can carry."""
+    """Check that there are some, each with a name of its own that a file can carry."""
     instances = collection.instances()
     assert instances, "makes no problem"
     formulations.get(collection.node)
@@ -39,7 +39,7 @@ def check_problems_are_of_the_node(collection: Collection, cases: list[Case]) ->
 
 
 def check_what_is_known_holds(collection: Collection, cases: list[Case]) -> None:
-    """A solution solves, a certificate proves, and nothing is given where nothing is known."""
+    """Check that a solution solves, a certificate proves, and nothing is given where nothing is known."""
     for instance in collection.instances():
         name, known, solution = instance.name, instance.known, instance.solution
         if known in KNOWN:
@@ -56,7 +56,7 @@ def check_what_is_known_holds(collection: Collection, cases: list[Case]) -> None
 
 
 def check_the_same_twice(collection: Collection, cases: list[Case]) -> None:
-    """Whatever the state of NumPy's global generator is."""
+    """Check that they are the same whatever the state of NumPy's global generator is."""
     made: list[list[str]] = []
     before = np.random.get_state()  # noqa: NPY002 - the global one: nothing may depend on it
     try:
@@ -69,7 +69,7 @@ def check_the_same_twice(collection: Collection, cases: list[Case]) -> None:
 
 
 def check_the_same_in_another_process(collection: Collection, cases: list[Case]) -> None:
-    """Whatever the order of sets is there."""
+    """Check that they are the same whatever the order of sets is there."""
     file = sys.modules[collection.build.__module__].__file__ or ""
     here = _marks(collection.instances())
     for seed in ("1", "2"):
@@ -94,7 +94,8 @@ def check_data_are_read_only(collection: Collection, cases: list[Case]) -> None:
 
 
 def check_files_keep_them(collection: Collection, cases: list[Case]) -> None:
-    """Written as `cpbench generate` does, they are read again with the same numbers, and so is what is known."""
+    """Check that, written as `cpbench generate` does, they are read again with the same numbers, and so is what is
+    known."""
     with tempfile.TemporaryDirectory() as folder:
         pack, sheet = write_collections(Path(folder), [collection.name])
         tomllib.loads(sheet.read_text(encoding="utf-8"))
@@ -113,7 +114,7 @@ def check_its_origin_is_written_down(collection: Collection, cases: list[Case]) 
 
 
 def _marks(instances: list[Instance]) -> list[str]:
-    """One line a problem, that depends on every bit of it and of its solution."""
+    """Return one line a problem, that depends on every bit of it and of its solution."""
     marks: list[str] = []
     for instance in instances:
         parts = instance.solution.arrays() if instance.solution is not None else {}
@@ -123,7 +124,7 @@ def _marks(instances: list[Instance]) -> list[str]:
 
 
 def _first_difference(one: list[str], other: list[str]) -> str:
-    """The name of the first problem that is not the same in both."""
+    """Return the name of the first problem that is not the same in both."""
     return next((a.split()[0] for a, b in zip(one, other, strict=False) if a != b), "the number of problems")
 
 

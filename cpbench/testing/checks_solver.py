@@ -32,7 +32,7 @@ SLACK = 1.001
 
 
 class _Memory:
-    """What the solver that is being checked has done before, so that its checks do not repeat each other's solves.
+    """Earlier solves of the solver that is being checked, so that its checks do not repeat each other's solves.
 
     It is of one solver at a time, and only of one with the trait deterministic: `check_the_same_twice` holds that it
     has the trait by right.
@@ -43,7 +43,7 @@ class _Memory:
         self._known: dict[tuple[Any, ...], tuple[Problem, Any]] = {}
 
     def get(self, solver: Solver, problem: Problem, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
-        """What `make` returns, or returned for the same solver, problem and key."""
+        """Return what `make` returns, or returned for the same solver, problem and key."""
         if Trait.DETERMINISTIC not in solver.spec.traits:
             return make()
         if self._solver is not solver:
@@ -66,14 +66,14 @@ def _run(solver: Solver, case: Case, start: Any | None = None, **budget: Any) ->
 
 
 def _open(solver: Solver, cases: list[Case]) -> Iterator[Case]:
-    """Cases that the solver takes and, by its own word (`known_failures`), does not fail on."""
+    """Yield cases that the solver takes and, by its own word (`known_failures`), does not fail on."""
     for case in cases:
         if f"case-{case.name}" not in solver.spec.known_failures and _takes(solver, case.problem):
             yield case
 
 
 def _takes(solver: Solver, problem: Problem) -> bool:
-    """Whether a solver takes a problem; a program may refuse one only when it has read it."""
+    """Return whether a solver takes a problem; a program may refuse one only when it has read it."""
     return _memory.get(solver, problem, ("takes",), lambda: _can_take(solver, problem))
 
 
@@ -88,7 +88,7 @@ def _can_take(solver: Solver, problem: Problem) -> bool:
 
 
 def _false(solver: Solver, case: Case, output: SolverOutput, tolerance: float) -> str | None:
-    """What is false in a claim, if anything. A relaxation's claim is about its own problem.
+    """Return what is false in a claim, if anything. A relaxation's claim is about its own problem.
 
     A claim is about what a budget's tolerance means to a solver: the residuals of the node (`Problem.residuals`). The
     verdict of a run is the judge's own, and stricter on problems in mixed units.
@@ -102,7 +102,7 @@ def _false(solver: Solver, case: Case, output: SolverOutput, tolerance: float) -
 
 
 def check_some_case_is_solved(solver: Solver, cases: list[Case]) -> None:
-    """One at least whose solution is not simply 0."""
+    """Check that a case is solved whose solution is not simply 0."""
     only_for(solver.spec.kind is not Kind.RELAXATION, "solvers of the whole law")
     for case in _open(solver, cases):
         if not judge(case.problem, case.problem.zero_point(), TOLERANCE).solved:
@@ -142,7 +142,7 @@ def check_the_problem_stays(solver: Solver, cases: list[Case]) -> None:
 
 
 def _second(solver: Solver, case: Case) -> tuple[bool, SolverOutput]:
-    """A solve apart from that of `_run`: whether it leaves the problem as it was, and what it returns."""
+    """Return a solve apart from that of `_run`: whether it leaves the problem as it was, and what it returns."""
 
     def make() -> tuple[bool, SolverOutput]:
         before = _content(case.problem)
@@ -153,13 +153,13 @@ def _second(solver: Solver, case: Case) -> tuple[bool, SolverOutput]:
 
 
 def _content(problem: Problem) -> dict[str, bytes]:
-    """Digests of matrices and vectors, and of maps read anew: the digest of a map is kept."""
+    """Return digests of matrices and vectors, and of maps read anew: the digest of a map is kept."""
     data = {k: matrices.digest(v) for k, v in problem.data().items()}
     return data | {k: dataclasses.replace(F).digest for k, F in problem.maps().items()}
 
 
 def check_infeasibility_is_proved_or_not_claimed_solved(solver: Solver, cases: list[Case]) -> None:
-    """The node's problems without a solution, where it has any: never solved; a certificate must hold."""
+    """Check that no problem without a solution is claimed solved, and that certificates hold."""
     for case in infeasible(solver.spec.node):
         if solver.obstacle(case.problem) is None:
             try:
@@ -181,7 +181,8 @@ def check_the_same_twice(solver: Solver, cases: list[Case]) -> None:
 
 
 def check_warm_starts_are_taken(solver: Solver, cases: list[Case]) -> None:
-    """Started from solutions, a solver with the trait makes true claims and counts no more iterations than from 0.
+    """Check that started from solutions, a solver with the trait makes true claims and counts no more iterations than
+    from 0.
 
     Some case is solved by one iteration from its solution and not by one from 0: what a solver does tells that it
     looks at its start, for what it counts may be untrue. Started from its own right answer, it ends in one again.
@@ -216,7 +217,8 @@ def _solves(case: Case, output: SolverOutput) -> bool:
 
 
 def check_histories_end_in_the_answer(solver: Solver, cases: list[Case]) -> None:
-    """Iterations rise from 0, every iterate is an answer to the node's problem, the last one is what was claimed."""
+    """Check that iterations rise from 0, every iterate is an answer to the node's problem, the last one is what was
+    claimed."""
     only_for(Trait.HISTORY in solver.spec.traits, "solvers with the trait history")
     recorded = 0
     for case in _open(solver, cases):
@@ -235,7 +237,7 @@ def check_histories_end_in_the_answer(solver: Solver, cases: list[Case]) -> None
 
 
 def check_watching_changes_nothing(solver: Solver, cases: list[Case]) -> None:
-    """The answer and its counters are the same whether somebody records, takes no iterate, or all of them."""
+    """Check that answer and counters are the same whether nobody records, or takes none or all iterates."""
     only_for({Trait.HISTORY, Trait.DETERMINISTIC} <= solver.spec.traits, "deterministic solvers with the trait history")
     for case in _open(solver, cases):
         alone = _run(solver, case)
@@ -245,7 +247,7 @@ def check_watching_changes_nothing(solver: Solver, cases: list[Case]) -> None:
 
 
 def _recorded(solver: Solver, case: Case) -> tuple[list[tuple[int, Any]], SolverOutput]:
-    """All iterates of a solve with their numbers, and what it returns."""
+    """Return all iterates of a solve with their numbers, and what it returns."""
 
     def make() -> tuple[list[tuple[int, Any]], SolverOutput]:
         seen: list[tuple[int, Any]] = []
@@ -266,7 +268,7 @@ def _same_point(one: Any, other: Any, what: str) -> None:
 
 
 def check_options_are_known_by_name(solver: Solver, cases: list[Case]) -> None:
-    """The options are a frozen dataclass in which everything has a default, and nothing else is an option."""
+    """Check that the options are a frozen dataclass with a default for everything, and the only ones."""
     options: Any = solver.spec.options
     assert dataclasses.is_dataclass(options), f"{options.__name__} is no dataclass"
     assert options.__dataclass_params__.frozen, f"{options.__name__} is not frozen"  # pyright: ignore
@@ -288,8 +290,8 @@ def check_the_spec_is_complete(solver: Solver, cases: list[Case]) -> None:
 
 
 def check_known_failures_still_fail(solver: Solver, cases: list[Case]) -> None:
-    """On a case that the spec excuses it claims what is not, answers with no numbers, or its process ends or hangs, at
-    one of the tolerances; else the excuse must go."""
+    """Check that on a case that the spec excuses it claims what is not, answers with no numbers, or its process ends or
+    hangs, at one of the tolerances; else the excuse must go."""
     excused = [case for case in cases if f"case-{case.name}" in solver.spec.known_failures]
     only_for(bool(excused), "solvers that excuse a case")
     for case in excused:
@@ -307,7 +309,7 @@ def _fails(solver: Solver, case: Case, tolerance: float) -> bool:
 
 
 def check_the_spec_is_read_without_the_package(solver: Solver, cases: list[Case]) -> None:
-    """The solver's module loads, and has its spec, where the packages that it needs cannot be imported."""
+    """Load the solver's module, with its spec, where the packages that it needs cannot be imported."""
     only_for(bool(solver.spec.requires), "solvers that need a package")
     cls = type(solver)
     names = _specs_without(sys.modules[cls.__module__].__file__ or "", tuple(solver.spec.requires))
@@ -316,7 +318,8 @@ def check_the_spec_is_read_without_the_package(solver: Solver, cases: list[Case]
 
 @cache
 def _specs_without(file: str, packages: tuple[str, ...]) -> str:
-    """Names of the solvers in a Python file, read in a fresh process without some packages; or what went wrong."""
+    """Return names of the solvers in a Python file, read in a fresh process without some packages; or what went
+    wrong."""
     run = subprocess.run([sys.executable, "-c", _BLOCKED, file, *packages], capture_output=True, text=True, timeout=120)
     return run.stdout if run.returncode == 0 else (run.stderr.strip().splitlines() or ["no message"])[-1]
 

@@ -46,7 +46,7 @@ class Item:
 
     @property
     def plugin(self) -> Any:
-        """What its checks get; raises UnknownName."""
+        """Object that its checks get; raises UnknownName."""
         return make(self.name) if self.kind == "conversion" else REGISTRIES[self.kind].get(self.name)
 
     @property
@@ -63,14 +63,14 @@ class Item:
 
 @dataclass(frozen=True)
 class Mark:
-    """What a check said: `passed`, `failed`, `does not apply`, or `known failure` (in the spec, with its reason)."""
+    """Result of a check: `passed`, `failed`, `does not apply`, or `known failure` (in the spec, with its reason)."""
 
     word: str
     reason: str = ""
 
 
 def named(name: str) -> list[Item]:
-    """Everything registered under a name; raises UnknownName."""
+    """Return everything registered under a name; raises UnknownName."""
     found = [_item(kind, name) for kind, registry in REGISTRIES.items() if name in registry]
     if not found:
         raise UnknownName("plugin", name, {n for registry in REGISTRIES.values() for n in registry.names()})
@@ -132,7 +132,7 @@ def conduct(item: Item, check: str) -> Mark:
 
 
 def planted(node: str) -> list[Case]:
-    """Cases of a node for one check: copies, so that a plugin that spoils them spoils them for nobody else.
+    """Return cases of a node for one check: copies, so that a plugin that spoils them spoils them for nobody else.
 
     Raises AssertionError without any.
     """

@@ -33,7 +33,7 @@ def _rng(seed: int) -> np.random.Generator:
 
 
 def _lcp() -> dict[str, tuple[Problem, Any]]:
-    """Impulses and velocities in other units; M, q or a row of M zero."""
+    """Build impulses and velocities in other units; M, q or a row of M zero."""
     problem, point = planted.lcp(_rng(20), 8, "positive definite")
     M, q = problem.M, problem.q
     made: dict[str, tuple[Problem, Any]] = {}
@@ -50,7 +50,7 @@ def _lcp() -> dict[str, tuple[Problem, Any]]:
 
 
 def _mlcp() -> dict[str, tuple[Problem, Any]]:
-    """u in another unit, everything smaller or larger; A and B zero; nothing to balance."""
+    """Return cases with u in another unit, everything smaller or larger; A and B zero; nothing to balance."""
     problem, point = planted.mlcp(_rng(21), 4, 5, "positive definite")
     A, B, C, D, a, b = problem.A, problem.B, problem.C, problem.D, problem.a, problem.b
     made: dict[str, tuple[Problem, Any]] = {}
@@ -74,7 +74,7 @@ def _mlcp() -> dict[str, tuple[Problem, Any]]:
 
 
 def _qp() -> dict[str, tuple[Problem, Any]]:
-    """Objective and z in other units; no unknowns, no objective, rows that say nothing or the same twice."""
+    """Build objective and z in other units; no unknowns, no objective, rows that say nothing or the same twice."""
     problem, point = planted.qp(_rng(30), 6, 4, 2)
     Q, p, A, b, C, d = problem.Q, problem.p, problem.A, problem.b, problem.C, problem.d
     z, lam, mu, nu = point.z, point.lam, point.mu, point.nu
@@ -112,7 +112,8 @@ def _qp_point(z: Any, lam: Any = _NONE, mu: Any = _NONE, nu: Any = None) -> QPPo
 
 
 def _fc() -> dict[str, tuple[Problem, Any]]:
-    """Impulses and velocities in other units, fast sliding, nothing pushes, a contact without any inertia in it."""
+    """Build impulses and velocities in other units, fast sliding, nothing pushes, a contact without any inertia in
+    it."""
     made: dict[str, tuple[Problem, Any]] = {}
     for d in (2, 3):
         problem, point = planted.fc(_rng(40), 4, d, "positive definite")
@@ -139,7 +140,7 @@ def _fc() -> dict[str, tuple[Problem, Any]]:
 
 
 def _gfc() -> dict[str, tuple[Problem, Any]]:
-    """Masses in other units; two contacts in one place, which share a reaction in infinitely many ways."""
+    """Build masses in other units; two contacts in one place, which share a reaction in infinitely many ways."""
     problem, point = planted.gfc(_rng(50), 3, 4, 3)
     M, H, f, w, mu = problem.M, problem.H, problem.f, problem.w, problem.mu
     made: dict[str, tuple[Problem, Any]] = {}

@@ -197,7 +197,7 @@ MAKERS = {"relay": _relay, "avi": _avi, "soclcp": _soclcp, "coneqp": _coneqp}
 
 
 def infeasible(node: str) -> dict[str, Problem]:
-    """Problems without solution; a relay always has one (its box is compact)."""
+    """Return problems without solution; a relay always has one (its box is compact)."""
     rows, e = np.array([[1.0], [-1.0]]), np.ones(2)
     if node == "avi":  # z ≥ 1 and −z ≥ 1; F = −1 with z unbounded above
         crossed = AVI(M=np.eye(1), q=[0.0], A=rows, b=e)

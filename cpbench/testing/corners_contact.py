@@ -86,13 +86,14 @@ def _frictionless(nc: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _gfc() -> Made:
-    """Beside those of `corners`: what joints bring."""
+    """Build, beside those of `corners`, what joints bring."""
     problem, point = planted_contact.gfc(_rng(70), 3, 4, 2, 3)
     return _joints(problem, point)
 
 
 def _joints(problem: GlobalFrictionContact | GlobalRollingFrictionContact, point: GFCPoint) -> Made:
-    """Velocities and masses in other units; joints given twice (K is singular); that only hold; nothing but joints."""
+    """Build velocities and masses in other units; joints given twice (K is singular); that only hold; nothing but
+    joints."""
     M, H, G, v, r, lam = problem.M, problem.H, problem.G, point.v, point.r, point.lam
     u = H.T @ v + problem.w
     made: Made = {}
@@ -224,7 +225,8 @@ WEDGE = np.array([[1.0, -1.0], [-1.0, 1.0]])
 
 
 def infeasible(node: str) -> dict[str, Problem]:
-    """Contact problems without solution: u_N = q_N + … cannot be made positive, or no velocity keeps the joints."""
+    """Build contact problems without solution: u_N = q_N + … cannot be made positive, or no velocity keeps the
+    joints."""
     if node == "fc":
         squeezed = np.kron(WEDGE, np.diag([1.0, 0, 0])) + np.diag([0.0, 1, 1, 0, 1, 1])
         return {  # u₁N + u₂N = −2; u_N = −1

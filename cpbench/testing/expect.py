@@ -10,7 +10,7 @@ from unittest import SkipTest
 
 @contextmanager
 def refused(cause: type[Exception], pattern: str, where: str) -> Generator[None]:
-    """The block must raise `cause` with a message that `pattern` is found in; `where` says what was asked.
+    """Require that the block raises `cause` with a message that matches `pattern`; `where` says what was asked.
 
     Another exception passes through: a plugin that crashes is not one that refuses.
     """

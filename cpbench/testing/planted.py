@@ -44,7 +44,7 @@ def stored(M: np.ndarray, sparse: bool) -> Any:
 
 
 def complementary(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
-    """z, w ≥ 0 with zᵀw = 0; one pair in six is (0, 0)."""
+    """Return z, w ≥ 0 with zᵀw = 0; one pair in six is (0, 0)."""
     state = rng.integers(0, 6, n)
     size = rng.uniform(0.5, 2.0, n)
     return np.where(state < 3, size, 0.0), np.where((state >= 3) & (state < 5), size, 0.0)
@@ -59,7 +59,7 @@ def lcp(rng: np.random.Generator, n: int, kind: str = "any", *, sparse: bool = F
 def mlcp(
     rng: np.random.Generator, n: int, m: int, kind: str = "any", *, sparse: bool = False
 ) -> tuple[MLCP, MLCPPoint]:
-    """[[A, C], [D, B]] of a kind of `square`; "singular" has a zero row and column in A."""
+    """Return [[A, C], [D, B]] of a kind of `square`; "singular" has a zero row and column in A."""
     whole = square(rng, n + m, "any" if kind == "singular" else kind)
     if kind == "singular" and n:
         whole[0, :n] = whole[:n, 0] = 0.0
@@ -80,7 +80,7 @@ def mlcp(
 def qp(
     rng: np.random.Generator, n: int, m: int, k: int, kind: str = "positive definite", *, sparse: bool = False
 ) -> tuple[QP, QPPoint]:
-    """Bounds on every side: none, lower, upper, both, equal."""
+    """Plant bounds on every side: none, lower, upper, both, equal."""
     Q = square(rng, n, kind)
     A, C = rng.standard_normal((m, n)), rng.standard_normal((k, n))
     z, mu = rng.standard_normal(n), rng.standard_normal(k)
@@ -114,7 +114,7 @@ def qp(
 def contact_state(
     rng: np.random.Generator, nc: int, d: int, mu: np.ndarray, *, directions: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """r, u of contacts that separate, graze, stick and slide; they slide against one of `directions` if given.
+    """Return r, u of contacts that separate, graze, stick and slide; they slide against one of `directions` if given.
 
     Sticking reactions stay within 0.7 μ r_N, so within every polygon of four sides or more.
     """
@@ -155,14 +155,14 @@ def fc(
 
 
 def friction(rng: np.random.Generator, nc: int) -> np.ndarray:
-    """Coefficients, one in five 0."""
+    """Draw coefficients, one in five 0."""
     return np.where(rng.random(nc) < 0.2, 0.0, rng.uniform(0.1, 1.0, nc))
 
 
 def bodies_and_contacts(
     rng: np.random.Generator, bodies: int, nc: int, d: int, symmetric: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mass matrix of rigid bodies of six unknowns each, and H of contacts that touch one or two of them."""
+    """Build the mass matrix of rigid bodies of six unknowns each, and H of contacts that touch one or two of them."""
     n = 6 * bodies
     M = np.zeros((n, n))
     for b in range(bodies):
@@ -180,7 +180,7 @@ def bodies_and_contacts(
 def gfc(
     rng: np.random.Generator, bodies: int, nc: int, d: int, *, symmetric: bool = True, sparse: bool = False
 ) -> tuple[GlobalFrictionContact, GFCPoint]:
-    """Rigid bodies of six unknowns each; every contact touches one or two of them."""
+    """Plant rigid bodies of six unknowns each; every contact touches one or two of them."""
     n = 6 * bodies
     M, H = bodies_and_contacts(rng, bodies, nc, d, symmetric)
     mu = rng.uniform(0.0, 1.0, nc)
@@ -193,7 +193,8 @@ def gfc(
 
 
 def enumerate_mlcp(problem: MLCP, tolerance: float = 1e-10) -> MLCPPoint | None:
-    """The first solution found by trying every set of positive v (2^m least-squares problems); None if none is."""
+    """Return the first solution found by trying every set of positive v (2^m least-squares problems); None if none
+    is."""
     n, m = problem.a.size, problem.b.size
     whole = matrices.dense(matrices.block([[problem.A, problem.C], [problem.D, problem.B]]))
     right = -np.concatenate([problem.a, problem.b])
@@ -210,7 +211,7 @@ def enumerate_mlcp(problem: MLCP, tolerance: float = 1e-10) -> MLCPPoint | None:
 
 
 def enumerate_lcp(problem: LCP, tolerance: float = 1e-10) -> LCPPoint | None:
-    """`enumerate_mlcp` without free unknowns."""
+    """Return `enumerate_mlcp` without free unknowns."""
     m = problem.q.size
     mixed = MLCP(
         A=np.zeros((0, 0)),

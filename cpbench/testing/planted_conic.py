@@ -13,7 +13,7 @@ from cpbench.testing.planted import square, stored
 
 
 def boxed(rng: np.random.Generator, n: int, *, finite: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """z, F, lb, ub with −F ∈ N_[lb,ub](z): below, above, between, fixed, and without a bound unless `finite`."""
+    """Return z, F, lb, ub with −F ∈ N_[lb,ub](z): below, above, between, fixed, and without a bound unless `finite`."""
     z = rng.standard_normal(n)
     room, force = rng.uniform(0.5, 2.0, (2, n)), rng.uniform(0.0, 2.0, n)
     state = rng.integers(0, 4, n)
@@ -54,7 +54,7 @@ def avi(
 
 
 def cone(rng: np.random.Generator, *, cylinders: bool = False) -> ProductCone:
-    """Every kind of factor, some twice."""
+    """Draw a product of every kind of factor, some twice."""
     factors = [
         (Cone.NONNEGATIVE, 1, 3),
         (Cone.SECOND_ORDER, 2, 3, rng.uniform(0.2, 2.0, 2)),
@@ -70,7 +70,8 @@ def cone(rng: np.random.Generator, *, cylinders: bool = False) -> ProductCone:
 
 
 def pair(rng: np.random.Generator, K: ProductCone) -> tuple[np.ndarray, np.ndarray]:
-    """s ∈ K and y with −y ∈ N_K(s): the two parts of a random vector by Moreau's decomposition, one factor in six 0."""
+    """Return s ∈ K and y with −y ∈ N_K(s): the two parts of a random vector by Moreau's decomposition, one factor in
+    six 0."""
     x = 2.0 * rng.standard_normal(K.rows)
     factor = np.repeat(np.arange(K.size.size), K.size.astype(int))
     x[np.isin(factor, np.flatnonzero(rng.random(K.size.size) < 1 / 6))] = 0.0
@@ -106,7 +107,7 @@ def coneqp(
 def plain_coneqp(
     rng: np.random.Generator, K: ProductCone | None = None, kind: str = "positive definite"
 ) -> tuple[ConeQP, ConeQPPoint]:
-    """x ∈ K itself: A = I, b = 0."""
+    """Plant x ∈ K itself: A = I, b = 0."""
     K = cone(rng) if K is None else K
     Q = square(rng, K.rows, kind)
     x, y = pair(rng, K)

@@ -20,7 +20,7 @@ from cpbench.testing.planted import bodies_and_contacts, contact_state, friction
 def rolling_state(
     rng: np.random.Generator, nc: int, d: int, mu: np.ndarray, mu_r: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """r, u of contacts that separate, stick, slide, roll, or both slide and roll; rows (N, T, M), d = 3 or 5."""
+    """Return r, u of contacts that separate, stick, slide, roll, or both slide and roll; rows (N, T, M), d = 3 or 5."""
     k = (d - 1) // 2
     r, u = np.zeros((nc, d)), np.zeros((nc, d))
     tangential, rolling = slice(1, 1 + k), slice(1 + k, d)
@@ -56,7 +56,7 @@ def rfc(
 def afc(
     rng: np.random.Generator, nc: int, kind: str = "positive definite", *, sparse: bool = False
 ) -> tuple[AnisotropicFrictionContact, FCPoint]:
-    """r = Sr′, u = S⁻¹u′ of isotropic contacts with μ = 1."""
+    """Return r = Sr′, u = S⁻¹u′ of isotropic contacts with μ = 1."""
     W = square(rng, 3 * nc, kind)
     mu = rng.uniform(0.1, 1.0, (nc, 2))
     S = np.column_stack([np.ones(nc), mu]).ravel()
@@ -68,7 +68,7 @@ def afc(
 def fcm(
     rng: np.random.Generator, nc: int, p: int, d: int, kind: str = "positive definite", *, sparse: bool = False
 ) -> tuple[MixedFrictionContact, FCMPoint]:
-    """[[W, V], [Vᵀ, R]] of a kind of `square`."""
+    """Return [[W, V], [Vᵀ, R]] of a kind of `square`."""
     n = nc * d
     whole = square(rng, n + p, kind)
     W, V, R = whole[:n, :n], whole[:n, n:], whole[n:, n:]
@@ -90,7 +90,7 @@ def fcm(
 def gfc(
     rng: np.random.Generator, bodies: int, nc: int, p: int, d: int, *, symmetric: bool = True, sparse: bool = False
 ) -> tuple[GlobalFrictionContact, GFCPoint]:
-    """Rigid bodies with p bilateral constraints."""
+    """Plant rigid bodies with p bilateral constraints."""
     M, H = bodies_and_contacts(rng, bodies, nc, d, symmetric)
     mu = friction(rng, nc)
     r, u = contact_state(rng, nc, d, mu)

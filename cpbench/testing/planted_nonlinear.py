@@ -40,7 +40,7 @@ LAWS = ("affine", "tanh", "exp", "cube")
 
 
 def graph(n: int, expression: Callable[[Any], Any]) -> Map:
-    """x ↦ expression(x) as a map of n unknowns, an expression of NumPy columns."""
+    """Return x ↦ expression(x) as a map of n unknowns, an expression of NumPy columns."""
     return recorded(n, expression)
 
 
@@ -56,18 +56,18 @@ def _law(name: str) -> Callable[[Any], Any]:
     return laws[name]
 
 
-def through(n: int, expression: Callable[[Any], Any], at: Vector, value: Vector) -> Map:
-    """x ↦ expression(x) + q with q such that it has `value` at the point `at`."""
+def map_with_value(n: int, expression: Callable[[Any], Any], at: Vector, value: Vector) -> Map:
+    """Return the map x ↦ expression(x) + q, with q such that its value at the point `at` is `value`."""
     q = value - graph(n, expression)(at)
     return graph(n, lambda x: expression(x) + q)
 
 
 def monotone(rng: np.random.Generator, z: Vector, w: Vector, kind: str = "monotone", law: str = "") -> Map:
-    """F with F(z) = w; M of a kind of `planted.square`, D ≥ 0 diagonal with zeros, φ drawn unless given."""
+    """Build F with F(z) = w; M of a kind of `planted.square`, D ≥ 0 diagonal with zeros, φ drawn unless given."""
     n = z.size
     M, D = square(rng, n, kind), np.where(rng.random(n) < 0.25, 0.0, rng.uniform(0.2, 1.5, n))
     phi = _law(law or str(rng.choice(LAWS)))
-    return through(n, lambda x: M @ x + D * phi(x), z, w)
+    return map_with_value(n, lambda x: M @ x + D * phi(x), z, w)
 
 
 def ncp(rng: np.random.Generator, n: int, kind: str = "monotone", law: str = "") -> tuple[NCP, NCPPoint]:
@@ -76,7 +76,7 @@ def ncp(rng: np.random.Generator, n: int, kind: str = "monotone", law: str = "")
 
 
 def micp(rng: np.random.Generator, n: int, kind: str = "monotone", law: str = "") -> tuple[MiCP, MiCPPoint]:
-    """Free, bounded from below, from above, from both sides, and fixed."""
+    """Plant free unknowns and those bounded from below, from above, from both sides, and fixed."""
     z, w, lb, ub = planted_conic.boxed(rng, n, finite=False)
     F = monotone(rng, z, w, kind, law)
     return MiCP(F=F, lb=lb, ub=ub, start=rng.standard_normal(n)), MiCPPoint(z=z)
@@ -89,7 +89,7 @@ def equation(rng: np.random.Generator, n: int, kind: str = "any", law: str = "")
 
 
 def product(rng: np.random.Generator, *, cones: bool = False) -> ProductCone:
-    """Every kind of factor; only cones, or a disk with an axis and balls too. Free components come last."""
+    """Draw every kind of factor; only cones, or a disk with an axis and balls too. Free components come last."""
     factors = list(
         zip(*(getattr(planted_conic.cone(rng), part) for part in ("kind", "size", "mu", "mu_r")), strict=True)
     )
@@ -100,7 +100,7 @@ def product(rng: np.random.Generator, *, cones: bool = False) -> ProductCone:
 
 
 def _in_set(rng: np.random.Generator, n: int, K: ProductCone | None) -> tuple[Vector, Vector, dict[str, Any]]:
-    """z, G and the fields of K × [lb, ub] with −G in the normal cone at z; n components are free of K."""
+    """Return z, G and the fields of K × [lb, ub] with −G in the normal cone at z; n components are free of K."""
     z, G, lb, ub = planted_conic.boxed(rng, n, finite=False)
     if K is None:
         return z, G, {"lb": lb, "ub": ub}
@@ -117,7 +117,7 @@ def _in_set(rng: np.random.Generator, n: int, K: ProductCone | None) -> tuple[Ve
 
 
 def _concave(rng: np.random.Generator, at: Vector, slack: Vector) -> tuple[Map, np.ndarray]:
-    """g with concave components of the values `slack` at a point, and their slopes there."""
+    """Return g with concave components of the values `slack` at a point, and their slopes there."""
     p, n = slack.size, at.size
     slopes, weights = rng.standard_normal((p, n)), rng.uniform(0.0, 1.0, (p, n))
 
@@ -140,7 +140,7 @@ def vi(
     *,
     sparse: bool = False,
 ) -> tuple[VI, VIPoint]:
-    """n unknowns with bounds of every kind beside those of K; m, k, p rows of A, C and g."""
+    """Return n unknowns with bounds of every kind beside those of K; m, k, p rows of A, C and g."""
     z, G, fields = _in_set(rng, n, K)
     A, C = rng.standard_normal((m, z.size)), rng.standard_normal((k, z.size))
     lam, room = planted.complementary(rng, m)
@@ -176,7 +176,7 @@ def cp(
     *,
     sparse: bool = False,
 ) -> tuple[CP, CPPoint]:
-    """m rows of A, turned so that Ax is what λ asks for."""
+    """Return m rows of A, turned so that Ax is what λ asks for."""
     K = product(rng, cones=True) if K is None else K
     x, y = planted_conic.pair(rng, K)
     lam, room = planted.complementary(rng, m)
@@ -192,7 +192,7 @@ def cp(
 def nlp(
     rng: np.random.Generator, n: int, m: int, k: int, *, convex: bool = True, slater: bool = True
 ) -> tuple[NLP, NLPPoint]:
-    """f a quadratic and three exponentials, g concave, h affine, bounds of every kind.
+    """Return f a quadratic and three exponentials, g concave, h affine, bounds of every kind.
 
     With `slater`, the start is a point with g > 0, h = 0 within the bounds, unless every unknown is fixed. Not
     `convex`: the quadratic is indefinite, and z a stationary point.
@@ -232,7 +232,7 @@ def nlp(
 
 
 def moving_box(rng: np.random.Generator, n: int, kind: str = "monotone", law: str = "") -> tuple[QVI, QVIPoint]:
-    """Both bounds move with z, and some of the numbers lb, ub lie within them."""
+    """Plant a box both of whose bounds move with z, and some of the numbers lb, ub lie within them."""
     z, w, lower, upper = planted_conic.boxed(rng, n, finite=True)
     moves = 0.1 * rng.standard_normal((2, n, n))
     bounds = [
@@ -250,7 +250,7 @@ def moving_box(rng: np.random.Generator, n: int, kind: str = "monotone", law: st
 
 
 def friction_as_qvi(rng: np.random.Generator, nc: int, d: int, kind: str = "monotone") -> tuple[QVI, QVIPoint]:
-    """ℝ₊ × a disk of radius μ r_N a contact, F(r) = Wr + q."""
+    """Plant ℝ₊ × a disk of radius μ r_N a contact, F(r) = Wr + q."""
     contact, point = planted.fc(rng, nc, d, kind)
     K = ProductCone.of((Cone.CYLINDER, nc, d, contact.mu))
     F = monotone(rng, point.r, np.asarray(contact.W @ point.r + contact.q), kind, "affine")
@@ -260,7 +260,7 @@ def friction_as_qvi(rng: np.random.Generator, nc: int, d: int, kind: str = "mono
 def moving_rows(
     rng: np.random.Generator, n: int, p: int, kind: str = "monotone", law: str = ""
 ) -> tuple[QVI, QVIPoint]:
-    """g(y, z) ≥ 0, concave in y, beside bounds that stay."""
+    """Return g(y, z) ≥ 0, concave in y, beside bounds that stay."""
     z, G, lb, ub = planted_conic.boxed(rng, n, finite=False)
     nu, slack = planted.complementary(rng, p)
     slopes, weights = rng.standard_normal((p, n)), rng.uniform(0.0, 1.0, (p, n))
@@ -278,14 +278,14 @@ def moving_rows(
 def nfc(
     rng: np.random.Generator, bodies: int, nc: int, d: int, law: str = "damping", *, sparse: bool = False
 ) -> tuple[NonlinearFrictionContact, NFCPoint]:
-    """Rigid bodies that something slows down: F(v) = Mv + Dφ(v) + q."""
+    """Plant rigid bodies that something slows down: F(v) = Mv + Dφ(v) + q."""
     M, H = bodies_and_contacts(rng, bodies, nc, d, True)
     n = 6 * bodies
     D, mu = rng.uniform(0.0, 1.0, n), friction(rng, nc)
     r, u = contact_state(rng, nc, d, mu)
     v, phi = rng.standard_normal(n), _law(law)
     problem = NonlinearFrictionContact(
-        F=through(n, lambda x: M @ x + D * phi(x), v, H @ r),
+        F=map_with_value(n, lambda x: M @ x + D * phi(x), v, H @ r),
         H=planted.stored(H, sparse),
         w=u - H.T @ v,
         mu=mu,

@@ -82,7 +82,7 @@ class Trip:
 
 
 def measure(nodes: Iterable[str], tolerance: float = 1e-9) -> list[Cell]:
-    """Every ordered pair of two of `nodes` that a path of equivalent conversions joins."""
+    """Return every ordered pair of two of `nodes` that a path of equivalent conversions joins."""
     wanted = sorted(nodes)
     found: list[Cell] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -106,7 +106,7 @@ class RoundTrips:
         self._conversions = graph.Memory()
 
     def cell(self, source: str, target: str) -> Cell:
-        """The worst of the planted cases of `source` that reach `target` by equivalent conversions."""
+        """Return the worst of the planted cases of `source` that reach `target` by equivalent conversions."""
         worst, count, pushed = Cell(source, target), 0, 0
         amplified: list[tuple[str, float]] = []
         nearest: graph.DeadEnd | None = None
@@ -133,7 +133,7 @@ class RoundTrips:
         return replace(worst, cases=count, pushed=pushed, amplified=tuple(amplified))
 
     def _trip(self, case: Case, arrival: graph.Arrival) -> Trip:
-        """There and back by what a solver answers, or by the planted solution where no solver's answer passes here.
+        """Go there and back by what a solver answers, or by the planted solution where no solver's answer passes here.
 
         A solver's answer that meets what the route asks may still be coarse on the source where errors are roots of
         others (gaps of a QP) or units are extreme: more is asked then, and the next solver, and the best counts.
@@ -155,7 +155,7 @@ class RoundTrips:
 
 
 def rounding(case: Case) -> float:
-    """The largest error of the planted solution after a few relative moves by ROUNDED of every number."""
+    """Return the largest error of the planted solution after a few relative moves by ROUNDED of every number."""
     rng = np.random.default_rng(0)
     parts = case.point.arrays()
     moved = (
@@ -166,7 +166,7 @@ def rounding(case: Case) -> float:
 
 
 def table(found: Sequence[Cell]) -> str:
-    """The cells as a matrix, sources down, targets across."""
+    """Return the cells as a matrix, sources down, targets across."""
     by_pair = {(cell.source, cell.target): str(cell) for cell in found}
     nodes = sorted({node for pair in by_pair for node in pair})
     wide = max((len(text) for text in (*nodes, *by_pair.values())), default=0)

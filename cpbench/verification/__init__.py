@@ -1,7 +1,7 @@
 """From an answer to a verdict and a status; knows no solver."""
 
 from cpbench.verification.certificates import Attempt, Proof, certified_infeasible, holds, packed, prove, unpacked
-from cpbench.verification.published import Measured
+from cpbench.verification.published import PublishedMeasure
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
     FALSE_CLAIMS,
@@ -27,8 +27,8 @@ __all__ = [
     "TARGET_UNRESOLVABLE",
     "VERIFIED",
     "Attempt",
-    "Measured",
     "Proof",
+    "PublishedMeasure",
     "Status",
     "Verdict",
     "certified_infeasible",

@@ -74,7 +74,7 @@ def backward_error(system: System) -> BackwardError:
 def _measure(
     system: System, sizes: Vector, scale: Vector, definite: Vector, outside: Flags, absolute: Flags | None = None
 ) -> float:
-    """The largest natural map of a block; unknowns of `absolute` rows are measured by themselves."""
+    """Return the largest natural map of a block; unknowns of `absolute` rows are measured by themselves."""
     frame = system.frame
     f_unit = np.divide(1.0, scale, out=np.ones_like(scale), where=scale > 0)
     share = frame.norms(system.f) * f_unit
@@ -100,7 +100,8 @@ def _measure(
 
 
 def _units(terms: Terms, sizes: Vector, scale: Vector, definite: Vector, asked: Flags) -> Vector:
-    """E_c of the unknowns that are asked for: the largest effect on a row, per unit; 1 for one that no row has."""
+    """Return E_c of the unknowns that are asked for: the largest effect on a row, per unit; 1 for one that no row
+    has."""
     if not np.isfinite(definite).any():
         units = terms.effects(inverse(scale), asked)
     else:
@@ -116,7 +117,8 @@ def _units(terms: Terms, sizes: Vector, scale: Vector, definite: Vector, asked: 
 
 
 def _definite(frame: Frame, sizes: Vector, scale: Vector, fixed: Flags) -> Vector:
-    """How definite every row is: ∞ with a constant or a fixed unknown, else as far as an unknown is that it has."""
+    """Return how definite every row is: ∞ with a constant or a fixed unknown, else as far as an unknown is that it
+    has."""
     rows, columns = frame.terms.rows, frame.terms.columns
     caps = frame.caps
     definite = np.where(frame.constants > 0, np.inf if caps is None else caps.constants, 0.0)

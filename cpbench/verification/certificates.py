@@ -70,7 +70,7 @@ class Attempt:
 
 
 def holds(problem: Problem, proof: Proof) -> bool:
-    """Whether the proof is one of this problem, in exact arithmetic and by nothing but its numbers."""
+    """Test whether the proof is one of this problem, in exact arithmetic and by nothing but its numbers."""
     known, goal = conditions(problem), objective(problem)
     if known is None:
         return False
@@ -86,7 +86,8 @@ def holds(problem: Problem, proof: Proof) -> bool:
 
 
 def certified_infeasible(problem: Problem, certificate: Vector | None) -> bool:
-    """Whether a solver's certificate, rounded and projected, proves exactly that this problem has no solution."""
+    """Return whether a solver's certificate, rounded and projected, proves exactly that this problem has no
+    solution."""
     known = conditions(problem)
     if known is None or certificate is None:
         return False
@@ -116,13 +117,13 @@ def prove(problem: Problem, kind: str, certificate: Vector | None = None, second
 
 
 def packed(proof: Proof) -> bytes:
-    """The proof as bytes: its vectors as fractions of hexadecimal integers, compressed JSON."""
+    """Return the proof as bytes: its vectors as fractions of hexadecimal integers, compressed JSON."""
     vectors = {f.name: [f"{v.numerator:x}/{v.denominator:x}" for v in getattr(proof, f.name)] for f in fields(proof)}
     return zlib.compress(json.dumps(vectors).encode())
 
 
 def unpacked(kind: str, data: bytes) -> Proof:
-    """The proof that `packed` wrote; raises ValueError where the bytes are none."""
+    """Return the proof that `packed` wrote; raises ValueError where the bytes are none."""
     try:
         vectors: Any = json.loads(zlib.decompress(data))
         parsed = {name: tuple(_fraction(text) for text in values) for name, values in vectors.items()}
@@ -143,7 +144,7 @@ def _given(problem: Problem, known: Polyhedron, certificate: Vector | None) -> l
 
 
 def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float) -> Attempt:
-    """The first proof among the vectors, or the largest radius that they prove."""
+    """Return the first proof among the vectors, or the largest radius that they prove."""
     radius = _ZERO
     for vector in vectors:
         for y in _multipliers(known, vector, deadline):
@@ -163,7 +164,7 @@ def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float) -
 
 
 def _multipliers(known: Polyhedron, vector: Vector, deadline: float) -> Iterator[Rationals]:
-    """The vector as it is, rounded, and projected on the components of Gᵀλ + Eᵀμ that are 0 to rounding."""
+    """Yield the vector as it is, rounded, and projected on the components of Gᵀλ + Eᵀμ that are 0 to rounding."""
     m = known.h.size
     y = vector.copy()
     y[:m] = np.where(np.isneginf(known.h), 0.0, np.maximum(y[:m], 0.0))
@@ -193,7 +194,7 @@ def _multipliers(known: Polyhedron, vector: Vector, deadline: float) -> Iterator
 
 
 def _point(known: Polyhedron, deadline: float) -> Rationals | None:
-    """A point that meets all conditions exactly."""
+    """Return a point that meets all conditions exactly."""
     x = hints.interior_point(known, deadline)
     if x is None:
         return None
@@ -214,7 +215,7 @@ def _point(known: Polyhedron, deadline: float) -> Rationals | None:
 
 
 def _rays(known: Polyhedron, Q: Any, direction: Vector, deadline: float) -> Iterator[Rationals]:
-    """The direction projected on the equalities that it meets to rounding; on Qd = 0 too, where it does."""
+    """Yield the direction projected on the equalities that it meets to rounding; on Qd = 0 too, where it does."""
     G, curves = sp.csr_array(known.G), sp.csr_array(Q)
     d = direction / np.ldexp(1.0, math.frexp(float(np.abs(direction).max()))[1])
     flat = bool((np.abs(curves @ d) <= 1e-6 * (abs(curves) @ np.abs(d))).all())
@@ -238,7 +239,7 @@ def _solved(
     fixed: Any,
     deadline: float,
 ) -> Rationals | None:
-    """An exact x near `near` with Ex and the active rows of Gx (and `further` rows) equal to `right`.
+    """Return an exact x near `near` with Ex and the active rows of Gx (and `further` rows) equal to `right`.
 
     Where `fixed`, x is what `near` is.
     """

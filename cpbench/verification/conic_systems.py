@@ -22,7 +22,7 @@ from cpbench.verification.vanishing import ROUNDING, caps
 
 
 def soclcp(P: Any, point: Any) -> System:
-    """x in K beside Mx + q."""
+    """Return x in K beside Mx + q."""
 
     def frame() -> Frame:
         block = P.K.blocks
@@ -32,7 +32,7 @@ def soclcp(P: Any, point: Any) -> System:
 
 
 def coneqp(P: Any, point: Any) -> System:
-    """(x, y) beside Qx + p − Aᵀy and Ax + b, which is in K."""
+    """Return (x, y) beside Qx + p − Aᵀy and Ax + b, which is in K."""
     x, y = point.x, point.y
 
     def frame() -> RowsFrame:
@@ -61,20 +61,20 @@ def coneqp(P: Any, point: Any) -> System:
 
 
 def complementarity(P: Any, point: Any) -> System:
-    """ncp, micp and equation: z between bounds beside F(z)."""
+    """Return the rows of ncp, micp and equation: z between bounds beside F(z)."""
     z = point.z
     lb, ub = {"ncp": (0.0, np.inf), "equation": (-np.inf, np.inf)}.get(P.node) or (P.lb, P.ub)
     return _with_rows(P, z, P.F(z), P.F.jacobian(z), [sets.Box.of(np.arange(z.size), lb, ub)], np.arange(z.size))
 
 
 def ge(P: Any, point: Any) -> System:
-    """z in S beside F(z)."""
+    """Return z in S beside F(z)."""
     z = point.z
     return _with_rows(P, z, P.F(z), P.F.jacobian(z), *_simple(P, P.K, P.lb, P.ub, z.size))
 
 
 def vi(P: Any, point: Any) -> System:
-    """(z, λ, μ, ν) beside F(z) − Aᵀλ − Cᵀμ − ∇g ν, Az − b, Cz − d and g(z)."""
+    """Return (z, λ, μ, ν) beside F(z) − Aᵀλ − Cᵀμ − ∇g ν, Az − b, Cz − d and g(z)."""
     z = point.z
     rows, values, constants = [sp.csr_array(P.A), sp.csr_array(P.C)], [P.A @ z - P.b, P.C @ z - P.d], [P.b, P.d]
     if P.g.rows:
@@ -90,7 +90,7 @@ def vi(P: Any, point: Any) -> System:
 
 
 def cp(P: Any, point: Any) -> System:
-    """(x, λ) beside F(x) − Aᵀλ and Ax."""
+    """Return (x, λ) beside F(x) − Aᵀλ and Ax."""
     x = point.x
     own = _simple(P, P.K, np.full(x.size, -np.inf), np.full(x.size, np.inf), x.size)
     return _with_rows(
@@ -100,7 +100,7 @@ def cp(P: Any, point: Any) -> System:
 
 
 def qvi(P: Any, point: Any) -> System:
-    """(z, ν) beside F(z) − ∇_y g ν and g(z, z), z in S(z)."""
+    """Return (z, ν) beside F(z) − ∇_y g ν and g(z, z), z in S(z)."""
     z = point.z
     own, block = _simple(P, *P.set_at(z), z.size)
     moving = [_terms(bound, z) for bound in (P.lower, P.upper) if bound.rows]
@@ -117,7 +117,7 @@ def qvi(P: Any, point: Any) -> System:
 
 
 def nlp(P: Any, point: Any) -> System:
-    """(z, λ, μ) beside ∇f − ∇g λ − ∇h μ, g(z) and h(z); ν is the first of them."""
+    """Return (z, λ, μ) beside ∇f − ∇g λ − ∇h μ, g(z) and h(z); ν is the first of them."""
     z, lam, mu = point.z, point.lam, point.mu
     g, h, Jg, Jh = P.g(z), P.h(z), sp.csr_array(P.g.jacobian(z)), sp.csr_array(P.h.jacobian(z))
     gradient = P.f.jacobian(z).toarray().ravel()
@@ -137,8 +137,8 @@ def _with_rows(
     constants: Any = (), signs: Any = (), multipliers: Vector | None = None, nu: Vector | None = None,
     moving: Vector | None = None,
 ) -> System:  # fmt: skip
-    """F(z) less the rows' multipliers beside z, and each row beside its multiplier; `moving` are the sizes of the terms
-    of bounds that depend on z."""
+    """Return F(z) less the rows' multipliers beside z, and each row beside its multiplier; `moving` are the sizes of
+    the terms of bounds that depend on z."""
     slope = sp.csr_array(slope)
     first = int(block[-1]) + 1 if len(block) else 0
     constant = force - slope @ z
@@ -147,7 +147,8 @@ def _with_rows(
     load = _norms(constant, block)
     if multipliers is None:
         found = caps(P.F, z, force, slope) if P.node in ("ncp", "micp", "equation") else None
-        return System(Frame(Terms.of_blocks(slope, block, block), load, own, block, caps=found), z, force)
+        terms = Terms.of_blocks(slope, block, block, keep_zeros=found is not None)  # caps are of these entries
+        return System(Frame(terms, load, own, block, caps=found), z, force)
     n, m = z.size, multipliers.size
     A = sp.csr_array(sp.vstack(rows)) if len(rows) else sp.csr_array((0, n))
     whole = np.concatenate([block, first + np.arange(m)])
@@ -205,7 +206,7 @@ def _simple(P: Any, K: Any, lb: Vector, ub: Vector, n: int) -> tuple[list[Any], 
 
 
 def _terms(F: Any, z: Vector) -> Vector:
-    """Sums of the sizes of the terms of F, linearized; 0 where they are no numbers."""
+    """Return sums of the sizes of the terms of F, linearized; 0 where they are no numbers."""
     slope = sp.csr_array(F.jacobian(z))
     terms = abs(slope) @ np.abs(z) + np.abs(F(z) - slope @ z)
     return np.where(np.isfinite(terms), terms, 0.0)

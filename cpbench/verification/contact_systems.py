@@ -21,7 +21,7 @@ from cpbench.verification.systems import RowsFrame, kept, stack
 
 
 def local(P: Any, point: Any) -> System:
-    """fc, rfc and afc: r beside û(Wr + q)."""
+    """Return the rows of fc, rfc and afc: r beside û(Wr + q)."""
     unit = _units(P)
     r, u = point.r / unit, (P.W @ point.r + P.q) * unit
 
@@ -34,7 +34,7 @@ def local(P: Any, point: Any) -> System:
 
 
 def mixed(P: Any, point: Any) -> System:
-    """fcm: (r, λ) beside û(Wr + Vλ + q) and Vᵀr + Rλ + s."""
+    """Return the rows of fcm: (r, λ) beside û(Wr + Vλ + q) and Vᵀr + Rλ + s."""
     unit, lam = _units(P), point.lam
     u = (P.W @ point.r + P.V @ lam + P.q) * unit
     f = np.concatenate([shifted(P, u), P.V.T @ point.r + P.R @ lam + P.s])
@@ -51,7 +51,7 @@ def mixed(P: Any, point: Any) -> System:
 
 
 def dynamic(P: Any, point: Any) -> System:
-    """gfc and grfc: (r, v, λ) beside û(Hᵀv + w), Mv − Hr − Gλ − f and Gᵀv + b."""
+    """Return the rows of gfc and grfc: (r, v, λ) beside û(Hᵀv + w), Mv − Hr − Gλ − f and Gᵀv + b."""
     v, lam = point.v, point.lam
     force = P.M @ v - P.H @ point.r - P.G @ lam - P.f
     joints = P.G.T @ v + P.b
@@ -59,7 +59,7 @@ def dynamic(P: Any, point: Any) -> System:
 
 
 def nonlinear_dynamic(P: Any, point: Any) -> System:
-    """nfc: (r, v) beside û(Hᵀv + w) and F(v) − Hr, F linearized at v."""
+    """Return the rows of nfc: (r, v) beside û(Hᵀv + w) and F(v) − Hr, F linearized at v."""
     v, F, M = point.v, P.F(point.v), P.F.jacobian(point.v)
     none = np.zeros(0)
     constants = np.abs(F - M @ v)
@@ -101,7 +101,7 @@ def _dynamics(
 
 
 def worst_loaded(P: Any, system: System, tolerance: float) -> float:
-    """Largest ‖r_c − P(r_c − ρ_c û_c)‖/max(‖r_c‖, ρ_c‖û_c‖) of the contacts that carry load.
+    """Return largest ‖r_c − P(r_c − ρ_c û_c)‖/max(‖r_c‖, ρ_c‖û_c‖) of the contacts that carry load.
 
     A contact does where its own reaction or velocity has more than the tolerance of the energy of the free velocities,
     so that neither the self-stress of others nor a contact that only just touches decides.
@@ -118,23 +118,24 @@ def worst_loaded(P: Any, system: System, tolerance: float) -> float:
     return float(np.max(np.divide(defect, own, out=np.zeros_like(own), where=loaded & (own > 0)), initial=0.0))
 
 
-def contact_set(P: Any) -> sets.Factors:
-    """The cones of the reactions, which are the first unknowns."""
+def contact_set(P: Any) -> sets.ConeFactors:
+    """Return the cones of the reactions, which are the first unknowns."""
     at = np.arange(P.nc * P.dimension).reshape(P.nc, P.dimension)
     mu, mu_r = coefficients(P)
-    return sets.Factors(
+    return sets.ConeFactors(
         Cone.SECOND_ORDER if mu_r is None else Cone.ROLLING, at, mu, np.zeros(P.nc) if mu_r is None else mu_r
     )
 
 
 def contact_and_free(P: Any, free: int) -> list[sets.Set]:
-    """The cones of the reactions, and unknowns after them that may be anything."""
+    """Return the cones of the reactions, and unknowns after them that may be anything."""
     rows = P.nc * P.dimension
     return [contact_set(P), sets.Box.of(np.arange(rows, rows + free), -np.inf, np.inf)]
 
 
 def coefficients(P: Any) -> tuple[Vector, Vector | None]:
-    """μ and μ_r of the cones in the variables of the blocks: 1 for an elliptic cone, whose axes are in the units."""
+    """Return μ and μ_r of the cones in the variables of the blocks: 1 for an elliptic cone, whose axes are in the
+    units."""
     mu_r = getattr(P, "mu_r", None)
     if P.node == "afc":
         return np.ones(P.nc), None
@@ -146,7 +147,7 @@ def coefficients(P: Any) -> tuple[Vector, Vector | None]:
 
 
 def shifted(P: Any, u: Vector) -> Vector:
-    """û of velocities in the units of the blocks."""
+    """Return û of velocities in the units of the blocks."""
     U = u.reshape(P.nc, P.dimension).copy()
     mu, mu_r = coefficients(P)
     k = P.dimension - 1 if mu_r is None else (P.dimension - 1) // 2
@@ -167,6 +168,8 @@ def _units(P: Any) -> Vector:
 
 
 def _scaled(M: Any, left: Vector, right: Vector) -> Any:
+    if (left == 1.0).all() and (right == 1.0).all():
+        return sp.csr_array(M)
     return sp.csr_array(sp.diags_array(left) @ sp.csr_array(M) @ sp.diags_array(right))
 
 

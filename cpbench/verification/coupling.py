@@ -77,7 +77,8 @@ def felt_parts(parts: Parts, sizes: Vector, gross: Vector, held: Flags) -> Parts
 
 
 def _felt_pairs(terms: Terms, small: Any, sizes: Vector, gross: Vector) -> Any:
-    """Rows and unknowns of the terms that are felt, of the unknowns of small rows and pairs; shape (2, count)."""
+    """Return rows and unknowns of the terms that are felt, of the unknowns of small rows and pairs; shape (2,
+    count)."""
     asked = np.zeros(sizes.size, dtype=bool)
     asked[small] = True
     asked[_segments(terms.rows, small)[0]] = True
@@ -101,7 +102,7 @@ def _segments(matrix: Any, which: Any) -> tuple[Any, Vector, Any]:
 
 
 def _with(parts: Parts, blocks: Any, labels: Any) -> Parts:
-    """The parts, with some blocks in others of their own."""
+    """Return the parts, with some blocks in others of their own."""
     part = parts.part.copy()
     part[blocks] = labels
     found, part = np.unique(part, return_inverse=True)

@@ -49,7 +49,7 @@ class Exact:
 
     @classmethod
     def of(cls, matrix: Matrix) -> Exact:
-        """Every entry that is not 0; raises nothing, for a problem's data are finite."""
+        """Return every entry that is not 0; raises nothing, for a problem's data are finite."""
         entries: Any = sp.coo_array(matrix)
         kept = np.flatnonzero(entries.data)
         value, exponent = _integers(np.asarray(entries.data, dtype=np.float64)[kept])
@@ -57,11 +57,11 @@ class Exact:
         return cls((rows, columns), entries.row[kept].tolist(), entries.col[kept].tolist(), value, exponent)
 
     def times(self, x: Sequence[Fraction]) -> Rationals:
-        """The product with x, exact."""
+        """Return the product with x, exact."""
         return self._product(self.row, self.column, self.shape[0], x)
 
     def transposed_times(self, x: Sequence[Fraction]) -> Rationals:
-        """The product of the transposed with x, exact."""
+        """Return the product of the transposed with x, exact."""
         return self._product(self.column, self.row, self.shape[1], x)
 
     def _product(self, to: list[int], by: list[int], size: int, x: Sequence[Fraction]) -> Rationals:
@@ -76,23 +76,23 @@ class Exact:
 
 
 def rationals(x: Vector) -> Rationals:
-    """The doubles of a finite vector as they are."""
+    """Return the doubles of a finite vector as they are."""
     return [Fraction(value) for value in x.tolist()]
 
 
 def rounded(x: Vector, bits: int = 24) -> Rationals:
-    """The components of a finite vector, each to so many binary digits."""
+    """Return the components of a finite vector, each to so many binary digits."""
     fraction, exponent = np.frexp(x)
     return rationals(np.ldexp(np.round(np.ldexp(fraction, bits)), exponent - bits))
 
 
 def dot(x: Sequence[Fraction], y: Sequence[Fraction]) -> Fraction:
-    """Σ xᵢ yᵢ."""
+    """Return Σ xᵢ yᵢ."""
     return sum((a * b for a, b in zip(x, y, strict=True) if a and b), _ZERO)
 
 
 def solve(matrix: Matrix, right: Sequence[Fraction], near: Vector, deadline: float = math.inf) -> Rationals | None:
-    """An exact solution of `matrix` x = `right` whose free components are those of `near`, rounded.
+    """Return an exact solution of `matrix` x = `right` whose free components are those of `near`, rounded.
 
     Unknowns with the largest terms are solved for, the others keep their value. None where there is no solution, the
     system is too large, or `time.perf_counter()` reaches `deadline`.
@@ -152,7 +152,7 @@ def _order(matrix: Matrix, near: Vector) -> list[int]:
 
 
 def _pivots(integers: NDArray[Any], order: list[int], deadline: float) -> tuple[list[int], list[int], _Integers] | None:
-    """Rows and columns of a largest block that is regular modulo the prime, with its inverse there."""
+    """Return rows and columns of a largest block that is regular modulo the prime, with its inverse there."""
     rows, _ = integers.shape
     residues = (integers % PRIME).astype(np.int64)
     work = np.concatenate([residues[:, order], np.eye(rows, dtype=np.int64)], axis=1)
@@ -181,7 +181,7 @@ def _pivots(integers: NDArray[Any], order: list[int], deadline: float) -> tuple[
 
 
 def _lifted(block: NDArray[Any], inverse: _Integers, right: Rationals, deadline: float) -> Rationals | None:
-    """The solution of `block` x = `right`, one p-adic digit after the other."""
+    """Return the solution of `block` x = `right`, one p-adic digit after the other."""
     n = len(right)
     common = math.lcm(*(value.denominator for value in right))
     rest = [value.numerator * (common // value.denominator) for value in right]
@@ -207,7 +207,7 @@ def _lifted(block: NDArray[Any], inverse: _Integers, right: Rationals, deadline:
 
 
 def _summed(digits: list[NDArray[Any]]) -> NDArray[Any]:
-    """Σ digitsᵢ PRIMEⁱ, the halves first: with one sum after the other the time would grow with the square."""
+    """Sum digitsᵢ PRIMEⁱ, the halves first: with one sum after the other the time would grow with the square."""
     if len(digits) == 1:
         return digits[0]
     half = len(digits) // 2
@@ -215,7 +215,7 @@ def _summed(digits: list[NDArray[Any]]) -> NDArray[Any]:
 
 
 def _limbs(block: NDArray[Any]) -> list[_Integers]:
-    """The integers in base 2^24, signs with them."""
+    """Return the integers in base 2^24, signs with them."""
     sign = np.where(block < 0, -1, 1).astype(np.int64)
     left, limbs = abs(block), list[_Integers]()
     while left.any():
@@ -225,14 +225,14 @@ def _limbs(block: NDArray[Any]) -> list[_Integers]:
 
 
 def _cramer(block: NDArray[Any], right: list[int]) -> int:
-    """At least twice the product of a numerator and a denominator of the solution (Hadamard and Cramer)."""
+    """Return at least twice the product of a numerator and a denominator of the solution (Hadamard and Cramer)."""
     columns = [math.isqrt(sum(v * v for v in column)) + 1 for column in block.T.tolist()]
     determinant = math.prod(columns)
     return 2 * determinant * determinant * (math.isqrt(sum(v * v for v in right)) + 1)
 
 
 def _fractions(digits: list[int], modulus: int) -> Rationals | None:
-    """The fractions of least size with these residues; the denominator of the earlier ones is tried first."""
+    """Return the fractions of least size with these residues; the denominator of the earlier ones is tried first."""
     bound = math.isqrt(modulus // 2)
     found: Rationals = []
     denominator = 1
@@ -251,7 +251,7 @@ def _fractions(digits: list[int], modulus: int) -> Rationals | None:
 
 
 def _fraction(residue: int, modulus: int, bound: int) -> Fraction | None:
-    """n/d = `residue` modulo `modulus` with |n| and d at most `bound` (Wang 1981); None without."""
+    """Return n/d = `residue` modulo `modulus` with |n| and d at most `bound` (Wang 1981); None without."""
     r0, r1, t0, t1 = modulus, residue, 0, 1
     while r1 > bound:
         quotient = r0 // r1

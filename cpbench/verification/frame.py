@@ -27,8 +27,17 @@ class Terms:
 
     @classmethod
     def of(cls, sizes: Any) -> Terms:
-        """Make them of a matrix of nonnegative sizes."""
-        return cls(sp.csr_array(sizes))
+        """Make them of a matrix of nonnegative sizes; zeros that are stored are no terms, and join no parts."""
+        if isinstance(sizes, np.ndarray) and sizes.all():  # without a search for entries
+            rows, columns = sizes.shape
+            indices = np.tile(np.arange(columns, dtype=np.int32), rows)
+            indptr = np.arange(0, rows * columns + 1, max(columns, 1), dtype=np.int32)[: rows + 1]
+            return cls(sp.csr_array((sizes.ravel(), indices, indptr), shape=sizes.shape))
+        entries = sp.csr_array(sizes)
+        if not entries.data.all():
+            entries = entries.copy()
+            entries.eliminate_zeros()
+        return cls(entries)
 
     @cached_property
     def columns(self) -> Any:
@@ -36,19 +45,23 @@ class Terms:
         return sp.csc_array(self.rows)
 
     @classmethod
-    def of_blocks(cls, matrix: Any, row_block: Any, column_block: Any) -> Terms:
-        """Frobenius norms of the blocks of a matrix; the numbers of blocks rise from 0."""
+    def of_blocks(cls, matrix: Any, row_block: Any, column_block: Any, *, keep_zeros: bool = False) -> Terms:
+        """Frobenius norms of the blocks of a matrix; the numbers of blocks rise from 0.
+
+        keep_zeros : every stored entry stays, for what is known of each by its place.
+        """
         entries: Any = sp.coo_array(matrix)
         shape = (int(row_block[-1]) + 1 if len(row_block) else 0, int(column_block[-1]) + 1 if len(column_block) else 0)
         squares = sp.coo_array((entries.data**2, (row_block[entries.row], column_block[entries.col])), shape=shape)
-        return cls.of(np.sqrt(sp.csr_array(squares)))
+        sizes = np.sqrt(sp.csr_array(squares))
+        return cls(sizes) if keep_zeros else cls.of(sizes)
 
     def sums(self, sizes: Vector) -> Vector:
-        """Σ_c terms_dc sizes_c of every row."""
+        """Return Σ_c terms_dc sizes_c of every row."""
         return np.asarray(self.rows @ sizes)
 
     def effects(self, weights: Vector, asked: Flags) -> Vector:
-        """max_d terms_dc weights_d of every unknown that is asked for, 0 for others."""
+        """Return max_d terms_dc weights_d of every unknown that is asked for, 0 for others."""
         if 2 * np.count_nonzero(asked) > asked.size:
             return segment_max(self.columns.data * weights[self.columns.indices], self.columns.indptr)
         some = self.columns[:, np.flatnonzero(asked)]
@@ -115,15 +128,15 @@ class Frame:
         return self.k if self.block is None else len(self.block)
 
     def spread(self, values: Vector) -> Vector:
-        """The values of blocks, for every unknown of each."""
+        """Return the values of blocks, for every unknown of each."""
         return values if self.block is None else values[self.block]
 
     def norms(self, x: Vector) -> Vector:
-        """Euclidean norm of every block."""
+        """Return euclidean norm of every block."""
         return block_norms(x, self.block, self.k)
 
     def any(self, flags: Flags) -> Flags:
-        """Whether any component of a block is flagged."""
+        """Return whether any component of a block is flagged."""
         return flags if self.block is None else np.bincount(self.block, flags, self.k) > 0
 
 
@@ -145,7 +158,7 @@ class System:
     also: tuple[Vector, Any] | None = None
 
     def nearest(self) -> Vector:
-        """The nearest point of the sets."""
+        """Return the nearest point of the sets."""
         near = self.x
         for part in self.frame.sets:
             near = part.nearest(near)
@@ -159,32 +172,32 @@ class System:
         return np.maximum(sizes, self.frame.norms(self.nearest()))
 
     def fixed(self) -> Flags:
-        """Whether an unknown is at a bound that is not 0."""
+        """Return whether an unknown is at a bound that is not 0."""
         frame = self.frame
         if not any(part.moored for part in frame.sets):
             return np.zeros(frame.k, dtype=bool)
         return frame.any(joined(frame.sets, frame.count, lambda part: part.anchored(self.x), bool))
 
     def defect(self, x_unit: Vector, f_unit: Vector) -> Vector:
-        """x̂ − P(x̂ − f̂) in units of the blocks."""
+        """Return x̂ − P(x̂ − f̂) in units of the blocks."""
         frame = self.frame
         x_units, f_units = frame.spread(x_unit), frame.spread(f_unit)
         return joined(frame.sets, frame.count, lambda part: part.defect(self.x, self.f, x_units, f_units))
 
 
 def largest(*values: float) -> float:
-    """The largest; ∞ where one is no number, which max() would drop."""
+    """Return the largest; ∞ where one is no number, which max() would drop."""
     found = float(np.max(values, initial=0.0))
     return found if np.isfinite(found) else np.inf
 
 
 def inverse(x: Vector) -> Vector:
-    """1/x, 0 where x is 0."""
+    """Return 1/x, 0 where x is 0."""
     return np.divide(1.0, x, out=np.zeros_like(x), where=x > 0)
 
 
 def segment_max(values: Vector, indptr: Any) -> Vector:
-    """Largest of every segment of nonnegative values, 0 of an empty one."""
+    """Return largest of every segment of nonnegative values, 0 of an empty one."""
     result = np.zeros(len(indptr) - 1)
     filled = np.flatnonzero(np.diff(indptr))
     if filled.size:
@@ -193,7 +206,7 @@ def segment_max(values: Vector, indptr: Any) -> Vector:
 
 
 def block_norms(x: Vector, block: Any, k: int) -> Vector:
-    """Euclidean norm of every block."""
+    """Return euclidean norm of every block."""
     if block is None or k == x.size:
         return np.abs(x)
     return np.sqrt(np.bincount(block, x * x, k))

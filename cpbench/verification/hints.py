@@ -77,7 +77,7 @@ def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
 
 
 def interior_point(P: Polyhedron, deadline: float) -> Vector | None:
-    """A point that meets the conditions, as far from their sides as there is room."""
+    """Return a point that meets the conditions, as far from their sides as there is room."""
     S = _scaled(P)
     n, rows = S.lb.size, np.flatnonzero(np.isfinite(S.h))
     low, high = np.flatnonzero(np.isfinite(S.lb)), np.flatnonzero(np.isfinite(S.ub))
@@ -112,7 +112,7 @@ def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
         return _least(slope, -S.G[rows], np.zeros(rows.size), level, np.zeros(level.shape[0]), bounds, deadline)
 
     def nearest(v: Vector) -> Vector | None:
-        """The direction within of the least ‖d − v‖₁."""
+        """Return the direction within of the least ‖d − v‖₁."""
         unit, nothing = sp.eye_array(n, format="csr"), sp.csr_array((rows.size, n))
         sides = sp.block_array([[unit, -unit], [-unit, -unit], [-S.G[rows], nothing]], format="csr")
         limits = np.concatenate([v, -v, np.zeros(rows.size)])
@@ -137,7 +137,8 @@ def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
 
 
 def _descended(Q: Any, d: Vector, towards: Vector | None) -> Vector | None:
-    """The least value of dᵀQd on the way to another direction (Frank and Wolfe); None where there is no way down."""
+    """Return the least value of dᵀQd on the way to another direction (Frank and Wolfe); None where there is no way
+    down."""
     if towards is None:
         return None
     step = towards - d
@@ -187,7 +188,7 @@ def _largest(M: Matrix, axis: int) -> Vector:
 
 
 def _least(cost: Vector, A: Any, b: Vector | None, E: Any, f: Vector, bounds: Any, deadline: float) -> Vector | None:
-    """A minimiser of costᵀx over Ax ≤ b, Ex = f and the bounds; None where HiGHS gives none in time."""
+    """Return a minimiser of costᵀx over Ax ≤ b, Ex = f and the bounds; None where HiGHS gives none in time."""
     from scipy.optimize import linprog  # slow to import, and rarely needed
 
     left = deadline - time.perf_counter()

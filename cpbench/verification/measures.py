@@ -27,7 +27,7 @@ SYSTEMS: dict[str, Callable[[Any, Any], System]] = {
 
 
 CONTACT = ("fc", "rfc", "afc", "fcm", "gfc", "grfc", "nfc")
-BY_PARTS = dict.fromkeys(("lcp", "mlcp", "relay", "avi", "soclcp"), Measure.PAIRS)
+BY_PARTS: dict[str, Measure] = dict.fromkeys(("lcp", "mlcp", "relay", "avi", "soclcp"), Measure.PAIRS)
 BY_PARTS |= dict.fromkeys(("qp", "coneqp", "nlp"), Measure.GAP)
 BY_PARTS |= dict.fromkeys(CONTACT, Measure.ENERGY)
 """What is measured of the nodes whose problems are taken part by part; the others are measured row by row."""
@@ -41,13 +41,14 @@ NOTICED = 0.1
 
 
 def system_of(problem: Any, point: Any) -> System | None:
-    """The rows of an answer that the problem has accepted; None for a formulation of a plugin."""
+    """Return the rows of an answer that the problem has accepted; None for a formulation of a plugin."""
     with np.errstate(all="ignore"):
         return SYSTEMS[problem.node](problem, point) if problem.node in SYSTEMS else None
 
 
 def measure(problem: Any, point: Any, system: System | None = None) -> BackwardError:
-    """The error of an answer that the problem has accepted; `system` are its rows, where they are made already."""
+    """Return the error of an answer that the problem has accepted; `system` are its rows, where they are made
+    already."""
     system = system or system_of(problem, point)
     if system is None:  # a formulation of a plugin is measured by its own residuals
         return BackwardError(problem.residuals(point).error, False, 0.0)
@@ -62,7 +63,7 @@ def measure(problem: Any, point: Any, system: System | None = None) -> BackwardE
 
 
 def misses_the_law(problem: Any, system: System | None, tolerance: float) -> bool:
-    """Whether a contact that carries load misses its law by more than `NOTICED` of its own size."""
+    """Return whether a contact that carries load misses its law by more than `NOTICED` of its own size."""
     if system is None or problem.node not in CONTACT or not problem.nc:
         return False
     with np.errstate(all="ignore"):

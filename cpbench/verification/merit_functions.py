@@ -81,7 +81,7 @@ def _evaluated(problem: Any, z: Vector, lb: Vector, ub: Vector) -> _Mixed:
 
 
 def _complementarity(at: _Mixed) -> Vector:
-    """(z − ℓ)F⁺/(1 + |ℓ|) and (u − z)F⁻/(1 + |u|); |F| where there is no bound on that side."""
+    """Return (z − ℓ)F⁺/(1 + |ℓ|) and (u − z)F⁻/(1 + |u|); |F| where there is no bound on that side."""
     bound = np.where(at.F > 0, at.lb, at.ub)
     some = np.isfinite(bound)
     room = np.divide(np.abs(at.z - bound), 1.0 + np.abs(bound), out=np.ones_like(at.z), where=some)
@@ -89,7 +89,7 @@ def _complementarity(at: _Mixed) -> Vector:
 
 
 def _normal_map(at: _Mixed) -> Vector:
-    """The distance of −F(z) to the normal cone of the box at z, by components.
+    """Return the distance of −F(z) to the normal cone of the box at z, by components.
 
     It is the least of F(π(x)) + x − π(x) over the x with π(x) = z, π the projection on the box. An answer that is off
     its bound by any amount has all of F here, however small the amount.
@@ -99,7 +99,7 @@ def _normal_map(at: _Mixed) -> Vector:
 
 
 def _fischer(at: _Mixed) -> tuple[Vector, Vector]:
-    """Φ with Φᵢ = φ(z − ℓ, −φ(u − z, −F)), φ(a, b) = a + b − √(a² + b²), and the gradient of ½‖Φ‖².
+    """Return Φ with Φᵢ = φ(z − ℓ, −φ(u − z, −F)), φ(a, b) = a + b − √(a² + b²), and the gradient of ½‖Φ‖².
 
     Where a bound is infinite its φ is left out. Where Φᵢ has no derivative it is 0, and adds nothing to the gradient.
     """
@@ -114,7 +114,7 @@ def _fischer(at: _Mixed) -> tuple[Vector, Vector]:
 
 
 def _phi(a: Vector, b: Vector) -> tuple[Vector, Vector, Vector]:
-    """φ(a, b) without cancellation, and its derivatives by a and by b; those are 0 at (0, 0)."""
+    """Return φ(a, b) without cancellation, and its derivatives by a and by b; those are 0 at (0, 0)."""
     size, total = np.hypot(a, b), a + b
     stable = np.divide(2.0 * a * b, total + size, out=np.zeros_like(size), where=total + size > 0)
     value = np.where(total > 0, stable, total - size)

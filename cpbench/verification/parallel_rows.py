@@ -49,7 +49,7 @@ class ParallelRows:
         return group, length, (np.abs(length[first]), sp.csr_array(abs(rows)[first].T))
 
     def relief(self, multipliers: Vector, rest: Vector) -> Vector | None:
-        """Σ|A_ji||λ_j| less the same of the sums over parallel rows, for every unknown i; None where that is 0.
+        """Return Σ|A_ji||λ_j| less the same of the sums over parallel rows, for every unknown i; None where that is 0.
 
         `rest` are the sizes of the other terms: where multipliers add little to them, nothing is looked for.
         """
@@ -65,7 +65,7 @@ class ParallelRows:
 
 
 def _groups(rows: Any) -> tuple[Any, Vector]:
-    """The number of the group of parallel rows of each row, and the length of each along its group."""
+    """Return the number of the group of parallel rows of each row, and the length of each along its group."""
     m, n = rows.shape
     filled = np.diff(rows.indptr) > 0
     lead = np.ones(m)

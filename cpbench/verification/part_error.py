@@ -12,12 +12,16 @@ beside the multipliers. With the rows f in these sizes, and every unknown by its
 The sum of products is the duality gap: a pair of which both are √ε is optimal to ε.
 
 - No idle side, price or open contact sets a size: its constant counts as far as other terms of its row balance it.
+  The multiplier of a bound that is written as a row is no such term, and no size of other rows: a bound that is a side
+  of the set has none.
 - Rows and unknowns of pairs may have no term in common (prices beside sides): each such system is a part.
 - Small rows that no felt term couples to large ones are parts of their own (`coupling`).
 - What no constant feeds but idle ones has the solution 0 and no size: it is measured absolutely. A part without an
   objective needs no multipliers.
 - Unknowns that grow without bound would pass on problems without a solution, for they are in the sizes. So the square
   of what no answer may have (a row on the wrong side), over the constants of the part alone, must be within ε, too.
+  That is strict where a solution's own multipliers are a million times the prices (QFORPLAN): a gradient that misses
+  5e-9 of its terms misses 4 % of the prices there, and is wrong at 1e-6.
 """
 
 from __future__ import annotations
@@ -42,14 +46,14 @@ _PARTS: WeakKeyDictionary[Frame, Parts] = WeakKeyDictionary()
 
 
 def parts_of(frame: Frame, measure: Measure) -> Parts:
-    """The parts of a problem whose matrix is the same for every answer, found once."""
+    """Return the parts of a problem whose matrix is the same for every answer, found once."""
     if frame not in _PARTS:
         _PARTS[frame] = Parts.of(frame, frame.terms.rows, measure)
     return _PARTS[frame]
 
 
 def parts_between(frame: Frame, other: Frame, measure: Measure) -> Parts:
-    """The parts of a problem whose matrix depends on the point, by the larger of its entries at two of them.
+    """Return the parts of a problem whose matrix depends on the point, by the larger of its entries at two of them.
 
     A derivative that vanishes at the answer says nothing of the units of its row and its unknown.
     """
@@ -69,82 +73,121 @@ class _Units:
     absolute: bool
 
 
+@dataclass(frozen=True, eq=False)
+class BlockErrors:
+    """Errors as `part_error` measures them, block by block and, of the components of blocks, one by one.
+
+    Attributes
+    ----------
+    blocks : (k,) errors of blocks or of their parts. components : (N,) those of components, None where there are none.
+    beyond : (N,) rows that no unknown may have. also : (rows,) residuals that must vanish beside f, None without any.
+    floors : (k,) what rounding may cause. absolute : whether a part without constants was measured absolutely.
+    """
+
+    blocks: Vector
+    components: Vector | None
+    beyond: Vector
+    also: Vector | None
+    floors: Vector
+    absolute: bool
+
+
 def part_error(system: System, parts: Parts) -> BackwardError:
     """Measure an answer. Rows beside multipliers are those of the primal."""
-    frame = system.frame
-    if not frame.k:
+    if not system.frame.k:
         return BackwardError(0.0, False, 0.0)
-    sizes = system.sizes()
-    sums = frame.terms.sums(sizes)
-    if not np.isscalar(system.relief):
-        sums = np.maximum(sums - system.relief, 0.0)
-    gross = sums + frame.constants
-    if not np.isfinite(gross).all():  # squares of such unknowns are no numbers any more
+    sums = term_sums(system)
+    if not np.isfinite(sums).all():  # squares of such unknowns are no numbers any more
         return BackwardError(np.inf, False, 0.0)
+    found = block_errors(system, parts, sums)
+    error = largest(*(float(a.max(initial=0.0)) for a in (found.blocks, found.components, found.also) if a is not None))
+    error = largest(error, squared(largest(float(found.beyond.max(initial=0.0)))))
+    return BackwardError(error, found.absolute, float(found.floors.max(initial=0.0)))
+
+
+def term_sums(system: System) -> Vector:
+    """Return the sums of the sizes of the terms of every row."""
+    sums = system.frame.terms.sums(system.sizes())
+    return sums if np.isscalar(system.relief) else np.maximum(sums - system.relief, 0.0)
+
+
+def block_errors(system: System, parts: Parts, sums: Vector) -> BlockErrors:
+    """Measure an answer whose `term_sums` are `sums`, all of them finite."""
+    frame, sizes = system.frame, system.sizes()
+    gross = sums + frame.constants
     fixed = system.fixed()
     held = fixed if frame.multiplier is None else fixed & ~frame.multiplier
     parts = felt_parts(parts, sizes, gross, held)
     units = _units(system, parts, sizes, sums, held)
     noise = (ROUNDINGS * EPS) * gross
+    components = None
     if parts.measure is Measure.GAP:
-        error, wrong = _gap(system, parts, units), ~units.quiet
+        components, blocks, wrong = *_gap(system, parts, units), ~units.quiet
     else:
-        norms = frame.norms(system.defect(units.x, units.f))
-        error, wrong = float(norms.max()), norms != 0
+        blocks = frame.norms(system.defect(units.x, units.f))
+        wrong = blocks != 0
         if parts.measure is Measure.ENERGY:
-            error = float(parts.every.size(norms).max())
-    error = largest(error, squared(_beyond(system, noise, units.data)))
+            blocks = parts.every.spread(parts.every.size(blocks)) + np.zeros(frame.k)
+    also = None
     if system.also is not None:
         value, rows = system.also
-        error = largest(error, float(np.max(np.abs(value) * units.f[rows], initial=0.0)))
+        # the force of a bound has digits of its own row only
+        size = np.maximum(1.0, frame.norms(system.f)[rows] * units.f[rows])
+        also = np.abs(value) * units.f[rows] / size
     # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing there
     wrong |= (frame.amplification * EPS >= 1.0) & (frame.norms(system.f) > 0)
-    floor = float(np.max(noise * units.f * frame.amplification * wrong, initial=0.0))
-    return BackwardError(largest(error), units.absolute, floor)
+    floors = noise * units.f * frame.amplification * wrong
+    return BlockErrors(blocks, components, _beyond(system, noise, units.data), also, floors, units.absolute)
 
 
-def _gap(system: System, parts: Parts, units: _Units) -> float:
-    """The worst condition of a pair, and the sum of the products of a part."""
-    frame, worst, products = system.frame, 0.0, []
+def _gap(system: System, parts: Parts, units: _Units) -> tuple[Vector, Vector]:
+    """Return the conditions of every pair, and the sum of the products of the part of every block."""
+    frame = system.frame
     x_units, f_units = frame.spread(units.x), frame.spread(units.f)
+    conditions, every = np.empty(frame.count), np.empty(frame.count)
     for part in frame.sets:
-        own, product = part.conditions(system.x, system.f, x_units, f_units)
-        worst = largest(worst, own)
-        products.append((part.place, product))
+        conditions[part.place], every[part.place] = part.conditions(system.x, system.f, x_units, f_units)
     if parts.count == 1:
-        return largest(worst, float(sum(product.sum() for _, product in products)))
-    every = np.empty(frame.count)
-    for place, product in products:
-        every[place] = product
-    return largest(worst, float(np.bincount(frame.spread(parts.part), every).max()))
+        return conditions, np.full(frame.k, every.sum())
+    products: Vector = np.bincount(frame.spread(parts.part), every).astype(np.float64, copy=False)
+    return conditions, products[parts.part]
 
 
-def _beyond(system: System, noise: Vector, data_unit: Vector) -> float:
-    """The largest row that no unknown may have, over the constants, less what rounding leaves of terms that cancel."""
+def _beyond(system: System, noise: Vector, data_unit: Vector) -> Vector:
+    """Return the rows that no unknown may have, over the constants, less what rounding leaves of terms that cancel."""
     frame = system.frame
     f = np.abs(system.f) - frame.spread(noise)
     f = np.copysign(np.maximum(f, 0.0, out=f), system.f)
     unit = frame.spread(data_unit)
-    return largest(*(part.excess(f, unit) for part in frame.sets))
+    return joined(frame.sets, frame.count, lambda part: part.excess(f, unit))
 
 
 def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flags) -> _Units:
-    """The sizes of the parts, as units of their blocks."""
+    """Return the sizes of the parts, as units of their blocks."""
     frame, z, multipliers = system.frame, parts.z, parts.multipliers
     constants, gap = frame.constants, parts.measure is Measure.GAP
     quiet = frame.any(joined(frame.sets, frame.count, lambda part: part.idle(system.x, system.f), bool))
-    some_held = parts.every.any(held)
+    some_held = parts.every.any(held) if held.any() else np.zeros(parts.count, dtype=bool)
 
     # every z is as large as its part; without a side that is what the prices ask of a curved objective, idle prices
     # only where there are no others; else nothing
     prices, sides, curved = parts.prices, parts.sides, parts.curved
-    sided = some_held | ((sides > 0) & parts.every.any(~quiet & (constants > 0)))  # idle sides give no size
+    tight = ~quiet & (constants > 0)
+    sided = some_held | ((sides > 0) & multipliers.any(tight[multipliers.at]))  # idle sides give no size
     unsized = ~sided & ~((prices > 0) & curved)
     unpriced = unsized & (prices == 0)
+    priced_by, bound = parts.bounding
+    taken = None
+    if bound.size:  # a bound that is a row takes its share of a price, as a side of the set does
+        taken = np.bincount(priced_by, parts.bounding_terms * sizes[bound], frame.k)
+        sums = np.maximum(sums - taken, 0.0)
+        quiet = quiet | (frame.norms(system.f) < 0.5 * taken)
     balanced = (constants > 0) & (~quiet | (sums > HEARD * constants))
-    if frame.multiplier is None and frame.block is None:  # nor do idle prices that no other term of their row balances
-        unsized |= ~some_held & ~parts.every.any(balanced)
-        unpriced = unsized
+    priced = z.any(balanced[z.at])
+    if parts.measure is not Measure.ENERGY:  # nor do idle prices that no other term of their row balances
+        unheard = ~sided & ~priced
+        unsized |= unheard
+        unpriced |= unheard
     reach = prices
     if gap or frame.multiplier is not None:
         reach = z.size((sizes * parts.per_unknown)[z.at])
@@ -167,21 +210,26 @@ def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flag
         if not D.size:
             continue
         counted = np.maximum(feeds, constant)
-        heard = group.any(balanced[rows])
+        heard = priced if group is z else group.any(balanced[rows])
+        if not i and parts.measure is not Measure.ENERGY:  # sized unknowns make enough of a row
+            heard = priced | (sided & curved & (felt > 0))
         if heard.any():
             counted = np.where(quiet[rows] & group.spread(heard), feeds, counted)
         # an entry of the equilibrated matrix is about 1: so much does a z of the part's size make of a row
         size = np.maximum(group.size(counted * D), least)
         empty = empty or not size.all()
-        weight[rows] = D * group.spread(inverse(size))
+        unit = group.spread(inverse(size))
+        weight[rows] = D * unit
         if plain.any():
             weight[rows] = np.where(group.spread(plain), 1.0, weight[rows])
         if not parts.split:
-            scaled, bare = parts.effects[i]
-            effect = scaled * parts.every.spread(inverse(size))
+            effect = parts.effects[i] * (unit if group is parts.every else parts.every.spread(inverse(size)))
             if plain.any():
-                effect = np.where(parts.every.spread(plain), bare, effect)
+                effect = np.where(parts.every.spread(plain), parts.plain_effects[i], effect)
             x_unit = np.maximum(x_unit, effect)
+    if taken is not None:  # the force of a bound has digits of its own row only
+        weight = np.divide(weight, weight * taken, out=weight, where=weight * taken > 1.0)
+        x_unit[bound] = parts.bounding_terms * weight[priced_by]
     if parts.split:  # an unknown has effects on rows of other parts, too
         x_unit = frame.terms.effects(weight, np.ones(frame.k, dtype=bool))
     f_unit = np.where(weight > 0, weight, 1.0) if empty else weight

@@ -12,13 +12,13 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from cpbench.matrices import Vector, norm
-from cpbench.verification.equilibration import equilibrate, equilibrate_apart
+from cpbench.verification.equilibration import WHOLE, Sums, equilibrate, equilibrate_apart
 from cpbench.verification.frame import Frame, inverse
 from cpbench.verification.sets import Flags, slice_of
 
 
 class Measure(Enum):
-    """What is summed over a part: nothing, the energy of its contacts, or the gap of its pairs."""
+    """A quantity summed over a part: by pairs (none), the energy of its contacts, or the gap of its pairs."""
 
     PAIRS = "pairs"
     ENERGY = "energy"
@@ -27,7 +27,7 @@ class Measure(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Some blocks of a problem. Sizes of parts have the shape (count,).
+    """Parts of a problem, each of some of its blocks. Sizes of parts have the shape (count,).
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Group:
         return np.sqrt(np.bincount(self.part, values * values, self.count))
 
     def largest(self, values: Vector) -> Vector:
-        """The largest of the values in every part; 0 where there is none."""
+        """Return the largest of the values in every part; 0 where there is none."""
         if self.part is None:
             return np.array([values.max(initial=0.0)])
         result = np.zeros(self.count)
@@ -66,7 +66,7 @@ class Group:
         return result
 
     def any(self, flags: Flags) -> Flags:
-        """Whether a block of a part is flagged."""
+        """Return whether a block of a part is flagged."""
         if self.part is None:
             return np.array([flags.any()])
         result = np.zeros(self.count, dtype=bool)
@@ -74,7 +74,7 @@ class Group:
         return result
 
     def spread(self, values: Any) -> Any:
-        """The values of parts, for every block."""
+        """Return the values of parts, for every block."""
         return values[0] if self.part is None else values[self.part]
 
 
@@ -100,16 +100,16 @@ class Parts:
     split: bool = False
 
     @classmethod
-    def of(cls, frame: Frame, sizes: Any, measure: Measure) -> Parts:
-        """Find them by the sizes of the problem's terms."""
+    def of(cls, frame: Frame, sizes: Any, measure: Measure, sums: Sums = WHOLE) -> Parts:
+        """Find them by the sizes of the problem's terms; `sums` : of several problems side by side."""
         if measure is Measure.PAIRS:  # rows and unknowns may have units of their own, and prices go beside sides
-            rows, unknowns = equilibrate_apart(sizes)
+            rows, unknowns = equilibrate_apart(sizes, sums)
             of_rows, of_unknowns = np.split(_rows_beside_unknowns(sizes), 2)
             split = bool((of_rows != of_unknowns).any())
             found, part = np.unique(of_rows, return_inverse=True)
             count = found.size
         else:
-            rows = unknowns = equilibrate(sizes + sizes.T)
+            rows = unknowns = equilibrate(sizes + sizes.T, sums)
             count, part = connected_components(sizes, directed=False)
             split = False
         if frame.multiplier is None:
@@ -139,6 +139,31 @@ class Parts:
         return Group(at, None if self.count == 1 else self.part[at], self.count, self.measure is Measure.ENERGY)
 
     @cached_property
+    def bounding(self) -> tuple[Any, Any]:
+        """Rows beside unknowns with bounds that are rows, and the multipliers of these.
+
+        Row and column of such a multiplier have one entry each, both of the same unknown.
+        """
+        none = np.zeros(0, dtype=np.int64)
+        if self.measure is Measure.ENERGY:
+            return none, none
+        rows = self.frame.terms.rows
+        lengths = np.diff(rows.indptr)
+        if not (lengths == 1).any():
+            return none, none
+        columns = self.frame.terms.columns
+        bound = np.flatnonzero((lengths == 1) & (np.diff(columns.indptr) == 1))
+        row = columns.indices[columns.indptr[bound]]
+        some = (row == rows.indices[rows.indptr[bound]]) & (row != bound) & (lengths[row] > 1)
+        return row[some], bound[some]
+
+    @cached_property
+    def bounding_terms(self) -> Vector:
+        """The entries of `bounding` in the rows that they bound."""
+        columns = self.frame.terms.columns
+        return columns.data[columns.indptr[self.bounding[1]]]
+
+    @cached_property
     def curved(self) -> Flags:
         """Whether some z is in a row beside z."""
         return self.every.any(self.inner)
@@ -162,29 +187,39 @@ class Parts:
         return result
 
     @cached_property
-    def effects(self) -> tuple[tuple[Vector, Vector], ...]:
-        """The largest term of every unknown in rows beside z and in those beside multipliers, equilibrated and not."""
-        entries, k = self.frame.terms.rows, self.frame.k
-        row = np.repeat(np.arange(k), np.diff(entries.indptr))
-        scaled = entries.data * self.per_row[row]
-        multiplier = self.frame.multiplier
-        some = [slice(None), slice(0, 0)] if multiplier is None else [~multiplier[row], multiplier[row]]
-        return tuple(
-            (largest_of(entries.indices[at], scaled[at], k), largest_of(entries.indices[at], entries.data[at], k))
-            for at in some
-        )
+    def effects(self) -> tuple[Vector, ...]:
+        """The largest term of every unknown in rows beside z and in those beside multipliers, equilibrated."""
+        return self._largest_terms(self.frame.terms.rows.data * self.per_row[self._row_of_entries])
+
+    @cached_property
+    def plain_effects(self) -> tuple[Vector, ...]:
+        """The same of the terms as they are."""
+        return self._largest_terms(self.frame.terms.rows.data)
+
+    @property
+    def _row_of_entries(self) -> Any:
+        return np.repeat(np.arange(self.frame.k), np.diff(self.frame.terms.rows.indptr))
+
+    def _largest_terms(self, values: Vector) -> tuple[Vector, ...]:
+        at, k, multiplier = self.frame.terms.rows.indices, self.frame.k, self.frame.multiplier
+        if multiplier is None:
+            return largest_of(at, values, k), np.zeros(k)
+        some = multiplier[self._row_of_entries]
+        return largest_of(at[~some], values[~some], k), largest_of(at[some], values[some], k)
 
 
 def _rows_beside_unknowns(sizes: Any) -> Any:
-    """The part of each row, then of each unknown, where terms alone join them."""
+    """Return the part of each row, then of each unknown, where terms alone join them."""
     k = sizes.shape[0]
+    if k and sizes.nnz == k * k:
+        return np.zeros(2 * k, dtype=np.int64)
     indptr = np.concatenate([sizes.indptr, np.full(k, sizes.indptr[-1])])
     graph = sp.csr_array((sizes.data, sizes.indices + k, indptr), shape=(2 * k, 2 * k))
     return connected_components(graph, directed=False)[1]
 
 
 def largest_of(at: Any, values: Vector, k: int) -> Vector:
-    """The largest of the nonnegative values in each place."""
+    """Return the largest of the nonnegative values in each place."""
     result = np.zeros(k)
     np.maximum.at(result, at, values)
     return result

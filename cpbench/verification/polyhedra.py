@@ -48,7 +48,7 @@ class Polyhedron:
         return Exact.of(self.G), Exact.of(self.E)
 
     def contains(self, x: Sequence[Fraction]) -> bool:
-        """Whether x meets every condition exactly."""
+        """Return whether x meets every condition exactly."""
         rows, equalities = self.exact
         return (
             len(x) == self.lb.size
@@ -58,8 +58,8 @@ class Polyhedron:
         )
 
     def recedes(self, d: Sequence[Fraction]) -> bool:
-        """Whether d, from any point within, never leaves: Gd ≥ 0, Ed = 0, d ≥ 0 (≤ 0) where x has a lower (upper)
-        bound."""
+        """Return whether d, from any point within, never leaves: Gd ≥ 0, Ed = 0, d ≥ 0 (≤ 0) where x has a lower
+        (upper) bound."""
         rows, equalities = self.exact
         return (
             len(d) == self.lb.size
@@ -70,7 +70,7 @@ class Polyhedron:
         )
 
     def combined(self, y: Sequence[Fraction]) -> tuple[Fraction, Fraction] | None:
-        """γ and ε with γ ≤ ε‖x‖∞ for every x within, by the multipliers y = (λ of Gx ≥ h, μ of Ex = f).
+        """Return γ and ε with γ ≤ ε‖x‖∞ for every x within, by the multipliers y = (λ of Gx ≥ h, μ of Ex = f).
 
         With ν = −Gᵀλ − Eᵀμ, −νᵀx ≥ hᵀλ + fᵀμ; where a bound goes with the sign of ν_j it replaces x_j, which adds up to
         γ, and ε is the sum of the other |ν_j|. None where y is no such vector: λ ≥ 0, and 0 at infinite sides.
@@ -103,7 +103,8 @@ class Objective:
     p: Vector
 
     def falls(self, x: Sequence[Fraction], d: Sequence[Fraction]) -> bool:
-        """Whether it has no lower bound on the points x + td, t ≥ 0: dᵀQd < 0, or dᵀQd = 0 and the slope is negative.
+        """Return whether it has no lower bound on the points x + td, t ≥ 0: dᵀQd < 0, or dᵀQd = 0 and the slope is
+        negative.
 
         That holds for any Q; where Q is positive semidefinite, dᵀQd = 0 says Qd = 0, and the slope is pᵀd.
         """
@@ -143,7 +144,7 @@ def objective(problem: Problem) -> Objective | None:
 
 
 def multipliers(problem: Problem, certificate: Vector) -> Vector:
-    """A solver's vector, in the order of its node, in the order of the conditions."""
+    """Return a solver's vector, in the order of its node, in the order of the conditions."""
     if isinstance(problem, MLCP):  # (y of the equalities, z of the rows)
         n = problem.a.size
         return np.concatenate([certificate[n:], certificate[:n]])
@@ -165,7 +166,8 @@ def _over(
 
 
 def _avi(problem: AVI) -> Polyhedron:
-    """z within, λ ≥ 0, and F = Mz + q − Aᵀλ − Cᵀμ: ≥ 0 (≤ 0) where z_j has a lower (upper) bound only, 0 without."""
+    """Return z within, λ ≥ 0, and F = Mz + q − Aᵀλ − Cᵀμ: ≥ 0 (≤ 0) where z_j has a lower (upper) bound only, 0
+    without."""
     m, k = problem.b.size, problem.d.size
     low, high = problem.lb > -INFINITE, problem.ub < INFINITE
     force = matrices.block([[problem.M, -matrices.transpose(problem.A), -matrices.transpose(problem.C)]])

@@ -12,7 +12,7 @@ from cpbench.product_cones import Cone
 
 
 def project(kind: Cone, y: Dense, mu: Vector, mu_r: Vector) -> Dense:
-    """Euclidean projection of every row of y on its factor, shape (count, size)."""
+    """Project every row of y on its factor (Euclidean), shape (count, size)."""
     match kind:
         case Cone.SECOND_ORDER:
             return _second_order(y, mu)
@@ -29,7 +29,7 @@ def project(kind: Cone, y: Dense, mu: Vector, mu_r: Vector) -> Dense:
 
 
 def _second_order(y: Dense, mu: Vector) -> Dense:
-    """On {‖y_T‖ ≤ μ y_N}: the better of y itself, 0, and the foot on the ray through y_T; μ = ∞ is y_N ≥ 0."""
+    """Project on {‖y_T‖ ≤ μ y_N}: the better of y itself, 0, and the foot on the ray through y_T; μ = ∞ is y_N ≥ 0."""
     n, t = y[:, 0], row_norms(y[:, 1:])
     half_space = np.isinf(mu)
     slope = np.where(half_space, 0.0, mu)
@@ -44,7 +44,8 @@ def _second_order(y: Dense, mu: Vector) -> Dense:
 
 
 def _rolling(y: Dense, mu: Vector, mu_r: Vector) -> Dense:
-    """On {‖y_T‖ ≤ μ y_N, ‖y_M‖ ≤ μ_r y_N}: the largest of the feet r with each choice of active parts, and of 0.
+    """Project on {‖y_T‖ ≤ μ y_N, ‖y_M‖ ≤ μ_r y_N}: the largest of the feet r with each choice of active parts, and of
+    0.
 
     The derivative r − n − μ(t − μr)₊ − μ_r(m − μ_r r)₊ of half the squared distance is the least of the rising lines
     of the choices, so its root is the largest of theirs. Squared distances differ by too little to choose by.
@@ -59,16 +60,16 @@ def _rolling(y: Dense, mu: Vector, mu_r: Vector) -> Dense:
 
 
 def _cut(y: Dense, length: Vector) -> Dense:
-    """Every row, no longer than its length."""
+    """Return every row, no longer than its length."""
     size = row_norms(y)
     return y * _ratio(np.minimum(size, length), size)[:, None]
 
 
 def row_norms(y: Dense) -> Vector:
-    """The Euclidean norm of every row."""
+    """Return the Euclidean norm of every row."""
     return np.sqrt(np.einsum("ij,ij->i", y, y))
 
 
 def _ratio(a: Vector, b: Vector) -> Vector:
-    """a/b, 0 where b = 0."""
+    """Return a/b, 0 where b = 0."""
     return np.divide(a, b, out=np.zeros_like(a), where=b > 0)

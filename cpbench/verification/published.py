@@ -43,7 +43,7 @@ SOURCES: Mapping[tuple[str, str], str] = {
 
 
 @dataclass(frozen=True)
-class Measured:
+class PublishedMeasure:
     """One number of an answer, and its source: a name, and in brackets more of it. An angle is compared with no
     tolerance: its `bounded` is False."""
 
@@ -53,7 +53,7 @@ class Measured:
     bounded: bool = True
 
     def within(self, tolerance: float) -> bool | None:
-        """Whether the number is at most the tolerance; None where that says nothing."""
+        """Return whether the number is at most the tolerance; None where that says nothing."""
         return self.value <= tolerance if self.bounded else None
 
 
@@ -67,7 +67,7 @@ class Family:
 
 
 def osqp(problem: Any, point: Any, known: Mapping[str, float]) -> dict[str, float]:
-    """The least ε = ε_abs = ε_rel at which OSQP's two residuals pass, of Qz + p + Eᵀy = 0 and l ≤ Ez ≤ u.
+    """Return the least ε = ε_abs = ε_rel at which OSQP's two residuals pass, of Qz + p + Eᵀy = 0 and l ≤ Ez ≤ u.
 
     E holds the rows A, C and those of the unknowns with a bound. The primal residual is ‖Ez − s‖∞ against
     ε_abs + ε_rel max(‖Ez‖∞, ‖s‖∞), the dual one ‖Qz + p + Eᵀy‖∞ against ε_abs + ε_rel max(‖Qz‖∞, ‖Eᵀy‖∞, ‖p‖∞). In
@@ -89,7 +89,8 @@ def osqp(problem: Any, point: Any, known: Mapping[str, float]) -> dict[str, floa
 
 
 def qpbenchmark(problem: Any, point: Any, known: Mapping[str, float]) -> dict[str, float]:
-    """The three absolute numbers of qpbenchmark and qpsolvers (Caron et al., qpbenchmark, since 2022), in the ∞-norm.
+    """Return the three absolute numbers of qpbenchmark and qpsolvers (Caron et al., qpbenchmark, since 2022), in the
+    ∞-norm.
 
     The signs of multipliers are not among them.
     """
@@ -98,7 +99,7 @@ def qpbenchmark(problem: Any, point: Any, known: Mapping[str, float]) -> dict[st
 
 
 def contactbench(problem: Any, point: Any, known: Mapping[str, float]) -> dict[str, float]:
-    """The four criteria of Le Lidec et al., Contact models in robotics: a comparative analysis (2024).
+    """Return the four criteria of Le Lidec et al., Contact models in robotics: a comparative analysis (2024).
 
     By contact, and the largest counts: Signorini complementarity |r_N u_N|, contact complementarity |rᵀû|, dual
     feasibility ‖û − P_K*(û)‖∞, and the gap of the maximum dissipation principle, |μ|r_N| − ‖r_T‖| ‖u‖∞ as their program
@@ -127,35 +128,36 @@ FAMILIES: tuple[Family, ...] = (
 )
 
 
-def published(problem: Problem, point: Any, known: Mapping[str, float]) -> list[Measured]:
-    """What the literature measures beside `known`, the numbers of `Problem.residuals`, of an answer it has accepted."""
-    found: list[Measured] = []
+def published(problem: Problem, point: Any, known: Mapping[str, float]) -> list[PublishedMeasure]:
+    """Return what the literature measures beside `known`, the numbers of `Problem.residuals`, of an answer it has
+    accepted."""
+    found: list[PublishedMeasure] = []
     with np.errstate(all="ignore"):
         for family in FAMILIES:
             if problem.node in family.nodes:
                 numbers = family.of(problem, point, known).items()
-                found += [Measured(name, _told(value), family.source) for name, value in numbers]
+                found += [PublishedMeasure(name, _told(value), family.source) for name, value in numbers]
     return found
 
 
 def named(numbers: Mapping[str, float]) -> dict[str, float]:
-    """The numbers of an answer by what a user calls them: without their units."""
+    """Return the numbers of an answer by what a user calls them: without their units."""
     return {name.split(" [")[0]: value for name, value in numbers.items()}
 
 
 def all_measures(
     problem: Problem, point: Any, backward: float, measured: Iterable[str], known: Mapping[str, float]
-) -> list[Measured]:
-    """Every measure of one answer: the verdict's own number, those of `known` that solvers stop by (`measured`), that
-    have a source or are angles, and the published ones."""
-    rows = [Measured("backward", backward, VERDICT)]
+) -> list[PublishedMeasure]:
+    """Return every measure of one answer: the verdict's own number, those of `known` that solvers stop by
+    (`measured`), that have a source or are angles, and the published ones."""
+    rows = [PublishedMeasure("backward", backward, VERDICT)]
     stops = set(measured)
     for name, value in known.items():
         source = SOURCES.get((problem.node, name), CPBENCH if name in stops else "")
         if name.endswith("[deg]"):
-            rows.append(Measured(name, value, ANGLE, bounded=False))
+            rows.append(PublishedMeasure(name, value, ANGLE, bounded=False))
         elif source:
-            rows.append(Measured(name, value, source))
+            rows.append(PublishedMeasure(name, value, source))
     return rows + published(problem, point, known)
 
 

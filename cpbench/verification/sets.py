@@ -44,47 +44,49 @@ class Set(ABC):
 
     @abstractmethod
     def nearest(self, x: Vector) -> Vector:
-        """P(x) in the places of this set, x elsewhere; x itself where it is in the set."""
+        """Return P(x) in the places of this set, x elsewhere; x itself where it is in the set."""
         ...
 
     @abstractmethod
     def anchored(self, x: Vector) -> Flags:
-        """Whether a component is at, or beyond, a part of the boundary that is not 0."""
+        """Return whether a component is at, or beyond, a part of the boundary that is not 0."""
         ...
 
     @abstractmethod
     def own_unit(self) -> Vector:
-        """1 over the size of the set where that is finite, 0 elsewhere."""
+        """Return 1 over the size of the set where that is finite, 0 elsewhere."""
         ...
 
     @abstractmethod
     def idle(self, x: Vector, f: Vector) -> Flags:
-        """Whether f holds a component on the boundary that it is at: only its sign matters."""
+        """Return whether f holds a component on the boundary that it is at: only its sign matters."""
         ...
 
     @abstractmethod
-    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[float, Vector]:
-        """Largest of the distances of x̂ from the set and of f̂ from the dual set; and the products of both."""
+    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[Vector, Vector]:
+        """Return the larger of the distances of x̂ from the set and of f̂ from the dual set; and the products of
+        both."""
         ...
 
     @abstractmethod
-    def excess(self, f: Vector, f_unit: Vector) -> float:
-        """The largest part of f̂ that no unknown may have beside it."""
+    def excess(self, f: Vector, f_unit: Vector) -> Vector:
+        """Return the part of f̂ that no unknown may have beside it."""
         ...
 
     @abstractmethod
     def amplification(self) -> Vector:
-        """By how much a rounding error of a row is larger in f; 1 or less but for a law with a large coefficient."""
+        """Return by how much a rounding error of a row is larger in f; 1 or less but for a law with a large
+        coefficient."""
         ...
 
     @abstractmethod
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
-        """x̂ − P(x̂ − f̂); the set is measured in the units of its part."""
+        """Return x̂ − P(x̂ − f̂); the set is measured in the units of its part."""
         ...
 
 
 def joined(parts: Sequence[Set], count: int, values: Callable[[Any], Any], dtype: type = np.float64) -> Any:
-    """The values of all sets, each in its places."""
+    """Return the values of all sets, each in its places."""
     if len(parts) == 1:
         return values(parts[0]).ravel()
     result = np.empty(count, dtype=dtype)
@@ -164,36 +166,34 @@ class Box(Set):
         below, above = np.abs(own - self.lb), np.abs(own - self.ub)
         return (lower & (below <= above) & (w > 0)) | (upper & (above <= below) & (w < 0))
 
-    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[float, Vector]:
+    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[Vector, Vector]:
         w = f[self.place] * f_unit[self.place]
         if self.kind == "free":
-            return float(np.max(np.abs(w), initial=0.0)), np.zeros(w.size)
+            return np.abs(w), np.zeros(w.size)
         own, unit = x[self.place], x_unit[self.place]
         sides = [(self.bounded[0], own - self.lb, w), (self.bounded[1], self.ub - own, -w)]
         if self.kind == "orthant":  # nothing may push towards the other side, and there is no room to measure
-            worst = float(np.max(-w, initial=0.0))
             room, pushed = sides[0][1] * unit, np.maximum(w, 0.0)
-            worst = float(np.max(-room, initial=worst))
-            return worst, np.minimum(pushed, 1.0) * np.minimum(np.maximum(room, 0.0), 1.0)
-        worst, products = 0.0, np.zeros(w.size)
+            return np.maximum(-w, -room), np.minimum(pushed, 1.0) * np.minimum(np.maximum(room, 0.0), 1.0)
+        worst, products = np.zeros(w.size), np.zeros(w.size)
         for some, gap, push in sides:
             room = np.where(some, gap, 0.0) * unit
             pushed = np.maximum(push, 0.0)  # towards this bound: it is reached, or nothing pushes
             products += np.minimum(pushed, 1.0) * np.minimum(np.maximum(room, 0.0), 1.0)
-            worst = float(np.max(np.where(some, -room, pushed), initial=worst))
+            worst = np.maximum(worst, np.where(some, -room, pushed))
         return worst, products
 
-    def excess(self, f: Vector, f_unit: Vector) -> float:
+    def excess(self, f: Vector, f_unit: Vector) -> Vector:
         w = f[self.place] * f_unit[self.place]
         match self.kind:
             case "free":
-                return float(np.max(np.abs(w), initial=0.0))
+                return np.abs(w)
             case "orthant":
-                return float(np.max(-w, initial=0.0))
+                return -w
             case _:
                 pass
         lower, upper = self.bounded
-        return float(np.max(np.where(lower, 0.0, w), initial=np.max(np.where(upper, 0.0, -w), initial=0.0)))
+        return np.maximum(np.where(lower, 0.0, w), np.where(upper, 0.0, -w))
 
     def amplification(self) -> Vector:
         return np.ones(self.at.size)
@@ -216,7 +216,7 @@ class Box(Set):
 
 
 @dataclass(frozen=True, eq=False)
-class Factors(Set):
+class ConeFactors(Set):
     """Factors of one kind and size, each a block; `rows` says that their rows f are in them, and −x in the normal cone.
 
     Attributes
@@ -274,24 +274,22 @@ class Factors(Set):
                 held[empty] = (project(self.kind, -some, mu, mu_r) == 0).all(axis=1)
         return np.broadcast_to(held[:, None], self.at.shape)
 
-    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[float, Vector]:
+    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[Vector, Vector]:
         own, other = x[self.at] * x_unit[self.at], f[self.at] * f_unit[self.at]
         unit, products = x_unit[self.at[:, 0]], np.zeros(self.at.shape)
         if self.rows:
             own, other, unit = other, own, f_unit[self.at[:, 0]]
         if self.kind in (Cone.CYLINDER, Cone.BALL):
             radius = self.mu * unit
-            return float(
-                np.max(row_norms(own - project(self.kind, own - other, radius, self.mu_r)), initial=0.0)
-            ), products
+            return self._of_each(row_norms(own - project(self.kind, own - other, radius, self.mu_r))), products
         outside = row_norms(own - project(self.kind, own, self.mu, self.mu_r))
         # Moreau: the part of −y in K is what y lacks of being in the dual cone
         negative = row_norms(project(self.kind, -other, self.mu, self.mu_r))
         size = np.maximum(1.0, row_norms(own)) * np.maximum(1.0, row_norms(other))
         products[:, 0] = np.abs(np.einsum("ij,ij->i", own, other)) / size
-        return float(np.max(np.concatenate([outside, negative]), initial=0.0)), products
+        return self._of_each(np.maximum(outside, negative)), products
 
-    def excess(self, f: Vector, f_unit: Vector) -> float:
+    def excess(self, f: Vector, f_unit: Vector) -> Vector:
         if self.kind in (Cone.CYLINDER, Cone.BALL):
             nothing = np.zeros(f.size)
             return self.conditions(nothing, f, nothing, f_unit)[0]
@@ -300,21 +298,27 @@ class Factors(Set):
             beside = own - project(self.kind, own, self.mu, self.mu_r)
         else:  # Moreau: the part of −y in K is what y lacks of being in the dual cone
             beside = project(self.kind, -own, self.mu, self.mu_r)
-        found = float(np.max(row_norms(beside), initial=0.0))
-        return found if self.rows else max(found, self._lacking(own))
+        found = row_norms(beside)
+        return self._of_each(found if self.rows else np.maximum(found, self._lacking(own)))
 
-    def _lacking(self, y: Dense) -> float:
-        """The largest of what a first component lacks of being in the dual cone: of contacts, how fast they close.
+    def _of_each(self, values: Vector) -> Any:
+        """Return the numbers of factors, for each of their components."""
+        return np.broadcast_to(values[:, None], self.at.shape)
+
+    def _lacking(self, y: Dense) -> Vector | float:
+        """Return what first components lack of being in the dual cones: of contacts, how fast they close.
 
         A large coefficient makes the distance to the cone as many times less, and hides that.
         """
         steep = np.isfinite(self.mu) & (self.mu > 1.0)
         if self.kind not in (Cone.SECOND_ORDER, Cone.ROLLING) or not steep.any():
             return 0.0
+        found = np.zeros(len(y))
         y, mu = y[steep], self.mu[steep]
         k = y.shape[1] if self.kind is Cone.SECOND_ORDER else 1 + (y.shape[1] - 1) // 2
         needed = mu * row_norms(y[:, 1:k]) + self.mu_r[steep] * row_norms(y[:, k:])
-        return float(np.max(needed - y[:, 0], initial=0.0))
+        found[steep] = needed - y[:, 0]
+        return found
 
     def own_unit(self) -> Vector:
         if self.kind is not Cone.BALL:
@@ -331,7 +335,8 @@ class Factors(Set):
 
 
 def of_product(K: ProductCone, first: int = 0, *, rows: bool = False) -> list[Set]:
-    """The factors of a product whose components begin at `first`; with `rows`, the rows and not the unknowns are in K.
+    """Return the factors of a product whose components begin at `first`; with `rows`, the rows and not the unknowns
+    are in K.
 
     Components of {0}, ℝ and ℝ₊ are boxes of unknowns in both cases: the dual of each is one of them.
     """
@@ -346,17 +351,17 @@ def of_product(K: ProductCone, first: int = 0, *, rows: bool = False) -> list[Se
                 lb, ub = (-np.inf, np.inf) if kind == Cone.ZERO else (0.0, 0.0)
             found.append(Box.of(at.ravel(), lb, ub))
         else:
-            found.append(Factors(Cone(kind), at, K.mu[some], K.mu_r[some], rows))
+            found.append(ConeFactors(Cone(kind), at, K.mu[some], K.mu_r[some], rows))
     return found
 
 
 def slice_of(at: Components) -> Any:
-    """The same places as a slice, where they are one run."""
+    """Return the same places as a slice, where they are one run."""
     if at.size and int(at[-1]) - int(at[0]) + 1 == at.size and (np.diff(at) == 1).all():
         return slice(int(at[0]), int(at[-1]) + 1)
     return at
 
 
 def _inverse_size(size: Vector) -> Vector:
-    """1/size, 0 where the size is 0 or infinite."""
+    """Return 1/size, 0 where the size is 0 or infinite."""
     return np.divide(1.0, size, out=np.zeros(size.shape), where=(size > 0) & np.isfinite(size))

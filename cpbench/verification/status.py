@@ -75,7 +75,7 @@ def status(
     proven_infeasible: bool = False,
     proven_unbounded: bool = False,
 ) -> Status:
-    """Status of a finished solve: the first rule that holds.
+    """Return status of a finished solve: the first rule that holds.
 
     Parameters
     ----------

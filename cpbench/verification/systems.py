@@ -21,7 +21,7 @@ AnyFrame = TypeVar("AnyFrame", bound=Frame)
 
 
 def kept(problem: Problem, make: Callable[[], AnyFrame]) -> AnyFrame:
-    """The frame of a problem, made once: many answers to it are judged."""
+    """Return the frame of a problem, made once: many answers to it are judged."""
     if problem not in _FRAMES:
         _FRAMES[problem] = make()
     return _FRAMES[problem]
@@ -35,12 +35,12 @@ class RowsFrame(Frame):
 
 
 def stack(blocks: list[list[Any]]) -> Any:
-    """|K| of a matrix of blocks, None being zero."""
+    """Return |K| of a matrix of blocks, None being zero."""
     return abs(sp.csr_array(sp.block_array([[None if B is None else sp.csr_array(B) for B in row] for row in blocks])))
 
 
 def lcp(problem: Any, point: Any) -> System:
-    """z ≥ 0 beside Mz + q."""
+    """Return z ≥ 0 beside Mz + q."""
     z, q = point.z, problem.q
 
     def frame() -> Frame:
@@ -51,7 +51,7 @@ def lcp(problem: Any, point: Any) -> System:
 
 
 def relay(problem: Any, point: Any) -> System:
-    """z between bounds beside Mz + q."""
+    """Return z between bounds beside Mz + q."""
     z, q = point.z, problem.q
 
     def frame() -> Frame:
@@ -62,7 +62,7 @@ def relay(problem: Any, point: Any) -> System:
 
 
 def mlcp(problem: Any, point: Any) -> System:
-    """(u, v) with v ≥ 0 beside Au + Cv + a and Du + Bv + b."""
+    """Return (u, v) with v ≥ 0 beside Au + Cv + a and Du + Bv + b."""
     P, u, v = problem, point.u, point.v
 
     def frame() -> Frame:
@@ -77,12 +77,12 @@ def mlcp(problem: Any, point: Any) -> System:
 
 
 def avi(problem: Any, point: Any) -> System:
-    """z and the multipliers of its rows beside Mz + q less their forces, and the rows."""
+    """Return z and the multipliers of its rows beside Mz + q less their forces, and the rows."""
     return _with_rows(problem, point, problem.M, problem.q)
 
 
 def qp(problem: Any, point: Any) -> System:
-    """z and the multipliers of its rows beside Qz + p less their forces, and the rows."""
+    """Return z and the multipliers of its rows beside Qz + p less their forces, and the rows."""
     return _with_rows(problem, point, problem.Q, problem.p)
 
 

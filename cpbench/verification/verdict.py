@@ -10,7 +10,7 @@ from typing import Any
 from cpbench.errors import UnknownName
 from cpbench.formulations.base import Problem, Residuals
 from cpbench.verification import measures
-from cpbench.verification.published import Measured, all_measures, named, published
+from cpbench.verification.published import PublishedMeasure, all_measures, named, published
 
 DIRECTION_DEGREES = 5.0
 """An accepted contact answer whose slip angle is above this carries the flag `direction`."""
@@ -18,7 +18,7 @@ DIRECTION_DEGREES = 5.0
 
 @dataclass(frozen=True)
 class Verdict:
-    """What was measured of one answer at one tolerance.
+    """A measurement of one answer at one tolerance.
 
     Attributes
     ----------
@@ -49,8 +49,9 @@ def judge(problem: Problem, point: Any, tolerance: float, measure: str | None = 
 
 def judge_by_all(
     problem: Problem, point: Any, tolerance: float, measure: str | None = None
-) -> tuple[Verdict, list[Measured]]:
-    """The verdict of `judge`, and the answer under every measure of its formulation; with NaN or ∞ under none."""
+) -> tuple[Verdict, list[PublishedMeasure]]:
+    """Return the verdict of `judge`, and the answer under every measure of its formulation; with NaN or ∞ under
+    none."""
     verdict, residuals = _judged(problem, point, tolerance, measure)
     if residuals is None:
         return verdict, []
@@ -88,7 +89,7 @@ def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None)
 
 
 def measured(parts: Mapping[str, float], name: str, backward: float) -> float:
-    """One named number of an answer; raises UnknownName."""
+    """Return one named number of an answer; raises UnknownName."""
     both = named(parts) | {"backward": backward}
     if name not in both:
         raise UnknownName("measure", name, both)
@@ -96,5 +97,5 @@ def measured(parts: Mapping[str, float], name: str, backward: float) -> float:
 
 
 def no_answer(tolerance: float) -> Verdict:
-    """The verdict on nothing."""
+    """Return the verdict on nothing."""
     return Verdict(tolerance, False, math.inf, flags=("no answer",))

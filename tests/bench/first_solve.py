@@ -65,7 +65,7 @@ def small(solver: Any, folder: Path) -> str:
 def warm(names: list[str], repeats: int) -> Iterator[tuple[str, float, str]]:
     from cpbench.bench.lane import Lane
     from cpbench.bench.planning import plan
-    from cpbench.bench.staff import Setting
+    from cpbench.bench.worker_pool import Setting
 
     solvers = chosen(names)
     with tempfile.TemporaryDirectory() as folder, Lane(Setting()) as lane:
@@ -84,9 +84,9 @@ def warm(names: list[str], repeats: int) -> Iterator[tuple[str, float, str]]:
                 before = time.perf_counter()
                 lane.workers.get(name, pair.limits.memory, pair.limits.seconds)
                 ready = time.perf_counter() - before
-                row = lane.run(pair, prepared).row
+                row = lane.run(pair, prepared)
                 total = time.perf_counter() - before
-                told = f"{ready:6.3f} ready, solve {row['solve'] or 0:9.6f}, {row['status']}"
+                told = f"{ready:6.3f} ready, solve {row.solve or 0:9.6f}, {row.status}"
                 least = min(least, (total, told))
             lane.workers.drop(name)
             yield name, *least

@@ -146,7 +146,7 @@ def main(size: int, sweeps: int, rounds: int, siconos: bool, path_of_races: Path
         {
             "read": lambda: read(whole),
             "read part": lambda: read(part),
-            "judged": lambda: rows.judged(r),
+            "judged": lambda: rows.judged_error(r),
             "sweeps": lambda: way.sweep(r, sweeps, 0.0),
             "set-up": lambda: block_rows(problem),
             "bodies": lambda: moves.step(sweeps, 1.0, 1.0),

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from made_up_rows import make
 
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.schema import MEASURED, PLANNED
 from cpbench.bench.results.store import Store
 
@@ -38,7 +39,7 @@ def write(path: Path, problems: int, labels: int, seed: int = 0) -> int:
     return len(table)
 
 
-def _rows(table: pd.DataFrame, rng: np.random.Generator) -> Iterator[dict[str, Any]]:
+def _rows(table: pd.DataFrame, rng: np.random.Generator) -> Iterator[Row]:
     """Rows as the store takes them: text, numbers, None."""
     residuals = np.exp(rng.uniform(-25, 0, (len(table), len(PARTS)))).tolist()
     answered = table["claim"].notna().tolist()
@@ -51,7 +52,7 @@ def _rows(table: pd.DataFrame, rng: np.random.Generator) -> Iterator[dict[str, A
     columns = {str(name): table[name].tolist() for name in table} | {"parts": told}
     names = (*PLANNED, *MEASURED)
     for values in zip(*(columns[name] for name in names), strict=True):
-        yield dict(zip(names, values, strict=True))
+        yield Row(*values)
 
 
 def _meta(table: pd.DataFrame) -> dict[str, Any]:

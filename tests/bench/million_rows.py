@@ -149,7 +149,7 @@ def commands(data: Data) -> dict[str, Callable[[], Any]]:
     again = half.assign(solve=half["solve"] * np.random.default_rng(1).lognormal(0, 0.02, len(half)))
     return {
         "compare two runs of half": lambda: compare(ComparisonSide("base", half), ComparisonSide("new", again)),
-        "baseline, written": lambda: baseline.text(baseline.of(rows)),
+        "baseline, written": lambda: baseline.text(baseline.outcomes(rows)),
         "history of two runs of half": lambda: timeline.timeline(
             [timeline.TimelineRun("a", half), timeline.TimelineRun("b", again)]
         ),

@@ -27,7 +27,7 @@ import sqlite3
 import statistics
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -38,12 +38,14 @@ from overhead_qps import BACKENDS
 
 from cpbench import storage
 from cpbench.bench import machine
+from cpbench.bench.events import Done, Event
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Pair
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
-from cpbench.bench.staff import Setting
+from cpbench.bench.worker_pool import Setting
 from cpbench.formulations import LCP
 
 ENTRIES = [plan.Entry("psor", {"omega": round(0.6 + 0.1 * i, 1)}) for i in range(10)]
@@ -59,16 +61,16 @@ PARTS = ("load", "setup", "solve", "lift", "verify")
 class Clock:
     """Reads the time at the end of every pair; the first, before which workers start, is left out."""
 
-    rows: list[Mapping[str, Any]] = field(default_factory=list)
+    rows: list[Outcome] = field(default_factory=list)
     passed: list[float] = field(default_factory=list)
     last: float = 0.0
 
-    def __call__(self, event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
-        if event != "done":
+    def __call__(self, event: Event) -> None:
+        if not isinstance(event, Done):
             return
-        now = time.perf_counter()
-        if row["status"] != "solved":
-            raise SystemExit(f"{pair and pair.address}: {row['status']}: {row.get('message')}")
+        now, row = time.perf_counter(), event.outcome
+        if row.status != "solved":
+            raise SystemExit(f"{event.pair.address}: {row.status}: {row.message}")
         if self.last:
             self.rows.append(row)
             self.passed.append(now - self.last)
@@ -76,11 +78,14 @@ class Clock:
 
     def overheads(self) -> list[float]:
         """Seconds, in the order of the run."""
-        return [p - r["load"] - r["setup"] - r["solve"] for p, r in zip(self.passed, self.rows, strict=True)]
+        return [
+            p - (r.load or 0.0) - (r.setup or 0.0) - (r.solve or 0.0)
+            for p, r in zip(self.passed, self.rows, strict=True)
+        ]
 
     def parts(self) -> dict[str, float]:
         """Medians of what a row tells [s]; `wall` is the lane's part, what is left of a pair is the store's."""
-        told = {name: statistics.median(row[name] for row in self.rows) for name in (*PARTS, "wall")}
+        told = {name: statistics.median(getattr(row, name) for row in self.rows) for name in (*PARTS, "wall")}
         return {**told, "pair": statistics.median(self.passed)}
 
 

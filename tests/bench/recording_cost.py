@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.bench.history import recorded
-from cpbench.bench.processes import wire
+from cpbench.bench.messages import Recorded
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Budget, Solver, Trait, solvers
 from cpbench.testing import planted, planted_conic, planted_contact
@@ -40,21 +40,22 @@ def problems(rng: np.random.Generator) -> Iterator[tuple[str, Problem]]:
     yield "coneqp", planted_conic.plain_coneqp(rng)[0]
 
 
-def measured(solver: Solver, problem: Problem, budget: Budget) -> tuple[float, float, dict[str, Any]]:
+def measured(solver: Solver, problem: Problem, budget: Budget) -> tuple[float, float, Recorded]:
     """Least seconds without and with recording, the latter net, and what the last recording tells."""
     options = solver.spec.options()
     alone: list[float] = []
     watched: list[float] = []
-    header: dict[str, Any] = {}
+    found: Recorded | None = None
     begun = time.perf_counter()
     draw = random.Random(0)
     while min(len(alone), len(watched)) < REPEATS or (len(alone) < MOST and time.perf_counter() - begun < SPENT):
         if draw.random() < 0.5:  # in strict turns, one of the two may get its memory back warm and the other not
             alone.append(unrecorded(solver, problem, budget, options))
         else:
-            header, _ = wire.unpack(recorded(solver, problem, budget, options, None))
-            watched.append(header["solve"])
-    return min(alone), min(watched), header
+            found = recorded(solver, problem, budget, options, None)
+            watched.append(found.solve)
+    assert found is not None, "one of the two ways is drawn before the other is done"
+    return min(alone), min(watched), found
 
 
 def unrecorded(solver: Solver, problem: Problem, budget: Budget, options: Any) -> float:
@@ -79,8 +80,8 @@ def main() -> None:
             alone, watched, told = measured(solver, problem, budget)
             print(
                 f"{name:12} {spec.name:14} {alone * 1e3:9.3f} ms, recorded {watched * 1e3:9.3f} ms net "
-                f"({100 * (watched / alone - 1):+5.1f} %, {1e6 * (watched - alone):+7.1f} us), {told['count']:3} of "
-                f"{told['calls']:4} iterates kept in {told['cost'] * 1e3:7.3f} ms",
+                f"({100 * (watched / alone - 1):+5.1f} %, {1e6 * (watched - alone):+7.1f} us), {told.count:3} of "
+                f"{told.calls:4} iterates kept in {told.cost * 1e3:7.3f} ms",
                 flush=True,
             )
             if alone >= LONG:

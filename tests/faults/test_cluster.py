@@ -29,7 +29,7 @@ from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.processes import wire
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
-from cpbench.bench.staff import Setting
+from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.formulations import LCP
 from cpbench.generators.collection import write_collections
@@ -116,7 +116,7 @@ def _problems(folder: Path, orders: range) -> None:
 def _results(path: Path) -> tuple[dict[str, dict[str, object]], dict[str, bytes]]:
     """Rows by key, and the kept answers."""
     with Store(path) as store:
-        return {str(row["key"]): row for row in store.rows()}, dict(store.answers())
+        return {row.key: vars(row) for row in store.rows()}, dict(store.answers())
 
 
 def _stations(**wanted: object) -> list[psutil.Process]:

@@ -50,7 +50,7 @@ def test_a_forger_is_found_at_the_end_of_his_run(bench, forger: str, sizes: tupl
     assert last.returncode == 0, last.stderr
     with Store(bench.folder / "r.sqlite") as store:
         assert not store.audit().broken
-        rows = {(row["solver"], row["problem"]): row["status"] for row in store.rows()}
+        rows = {(row.solver, row.problem): row.status for row in store.rows()}
     assert {status for (solver, _), status in rows.items() if solver == "lemke"} == {"solved"}
     assert {status for (solver, _), status in rows.items() if solver == "forges-nothing"} == {"wrong"}
 
@@ -64,8 +64,8 @@ def test_a_confined_forger_can_do_nothing(bench) -> None:
     with Store(bench.folder / "r.sqlite") as store:
         assert not store.audit().broken
         rows = list(store.rows())
-    forgers = [row for row in rows if row["solver"] != "lemke"]
+    forgers = [row for row in rows if row.solver != "lemke"]
     assert len(forgers) == len(SOLVERS)
-    assert {row["status"] for row in forgers} == {"wrong"}
-    assert all("could not: " in row["message"] for row in forgers), [row["message"] for row in forgers]
-    assert {row["status"] for row in rows if row["solver"] == "lemke"} == {"solved"}
+    assert {row.status for row in forgers} == {"wrong"}
+    assert all("could not: " in row.message for row in forgers), [row.message for row in forgers]
+    assert {row.status for row in rows if row.solver == "lemke"} == {"solved"}

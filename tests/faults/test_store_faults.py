@@ -25,6 +25,7 @@ from cpbench import storage
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Entry, Pair, Request
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store, read_results
 from cpbench.errors import StoreError
 from cpbench.formulations import LCP
@@ -124,7 +125,7 @@ def fill(path: Path) -> int:
 
     def finish(pairs: list[Pair]) -> None:
         for p in pairs:
-            store.finish(p.key, ROW, rng.bytes(20_000))
+            store.finish(p.key, Outcome(**ROW, answer=rng.bytes(20_000)))
 
     with Store(path, create=True) as store:
         store.plan(PLANNED)
@@ -140,7 +141,7 @@ def fill(path: Path) -> int:
 def assert_intact(path: Path, done: int) -> None:
     """The finished rows are readable, each with its answer, and no other has one."""
     with Store(path) as store:
-        finished = {row["key"] for row in store.rows() if row["status"] != "not_run"}
+        finished = {row.key for row in store.rows() if row.status != "not_run"}
         assert len(finished) == done
         assert {key for key, blob in store.answers() if len(blob) == 20_000} == finished
         assert store._database.read("PRAGMA integrity_check") == [("ok",)]
@@ -157,7 +158,7 @@ def test_a_full_disk_loses_nothing(disk: Path) -> None:
     subprocess.run(["mount", "-o", "remount,size=16m", str(disk)], check=True)
     with Store(path, create=True) as store:
         for p in PLANNED[done:]:
-            store.finish(p.key, ROW, bytes(20_000))
+            store.finish(p.key, Outcome(**ROW, answer=bytes(20_000)))
     assert_intact(path, 200)
 
 
@@ -179,7 +180,7 @@ def test_a_file_that_may_not_grow_loses_nothing(tmp_path: Path) -> None:
     assert_intact(path, int(done.stdout))
     with Store(path, create=True) as store:
         for p in PLANNED[int(done.stdout) :]:
-            store.finish(p.key, ROW, bytes(20_000))
+            store.finish(p.key, Outcome(**ROW, answer=bytes(20_000)))
     assert_intact(path, 200)
 
 
@@ -206,7 +207,7 @@ def test_temporary_files_that_cannot_be_written_are_nobodys_refusal(tmp_path: Pa
         lane._scratch.remove()
         outcome = lane.run(planned, lane.prepare(planned))
     assert outcome.status == "error"
-    assert "cannot be written" in outcome.row["message"]
+    assert "cannot be written" in str(outcome.message)
 
 
 # ------------------------------------------------------------------------------------------ permission
@@ -217,7 +218,7 @@ def test_a_folder_that_cannot_be_written(sealed: Path, tmp_path: Path) -> None:
     path = sealed / "r.sqlite"
     with Store(path, create=True) as store:
         store.plan(PLANNED)
-        store.finish(PLANNED[0].key, ROW, b"answer")
+        store.finish(PLANNED[0].key, Outcome(**ROW, answer=b"answer"))
     seal(sealed)
     assert_refused(run(tmp_path, sealed / "new.sqlite"), sealed / "new.sqlite", "cannot be written", "-o")
     assert_refused(run(tmp_path, path), path, "cannot be written", "-o")
@@ -231,7 +232,7 @@ def test_a_log_that_a_killed_run_left_in_a_folder_that_cannot_be_written(sealed:
     if child == 0:
         store = Store(path, create=True)
         store.plan(PLANNED)
-        store.finish(PLANNED[0].key, ROW, b"answer")
+        store.finish(PLANNED[0].key, Outcome(**ROW, answer=b"answer"))
         os.kill(os.getpid(), signal.SIGKILL)
     os.waitpid(child, 0)
     assert (sealed / "r.sqlite-wal").stat().st_size > 0
@@ -293,9 +294,9 @@ def test_another_program_that_holds_the_database(tmp_path: Path, monkeypatch: py
     other.execute("BEGIN IMMEDIATE")
     with Store(path, create=True) as store:
         with pytest.raises(StoreError, match="held by another program"):
-            store.finish(PLANNED[0].key, ROW)
+            store.finish(PLANNED[0].key, Outcome(**ROW))
         other.execute("ROLLBACK")
-        store.finish(PLANNED[0].key, ROW)
+        store.finish(PLANNED[0].key, Outcome(**ROW))
     other.close()
 
 
@@ -306,7 +307,7 @@ def _whole(path: Path) -> bytes:
     with Store(path, create=True) as store:
         store.plan(PLANNED)
         for p in PLANNED:
-            store.finish(p.key, ROW, p.key.encode() * 20)
+            store.finish(p.key, Outcome(**ROW, answer=p.key.encode() * 20))
     return path.read_bytes()
 
 

@@ -96,6 +96,25 @@ def _top(values: Any) -> float:
     return float(sizes[np.isfinite(sizes)].max(initial=0.0))
 
 
+def _prices(problem: Any, pairs: Pairs) -> float:
+    """In programs, and inequalities with rows, a price is a size for all that a curvature couples to it.
+
+    It is compared as the energy that it moves, p²/Q_ii, which is the same in all units of unknowns.
+    """
+    if problem.node not in ("qp", "avi", "coneqp"):
+        return _in_units(pairs, pairs.sizes())
+    from scipy.sparse.csgraph import connected_components
+
+    sizes, n = pairs.sizes(), (problem.q if problem.node == "avi" else problem.p).size
+    K = pairs.J[:n, :n]
+    root = np.sqrt(np.abs(np.diag(K)))
+    energy = np.divide(np.abs(pairs.constants[:n]), root, out=np.zeros(n), where=root > 0)
+    part = connected_components(K != 0.0, directed=False)[1]
+    top = np.array([energy[part == k].max() for k in part])
+    sizes[:n] = np.maximum(sizes[:n], root * top)
+    return _in_units(pairs, sizes)
+
+
 def _sides(problem: Any) -> float:
     return max(_top(getattr(problem, name, ())) for name in ("b", "d", "lb", "ub"))
 
@@ -145,6 +164,7 @@ BROKEN: dict[str, Broken] = {
     "all but the last": Broken(_by(_all_but_the_last), "order"),
     "equations upwards": Broken(_by(_upwards), "signs"),
     "largest constant": Broken(_by(lambda p, pairs: _plainly(pairs, _top(pairs.constants))), "idle beside"),
+    "largest price": Broken(_by(_prices), "idle price"),
     "largest row": Broken(_by(_one_size), "idle coupled"),
     "largest side": Broken(_by(lambda p, pairs: _plainly(pairs, _sides(p))), "idle sides"),
     "largest unknown": Broken(_by(lambda p, pairs: _plainly(pairs, _top(pairs.x))), "absent unknown"),

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+import idle_prices
 import numpy as np
 import redundant
 import rescaled
@@ -94,6 +95,7 @@ INVARIANCES: Mapping[str, Rewrite] = {
     "signs": _signs,
     "idle beside": side_by_side.idle,
     "idle coupled": side_by_side.coupled,
+    "idle price": idle_prices.coupled,
     "idle sides": side_by_side.idle_sides,
     "absent unknown": redundant.absent,
     "constants": redundant.constants,
@@ -158,6 +160,7 @@ def examine(judge: Judge, variant: str, invariance: str, seed: int) -> tuple[int
 
 _LIMITED: Mapping[str, tuple[str, ...]] = {
     "idle coupled": tuple(side_by_side.COUPLED),
+    "idle price": tuple(idle_prices.PRICED),
     "idle sides": ("avi", "qp", "micp", "ge-box", "vi", "qvi", "nlp"),
     "absent unknown": ("qp", "nlp"),
     "constants": ("nlp",),

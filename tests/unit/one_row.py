@@ -10,12 +10,13 @@ import pytest
 from cpbench import storage
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
+from cpbench.bench.results.rows import Outcome
 from cpbench.solvers import solvers
 
 LIMITS = plan.Limits(seconds=20.0, repeats=1)
 
 
-def row_of(lane: Lane, problem: Any, solver: str, folder: Path) -> dict[str, Any]:
+def row_of(lane: Lane, problem: Any, solver: str, folder: Path) -> Outcome:
     available = solvers.get(solver).availability()
     if not available.ok:
         pytest.skip(f"{solver} is {available.state}: {available.detail}")
@@ -23,4 +24,4 @@ def row_of(lane: Lane, problem: Any, solver: str, folder: Path) -> dict[str, Any
     storage.save(problem, address)
     asked = [plan.exact()]
     (pair,) = plan.pairs([lane.survey(str(address), asked)], [plan.Entry(solver)], asked, 1e-6, LIMITS)
-    return dict(lane.run(pair, lane.prepare(pair)).row)
+    return lane.run(pair, lane.prepare(pair))

@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.schema import MEASURED, PLANNED
 from cpbench.bench.results.store import Store
 
@@ -173,7 +174,7 @@ def results_file(
     """A results file with these rows; `about` it (see `meta`), and what its reference solves took [s]."""
     whole = rows.reindex(columns=[*PLANNED, *MEASURED]).astype(object)
     with Store(path, create=True) as store:
-        store.add(whole.where(whole.notna(), None).to_dict("records"))
+        store.add(Row(*values) for values in whole.where(whole.notna(), None).itertuples(index=False))
         told = dict(about if about is not None else meta())
         told.pop("refused", None)
         store.set_meta(**told)

@@ -117,6 +117,15 @@ def test_more_rows_than_a_stack_has_room_for() -> None:
 
 
 @with_pinocchio
+@pytest.mark.parametrize("solver", [ADMM, PGS], ids=["admm", "pgs"])
+def test_no_contacts_take_no_iterations(solver) -> None:
+    output = solver.run(FrictionContact(W=np.zeros((0, 0)), q=np.zeros(0), mu=np.zeros(0)))
+    assert output.claim is Claim.SOLVED
+    assert output.point.r.size == 0
+    assert output.counters["iterations"] == 0
+
+
+@with_pinocchio
 def test_long_tangential_steps_of_pgs_cycle_and_are_not_claimed() -> None:
     """W_TT = diag(1, 10), a sticking contact: a step with 1/1 overshoots ninefold along the stiff tangent."""
     problem = FrictionContact(W=np.diag([1.0, 1.0, 10.0]), q=np.array([-1.0, -0.1, -1.0]), mu=np.array([0.9]))

@@ -24,7 +24,7 @@ from cpbench.report import baseline_file
 
 def one(status: str = "solved", **given: object) -> pd.DataFrame:
     """The baseline of one pair."""
-    return baseline.of(synthetic.table(synthetic.row("gear-1", "nsgs", status, 0.1, **given)))
+    return baseline.outcomes(synthetic.table(synthetic.row("gear-1", "nsgs", status, 0.1, **given)))
 
 
 def change(old: pd.DataFrame, new: pd.DataFrame, slack: float = ratchet.SLACK) -> tuple[str, str]:
@@ -41,15 +41,15 @@ def test_times_machine_order_and_date_do_not_show() -> None:
     other = table.sample(frac=1.0, random_state=5).assign(
         solve=rng.uniform(size=len(table)), finished="2031-02-03T04:05:06", cpu=1.0, version="9.9", address="/elsewhere"
     )
-    text = baseline.text(baseline.of(table))
-    assert text == baseline.text(baseline.of(other))
+    text = baseline.text(baseline.outcomes(table))
+    assert text == baseline.text(baseline.outcomes(other))
     assert "2026" not in text
     assert "problems/" not in text
     assert "1.0" not in text
 
 
 def test_text_and_lines_are_one_another() -> None:
-    lines = baseline.of(synthetic.suite(problems=6, labels=20))
+    lines = baseline.outcomes(synthetic.suite(problems=6, labels=20))
     kept = baseline.parse(baseline.text(lines), "b.csv")
     assert baseline.text(kept) == baseline.text(lines)
     assert len(kept) == (~lines["status"].isin(baseline.UNMEASURED)).sum() < len(lines)
@@ -63,7 +63,7 @@ def test_text_columns_as_a_results_file_hands_them_over() -> None:
     read = table.assign(
         sequence=pd.Series("", table.index, dtype=kind), start=pd.Series("cold", table.index, dtype=kind)
     )
-    assert baseline.text(baseline.of(read)) == baseline.text(baseline.of(table))
+    assert baseline.text(baseline.outcomes(read)) == baseline.text(baseline.outcomes(table))
 
 
 def test_names_may_hold_anything() -> None:
@@ -71,7 +71,7 @@ def test_names_may_hold_anything() -> None:
         synthetic.row('a "b",\u00e9', "pgs[w=1,s=2]@inner8", "solved", counters='{"inner steps, all": 3, "a=b": 4}'),
         synthetic.row("#c", "mine@head", "solved"),
     ).assign(request=["inner8", "exact"])
-    lines = baseline.of(table)
+    lines = baseline.outcomes(table)
     kept = baseline.parse(baseline.text(lines), "b.csv")
     assert kept.equals(lines)
     assert set(baseline.labels(kept)) == {"pgs[w=1,s=2]@inner8", "mine@head"}
@@ -95,7 +95,7 @@ def test_a_decade_is_never_below_its_error() -> None:
 
 def test_as_a_table_it_has_the_outcomes_and_no_times() -> None:
     table = synthetic.suite(problems=6, labels=5)
-    found = baseline.as_table(baseline.of(table), table)
+    found = baseline.as_table(baseline.outcomes(table), table)
     merged = found.merge(table, on=["fingerprint", "label"], suffixes=("", "_run"))
     assert len(merged) == len(table) == len(found)
     assert (merged["status"] == merged["status_run"]).all()
@@ -107,7 +107,7 @@ def test_as_a_table_it_has_the_outcomes_and_no_times() -> None:
 def test_two_rows_of_one_pair_are_refused() -> None:
     table = synthetic.table(synthetic.row("a", "s", "solved"), synthetic.row("a", "s", "solved"))
     with pytest.raises(StoreError, match="a, s: two rows of one pair"):
-        baseline.of(table)
+        baseline.outcomes(table)
 
 
 BROKEN = [
@@ -134,7 +134,7 @@ BROKEN = [
 
 @pytest.mark.parametrize(("content", "message"), some_by_day(BROKEN, 9))
 def test_mistakes_by_hand_have_a_line(content: str, message: str) -> None:
-    whole = baseline.text(baseline.of(synthetic.suite(problems=2, labels=1)))
+    whole = baseline.text(baseline.outcomes(synthetic.suite(problems=2, labels=1)))
     head, _columns, first, _ = whole.splitlines(keepends=True)
     content = content.replace("{all}", whole).replace("{head}", head.strip()).replace("{first}", first)
     with pytest.raises(FormatError) as told:
@@ -198,7 +198,7 @@ def test_a_known_failure_is_strict() -> None:
 
 def pairs(**status: str) -> pd.DataFrame:
     rows = [synthetic.row(name.replace("_", "-"), "nsgs", told) for name, told in status.items()]
-    return baseline.of(synthetic.table(*rows))
+    return baseline.outcomes(synthetic.table(*rows))
 
 
 def after(lines: pd.DataFrame) -> dict[str, tuple[str, str]]:
@@ -237,7 +237,7 @@ def test_drift_within_the_slack_never_adds_up() -> None:
 
 def test_labels_with_brackets_mean_themselves() -> None:
     table = synthetic.table(synthetic.row("p", "nsgs[omega=1.2]", "solved"))
-    found = ratchet.changes(baseline.of(table), baseline.of(table.assign(status="failed")))
+    found = ratchet.changes(baseline.outcomes(table), baseline.outcomes(table.assign(status="failed")))
     for pattern in ("nsgs[omega=1.2]", "p:nsgs[omega=1.2]", "p", "nsgs*", "p:*"):
         assert ratchet.accepted(found, [pattern]).all(), pattern
     assert not ratchet.accepted(found, ["q*"]).any()
@@ -249,8 +249,8 @@ def test_labels_with_brackets_mean_themselves() -> None:
 def test_files_come_back_and_are_written_whole(tmp_path: Path) -> None:
     table = synthetic.suite(problems=4, labels=3)
     path = tmp_path / "b.csv"
-    baseline_file.write(path, baseline.of(table))
-    assert path.read_bytes() == baseline.text(baseline.of(table)).encode()
+    baseline_file.write(path, baseline.outcomes(table))
+    assert path.read_bytes() == baseline.text(baseline.outcomes(table)).encode()
     assert [p.name for p in tmp_path.iterdir()] == ["b.csv"]
     found = baseline_file.table(path, table)
     assert set(found["fingerprint"]) == set(table["fingerprint"])
@@ -260,7 +260,7 @@ def test_files_come_back_and_are_written_whole(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match=r"line \d+: is not UTF-8"):
         baseline_file.read(path)
     with pytest.raises(FormatError, match="cannot be written"):
-        baseline_file.write(tmp_path / "none" / "b.csv", baseline.of(table))
+        baseline_file.write(tmp_path / "none" / "b.csv", baseline.outcomes(table))
 
 
 # ----------------------------------------------------------------------------------------- command line
@@ -350,7 +350,7 @@ def test_bad_input_is_one_line(
     synthetic.results_file(tmp_path / "idle.sqlite", idle)
     (tmp_path / "empty.sqlite").touch()
     (tmp_path / "text.sqlite").write_text("hello\n" * 100)
-    baseline_file.write(tmp_path / "good.csv", baseline.of(table))
+    baseline_file.write(tmp_path / "good.csv", baseline.outcomes(table))
     told = cpbench("baseline", *words)
     assert (told.code, told.err.count("\n")) == (2, 1), told
     assert message in told.err
@@ -367,7 +367,7 @@ def test_licences_that_restrict_publishing_are_told(tmp_path: Path, cpbench: Cal
 @pytest.mark.parametrize("kept", [object, "str"])
 def test_no_rows_are_a_baseline_without_lines(kept: Any) -> None:
     """However pandas keeps texts: those of pyarrow are strict about what they are joined with."""
-    none = baseline.of(pd.DataFrame(columns=list(rows_of.TEXT), dtype=kept))
+    none = baseline.outcomes(pd.DataFrame(columns=list(rows_of.TEXT), dtype=kept))
     assert baseline.parse(baseline.text(none), "b.csv").empty
     assert baseline.as_table(none.astype(kept)).empty
     found = ratchet.changes(none.astype(kept), none.astype(kept))

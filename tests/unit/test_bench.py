@@ -6,8 +6,8 @@ import os
 import sqlite3
 import sys
 import time
-from collections.abc import Iterator
-from dataclasses import asdict, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +16,18 @@ import pytest
 from tiers import some_by_day
 
 from cpbench import graph, storage
-from cpbench.bench import handover
 from cpbench.bench import lane as lanes
-from cpbench.bench.desk import Case, Charged, Desk
+from cpbench.bench import messages, shared_problem
 from cpbench.bench.lane import Lane
-from cpbench.bench.outcome import Result, repeat_times
+from cpbench.bench.messages import RefereeCase, Survey
 from cpbench.bench.planning import plan
+from cpbench.bench.problem_cache import Charged, ProblemCache
 from cpbench.bench.processes import wire
 from cpbench.bench.referee import Referee
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
-from cpbench.bench.staff import Setting
+from cpbench.bench.worker_pool import Setting
 from cpbench.conversions.base import make
 from cpbench.errors import StoreError, UnknownName
 from cpbench.factorization import Factorization
@@ -55,8 +56,8 @@ def _lcp(folder: Path, name: str = "p", n: int = 3) -> Path:
     return path
 
 
-def _case(address: str, fingerprint: str, node: str, request: dict[str, Any]) -> dict[str, Any]:
-    return asdict(Case(address, None, fingerprint, node, request, 1e-6))
+def _case(address: str, fingerprint: str, node: str, request: plan.Request) -> RefereeCase:
+    return RefereeCase(address, None, fingerprint, node, request, 1e-6)
 
 
 def test_messages_carry_vectors_and_bytes() -> None:
@@ -120,9 +121,9 @@ def test_a_relaxation_runs_on_request_only_and_says_what_it_is(lane: Lane, tmp_p
     survey = lane.survey(str(_contact(tmp_path)), asked)
     assert plan.pairs([survey], entries, asked, 1e-6, LIMITS) == []
     (pair,) = plan.pairs([survey], entries, asked, 1e-6, LIMITS, relaxations=True)
-    row = lane.run(pair, lane.prepare(pair)).row
-    assert row["kind"] == "relaxation"
-    assert (row["claim"], row["status"], row["target_error"]) == ("solved", "approximate", None)
+    row = lane.run(pair, lane.prepare(pair))
+    assert row.kind == "relaxation"
+    assert (row.claim, row.status, row.target_error) == ("solved", "approximate", None)
 
 
 @pytest.mark.parametrize("node", some_by_day(["mlcp", "gfc"], 1))
@@ -136,13 +137,12 @@ def test_a_factorization_made_to_see_whether_an_edge_applies_is_charged(tmp_path
         H = np.eye(n)[:, :3]
         problem = GlobalFrictionContact(M=A + A.T, H=H, f=np.ones(n), w=np.ones(3), mu=[0.5], dimension=3)
     storage.save(problem, tmp_path / "p.h5")
-    request = plan.exact().header | {"nodes": [{"mlcp": "lcp", "gfc": "fc"}[node]]}
+    request = replace(plan.exact(), nodes=({"mlcp": "lcp", "gfc": "fc"}[node],))
     address = str(tmp_path / "p.h5")
     referee = Referee(tmp_path)
-    referee.survey(None, address, None, [request])  # asks for the LU
-    case = _case(address, problem.fingerprint, request["nodes"][0], request)
-    reply, _ = wire.unpack(referee.prepare(None, case))
-    assert reply["convert"] > 0.5 * min(_seconds_of_lu(A) for _ in range(3))
+    referee.survey(Survey(address, None, (request,)))  # asks for the LU
+    reply = referee.prepare(_case(address, problem.fingerprint, request.nodes[0], request))
+    assert reply.convert > 0.5 * min(_seconds_of_lu(A) for _ in range(3))
 
 
 def _seconds_of_lu(A: np.ndarray) -> float:
@@ -154,13 +154,13 @@ def _seconds_of_lu(A: np.ndarray) -> float:
 def test_a_conversion_shared_by_two_routes_counts_in_both(tmp_path: Path) -> None:
     """Contact to LCP to MLCP: the first step is done once, and is part of the time of either."""
     address = str(_contact(tmp_path))
-    (request,) = (r.header for r in plan.facets("inner", 64))
+    (request,) = plan.facets("inner", 64)
     fingerprint = storage.load(address).fingerprint
     referee = Referee(tmp_path)
-    first, _ = wire.unpack(referee.prepare(None, _case(address, fingerprint, "lcp", request)))
-    second, _ = wire.unpack(referee.prepare(None, _case(address, fingerprint, "mlcp", request)))
-    assert second["route"].startswith(first["route"])
-    assert second["convert"] > first["convert"] > 0
+    first = referee.prepare(_case(address, fingerprint, "lcp", request))
+    second = referee.prepare(_case(address, fingerprint, "mlcp", request))
+    assert second.route.startswith(first.route)
+    assert second.convert > first.convert > 0
 
 
 def test_two_ways_to_one_problem_keep_their_own_steps(tmp_path: Path) -> None:
@@ -169,11 +169,11 @@ def test_two_ways_to_one_problem_keep_their_own_steps(tmp_path: Path) -> None:
     storage.save(problem, tmp_path / "p.h5")
     referee = Referee(tmp_path)
     for way in ("mlcp-lcp-schur", "mlcp-lcp-split"):
-        request = plan.pinned([way], {}).header
+        request = plan.pinned([way], {})
         case = _case(str(tmp_path / "p.h5"), problem.fingerprint, "qp", request)
-        reply, _ = wire.unpack(referee.prepare(None, case))
-        steps = referee._desk.ready(Case(**case))[1].problem.provenance
-        assert " > ".join(step.conversion for step in steps) == reply["route"]
+        reply = referee.prepare(case)
+        steps = referee._cache.ready(case)[1].problem.provenance
+        assert " > ".join(step.conversion for step in steps) == reply.route
         assert steps[0].conversion == way
 
 
@@ -218,7 +218,7 @@ def test_a_row_and_its_answer_come_together_or_not_at_all(lane: Lane, tmp_path: 
     store = Store(tmp_path / "r.sqlite", create=True)
     store.plan(planned)
     with pytest.raises(StoreError):
-        store.finish(planned[0].key, {"status": object()}, b"answer")  # what SQLite cannot store
+        store.finish(planned[0].key, Outcome(status=object(), answer=b"answer"))  # what SQLite cannot store
     assert store.counts() == {"not_run": 1}
     assert list(store.answers()) == []
     store.close()
@@ -262,13 +262,13 @@ def test_a_file_that_changed_after_planning_is_refused(lane: Lane, tmp_path: Pat
     lane.referee.child.kill()
     changed = LCP(M=3.0 * np.eye(3), q=-np.ones(3), name="p")
     storage.save(changed, path, force=True)
-    late = lane.run(pair, prepared).row
-    early = lane.run(pair, lane.prepare(pair)).row
+    late = lane.run(pair, prepared)
+    early = lane.run(pair, lane.prepare(pair))
     for row, beginning in ((early, "loading: "), (late, "the answer could not be judged: ")):
-        assert row["status"] == "error"
-        assert row["message"].startswith(beginning)
-        assert pair.fingerprint in row["message"]
-        assert changed.fingerprint in row["message"]
+        assert row.status == "error"
+        assert row.message.startswith(beginning)
+        assert pair.fingerprint in row.message
+        assert changed.fingerprint in row.message
 
 
 def test_a_file_that_is_gone_after_planning_is_an_error(lane: Lane, tmp_path: Path) -> None:
@@ -276,9 +276,9 @@ def test_a_file_that_is_gone_after_planning_is_an_error(lane: Lane, tmp_path: Pa
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     lane.survey(str(_lcp(tmp_path, "other")), [plan.exact()])
     (tmp_path / "p.h5").unlink()
-    row = lane.run(pair, lane.prepare(pair)).row
-    assert row["status"] == "error"
-    assert row["message"].startswith("loading: ")
+    row = lane.run(pair, lane.prepare(pair))
+    assert row.status == "error"
+    assert row.message.startswith("loading: ")
 
 
 def _hanging(path: Path) -> Path:
@@ -299,8 +299,8 @@ def test_a_referee_that_loads_too_slowly_is_no_timeout_of_a_solver(
     _lcp(tmp_path, n=4000)  # 128 MB, for which 20 ms are not enough
     monkeypatch.setattr(lanes, "REFEREE", replace(lanes.REFEREE, floor=0.02))
     quick = replace(pair, limits=replace(LIMITS, seconds=0.02))
-    row = lane.run(quick, lane.prepare(quick)).row
-    assert (row["status"], row["message"]) == ("error", "loading: no reply within 0.02 s")
+    row = lane.run(quick, lane.prepare(quick))
+    assert (row.status, row.message) == ("error", "loading: no reply within 0.02 s")
     monkeypatch.undo()
     address.unlink()
     _lcp(tmp_path)
@@ -317,10 +317,10 @@ def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
     lane.start(["lemke"], LIMITS)
     monkeypatch.setattr(lanes, "LOAD", replace(lanes.LOAD, floor=0.3))
     quick = replace(pair, limits=replace(LIMITS, seconds=0.2))
-    row = lane.run(quick, {**prepared, "path": str(_hanging(tmp_path / "hanging.h5"))}).row
-    assert row["status"] == "error"
-    assert row["message"].startswith("loading: ")
-    assert "solve" not in row
+    row = lane.run(quick, replace(prepared, path=str(_hanging(tmp_path / "hanging.h5"))))
+    assert row.status == "error"
+    assert row.message.startswith("loading: ")
+    assert row.solve is None
     monkeypatch.undo()
     assert lane.run(pair, prepared).status == "solved"
 
@@ -338,9 +338,9 @@ def test_a_conversion_that_is_too_large_is_a_memout(tmp_path: Path) -> None:
             [survey], [plan.Entry("nsgs"), plan.Entry("lemke")], asked, 1e-6, plan.Limits(20.0, 2**29, repeats=1)
         )
         first, second = sorted(pairs, key=lambda pair: pair.label != "lemke@inner400")
-        row = small.run(first, small.prepare(first)).row
-        assert row["status"] == "memout"
-        assert row["message"] == f"conversion: ran out of memory, limited to {2**31} bytes"
+        row = small.run(first, small.prepare(first))
+        assert row.status == "memout"
+        assert row.message == f"conversion: ran out of memory, limited to {2**31} bytes"
         assert small.referee.child is None
         assert small.run(second, small.prepare(second)).status == "solved"
 
@@ -357,7 +357,7 @@ def test_a_worker_never_meets_a_dead_referees_file(lane: Lane, tmp_path: Path) -
     assert lane.referee.child is not None
     lane.referee.child.kill()
     second = lane.prepare(pairs[1])
-    assert second["path"] != first["path"]
+    assert second.path != first.path
     assert lane.run(pairs[1], second).status == "solved"
 
 
@@ -384,8 +384,13 @@ def test_loading_a_compiled_kernel_is_no_part_of_a_conversion(monkeypatch):
     assert converted.node == "avi"
 
 
-RESULT = {"claim": "solved", "answered": True, "message": "", "counters": {}, "setup": 0.1, "solve": 0.1, "cpu": 0.2}
-RESULT |= {"grown": 0, "peak": 0, "children": 0, "threads": 1, "wrote": False}
+RESULT = {"claim": "solved", "answered": True, "message": "", "counters": {}, "setup": 0.1}
+RESULT |= {"solve": 0.1, "cpu": 0.2, "grown": 0, "peak": 0, "children": 0, "threads": 1, "wrote": False}
+
+
+def _said(fields: Mapping[str, Any], message: str = "Result") -> messages.Message:
+    """What the runner makes of a message."""
+    return messages.unpack(wire.pack({"message": message, "fields": fields}))
 
 
 @pytest.mark.parametrize(
@@ -399,32 +404,52 @@ RESULT |= {"grown": 0, "peak": 0, "children": 0, "threads": 1, "wrote": False}
         {"counters": None},
         {"counters": {"iterations": "many"}},
         {"peak": "much"},
+        {"colour": "red"},
     ],
     ids=lambda forged: next(iter(forged)),
 )
 def test_what_a_worker_says_is_brought_to_its_type_or_refused(forged: dict[str, Any]) -> None:
-    assert Result.from_message(RESULT, 0.3).solve == 0.1
-    with pytest.raises((ValueError, TypeError, OverflowError, AttributeError)):
-        Result.from_message(RESULT | forged, 0.3)
+    assert _said(RESULT).solve == 0.1
+    with pytest.raises(wire.WireError):
+        _said(RESULT | forged)
+
+
+def test_what_a_worker_leaves_out_is_missed() -> None:
+    with pytest.raises(wire.WireError):
+        _said(RESULT, "Conclusion")
+    for name in RESULT:
+        with pytest.raises(wire.WireError):
+            _said({key: value for key, value in RESULT.items() if key != name})
 
 
 def test_numbers_that_the_results_file_cannot_keep_are_cut() -> None:
-    assert Result.from_message(RESULT | {"peak": 2**70}, 0.3).peak == 2**63 - 1
+    assert _said(RESULT | {"peak": 2**70}).peak == 2**63 - 1
 
 
-@pytest.mark.parametrize("told", [[[0.0, -7.0]], [[0.0, 1.0]] * 3, [[1.0]], 5, [["x", 1.0]]], ids=str)
+@pytest.mark.parametrize("told", [[[0.0, -7.0]], [[1.0]], [[0.0, 1.0, 2.0]], 5, [["x", 1.0]]], ids=str)
 def test_repeats_that_are_none_are_refused(told: Any) -> None:
-    assert repeat_times([[0.0, 1.0, 0.5]], 2) == [(0.0, 1.0)]
-    with pytest.raises((ValueError, TypeError)):
-        repeat_times(told, 2)
+    assert _said({"times": [[0.0, 1.0]]}, "Repeats").times == ((0.0, 1.0),)
+    with pytest.raises(wire.WireError):
+        _said({"times": told}, "Repeats")
+
+
+def test_messages_arrive_as_they_were_sent() -> None:
+    """With all that they are made of: the request of a case, bytes, what is not finite."""
+    case = RefereeCase("p.h5", None, "f", "lcp", plan.facets("inner", 64)[0], 1e-6)
+    for message in (
+        messages.FindStart(case, "previous", case, {"answer": b"\x00\xff"}),
+        messages.Judged("wrong", "", float("inf"), None, ["stationary"], {"natural": 0.5}, 0.0, 1.0),
+        messages.OutOfMemory(),
+    ):
+        assert messages.unpack(messages.pack(message)) == message
 
 
 def test_a_file_is_read_anew_for_another_format(tmp_path: Path) -> None:
     """What is held is known by its address and by how it was read."""
-    desk = Desk(tmp_path)
-    first = desk.open(str(_lcp(tmp_path)), None)
-    assert desk.open(str(tmp_path / "p.h5"), None) is first
-    assert desk.open(str(tmp_path / "p.h5"), "native") is not first
+    cache = ProblemCache(tmp_path)
+    first = cache.open(str(_lcp(tmp_path)), None)
+    assert cache.open(str(tmp_path / "p.h5"), None) is first
+    assert cache.open(str(tmp_path / "p.h5"), "native") is not first
 
 
 def test_a_scratch_file_that_a_solver_changed_is_not_solved(lane: Lane, tmp_path: Path) -> None:
@@ -432,7 +457,7 @@ def test_a_scratch_file_that_a_solver_changed_is_not_solved(lane: Lane, tmp_path
     survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("bpp")], [plan.exact()], 1e-6, LIMITS)
     prepared = lane.prepare(pair)
-    handover.write(LCP(M=3.0 * np.eye(3), q=-np.ones(3), name="p"), prepared["path"])
-    row = lane.run(pair, prepared).row
-    assert row["status"] == "error"
-    assert "is not what the referee wrote" in row["message"]
+    shared_problem.write(LCP(M=3.0 * np.eye(3), q=-np.ones(3), name="p"), prepared.path)
+    row = lane.run(pair, prepared)
+    assert row.status == "error"
+    assert "is not what the referee wrote" in row.message

@@ -19,12 +19,11 @@ from cpbench import storage
 from cpbench.analysis import reliability
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.tolerances import judged_at
+from cpbench.bench.messages import Judge, Judged, RefereeCase
 from cpbench.bench.planning import plan
-from cpbench.bench.processes import wire
-from cpbench.bench.referee import Referee
-from cpbench.bench.results.planned import planned
+from cpbench.bench.referee import PROOF_SECONDS, Referee
 from cpbench.bench.results.rejudge import rejudge_file
-from cpbench.bench.results.schema import MEASURED
+from cpbench.bench.results.rows import Outcome, Planned
 from cpbench.bench.results.store import Store
 from cpbench.conversions import make
 from cpbench.formulations.base import Kind, Problem
@@ -76,20 +75,12 @@ class Bench:
         path = folder / "p.h5"
         storage.save(problem, path)
         self.problem, self.referee = problem, Referee(folder)
-        self.case = {
-            "address": str(path), "format": None, "fingerprint": problem.fingerprint, "node": node,
-            "request": request.header, "tolerance": tolerance, "measure": None,
-        }  # fmt: skip
-        self.prepared, _ = wire.unpack(self.referee.prepare(None, case=self.case))
-        assert self.prepared["event"] == "prepared"
+        self.case = RefereeCase(str(path), None, problem.fingerprint, node, request, tolerance)
+        self.prepared = self.referee.prepare(self.case)
 
-    def judged(self, z: np.ndarray, claim: str = "solved", **more: Any) -> Mapping[str, Any]:
-        return self.told(z, claim, **more)[0]
-
-    def told(self, z: np.ndarray, claim: str, **more: Any) -> tuple[Any, Any]:
-        """The reply and the answer that goes with it."""
-        answer = {"z": z} if self.case["node"] == "lcp" else {"z": z[:2], "lam": z[:0], "mu": z[:0], "nu": z[2:]}
-        return wire.unpack(self.referee.judge(answer, case=self.case, claim=claim, answered=True, **more))
+    def judged(self, z: np.ndarray, claim: str = "solved", promise: str = "equivalent") -> Judged:
+        answer = {"z": z} if self.case.node == "lcp" else {"z": z[:2], "lam": z[:0], "mu": z[:0], "nu": z[2:]}
+        return self.referee.judge(Judge(self.case, claim, True, promise, PROOF_SECONDS, answer))
 
 
 @pytest.fixture
@@ -103,57 +94,57 @@ def nearly(program: Bench, tolerance: float) -> np.ndarray:
 
 
 def test_what_an_exact_conversion_loses_is_lost_and_not_wrong(program: Bench) -> None:
-    assert (program.prepared["route"], program.prepared["kind"]) == ("lcp-qp", "equivalent")
-    asked = program.prepared["tolerance"]
+    assert (program.prepared.route, program.prepared.kind) == ("lcp-qp", "equivalent")
+    asked = program.prepared.tolerance
     for claim in ("solved", "max_iter"):
         row = program.judged(nearly(program, asked), claim)
-        assert row["status"] == Status.LOST
-        assert 0.9 * asked < row["target_error"] <= asked
-        assert row["error"] > 0.5 * math.sqrt(asked), "a gap of ε is a pair of √ε"
+        assert row.status == Status.LOST
+        assert 0.9 * asked < row.target_error <= asked
+        assert row.error > 0.5 * math.sqrt(asked), "a gap of ε is a pair of √ε"
 
 
 def test_a_solver_that_misses_its_own_target_is_charged(program: Bench) -> None:
     row = program.judged(WRONG)
-    assert row["status"] == Status.WRONG
-    assert row["target_error"] > 0.1
-    assert program.judged(WRONG, "max_iter")["status"] == Status.MAX_ITER
-    near = nearly(program, 10 * program.prepared["tolerance"])
-    assert program.judged(near)["status"] == Status.INACCURATE
+    assert row.status == Status.WRONG
+    assert row.target_error > 0.1
+    assert program.judged(WRONG, "max_iter").status == Status.MAX_ITER
+    near = nearly(program, 10 * program.prepared.tolerance)
+    assert program.judged(near).status == Status.INACCURATE
 
 
 def test_an_answer_that_is_right_is_solved_whatever_the_way(program: Bench) -> None:
     row = program.judged(RIGHT)
-    assert row["status"] == Status.SOLVED
-    assert row["target_error"] <= program.prepared["tolerance"]
+    assert row.status == Status.SOLVED
+    assert row.target_error <= program.prepared.tolerance
 
 
 def test_a_solver_of_the_problem_itself_has_one_error(tmp_path: Path) -> None:
     own = Bench(tmp_path, LCP(M=np.eye(1), q=[-1.0]), "lcp", plan.exact())
     for z, expected in ((1.0, "solved"), (1.001, "wrong")):
         row = own.judged(np.array([z]))
-        assert (row["status"], row["target_error"]) == (expected, row["error"])
+        assert (row.status, row.target_error) == (expected, row.error)
 
 
 def test_facets_are_approximate_and_a_liar_on_facets_is_wrong(tmp_path: Path) -> None:
     from cpbench.solvers import Budget, solvers
 
     facets = Bench(tmp_path, contact(), "lcp", plan.facets("inner", 8)[0])
-    assert facets.prepared["kind"] == "approximate"
+    assert facets.prepared.kind == "approximate"
     target = make("fc-lcp-inner", {"facets": 8}).step(contact())
     found = solvers.get("lemke").run(target, Budget(tolerance=TOLERANCE))
     row = facets.judged(found.point.z)
-    assert row["status"] == Status.APPROXIMATE
-    assert row["target_error"] <= TOLERANCE < row["error"]
+    assert row.status == Status.APPROXIMATE
+    assert row.target_error <= TOLERANCE < row.error
     lie = facets.judged(np.zeros(found.point.z.size))
-    assert lie["status"] == Status.WRONG
-    assert lie["target_error"] > 100 * TOLERANCE
+    assert lie.status == Status.WRONG
+    assert lie.target_error > 100 * TOLERANCE
 
 
 def test_a_solver_that_drops_a_term_has_no_problem_of_its_own(tmp_path: Path) -> None:
     own = Bench(tmp_path, LCP(M=np.eye(1), q=[-1.0]), "lcp", plan.exact())
     row = own.judged(np.array([3.0]), promise="relaxation")
-    assert (row["status"], row["target_error"]) == (Status.APPROXIMATE, None)
-    assert own.judged(np.array([1.0]), promise="relaxation")["status"] == Status.SOLVED
+    assert (row.status, row.target_error) == (Status.APPROXIMATE, None)
+    assert own.judged(np.array([1.0]), promise="relaxation").status == Status.SOLVED
 
 
 # ------------------------------------------------------------------------------------- what is kept, judged again
@@ -166,7 +157,7 @@ def results_of(bench: Bench, folder: Path, rows: Mapping[str, tuple[np.ndarray, 
     with Store(path, create=True) as store:
         for solver, (z, claim) in rows.items():
             pair = plan.Pair(
-                address=bench.case["address"],
+                address=bench.case.address,
                 problem="p",
                 fingerprint=bench.problem.fingerprint,
                 node=bench.problem.node,
@@ -174,25 +165,25 @@ def results_of(bench: Bench, folder: Path, rows: Mapping[str, tuple[np.ndarray, 
                 sizes=bench.problem.sizes(),
                 request=asked,
                 entry=plan.parse_entry(solver),
-                target=bench.case["node"],
+                target=bench.case.node,
                 tolerance=TOLERANCE,
                 limits=plan.Limits(),
             )
-            reply, blobs = bench.told(z, claim)
-            told = {"target_tolerance": bench.prepared["tolerance"]}
-            told |= {name: bench.prepared[name] for name in ("route", "kind")}
-            told |= {name: reply[name] for name in ("status", "error", "target_error")} | more
-            told |= {"claim": claim, "flags": ",".join(reply["flags"])}
-            store.put({**planned(pair), **dict.fromkeys(MEASURED), **told}, blobs["answer"])
+            reply = bench.judged(z, claim)
+            told: dict[str, Any] = {"target_tolerance": bench.prepared.tolerance}
+            told |= {name: getattr(bench.prepared, name) for name in ("route", "kind")}
+            told |= {name: getattr(reply, name) for name in ("status", "error", "target_error")} | more
+            told |= {"claim": claim, "flags": ",".join(reply.flags)}
+            store.put(Planned.of(pair), Outcome(**told, answer=reply.vectors["answer"]))
     return path
 
 
 def test_kept_answers_are_judged_again_as_they_were(program: Bench, tmp_path: Path) -> None:
-    lost = nearly(program, program.prepared["tolerance"])
+    lost = nearly(program, program.prepared.tolerance)
     rows = {"daqp": (lost, "solved"), "osqp": (WRONG, "solved"), "piqp": (RIGHT, "failed")}
     path = results_of(program, tmp_path, rows)
     with Store(path) as store:
-        assert {r["label"]: r["status"] for r in store.rows()} == {"daqp": "lost", "osqp": "wrong", "piqp": "solved"}
+        assert {r.label: r.status for r in store.rows()} == {"daqp": "lost", "osqp": "wrong", "piqp": "solved"}
     assert list(rejudge_file(path, None, None)) == ["3 answers judged again: no change"]
     looser = list(rejudge_file(path, None, 0.1))
     assert "daqp: lost -> solved" in looser[0]
@@ -201,7 +192,7 @@ def test_kept_answers_are_judged_again_as_they_were(program: Bench, tmp_path: Pa
 
 
 def test_what_an_older_file_cannot_tell_is_said(program: Bench, tmp_path: Path) -> None:
-    lost = nearly(program, program.prepared["tolerance"])
+    lost = nearly(program, program.prepared.tolerance)
     older = {"target_error": None, "target_tolerance": None, "status": "inaccurate"}
     told = list(rejudge_file(results_of(program, tmp_path, {"daqp": (lost, "solved")}, **older), None, None))
     assert "did not measure them on the solver's own problem" in told[0]
@@ -308,7 +299,7 @@ def test_a_comparison_says_who_is_charged_now(before: str, after: str, verdict: 
     pair = compare(ComparisonSide("old", rows(before)), ComparisonSide("new", rows(after))).pairs.iloc[0]
     assert (pair["verdict"], pair["gate"]) == (verdict, "status")
     assert f"{before} → {after}" in pair["why"]
-    change = ratchet.changes(baseline.of(rows(before)), baseline.of(rows(after))).iloc[0]
+    change = ratchet.changes(baseline.outcomes(rows(before)), baseline.outcomes(rows(after))).iloc[0]
     assert change["detail"] == f"{before} -> {after}"
     expected = {"inconclusive": "changed"}.get(verdict, verdict)
     assert change["change"] == expected

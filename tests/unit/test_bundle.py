@@ -197,7 +197,7 @@ def test_the_plan_is_one_that_run_takes(plain: Path, tmp_path: Path) -> None:
 def test_reproduce_gives_the_same_statuses(plain: Path, tmp_path: Path) -> None:
     done = cpbench(tmp_path, "reproduce", str(plain), "-o", "x", "--yes-run-plugins", "-q", SECRET=TOKEN)
     with Store(tmp_path / "x/results.sqlite") as before, Store(tmp_path / "x/again.sqlite") as again:
-        there, here = ({row["key"]: row["status"] for row in store.rows()} for store in (before, again))
+        there, here = ({row.key: row.status for row in store.rows()} for store in (before, again))
     assert there == here
     assert f"{len(there)} of {len(there)} statuses agree" in done.stdout
     assert "sha256" in done.stdout
@@ -330,8 +330,8 @@ def test_an_anonymous_bundle_tells_nobody(anonymous: Path, tmp_path: Path) -> No
     assert any(b"lemke" in content for name, content in everything(tmp_path / "x") if name == "report/report.html")
     with Store(tmp_path / "x/results.sqlite") as store:
         assert set(store.machines()) == {"machine-1"}
-        assert {row["host"] for row in store.rows()} == {"machine-1"}
-        assert {row["solver"] for row in store.rows()} == {"A", "lemke", "psor"}
+        assert {row.host for row in store.rows()} == {"machine-1"}
+        assert {row.solver for row in store.rows()} == {"A", "lemke", "psor"}
         assert "A" in store.meta()["solvers"]
 
 
@@ -496,7 +496,7 @@ def test_programs_that_are_scripts_come_along(tmp_path: Path, here: Callable[...
     )
     apart(own, "run", "--plan", "night.toml", "-q", "--no-report")
     with Store(own / "night.sqlite") as store:
-        assert {row["status"] for row in store.rows()} == {"solved"}, list(store.rows())
+        assert {row.status for row in store.rows()} == {"solved"}, list(store.rows())
     here(own, "bundle", "night.sqlite", "-o", "../x.zip")
     here(own, "bundle", "night.sqlite", "-o", "../blind.zip", "--anonymous")
     done = apart(tmp_path, "reproduce", "x.zip", "-q", "--yes")
@@ -529,7 +529,7 @@ def test_steps_of_a_scene_stay_together(tmp_path: Path, here: Callable[..., str]
     done = here(tmp_path, "reproduce", "x.zip", "-q")
     assert "3 of 3 statuses agree" in done
     with Store(tmp_path / "x/again.sqlite") as store:
-        assert [row["started"] for row in store.rows()][1:] == ["previous, contacts matched by order"] * 2
+        assert [row.started for row in store.rows()][1:] == ["previous, contacts matched by order"] * 2
 
 
 @pytest.mark.nightly
@@ -549,7 +549,7 @@ def test_the_plan_holds_pins_and_grids(tmp_path: Path, here: Callable[..., str])
     done = here(tmp_path, "reproduce", "x.zip", "-q")
     with Store(tmp_path / "x/results.sqlite") as store:
         rows = list(store.rows())
-    assert len({row["request"] for row in rows}) >= 3
+    assert len({row.request for row in rows}) >= 3
     assert f"{len(rows)} of {len(rows)} statuses agree" in done
 
 
@@ -670,4 +670,4 @@ def test_results_without_a_row_are_no_bundle(told: Path, tmp_path: Path, here: C
 def test_keys_are_those_of_the_runner(told: Path) -> None:
     with Store(told / "run.sqlite") as store:
         for row in store.rows():
-            assert identity(row) == (row["key"], row["label"])
+            assert identity(row) == (row.key, row.label)

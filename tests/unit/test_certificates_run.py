@@ -38,7 +38,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def statuses(path: Path) -> Mapping[tuple[str, str], tuple[str, str, str]]:
     with Store(path) as store:
-        return {(row["problem"], row["solver"]): (row["status"], row["claim"], row["message"]) for row in store.rows()}
+        return {(row.problem, row.solver): (row.status, row.claim, row.message) for row in store.rows()}
 
 
 @pytest.mark.nightly
@@ -58,13 +58,13 @@ def test_statuses_are_those_that_are_proved(results: Path) -> None:
 def test_proofs_are_kept_and_hold(results: Path) -> None:
     problems = {problem.name: problem for problem in (PANG, NEAR, FALLING)}
     with Store(results) as store:
-        rows = {row["key"]: row for row in store.rows()}
+        rows = {row.key: row for row in store.rows()}
         kept = list(store.certificates())
-    assert {rows[key]["status"] for key, _, _ in kept} == {"infeasible", "unbounded"}
-    assert len(kept) == sum(row["status"] in ("infeasible", "unbounded") for row in rows.values())
+    assert {rows[key].status for key, _, _ in kept} == {"infeasible", "unbounded"}
+    assert len(kept) == sum(row.status in ("infeasible", "unbounded") for row in rows.values())
     for key, kind, data in kept:
-        assert kind == rows[key]["status"]
-        assert holds(problems[rows[key]["problem"]], unpacked(kind, data))
+        assert kind == rows[key].status
+        assert holds(problems[rows[key].problem], unpacked(kind, data))
 
 
 def test_merged_files_keep_the_proofs(results: Path, tmp_path: Path) -> None:

@@ -254,8 +254,8 @@ def test_a_worse_build_fails_and_says_why(toy: Path, change: str, inputs: dict[s
     assert "mine" in done.summary
     assert done.used["actions/upload-artifact@v4"]["path"] == done.outputs["results"]
     with Store(Path(done.outputs["results"]) / "results.sqlite") as store:
-        base = [row for row in store.rows() if row["solver"] != "mine@head"]
-    assert {row["status"] for row in base} == {"solved"}  # of its own checkout, whatever head does
+        base = [row for row in store.rows() if row.solver != "mine@head"]
+    assert {row.status for row in base} == {"solved"}  # of its own checkout, whatever head does
     if change == "wrong":  # the commands of the summary run, when the run is over
         command = re.search(r"`(cpbench solve [^`]*)`", done.summary)
         path = re.search(r"`export PYTHONPATH=([^`]*)`", done.summary)

@@ -14,7 +14,7 @@ from command_line import cpbench, with_plugins
 from cpbench import storage
 from cpbench.bench import campaign
 from cpbench.bench.planning import dry_run
-from cpbench.bench.planning.assembly import Assembly, Part
+from cpbench.bench.planning.assembly import Assembly, PlannedSet
 from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
 from cpbench.bench.results.store import Store
@@ -73,7 +73,7 @@ def run(folder: Path, *arguments: str, plugin: bool = False, rc: int = 0) -> sub
 
 def rows(path: Path) -> list[dict[str, Any]]:
     with Store(path) as store:
-        return list(store.rows())
+        return [vars(row) for row in store.rows()]
 
 
 def meta(path: Path) -> dict[str, Any]:
@@ -254,7 +254,7 @@ def _assembly(limits: Limits, problems: int = 3, solver: str = "lemke") -> Assem
         Pair(f"{i}.h5", f"p{i}", str(i), "lcp", "few", {}, exact(), Entry(solver), "lcp", 1e-6, limits)
         for i in range(problems)
     ]
-    part = Part(ProblemSet(), {p.fingerprint: p.address for p in pairs}, [Entry(solver)], pairs)
+    part = PlannedSet(ProblemSet(), {p.fingerprint: p.address for p in pairs}, [Entry(solver)], pairs)
     return Assembly([part], pairs, {}, [], [], [], [])
 
 

@@ -506,7 +506,11 @@ def test_noise_by_hand() -> None:
     assert noise.drift([[]])[0] == 1.0, "one run drifts alike for both sides"
     assert noise.Noise(0.05).delta == 0.05
     assert noise.Noise(0.05, drift=1.1, equal=1.07).delta == pytest.approx(0.1)
-    assert noise.Noise(0.05, equal=1.07).bias == pytest.approx(math.log(1.07))
+    seen = noise.Noise(0.05, equal=1.07)
+    assert seen.bias == pytest.approx(math.sqrt((2 * 2 * 0.02**2 + math.log(1.07) ** 2) / 3))
+    error, freedom = seen.law(seen.bias)
+    assert error == pytest.approx(math.sqrt(2.0) * seen.bias)
+    assert freedom == pytest.approx(12.0), "(b² + s²)² / (b⁴/3) with s = b"
 
 
 # ------------------------------------------------------------------------------------------- the whole

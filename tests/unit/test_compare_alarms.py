@@ -22,9 +22,11 @@ FAMILIES, EACH = 6, 5
 MACHINES = {"here": {"cpu": "a processor", "cores": 2}}
 
 
-def timed(label: str, rng: np.random.Generator, size: np.ndarray, factor: float = 1.0, repeats: int = 3) -> list[dict]:
+def timed(
+    label: str, rng: np.random.Generator, size: np.ndarray, factor: float = 1.0, repeats: int = 3, bias: float = 0.02
+) -> list[dict]:
     """A solver's rows: `size` is what each problem takes in seconds, without noise."""
-    process = rng.normal(0, 0.02)
+    process = rng.normal(0, bias)
     family = np.repeat(rng.normal(0, 0.01, FAMILIES), EACH)
     moment = rng.normal(0, 0.015, len(size)) + np.log(1.5) * (rng.uniform(size=len(size)) < 0.01)
     spread = rng.uniform(0.03, 0.06, (len(size), 1))
@@ -63,12 +65,12 @@ def files(seed: int, factor: float) -> Comparison:
     return compare(*sides, Thresholds(seed=seed))
 
 
-def labels(seed: int, factor: float, repeats: int = 3) -> Comparison:
+def labels(seed: int, factor: float, repeats: int = 3, bias: float = 0.02) -> Comparison:
     """Three builds in one run: the base twice, and one that is `factor` times slower."""
     rng = np.random.default_rng(seed)
     size = np.exp(rng.normal(-5, 1, FAMILIES * EACH))
     builds = {"mine@base": 1.0, "mine@again": 1.0, "mine@head": factor}
-    rows = [r for name, times in builds.items() for r in timed(name, rng, size, times, repeats)]
+    rows = [r for name, times in builds.items() for r in timed(name, rng, size, times, repeats, bias)]
     run = ComparisonSide("run", pd.DataFrame(rows), {"references": references(rng)}, MACHINES)
     return compare_labels(run, "mine@base", "mine@head", Thresholds(seed=seed), ("mine@base", "mine@again"))
 
@@ -88,6 +90,20 @@ def test_equal_code_is_called_so(kind, number: int) -> None:
 def test_a_fifth_more_time_is_found(kind, number: int) -> None:
     told = verdicts([kind(seed, 1.2) for seed in range(number)])
     assert told[PairVerdict.REGRESSED] >= 0.95 * number, told
+
+
+@pytest.mark.parametrize(("bias", "number"), [(0.04, 8), *by_night([(0.02, 200), (0.04, 200)])])
+def test_a_bias_that_equal_builds_show_is_allowed_for(bias: float, number: int) -> None:
+    """One of 25 alarms, within two standard errors of so many trials."""
+    told = verdicts([labels(seed, 1.0, bias=bias) for seed in range(number)])
+    alarms = told[PairVerdict.REGRESSED] + told[PairVerdict.IMPROVED]
+    assert alarms <= 0.04 * number + 2 * np.sqrt(0.04 * 0.96 * number), told
+    found = labels(0, 1.0, bias=bias)
+    assert any("equal builds differ by" in note for note in found.notes)
+
+
+def test_a_bias_that_nothing_shows_is_said_to_be_assumed() -> None:
+    assert any("no builds of equal code" in note for note in files(0, 1.0).notes)
 
 
 @pytest.mark.parametrize("number", [4, *by_night([40])])

@@ -19,6 +19,7 @@ from tiers import some_by_day
 
 from cpbench.analysis import baseline
 from cpbench.analysis.comparison import ComparisonSide, compare
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.schema import MEASURED, PLANNED
 from cpbench.bench.results.store import Store
 from cpbench.cli import main
@@ -54,7 +55,7 @@ def made(tmp_path: Path) -> Make:
         records: list[Any] = rows.to_dict("records") if isinstance(rows, pd.DataFrame) else rows
         with Store(path, create=True) as store:
             store.add(
-                {n: None if pd.isna(value := given.get(n)) else value for n in NAMES}
+                Row(**{n: None if pd.isna(value := given.get(n)) else value for n in NAMES})
                 for given in ({"host": "here", **r} for r in records)
             )
             store.set_meta(cpbench="0.1.0", **meta)
@@ -149,7 +150,7 @@ def test_two_builds_of_one_run(made: Make, cpbench) -> None:
 def test_a_baseline_is_a_base(made: Make, cpbench, tmp_path: Path) -> None:
     base, new = changed(("solved", "solved"), ("wrong", "wrong"), ("solved", "wrong"))
     kept = tmp_path / "baseline.csv"
-    kept.write_text(baseline.text(baseline.of(pd.DataFrame(base))))
+    kept.write_text(baseline.text(baseline.outcomes(pd.DataFrame(base))))
     code, told, _ = cpbench(kept, made("new.sqlite", new), "--fail-on", "wrong")
     assert code == 1
     assert "p2, s: solved → wrong" in told

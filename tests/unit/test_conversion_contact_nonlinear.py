@@ -18,6 +18,7 @@ from cpbench.expressions import Map
 from cpbench.formulations import FCPoint, FrictionContact, Kind, MiCPPoint, NFCPoint, NonlinearFrictionContact
 from cpbench.solvers import Budget, solvers
 from cpbench.testing import planted, planted_contact
+from cpbench.verification import judge
 
 CLOSE = 1e-9
 FC_EDGES = ("fc-micp", "fc-cp", "fc-vi", "fc-qvi")
@@ -89,6 +90,18 @@ def test_the_map_is_de_saxces(rng, name):
     u = (problem.W @ (trace["unit"] * x) + problem.q).reshape(-1, 3)
     expected = trace["unit"] / trace["size"] ** 2 * cones.de_saxce(u, problem.mu).ravel()
     np.testing.assert_allclose(target.F(x), expected, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["fc-cp", "fc-vi"])
+@pytest.mark.parametrize(("mu", "held"), [(0.3, True), (10.0, True), (100.0, True), (1e4, False)])
+def test_a_steep_cone_is_asked_for_what_it_hides(name: str, mu: float, held: bool) -> None:
+    """A contact that closes and slides, with no force: beyond what is asked for the rest is lost."""
+    W = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, 0.0], [0.1, 0.0, 1.0]])
+    problem = FrictionContact(W=W, q=np.array([-1.0, 0.5, 0.2]), mu=np.array([mu]), dimension=3)
+    edge, point = make(name), FCPoint(r=np.zeros(3))
+    target, trace = edge.apply(problem)
+    here, there = judge(problem, point, 1e-6).error, judge(target, edge.push(point, trace), 1e-6).error
+    assert (here <= there * 1e-6 / edge.tolerance(1e-6, trace)) == held
 
 
 def test_the_cylinder_moves_with_the_normal_reaction():

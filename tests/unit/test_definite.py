@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench.definite import By, definite_factors, is_definite, on_diagonal
+from cpbench.definite import By, definite_factors, factor_on_diagonal, is_definite
 from cpbench.errors import NotApplicable
 from cpbench.formulations import FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
@@ -47,9 +47,9 @@ def test_an_indefinite_matrix_has_none(by: By) -> None:
 
 def test_pivots_on_the_diagonal_tell_definiteness() -> None:
     least = 8 * np.sin(np.pi / 26) ** 2
-    assert is_definite(on_diagonal(grid(12, -0.9 * least)))
-    assert not is_definite(on_diagonal(grid(12, -1.1 * least)))
-    assert on_diagonal(sp.csr_array(np.diag([1.0, 0.0]))) is None
+    assert is_definite(factor_on_diagonal(grid(12, -0.9 * least)))
+    assert not is_definite(factor_on_diagonal(grid(12, -1.1 * least)))
+    assert factor_on_diagonal(sp.csr_array(np.diag([1.0, 0.0]))) is None
 
 
 @pytest.mark.parametrize("by", ALL)

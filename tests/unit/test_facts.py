@@ -279,18 +279,18 @@ def test_facets_make_a_copositive_matrix() -> None:
 def test_facts_of_problems() -> None:
     J = np.random.default_rng(0).standard_normal((9, 4))
     contact = FrictionContact(W=J @ J.T, q=np.zeros(9), mu=[0.0, 0.3, 0.0], dimension=3)
-    by_subject = {f.subject: f for f in facts.of(contact)}
+    by_subject = {f.subject: f for f in facts.of_problem(contact)}
     assert by_subject["rank of W"].value == 4
     assert by_subject["hyperstaticity"].value == 5
     assert by_subject["frictionless contacts"].value == 2
     assert by_subject["definiteness of W"].value == "positive semidefinite"
     assert by_subject["definiteness of W_cc"].value == "positive definite"
     nonconvex = QP.build(Q=np.diag([1.0, -1]), p=np.zeros(2), C=np.ones((2, 2)), d=np.zeros(2))
-    by_subject = {f.subject: f for f in facts.of(nonconvex)}
+    by_subject = {f.subject: f for f in facts.of_problem(nonconvex)}
     assert by_subject["definiteness of Q"].value == "indefinite"
     assert by_subject["rank of C"].value == 1
     singular = MLCP(A=np.zeros((1, 1)), B=np.eye(1), C=np.ones((1, 1)), D=-np.ones((1, 1)), a=[0.0], b=[0.0])
-    by_subject = {f.subject: f for f in facts.of(singular)}
+    by_subject = {f.subject: f for f in facts.of_problem(singular)}
     assert by_subject["rank of A"].value == 0
     assert by_subject["definiteness of [[A, C], [D, B]]"].value == "positive semidefinite"
 
@@ -308,7 +308,7 @@ def test_facts_of_empty_problems(node: str) -> None:
             build = Builder(0)
             data[f.name] = build.finish([build.constant(0.0)] * (f.metadata["map"][0] == "1"))
     extra = {"dimension": cls.dimensions[0]} if issubclass(cls, ContactProblem) else {}
-    for found in facts.of(cls(**data, **extra)):
+    for found in facts.of_problem(cls(**data, **extra)):
         assert found.how is not How.UNDECIDED
         assert str(found)
         assert found.record()["how"] in set(How)
@@ -338,4 +338,4 @@ def test_facts_agree_with_what_obstacles_ask() -> None:
             for stored in (M, sp.csr_array(M)):
                 known = facts.definiteness(stored, "M")
                 assert (known.value in ("positive definite", "positive semidefinite")) == matrices.is_psd(stored)
-    assert facts.of(LCP(M=np.eye(2), q=[0.0, 0]))[0].value is True
+    assert facts.of_problem(LCP(M=np.eye(2), q=[0.0, 0]))[0].value is True

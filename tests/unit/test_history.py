@@ -13,11 +13,12 @@ import pytest
 
 from cpbench import graph, storage
 from cpbench.bench import history as histories
-from cpbench.bench.history import History, Recorder, coarse_to_fine, derived_rows, recorded
+from cpbench.bench.history import History, IterateRecorder, coarse_to_fine, derived_rows, recorded
 from cpbench.bench.lane import Lane
+from cpbench.bench.messages import JudgeHistory, Recorded, RefereeCase
 from cpbench.bench.planning import plan
-from cpbench.bench.processes import wire
 from cpbench.bench.referee import Referee
+from cpbench.bench.results.rows import Outcome
 from cpbench.errors import PointError, StoreError
 from cpbench.formulations import LCP, FrictionContact, LCPPoint
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
@@ -50,10 +51,11 @@ def _point(value: float) -> LCPPoint:
 
 
 def _finish(
-    recorder: Recorder, iterations: int = 0, claim: Claim = Claim.MAX_ITER
-) -> tuple[dict[str, Any], dict[str, Any]]:
+    recorder: IterateRecorder, iterations: int = 0, claim: Claim = Claim.MAX_ITER
+) -> tuple[Recorded, dict[str, Any]]:
     output = SolverOutput(claim=claim, point=_point(-1.0), counters={"iterations": iterations})
-    return wire.unpack(recorder.finish(output))
+    found = recorder.finish(output)
+    return found, dict(found.vectors)
 
 
 # ---------------------------------------------------------------------------------------------------- recording
@@ -62,15 +64,15 @@ def _finish(
 @pytest.mark.parametrize("step", [1e-6, 1e-3, 1.0])
 def test_the_kept_iterates_lie_apart_by_a_factor(clock: Clock, step: float) -> None:
     """100,000 iterations at a steady pace: few are kept, no gap is wide, each is the iterate of its time."""
-    recorder = Recorder()
+    recorder = IterateRecorder()
     for k in range(100_000):
         clock.now += step
         recorder(k, 1.0 / (k + 1), lambda k=k: _point(float(k)))
     clock.now += step
     header, found = _finish(recorder, 100_000)
     time = found["time"]
-    assert 40 <= header["count"] == time.size <= 65
-    assert header["calls"] == 100_000
+    assert 40 <= header.count == time.size <= 65
+    assert header.calls == 100_000
     late = time > 10 * max(step, histories.FINEST)  # before, steps and the finest time are too long for a factor
     assert (time[1:] / time[:-1])[late[1:]].max() < 1.5
     np.testing.assert_allclose(found["iteration"][:-1], np.round(time[:-1] / step) - 1)
@@ -79,7 +81,7 @@ def test_the_kept_iterates_lie_apart_by_a_factor(clock: Clock, step: float) -> N
 
 
 def test_few_iterates_are_all_kept_and_the_answer_is_last(clock: Clock) -> None:
-    recorder = Recorder()
+    recorder = IterateRecorder()
     for k in range(20):
         recorder(k, 1.0, lambda k=k: _point(float(k)))
         clock.now += 1e-7
@@ -94,22 +96,22 @@ def test_the_clock_stands_while_an_iterate_is_kept(clock: Clock) -> None:
         clock.now += 5.0
         return _point(0.0)
 
-    recorder = Recorder()
+    recorder = IterateRecorder()
     for k in range(10):
         clock.now += 1.0
         recorder(k, 1.0, slow)
     clock.now += 1.0
     header, found = _finish(recorder)
     np.testing.assert_allclose(found["time"], np.arange(1.0, 12.0))
-    assert header["solve"] == pytest.approx(11.0)
-    assert header["cost"] == pytest.approx(50.0)
+    assert header.solve == pytest.approx(11.0)
+    assert header.cost == pytest.approx(50.0)
 
 
 def test_a_solve_that_ended_earlier_would_have_had_to_conclude_too(clock: Clock) -> None:
     times = {}
     for claim in (Claim.SOLVED, Claim.FAILED):
         clock.now = 0.0
-        recorder = Recorder()
+        recorder = IterateRecorder()
         for k in range(3):
             recorder(k, 1.0, lambda: _point(0.0))
             clock.now += 1.0
@@ -132,12 +134,12 @@ def test_large_iterates_are_fewer() -> None:
 
     n = int(histories.BYTES / 8 / 10)
     large: Any = SimpleNamespace(q=np.zeros(n), point_sizes={"z": n})
-    header, found = wire.unpack(recorded(Counts(), large, Budget(), None, None))
-    assert histories.LEAST <= header["count"] <= 10
-    assert found["iterates"].size == header["count"] * n
+    header = recorded(Counts(), large, Budget(), None, None)
+    assert histories.LEAST <= header.count <= 10
+    assert header.vectors["iterates"].size == header.count * n
     larger: Any = SimpleNamespace(q=np.zeros(3), point_sizes={"z": 10 * int(histories.BYTES)})
-    header, _ = wire.unpack(recorded(Counts(), larger, Budget(), None, None))
-    assert header["count"] <= histories.LEAST
+    header = recorded(Counts(), larger, Budget(), None, None)
+    assert header.count <= histories.LEAST
 
 
 # ------------------------------------------------------------------------------------------------------ judging
@@ -151,20 +153,11 @@ class Scene:
         path = folder / f"{problem.fingerprint}.h5"
         storage.save(problem, path)
         self.referee = Referee(folder)
-        self.case: dict[str, Any] = {
-            "address": str(path),
-            "format": None,
-            "fingerprint": problem.fingerprint,
-            "node": node,
-            "request": plan.exact().header,
-            "tolerance": 1e-10,
-        }
+        self.case = RefereeCase(str(path), None, problem.fingerprint, node, plan.exact(), 1e-10)
 
-    def judged(self, message: bytes, **given: Any) -> History:
-        trail, vectors = wire.unpack(message)
-        reply, found = wire.unpack(self.referee.judge_history(vectors, self.case, trail, **given))
-        assert reply["event"] == "history"
-        return History.unpack(found["history"])
+    def judged(self, found: Recorded, seconds: float = 30.0) -> History:
+        reply = self.referee.judge_history(JudgeHistory(self.case, seconds, **vars(found)))
+        return History.unpack(reply.vectors["history"])
 
 
 @pytest.fixture
@@ -197,8 +190,7 @@ def test_errors_are_of_the_problem_that_was_asked(scene: Any, rng: np.random.Gen
     converted = graph.arrive(problem, "lcp").problem
     message = recorded(solvers.get("pgs"), converted, Budget(tolerance=1e-10), solvers.get("pgs").spec.options(), None)
     history = at.judged(message)
-    _, vectors = wire.unpack(message)
-    for x, error in zip(vectors["iterates"].reshape(history.error.size, -1), history.error, strict=True):
+    for x, error in zip(message.vectors["iterates"].reshape(history.error.size, -1), history.error, strict=True):
         assert error == judge(problem, graph.lift(converted, converted.point_from_vector(x)), 1e-10).error
     assert history.error[0] > 1e-3
     assert history.time_to(1e-8) < math.inf
@@ -241,15 +233,14 @@ def test_a_liar_gets_its_true_errors(scene: Any) -> None:
     wrong = LCP(M=np.eye(1), q=np.array([-2.5]))
     history = scene(wrong, "lcp").judged(recorded(Liar(), wrong, Budget(), None, None))
     assert history.time_to(1e-2) == math.inf
-    assert derived_rows({"solve": 1.0}, history, [1e-2, 1e-4]) == {}
+    assert derived_rows(Outcome(solve=1.0), history, [1e-2, 1e-4]) == {}
 
 
 def test_messages_that_do_not_hold_together_are_refused(scene: Any) -> None:
     problem = LCP(M=np.eye(2), q=-np.ones(2))
     at = scene(problem, "lcp")
     fine = {"time": [0.0, 1.0], "iteration": [0.0, 1.0], "told": [1.0, 0.0], "iterates": np.ones(4)}
-    header = {"count": 2, "solve": 1.0, "cost": 0.0, "calls": 2}
-    assert at.judged(wire.pack(header, fine)).error.tolist() == [0.0, 0.0]
+    assert at.judged(Recorded(2, 1.0, 0.0, 2, fine)).error.tolist() == [0.0, 0.0]
     for wrong in (
         {"iterates": np.ones(5)},
         {"iterates": np.ones(2)},
@@ -259,10 +250,10 @@ def test_messages_that_do_not_hold_together_are_refused(scene: Any) -> None:
         {"told": [1.0]},
     ):
         with pytest.raises(PointError, match="recorded iterates"):
-            at.judged(wire.pack(header, {**fine, **wrong}))
-    for missing in header:
+            at.judged(Recorded(2, 1.0, 0.0, 2, {**fine, **wrong}))
+    for missing in fine:
         with pytest.raises(PointError, match="recorded iterates"):
-            at.judged(wire.pack({k: v for k, v in header.items() if k != missing}, fine))
+            at.judged(Recorded(2, 1.0, 0.0, 2, {k: v for k, v in fine.items() if k != missing}))
 
 
 def test_judging_ends_in_time_with_the_answer_first(scene: Any, rng: np.random.Generator) -> None:
@@ -324,16 +315,16 @@ def test_looser_rows_are_read_off() -> None:
         "claim": "solved", "flags": "repeat", "samples": "[2.0]", "repeats": 3,
         "solve_iqr": 0.1, "message": "killed", "cpu": 9.0,
     }  # fmt: skip
-    rows = derived_rows(row, history, [1e-2, 1e-4, 1e-12])
+    rows = derived_rows(Outcome(**row), history, [1e-2, 1e-4, 1e-12])
     assert sorted(rows) == [1e-4, 1e-2]
     loose, tight = rows[1e-2], rows[1e-4]
-    assert (loose["status"], loose["error"], loose["flags"], loose["solve"]) == ("solved", 1e-3, "history", 0.5)
-    assert (tight["status"], tight["error"], tight["flags"]) == ("stationary", 1e-5, "stationary,history")
-    assert (tight["solve"], tight["setup"], tight["convert"], tight["lift"]) == (1.0, 0.25, 0.5, 0.125)
-    assert tight["counters"] == '{"iterations": 6}'
-    assert (tight["samples"], tight["repeats"], tight["solve_iqr"], tight["cpu"]) == ("[]", 0, None, None)
-    assert "0.5 to 1 s" in tight["message"]
-    assert tight["claim"] == ""
+    assert (loose.status, loose.error, loose.flags, loose.solve) == ("solved", 1e-3, "history", 0.5)
+    assert (tight.status, tight.error, tight.flags) == ("stationary", 1e-5, "stationary,history")
+    assert (tight.solve, tight.setup, tight.convert, tight.lift) == (1.0, 0.25, 0.5, 0.125)
+    assert tight.counters == '{"iterations": 6}'
+    assert (tight.samples, tight.repeats, tight.solve_iqr, tight.cpu) == ("[]", 0, None, None)
+    assert "0.5 to 1 s" in tight.message
+    assert tight.claim == ""
 
 
 def _easy(rng: np.random.Generator, node: str) -> Any:
@@ -381,12 +372,12 @@ def test_a_lane_returns_the_history_of_a_solver_that_records(tmp_path: Path, rng
             pair.entry.solver: lane.run(pair, lane.prepare(pair))
             for pair in plan.pairs([survey], entries, [plan.exact()], 1e-10, limits, relaxations=False)
         }
-    assert {solver: outcome.row["status"] for solver, outcome in outcomes.items()} == {
+    assert {solver: outcome.status for solver, outcome in outcomes.items()} == {
         "pgs": "solved",
         "lemke": "solved",
     }
     assert outcomes["lemke"].history is None
     assert outcomes["pgs"].history is not None
     history = History.unpack(outcomes["pgs"].history)
-    assert history.error[-1] == outcomes["pgs"].row["error"]
+    assert history.error[-1] == outcomes["pgs"].error
     assert 0.0 < history.time_to(1e-3) <= history.time_to(1e-10) <= history.solve

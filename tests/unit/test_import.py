@@ -60,7 +60,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
 
 def rows(path: Path) -> dict[str, dict[str, Any]]:
     with Store(path) as store:
-        return {row["problem"]: row for row in store.rows()}
+        return {row.problem: vars(row) for row in store.rows()}
 
 
 @pytest.fixture
@@ -213,7 +213,7 @@ def test_imports_stand_beside_our_own_rows(monkeypatch, capsys, tmp_path: Path, 
 
 def _all(path: Path) -> list[dict[str, Any]]:
     with Store(path) as store:
-        return list(store.rows())
+        return [vars(row) for row in store.rows()]
 
 
 @pytest.fixture

@@ -43,7 +43,9 @@ ALLOWED: dict[str, set[str]] = {
     "analysis": BASE | {"formulations", "graph"} | ROOMS,
     "report": BASE | {"formulations", "graph", "analysis"} | ROOMS,
     "testing": BASE | {"formulations", "graph", "checking", "generators"} | ROOMS,
+    "certificates": BASE | {"formulations", "storage", "verification"},
     "api": BASE
+    | {"certificates"}
     | {"formulations", "facts", "graph", "checking", "testing", "bench", "analysis", "report", "generators"}
     | ROOMS,
     "advice": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
@@ -84,21 +86,25 @@ def test_imports_point_one_way() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-OPTIONAL = {"advice": {"recommend", "tune", "history", "select"}, "bundle": {"bundle", "reproduce"}}
-"""Packages that could leave, and the commands that stand on them."""
+OPTIONAL = {
+    "advice": {f"cli/{name}_command.py" for name in ("recommend", "tune", "history", "select")},
+    "bundle": {f"cli/{name}_command.py" for name in ("bundle", "reproduce")},
+    "certificates": {"api/certifying.py"},
+}
+"""Packages that could leave, and the files that stand on them."""
 
 
-def test_only_their_own_commands_import_optional_packages() -> None:
-    for package, commands in OPTIONAL.items():
+def test_only_their_own_files_import_optional_packages() -> None:
+    for package, files in OPTIONAL.items():
         importers = {path.relative_to(PACKAGE).as_posix() for path in FILES if package in _imports(path)}
         outside = {name for name in importers if not name.startswith(f"{package}/")}
-        assert outside == {f"cli/{command}_command.py" for command in commands}
+        assert outside == files
 
 
 def test_the_command_line_is_thin() -> None:
     """It reads options and prints; what decides lies below it, where scripts reach it too."""
     lines = {path.name: path.read_text().count("\n") for path in (PACKAGE / "cli").glob("*.py")}
-    assert sum(lines.values()) <= 3500
+    assert sum(lines.values()) <= 3520
     assert max(lines.values()) <= 250
 
 
@@ -120,8 +126,8 @@ def test_the_graph_knows_no_mathematics() -> None:
 
 
 JUDGED_DATA = {
-    "cpbench.errors", "cpbench.matrices", "cpbench.formulations.base", "cpbench.product_cones.Cone",
-    "cpbench.product_cones.ProductCone",
+    "cpbench.errors", "cpbench.matrices", "cpbench.formulations.base", "cpbench.formulations.stack.Stack",
+    "cpbench.product_cones.Cone", "cpbench.product_cones.ProductCone",
 }  # fmt: skip
 """What the judge may read from outside its own room: data and errors, and no mathematics of the solvers."""
 READ_AS_DATA = {

@@ -11,7 +11,8 @@ import pytest
 import scipy.sparse as sp
 from lecture.numerics.examples.maps import mapped
 
-from cpbench.formulations import LCP, QP, QVI, FCPoint, FrictionContact, LCPPoint, QPPoint
+from cpbench.conversions.base import make
+from cpbench.formulations import LCP, QP, QVI, FCPoint, FrictionContact, LCPPoint, QPPoint, Relay
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.qvi import QVIPoint
 from cpbench.generators.equations import powell_singular
@@ -21,6 +22,7 @@ from cpbench.testing.cases import cases
 from cpbench.verification import judge
 from cpbench.verification.backward_error import backward_error
 from cpbench.verification.equilibration import equilibrate
+from cpbench.verification.frame import Terms
 from cpbench.verification.measures import SYSTEMS, measure
 from cpbench.verification.parallel_rows import ParallelRows
 
@@ -43,12 +45,38 @@ def test_the_error_of_an_lcp_holds_in_80_digits(rng: np.random.Generator) -> Non
         assert error == pytest.approx(float(expected), rel=1e-9, abs=1e-14), seed
 
 
+def test_full_and_sparse_matrices_have_the_same_terms(rng: np.random.Generator) -> None:
+    K = np.abs(rng.standard_normal((9, 9))) * 10.0 ** rng.integers(-6, 7, 9)
+    assert (Terms.of(K).rows != sp.csr_array(K)).nnz == 0
+
+
 def test_equilibration_follows_units(rng: np.random.Generator) -> None:
     A = sp.random_array((30, 30), density=0.2, rng=rng).toarray() + np.diag(rng.uniform(0.5, 2.0, 30))
     K = np.abs(A) + np.abs(A).T
     u = 2.0 ** rng.integers(-60, 61, 30)
     one, other = equilibrate(sp.csr_array(K)), equilibrate(sp.csr_array(u[:, None] * K * u))
     assert np.abs(np.log2(one / (other * u))).max() < 0.3
+
+
+def _with_stored_zeros(M: np.ndarray) -> sp.csr_array:
+    """All entries of M, those that are 0 among them."""
+    rows, columns = M.shape
+    at = np.tile(np.arange(columns), rows)
+    return sp.csr_array((M.ravel(), at, np.arange(0, M.size + 1, columns)), shape=M.shape)
+
+
+def test_zeros_that_are_stored_join_no_parts() -> None:
+    """By hand: two LCPs side by side, z₂ = 0.011 for 0.010, an error of 0.001/0.011 of what is in its row."""
+    M, q, z = np.eye(2), np.array([-1.0, -0.01]), np.array([1.0, 0.011])
+    for matrix in (M, sp.csr_array(M), _with_stored_zeros(M)):
+        assert judge(LCP(M=matrix, q=q), LCPPoint(z=z), 1e-6).error == pytest.approx(1.0 / 11.0)
+    W, free, mu = np.kron(np.eye(2), np.eye(3)), np.array([-1.0, 0.0, 0.0, -1e-6, 0.0, 0.0]), np.ones(2)
+    wrong = FCPoint(r=np.array([1.0, 0.0, 0.0, 2e-6, 0.0, 0.0]))
+    errors = [judge(FrictionContact(W=m, q=free, mu=mu), wrong, 1e-6).error for m in (W, _with_stored_zeros(W))]
+    assert errors[0] == errors[1] > 0.1
+    point = QPPoint(z=z, lam=np.zeros(0), mu=np.zeros(0), nu=np.zeros(2))
+    errors = [judge(QP.build(Q, q, lb=np.zeros(2)), point, 1e-6).error for Q in (M, _with_stored_zeros(M))]
+    assert errors[0] == errors[1] > 0.01
 
 
 def test_a_program_in_other_units_has_the_same_error(rng: np.random.Generator) -> None:
@@ -168,6 +196,27 @@ def test_an_idle_price_hides_no_error_of_a_program(idle: float, z: float) -> Non
     program = QP.build(Q, p, lb=np.zeros(2))
     found = judge(program, QPPoint(point, [], [], np.array([0.0, (Q @ point + p)[1]])), 1e-6)  # type: ignore[arg-type]
     assert found.error > 1e-3
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("lower", [0.0, 1.0])
+def test_prices_that_are_all_idle_hide_no_error(lower: float, seed: int) -> None:
+    """min ½zᵀQz + pᵀz over z₁ ≥ lower, z ≥ 0 with p so large that all z are at their bounds."""
+    rng = np.random.default_rng(seed)
+    G = rng.standard_normal((3, 3))
+    Q, p, lb = G @ G.T + 0.1 * np.eye(3), np.array([1e2, 1e4, 1e12])[rng.permutation(3)], np.array([lower, 0.0, 0.0])
+    for z, right in ((lb, True), (lb + np.array([0.0, 0.3, 0.0]), False), (lb + np.array([0.0, 0.0, 0.3]), False)):
+        w = Q @ z + p
+        program = QP.build(Q, p, lb=lb)
+        point = QPPoint(z, np.zeros(0), np.zeros(0), w)
+        edge = make("qp-coneqp")
+        cone, trace = edge.apply(program)
+        for problem, answer in (
+            (program, point),
+            (cone, edge.push(point, trace)),
+            (Relay(M=Q, q=p, lb=lb, ub=np.full(3, 9.0)), LCPPoint(z=z)),
+        ):
+            assert judge(problem, answer, 1e-4).solved == right, problem.node
 
 
 @pytest.mark.parametrize("mu", [1.0, 1e3, 1e6])

@@ -31,21 +31,21 @@ def lane() -> Iterator[Lane]:
 def test_success_of_moby_where_there_is_no_solution(lane: Lane, tmp_path: Path) -> None:
     """Drake's Moby says kSolutionFound; the natural residual of what it found is 1."""
     row = row_of(lane, UNSOLVABLE, "drake-moby", tmp_path)
-    assert (row["status"], row["claim"], row["message"]) == ("wrong", "solved", "kSolutionFound")
-    assert row["error"] == pytest.approx(1.0)
+    assert (row.status, row.claim, row.message) == ("wrong", "solved", "kSolutionFound")
+    assert row.error == pytest.approx(1.0)
 
 
 @pytest.mark.nightly
 def test_the_other_lemkes_do_not_claim_it(lane: Lane, tmp_path: Path) -> None:
     for solver in ("drake-lemke", "quantecon-lemke"):
-        assert row_of(lane, UNSOLVABLE, solver, tmp_path)["status"] == "failed"
+        assert row_of(lane, UNSOLVABLE, solver, tmp_path).status == "failed"
 
 
 def test_success_of_casadi_on_what_is_not_a_number(lane: Lane, tmp_path: Path) -> None:
     """w = −z − 1 < 0: Newton's Jacobian is singular, its iterates are NaN, its status is success."""
     row = row_of(lane, LCP(M=-np.eye(2), q=-np.ones(2)), "casadi-fischer-burmeister", tmp_path)
-    assert (row["claim"], row["message"]) == ("solved", "newton: success")
-    assert row["status"] == "wrong"
+    assert (row.claim, row.message) == ("solved", "newton: success")
+    assert row.status == "wrong"
 
 
 @pytest.mark.nightly
@@ -58,9 +58,9 @@ def test_a_convex_program_that_highs_calls_unbounded(lane: Lane, tmp_path: Path)
     w = np.where(z > 0, 0.0, rng.random(60))
     program = QP.build(Q=M, p=w - M @ z, lb=np.zeros(60))
     row = row_of(lane, program, "highs", tmp_path)
-    assert (row["status"], row["claim"]) == ("failed", "unbounded")
-    assert "Unbounded" in row["message"]
-    assert row_of(lane, program, "clarabel", tmp_path)["status"] == "solved"
+    assert (row.status, row.claim) == ("failed", "unbounded")
+    assert "Unbounded" in row.message
+    assert row_of(lane, program, "clarabel", tmp_path).status == "solved"
 
 
 @pytest.mark.nightly
@@ -69,8 +69,8 @@ def test_gams_beside_a_worker_is_no_child_of_a_solve(lane: Lane, tmp_path: Path)
     if solvers.get("gams-path").availability().state == "licence":
         pytest.skip("does not apply: the licence of GAMS ran out")
     row = row_of(lane, LCP(M=np.eye(3), q=-np.ones(3)), "gams-path", tmp_path)
-    assert (row["status"], row["flags"]) == ("solved", "")
-    assert row["reported"] is None, "GAMS counts the launch of PATH, which is not PATH's own time"
+    assert (row.status, row.flags) == ("solved", "")
+    assert row.reported is None, "GAMS counts the launch of PATH, which is not PATH's own time"
 
 
 CLOCK = """
@@ -121,8 +121,8 @@ with Lane() as lane:
     asked = [plan.exact()]
     survey = lane.survey(sys.argv[1], asked)
     (pair,) = plan.pairs([survey], [plan.Entry("gams-path")], asked, 1e-6, plan.Limits(seconds=20.0, repeats=1))
-    row = lane.run(pair, lane.prepare(pair)).row
-print("row:", row["status"], row["message"])
+    row = lane.run(pair, lane.prepare(pair))
+print("row:", row.status, row.message)
 try:
     solvers.get("gams-path").hand_over(problem)
 except Unavailable as refused:

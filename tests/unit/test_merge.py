@@ -13,6 +13,7 @@ from command_line import cpbench
 from cpbench import storage
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results.merge import merge
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store, read_results
 from cpbench.errors import StoreError
 from cpbench.formulations import LCP
@@ -57,7 +58,7 @@ def made(tmp_path: Path) -> Make:
             store.note_machine("node", meta.get("machine", MACHINE))
             store.add_reference(0, 0.5)
             for p in ran:
-                store.finish(p.key, row, f"{name} {p.problem}".encode(), b"history")
+                store.finish(p.key, Outcome(**row, answer=f"{name} {p.problem}".encode(), history=b"history"))
         return path
 
     return make
@@ -70,8 +71,8 @@ def test_rows_answers_and_histories_of_all(made: Make, tmp_path: Path) -> None:
     assert merge([a, b], tmp_path / "c.sqlite") == []
     assert (a.read_bytes(), b.read_bytes()) == before
     with Store(tmp_path / "c.sqlite") as merged, Store(a) as first, Store(b) as second:
-        rows = {row["key"]: row for row in merged.rows()}
-        assert rows == {row["key"]: row for store in (first, second) for row in store.rows()}
+        rows = {row.key: row for row in merged.rows()}
+        assert rows == {row.key: row for store in (first, second) for row in store.rows()}
         assert dict(merged.answers()) == dict([*first.answers(), *second.answers()])
         assert dict(merged.histories()) == dict([*first.histories(), *second.histories()])
         assert len(merged.references()) == 2

@@ -61,7 +61,7 @@ def test_the_iterates_are_those_of_the_order_for_any_number_of_threads(dimension
     method.step(7, 1.0, 1.0)
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(method.r, expected, rtol=1e-12, atol=1e-14)
-    np.testing.assert_array_equal(output.point.r, coloured.there(method.r))
+    np.testing.assert_array_equal(output.point.r, coloured.by_contact(method.r))
 
 
 @pytest.mark.parametrize("threads", [1, 2])

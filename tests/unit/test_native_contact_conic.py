@@ -45,7 +45,7 @@ def test_the_scaling_is_nesterovs_and_todds(rng: np.random.Generator, d: int) ->
 def test_the_right_side_is_that_of_the_scaled_newton_equation(rng: np.random.Generator, d: int) -> None:
     """Without prediction and target, Θdy + dw = −w: the affine step of every scaling."""
     y, w = inside(rng, 20, d), inside(rng, 20, d)
-    np.testing.assert_allclose(RowScaling(y, w).right(None, 0.0), -w, rtol=1e-8)
+    np.testing.assert_allclose(RowScaling(y, w).right_hand_side(None, 0.0), -w, rtol=1e-8)
 
 
 @pytest.mark.parametrize("d", [2, 3])

@@ -118,6 +118,13 @@ def test_many_rows_through_one_vertex(name: str) -> None:
     np.testing.assert_allclose(output.point.z, z, atol=1e-5)
 
 
+@pytest.mark.parametrize("name", ACTIVE)
+def test_gains_below_rounding_are_not_the_end(name: str) -> None:
+    """min ½‖z‖², z ≥ l: beside z₁ = 1 the others raise the dual function, ½‖l‖², by less than its rounding."""
+    lb = np.array([1.0, 1e-8, 1e-9, 1e-10])
+    np.testing.assert_array_equal(solved(name, QP.build(np.eye(4), np.zeros(4), lb=lb), 1e-12).point.z, lb)
+
+
 @pytest.mark.parametrize("name", EXACT)
 def test_problems_without_a_point_are_proved_to_be_so(name: str) -> None:
     rng = np.random.default_rng(6)

@@ -129,7 +129,7 @@ def test_both_ways_plan_both_rows(monkeypatch, problem, once, twice, column, exp
         out = f"{name}.sqlite"
         assert run(monkeypatch, "run", problem, *words, *solver, "--repeats", 1, "-o", out, "--no-report", "-q") == 0
         with Store(Path(out)) as store:
-            assert {row[column] for row in store.rows()} == expected
+            assert {getattr(row, column) for row in store.rows()} == expected
 
 
 @pytest.mark.parametrize(

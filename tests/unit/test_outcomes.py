@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ import pytest
 from cpbench import graph, storage
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
+from cpbench.bench.results.rows import Outcome
 from cpbench.conversions import make
 from cpbench.errors import NoRoute
 from cpbench.formulations import LCP
@@ -26,15 +26,14 @@ def lane() -> Iterator[Lane]:
         yield lane
 
 
-def outcome(lane: Lane, address: Path, solver: str, tolerance: float = 1e-6) -> dict[str, Any]:
+def outcome(lane: Lane, address: Path, solver: str, tolerance: float = 1e-6) -> Outcome:
     asked = [plan.exact()]
     survey = lane.survey(str(address), asked)
     (pair,) = plan.pairs([survey], [plan.Entry(solver)], asked, tolerance, LIMITS)
     ended = lane.run(pair, lane.prepare(pair))
-    row, answer = dict(ended.row), ended.answer
-    if row["status"] in ("solved", "wrong", "inaccurate"):
-        assert answer is not None
-    return row
+    if ended.status in ("solved", "wrong", "inaccurate"):
+        assert ended.answer is not None
+    return ended
 
 
 @pytest.mark.nightly
@@ -42,9 +41,9 @@ def test_bimatrix_game(lane: Lane, shared_data: Path) -> None:
     """lcp_CPS_3, Cottle, Pang and Stone 4.4.23: Lemke ends in a ray and says so; the game has three equilibria."""
     path = shared_data / "lcp" / "lcp_CPS_3.dat"
     by_lemke = outcome(lane, path, "lemke")
-    assert by_lemke["status"] == "failed"
-    assert "ray" in by_lemke["message"]
-    assert outcome(lane, path, "newton-min")["status"] == "solved"
+    assert by_lemke.status == "failed"
+    assert "ray" in by_lemke.message
+    assert outcome(lane, path, "newton-min").status == "solved"
 
 
 def test_infeasible(lane: Lane, tmp_path: Path) -> None:
@@ -53,17 +52,17 @@ def test_infeasible(lane: Lane, tmp_path: Path) -> None:
     path = tmp_path / "pang.h5"
     storage.save(LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1e-4, -1, 1]), path)
     for solver in ("lemke", "bpp"):
-        assert outcome(lane, path, solver)["status"] == "infeasible"
+        assert outcome(lane, path, solver).status == "infeasible"
     row = outcome(lane, path, "newton-min")
-    assert row["status"] in ("failed", "max_iter")
-    assert row["claim"] != "solved"
+    assert row.status in ("failed", "max_iter")
+    assert row.claim != "solved"
 
 
 def test_singular_equality_block(lane: Lane, shared_data: Path) -> None:
     """diodeBridge: A has rank 2 of 3, so that no Schur complement exists; split, it is solved by Lemke."""
     path = shared_data / "mlcp" / "diodeBridge_mlcp.dat"
     row = outcome(lane, path, "lemke")
-    assert (row["status"], row["route"]) == ("solved", "mlcp-lcp-split")
+    assert (row.status, row.route) == ("solved", "mlcp-lcp-split")
     with pytest.raises(NoRoute, match="rank 2"):
         graph.arrive(storage.load(path), "lcp", via=[make("mlcp-lcp-schur")])
 
@@ -79,9 +78,9 @@ def test_nonsymmetric_delassus(lane: Lane, shared_data: Path) -> None:
     problem = storage.load(path)
     assert np.abs(problem.W - problem.W.T).max() > 1e-4 * np.abs(problem.W).max()
     row = outcome(lane, path, "nsgs", 1e-8)
-    assert row["claim"] == "solved"
-    assert json.loads(row["parts"])["energy"] <= 1e-8
-    assert row["status"] in ("solved", "inaccurate")
+    assert row.claim == "solved"
+    assert json.loads(row.parts)["energy"] <= 1e-8
+    assert row.status in ("solved", "inaccurate")
 
 
 @pytest.mark.parametrize("solver", ["nsgs", "lemke"])
@@ -89,5 +88,5 @@ def test_no_contact(lane: Lane, shared_data: Path, solver: str) -> None:
     """A global problem without contacts has the free motion for its answer: v = M⁻¹f."""
     path = shared_data / "fc2d_global" / "gfc2d_granularflowonwall_00000_00117.dat"
     row = outcome(lane, path, solver, 1e-12)
-    assert row["status"] == "solved"
-    assert row["route"].startswith("gfc-fc")
+    assert row.status == "solved"
+    assert row.route.startswith("gfc-fc")

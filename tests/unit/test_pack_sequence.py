@@ -58,8 +58,8 @@ FILES = ["--fc", "W*.npy", "q*.npy", "mu*.npy"]
 
 def started(path: Path) -> list[str]:
     with Store(path) as store:
-        rows = sorted(store.rows(), key=lambda row: (row["start"], row["step"] or 0))
-        return [str(row["started"]) for row in rows]
+        rows = sorted(store.rows(), key=lambda row: (row.start, row.step or 0))
+        return [str(row.started) for row in rows]
 
 
 def test_files_in_the_order_of_their_numbers(monkeypatch, capsys, steps) -> None:

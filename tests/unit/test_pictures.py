@@ -332,6 +332,14 @@ def test_a_ray_is_told_and_q_above_zero_needs_no_pivot() -> None:
     assert not len(lemke_path(lcp([[2, 1], [0, 1]], [1, 0.5])).cover)
 
 
+@pytest.mark.parametrize("size", [1.0, 1e6])
+def test_cones_hold_what_is_nine_digits_from_them(size: float) -> None:
+    """All cones of M = −I are the quadrant, from which q = (1, −δ) is δ away."""
+    near, far = (complementary_cones(lcp([[-1, 0], [0, -1]], [size, -size * away])) for away in (0.9e-9, 1.1e-9))
+    assert len(solutions(near)) == 2
+    assert not solutions(far)
+
+
 def test_flat_cones_are_told() -> None:
     flat = [cone.active for cone in complementary_cones(lcp([[1, -1], [-1, 1]], [-2, 1])) if cone.degenerate]
     assert flat == [(0, 1)]

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cpbench import storage
+from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import features, selection
 from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
 from cpbench.bench.planning.run_plan import ProblemSet
@@ -22,21 +22,26 @@ from cpbench.formulations.base import formulations
 from cpbench.generators.collection import builtin_folder
 
 
-def survey(name: str, *, family: str = "", node: str = "lcp", sequence: str = "", step: int = 0, **facts: float) -> Any:
-    return {
-        "address": f"folder/{name}.h5",
-        "problem": name,
-        "family": family,
-        "node": node,
-        "fingerprint": f"{name}-mathematics",
-        "sequence": sequence,
-        "step": step,
-        "features": {"node": node, "family": family, "name": name, **facts},
-    }
+def survey(
+    name: str, *, family: str = "", node: str = "lcp", sequence: str = "", step: int = 0, **facts: float
+) -> Surveyed:
+    return Surveyed(
+        address=f"folder/{name}.h5",
+        format=None,
+        problem=name,
+        family=family,
+        node=node,
+        fingerprint=f"{name}-mathematics",
+        sizes={},
+        sequence=sequence,
+        step=step,
+        features={"node": node, "family": family, "name": name, **facts},
+        nodes={},
+    )
 
 
-def names(part: ProblemSet, surveys: list[Mapping[str, Any]]) -> list[str]:
-    return [s["problem"] for s in selection.select(part, surveys)]
+def names(part: ProblemSet, surveys: list[Surveyed]) -> list[str]:
+    return [s.problem for s in selection.select(part, surveys)]
 
 
 # ----------------------------------------------------------------------------------------------- places
@@ -189,7 +194,7 @@ def test_conditions_choose() -> None:
 
 def test_a_draw_does_not_depend_on_the_order_of_the_files() -> None:
     surveys = [survey(f"p{i}") for i in range(50)]
-    twin = {**surveys[3], "address": "elsewhere/p3.h5"}
+    twin = replace(surveys[3], address="elsewhere/p3.h5")
     drawn = names(ProblemSet(max_problems=10), surveys)
     assert len(drawn) == 10
     shuffled = [*surveys, twin]
@@ -205,7 +210,7 @@ def test_a_draw_of_followed_sequences_has_first_steps() -> None:
     drawn = selection.select(ProblemSet(max_problems=6, start=("previous",)), surveys)
     steps: dict[str, list[int]] = {}
     for found in drawn:
-        steps.setdefault(found["sequence"], []).append(found["step"])
+        steps.setdefault(found.sequence, []).append(found.step)
     assert sorted(steps.values(), key=len) == [[0, 1], [0, 1, 2, 3]]
 
 

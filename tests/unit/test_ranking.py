@@ -60,7 +60,11 @@ def test_what_was_not_started_counts_against_nobody(status: str) -> None:
 
 def test_a_ranking_names_its_formulation_and_its_winner() -> None:
     [found] = _ranked(row("a", "one", "solved", 1.0), row("a", "two", "failed", 1.0))
-    assert (found.title, found.winner, found.size) == ("linear complementarity problem", "one", "1 problem")
+    assert (found.title, found.winner, found.problems_and_starts) == (
+        "linear complementarity problem",
+        "one",
+        "1 problem",
+    )
     assert found.verdict == "use one: it solves 1 of 1 problem, fastest on 1."
     [none] = _ranked(row("a", "one", "failed", 1.0), row("a", "two", "failed", 1.0))
     assert none.winner == ""

@@ -21,6 +21,7 @@ from cpbench.bench.planning import plan
 from cpbench.bench.planning.features import features
 from cpbench.bench.planning.plan import Entry, Pair
 from cpbench.bench.results.problem_features import problem_features
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.cli import main
 from cpbench.formulations import LCP
@@ -62,7 +63,7 @@ def results(
                 store.plan([pair])
                 told = {"status": "solved" if math.isfinite(took) else "failed", "solve": took, "kind": "equivalent"}
                 if not math.isnan(took):
-                    store.finish(pair.key, {**told, "started": start, "host": "here"})
+                    store.finish(pair.key, Outcome(**told, started=start, host="here"))
             if noted:
                 store.note_features({problem.fingerprint: features(problem)})
     return path

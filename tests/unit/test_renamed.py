@@ -3,6 +3,7 @@
 import logging
 import sqlite3
 from contextlib import closing
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -71,7 +72,7 @@ def test_results_written_under_an_old_name_are_read_and_resumed_under_the_new_on
     path = tmp_path / "old.sqlite"
     with Store(path, create=True) as store:
         store.plan([pair])
-        store.finish(pair.key, {**outcome.row, "status": "solved"})
+        store.finish(pair.key, replace(outcome, status="solved"))
         store.set_meta(solvers={OLD: {"version": "0.1"}})
     with closing(sqlite3.connect(path)) as db:
         db.execute("UPDATE rows SET solver = ?, label = ?", (OLD, OLD))
@@ -81,8 +82,8 @@ def test_results_written_under_an_old_name_are_read_and_resumed_under_the_new_on
     with Store(path) as store:
         table = store.table()
         assert list(table["solver"]) == list(table["label"]) == [NEW]
-        assert store.row(pair.key)["label"] == NEW
-        assert [row["solver"] for row in store.rows()] == [NEW]
+        assert store.row(pair.key).label == NEW
+        assert [row.solver for row in store.rows()] == [NEW]
         assert store.meta()["solvers"] == {NEW: {"version": "0.1"}}
         assert not store.audit().broken
     with Store(path, create=True) as store:
@@ -95,6 +96,6 @@ def test_a_baseline_of_old_names_compares_with_results_of_new_ones():
     import pandas as pd
 
     rows = {"problem": ["p"], "fingerprint": ["p"], "solver": [NEW], "label": [NEW], "tolerance": [1e-6]}
-    today = baseline.of(pd.DataFrame(rows | {"status": ["solved"], "error": [1e-9], "claim": ["solved"]}))
+    today = baseline.outcomes(pd.DataFrame(rows | {"status": ["solved"], "error": [1e-9], "claim": ["solved"]}))
     kept = baseline.parse(baseline.text(today).replace(NEW, OLD), "baseline.csv")
     assert list(kept["solver"]) == [NEW]

@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 from cpbench.bench.results import whole
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.schema import MEASURED, PLANNED
 from cpbench.bench.results.store import Store, read_results
 
@@ -25,7 +26,7 @@ def row(key: str, **given: Any) -> dict[str, Any]:
 
 def file_of(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
     with Store(path, create=True) as store:
-        store.add(rows)
+        store.add(Row(**row) for row in rows)
     return path
 
 

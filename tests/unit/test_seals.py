@@ -19,6 +19,7 @@ from click.testing import CliRunner
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results import seal_key, seals
 from cpbench.bench.results.merge import merge
+from cpbench.bench.results.rows import Outcome, Row
 from cpbench.bench.results.schema import MEASURED, PLANNED
 from cpbench.bench.results.seal_key import Key
 from cpbench.bench.results.store import Store
@@ -52,7 +53,8 @@ def _write(path: Path, results: Callable[[int], dict[str, Any]] = _result) -> Pa
         store.plan(PAIRS)
         for k, pair in enumerate(PAIRS[:-2]):
             history = bytes([k]) * 40 if k % 4 == 0 else None
-            store.finish(pair.key, results(k), random.Random(k).randbytes(60), history)
+            kept = {"answer": random.Random(k).randbytes(60), "history": history}
+            store.finish(pair.key, Outcome(**results(k), **kept))
         store.settle()
     return path
 
@@ -248,9 +250,9 @@ def test_what_is_written_into_a_row_that_waits_is_not_sealed(tmp_path: Path) -> 
     with Store(path, create=True) as store:
         store.plan(PAIRS)
         _change(path, ("UPDATE rows SET tolerance = 1e9 WHERE key = ?", (OURS,)))
-        store.finish(OURS, _result(0), b"answer")
+        store.finish(OURS, Outcome(**_result(0), answer=b"answer"))
         _change(path, ("INSERT INTO answers VALUES (?, 1, 'x')", (PAIRS[1].key,)))
-        store.finish(PAIRS[1].key, _result(1), None)
+        store.finish(PAIRS[1].key, Outcome(**_result(1)))
         with pytest.raises(
             SealError, match="1 of its rows cannot be believed: lemke on p0: was changed by somebody else"
         ):
@@ -282,8 +284,8 @@ def test_honest_files_pass_and_go_on(honest: Path, tmp_path: Path) -> None:
     shutil.copyfile(honest, path)
     with Store(path, create=True) as store:
         store.reset(["wrong"])
-        store.finish(PAIRS[2].key, _result(0), b"answer")
-        store.put({**store.row(PAIRS[5].key), **_result(1)}, b"another")
+        store.finish(PAIRS[2].key, Outcome(**_result(0), answer=b"answer"))
+        store.put(store.row(PAIRS[5].key), Outcome(**_result(1), answer=b"another"))
         store.require_unchanged()
     merge([path], tmp_path / "merged.sqlite")
     for file in (path, tmp_path / "merged.sqlite"):
@@ -317,7 +319,7 @@ def test_where_no_key_can_be_kept_a_run_goes_on(tmp_path: Path, monkeypatch: pyt
     with Store(path, create=True) as store:
         assert "the key of the seals could not be kept" in store.opened.note
         store.plan(PAIRS)
-        store.finish(OURS, _result(0))
+        store.finish(OURS, Outcome(**_result(0)))
         store.require_unchanged()
         _change(path, ("UPDATE rows SET error = 0 WHERE key = ?", (OURS,)))
         with pytest.raises(SealError):
@@ -367,8 +369,8 @@ def test_what_it_costs(tmp_path: Path) -> None:
     path = tmp_path / "r.sqlite"
     planned = {name: 1.0 if kind == "REAL" else 1 if kind == "INTEGER" else name for name, kind in PLANNED.items()}
     with Store(path, create=True) as store:
-        result = {**dict.fromkeys(MEASURED), **_result(0), "attempts": 1}
-        store.add({**planned, "tolerance": 1e-6, **result, "key": f"{k:040x}"} for k in range(20_000))
+        told: dict[str, Any] = {**planned, "tolerance": 1e-6, **_result(0), "attempts": 1}
+        store.add(Row(**{**told, "key": f"{k:040x}"}) for k in range(20_000))
     with Store(path) as store:
         begun = time.process_time()
         assert not store.audit().broken

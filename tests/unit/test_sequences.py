@@ -6,7 +6,6 @@ import json
 import multiprocessing as mp
 import os
 import signal
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +19,12 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.starts import paired
 from cpbench.bench import campaign
 from cpbench.bench.block import befores, block_name, variant
+from cpbench.bench.events import Done, Event
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results import answers
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
 from cpbench.generators.collection import write_collections
@@ -63,9 +64,9 @@ def _run_and_die(scene: Path, output: Path, after: int) -> None:
     """The runner kills itself, -9, after so many rows."""
     done = 0
 
-    def notice(event: str, pair: Pair | None, row: Mapping[str, Any]) -> None:
+    def notice(event: Event) -> None:
         nonlocal done
-        done += event == "done"
+        done += isinstance(event, Done)
         if done == after:
             os.kill(os.getpid(), signal.SIGKILL)
 
@@ -193,9 +194,9 @@ def test_followers_of_a_step_that_is_run_again_are_run_again(scene: Path, tmp_pa
     with Lane() as lane, Store(tmp_path / "r.sqlite", create=True) as store:
         planned = sorted(_plan(lane, scene, ("previous",)), key=lambda pair: pair.step)[:3]
         store.plan(planned)
-        store.finish(planned[0].key, {"status": "crash", "started": "cold: first step"})
-        store.finish(planned[1].key, {"status": "solved", "started": "cold: the step before was crash"})
-        store.finish(planned[2].key, {"status": "solved", "started": "previous"})
+        store.finish(planned[0].key, Outcome(status="crash", started="cold: first step"))
+        store.finish(planned[1].key, Outcome(status="solved", started="cold: the step before was crash"))
+        store.finish(planned[2].key, Outcome(status="solved", started="previous"))
         store.reset(("crash",), [pair.key for pair in planned])
         campaign._reset_followers(store, planned)
         assert store.pending() == {planned[0].key, planned[1].key}

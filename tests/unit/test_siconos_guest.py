@@ -99,12 +99,12 @@ def test_one_worker_and_one_interpreter_serve_a_whole_run(tmp_path: Path) -> Non
         limits = plan.Limits(20.0, 2**32, 1, repeats=3)
         for pair in plan.pairs(surveys, [plan.parse_entry(name)], [plan.exact()], 1e-6, limits):
             lane.start([name], limits, lambda *event: started.append(event))
-            rows.append(lane.run(pair, lane.prepare(pair)).row)
+            rows.append(lane.run(pair, lane.prepare(pair)))
             family = psutil.Process(lane.workers.children[0].pid).children(recursive=True)
             workers |= {family[0].pid}
             guests |= {family[1].pid}
-    assert [row["status"] for row in rows] == ["solved"] * 5
-    assert {row["flags"] for row in rows} == {""}
+    assert [row.status for row in rows] == ["solved"] * 5
+    assert {row.flags for row in rows} == {""}
     assert (len(started), len(workers), len(guests)) == (1, 1, 1)
 
 

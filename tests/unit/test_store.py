@@ -13,6 +13,7 @@ import pytest
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results import schema
 from cpbench.bench.results.database import use_journal
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store, read_results
 from cpbench.errors import StoreError
 
@@ -63,11 +64,11 @@ def test_a_row_comes_with_its_answer_and_its_history(store: Store) -> None:
     planned = pair()
     store.plan([planned])
     assert store.pending() == {planned.key}
-    store.finish(planned.key, ROW, b"answer", b"history")
+    store.finish(planned.key, Outcome(**ROW, answer=b"answer", history=b"history"))
     row = store.row(planned.key)
-    assert {name: row[name] for name in ROW} == ROW
-    assert (row["seconds"], row["memory"], row["threads"], row["repeats_asked"]) == (10.0, 4 * 2**30, 1, 3)
-    assert row["attempts"] == 1
+    assert {name: getattr(row, name) for name in ROW} == ROW
+    assert (row.seconds, row.memory, row.threads, row.repeats_asked) == (10.0, 4 * 2**30, 1, 3)
+    assert row.attempts == 1
     assert store.ending(planned.key) == ("solved", b"answer")
     assert list(store.answers()) == [(planned.key, b"answer")]
     assert list(store.histories()) == [(planned.key, b"history")]
@@ -76,11 +77,11 @@ def test_a_row_comes_with_its_answer_and_its_history(store: Store) -> None:
 
 def test_what_cannot_be_stored_changes_nothing(store: Store) -> None:
     store.plan([pair()])
-    for row in ({"status": object()}, {"status": "solved", "code": 2**70}, {"status": "solved", "colour": "red"}):
+    for outcome in (Outcome(status=object(), answer=b"answer"), Outcome(code=2**70, answer=b"answer")):
         with pytest.raises(StoreError):
-            store.finish(pair().key, row, b"answer")
+            store.finish(pair().key, outcome)
     with pytest.raises(StoreError, match="no row"):
-        store.finish("unplanned", ROW, b"answer")
+        store.finish("unplanned", Outcome(**ROW, answer=b"answer"))
     assert store.counts() == {"not_run": 1}
     assert list(store.answers()) == []
 
@@ -89,9 +90,9 @@ def test_text_that_is_no_unicode_is_escaped(store: Store) -> None:
     """Half a character, as broken file names and the exceptions that quote them have it."""
     broken = pair(address="p\udcff.h5")
     store.plan([broken])
-    store.finish(broken.key, {"status": "error", "message": "no file 'p\udcff.h5', naïve"})
-    assert store.row(broken.key)["address"] == "p\\udcff.h5"
-    assert store.row(broken.key)["message"] == "no file 'p\\udcff.h5', naïve"
+    store.finish(broken.key, Outcome(status="error", message="no file 'p\udcff.h5', naïve"))
+    assert store.row(broken.key).address == "p\\udcff.h5"
+    assert store.row(broken.key).message == "no file 'p\\udcff.h5', naïve"
 
 
 def test_threads_may_share_a_store(store: Store) -> None:
@@ -100,7 +101,7 @@ def test_threads_may_share_a_store(store: Store) -> None:
 
     def work(mine: list[Pair]) -> None:
         for p in mine:
-            store.finish(p.key, ROW, p.key.encode())
+            store.finish(p.key, Outcome(**ROW, answer=p.key.encode()))
 
     threads = [threading.Thread(target=work, args=(planned[k::4],)) for k in range(4)]
     for thread in threads:
@@ -122,7 +123,7 @@ def test_threads_may_share_a_store(store: Store) -> None:
 )
 def test_other_limits_do_not_mix(store: Store, limits: Limits, told: str) -> None:
     store.plan([pair()])
-    store.finish(pair().key, ROW)
+    store.finish(pair().key, Outcome(**ROW))
     for other in (pair(limits=limits), pair(1, limits)):
         with pytest.raises(StoreError, match=f"was made with {told}; .* use another file with -o"):
             store.plan([pair(2), other])
@@ -140,7 +141,7 @@ def test_one_plan_has_one_set_of_limits_a_set(store: Store) -> None:
 
 def test_rows_that_are_there_stay(store: Store) -> None:
     store.plan([pair()])
-    store.finish(pair().key, ROW)
+    store.finish(pair().key, Outcome(**ROW))
     before = store.row(pair().key)
     store.plan([pair(), pair(1)])
     assert store.row(pair().key) == before
@@ -151,17 +152,17 @@ def test_reset(store: Store) -> None:
     planned = [pair(i) for i in range(5)]
     store.plan(planned)
     for p, status in zip(planned, ("solved", "timeout", "timeout", "crash", "timeout"), strict=True):
-        store.finish(p.key, {**ROW, "status": status}, b"answer", b"history")
+        store.finish(p.key, Outcome(**{**ROW, "status": status}, answer=b"answer", history=b"history"))
     assert store.reset(statuses={"timeout"}, keys=[p.key for p in planned[:4]]) == 2
     assert store.pending() == {planned[1].key, planned[2].key}
     row = store.row(planned[1].key)
-    assert row["attempts"] == 1
-    assert all(row[c] is None for c in schema.MEASURED if c not in ("status", "attempts"))
+    assert row.attempts == 1
+    assert all(getattr(row, c) is None for c in schema.MEASURED if c not in ("status", "attempts"))
     assert store.ending(planned[1].key) == ("not_run", None)
     assert {key for key, _ in store.histories()} == {planned[k].key for k in (0, 3, 4)}
     for p in planned[1:3]:
-        store.finish(p.key, {**ROW, "status": "timeout"})
-    assert store.row(planned[1].key)["attempts"] == 2
+        store.finish(p.key, Outcome(status="timeout"))
+    assert store.row(planned[1].key).attempts == 2
     assert store.reset(statuses={"timeout"}, attempts=1) == 1, "only the one that was run once"
     assert store.reset() == 4, "those that are not run have nothing to lose"
     assert store.counts() == {"not_run": 5}
@@ -171,7 +172,7 @@ def test_kept_bytes_follow_what_is_kept(store: Store, tmp_path: Path) -> None:
     planned = [pair(i) for i in range(3)]
     store.plan(planned)
     for p in planned:
-        store.finish(p.key, ROW, b"x" * 100)
+        store.finish(p.key, Outcome(**ROW, answer=b"x" * 100))
     store.reset(keys=[planned[0].key])
     assert store._kept == 200
     plan = store._database.read("EXPLAIN QUERY PLAN SELECT coalesce(sum(bytes), 0) FROM answers")
@@ -210,7 +211,7 @@ def test_a_row_costs_the_same_however_many_there_are(tmp_path: Path) -> None:
 
             made._database.connection.set_progress_handler(step, 1)
             for p in planned[count // 2 : count // 2 + 10]:
-                made.finish(p.key, ROW, b"answer")
+                made.finish(p.key, Outcome(**ROW, answer=b"answer"))
             costs[count] = steps
     assert costs[100] == costs[10_000]
 
@@ -228,12 +229,12 @@ def test_an_old_file_is_migrated(schema1: Path, tmp_path: Path) -> None:
     refused = db.execute("SELECT * FROM refused").fetchall()
     db.close()
     with Store(schema1, create=True) as store:
-        after = {row["key"]: row for row in store.rows()}
+        after = {row.key: row for row in store.rows()}
         assert len(after) == 12
         for key, row in before.items():
-            assert {name: after[key][name] for name in names} == row
-            assert (after[key]["seconds"], after[key]["memory"], after[key]["repeats_asked"]) == (5.0, 4 * 2**30, 3)
-            assert (after[key]["attempts"], after[key]["started"], after[key]["jobs"]) == (1, "cold", 1)
+            assert {name: getattr(after[key], name) for name in names} == row
+            assert (after[key].seconds, after[key].memory, after[key].repeats_asked) == (5.0, 4 * 2**30, 3)
+            assert (after[key].attempts, after[key].started, after[key].jobs) == (1, "cold", 1)
         assert list(store.answers()) == answers
         assert store.meta() == {**meta, "refused": refused, "references": []}
         layout = "SELECT type, name, sql FROM sqlite_master ORDER BY name"
@@ -274,8 +275,8 @@ def test_an_old_file_is_resumed(schema1: Path) -> None:
         rows = list(store.rows())
         planned = [
             pair(
-                fingerprint=row["fingerprint"],
-                entry=Entry(row["solver"], json.loads(row["options"])),
+                fingerprint=row.fingerprint,
+                entry=Entry(row.solver, json.loads(row.options)),
                 limits=Limits(seconds=5.0),
             )
             for row in rows

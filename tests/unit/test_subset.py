@@ -215,20 +215,20 @@ def timed(seconds: list[float], **given: Any) -> pd.DataFrame:
 
 
 def test_the_factor_is_what_passed_over_what_was_spent() -> None:
-    found = costs.measured(timed([4.0] * 101))
+    found = costs.measured_costs(timed([4.0] * 101))
     assert (found.factor, found.assumed) == (pytest.approx((500 - costs.START) / 400), False)
     assert found.expected(found.cost.sum()) == pytest.approx(costs.START + 1.25 * 404, rel=2e-3)
     assert found.affordable(found.expected(3.0)) == pytest.approx(3.0)
     pause = timed([4.0] * 101)
     late = pd.to_datetime(pause["finished"]) + pd.to_timedelta(np.where(np.arange(101) > 50, 9999, 0), unit="s")
-    paused = costs.measured(pause.assign(finished=late.dt.strftime("%Y-%m-%dT%H:%M:%S")))
+    paused = costs.measured_costs(pause.assign(finished=late.dt.strftime("%Y-%m-%dT%H:%M:%S")))
     assert paused.factor == pytest.approx(found.factor, rel=0.02)
-    assert costs.measured(timed([0.1] * 5)).assumed
+    assert costs.measured_costs(timed([0.1] * 5)).assumed
 
 
 def test_who_does_not_take_part_is_no_failure() -> None:
     rows = [synthetic.row("a", "s", "unsupported"), synthetic.row("a", "t", "timeout", 10.0)]
-    found = costs.measured(synthetic.table(*rows, synthetic.row("b", "s", "solved", 0.1)))
+    found = costs.measured_costs(synthetic.table(*rows, synthetic.row("b", "s", "solved", 0.1)))
     assert found.outcomes.loc["f-a"].isna().tolist() == [True, False]
     assert math.isinf(found.outcomes.loc["f-a", "t"])
     assert found.solvers == 2
@@ -243,14 +243,14 @@ def test_a_sequence_that_is_followed_is_one_problem() -> None:
         for k in range(3)
         for start in ("previous", "cold")
     ]
-    found = costs.measured(pd.DataFrame(rows))
+    found = costs.measured_costs(pd.DataFrame(rows))
     assert len(found.cost) == 1
     assert found.outcomes.iloc[0].tolist() == pytest.approx([0.3, 0.3])
 
 
 def test_nothing_run_is_said() -> None:
     with pytest.raises(StoreError, match="no pair was run"):
-        costs.measured(synthetic.table(synthetic.row("a", "s", "not_run")))
+        costs.measured_costs(synthetic.table(synthetic.row("a", "s", "not_run")))
 
 
 # ------------------------------------------------------------------------------------------------- plan
@@ -263,7 +263,7 @@ def plan_of(problems: list[str], found: list[str], **keys: Any) -> dict[str, Any
 
 def written(tmp_path: Path, table: pd.DataFrame, *plans: dict[str, Any]) -> plan_file.PlanFile:
     """The plan of all problems of a table, read again."""
-    measured = costs.measured(table)
+    measured = costs.measured_costs(table)
     chosen = subset.choose(measured.outcomes, measured.cost, measured.family, 1e6)
     told = subset_plan.Chosen(chosen, measured, 1e6, 1.25, (0.5, 3), "cpbench select r.sqlite")
     sources = [subset_plan.source(f"r{k}.sqlite", plan) for k, plan in enumerate(plans)]
@@ -382,7 +382,7 @@ def test_the_plan_runs_within_its_budget(tmp_path: Path, cpbench: Callable[..., 
     given = ("builtin/lcp/lcp-classics.h5", "builtin/relay/relays.h5", *SOLVERS, "--timeout", "2s")
     common = ("--plan", "none", "--repeats", "1", "-q", "--no-report")
     assert cpbench("run", *given, *common, "-o", "all.sqlite")[0] == 0
-    whole = costs.measured(read_results("all.sqlite"))
+    whole = costs.measured_costs(read_results("all.sqlite"))
     budget = 1.25 * whole.expected(0.5 * float(whole.cost.sum()))
     code, _, err = cpbench("select", "all.sqlite", "--budget", f"{budget:.3f}", "-o", "ci.toml")
     assert code == 0, err
@@ -392,7 +392,7 @@ def test_the_plan_runs_within_its_budget(tmp_path: Path, cpbench: Callable[..., 
     assert cpbench("run", "--plan", "ci.toml", "-q")[0] == 0
     with Store("ci.sqlite") as store:
         table = store.table()
-    part = costs.measured(table)
+    part = costs.measured_costs(table)
     assert set(table["family"]) == set(whole.family)
     assert 0 < len(part.cost) < len(whole.cost)
     assert set(table["label"]) == set(whole.rows["label"])
@@ -403,4 +403,4 @@ def test_the_plan_runs_within_its_budget(tmp_path: Path, cpbench: Callable[..., 
 def test_no_rows_tell_no_costs(kept: Any) -> None:
     """However pandas keeps texts: those of pyarrow are strict about what they are joined with."""
     with pytest.raises(StoreError, match="no pair was run"):
-        costs.measured(pd.DataFrame(columns=list(rows_of.TEXT), dtype=kept))
+        costs.measured_costs(pd.DataFrame(columns=list(rows_of.TEXT), dtype=kept))

@@ -18,6 +18,7 @@ from cpbench.analysis.participation import left_out_lines
 from cpbench.bench import left_out
 from cpbench.bench.planning import grids, run_plan, suites
 from cpbench.bench.planning.plan import Entry, Pair, Request
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.cli import cli
 from cpbench.errors import CpbenchError
@@ -128,7 +129,7 @@ def _settled(path: Path, pairs: list[Pair], outcomes: list[tuple[str, str]], abs
     with Store(path, create=True) as store:
         store.plan(pairs)
         for pair, (status, message) in zip(pairs, outcomes, strict=True):
-            store.finish(pair.key, {"status": status, "message": message})
+            store.finish(pair.key, Outcome(status=status, message=message))
         left_out.settle(store, pairs, absent)
         store.require_unchanged()
 
@@ -144,7 +145,7 @@ def test_what_cannot_be_run_has_a_row_only_where_it_was_named(tmp_path: Path) ->
         {"gone": "pip install gone"},
     )
     with Store(tmp_path / "r.sqlite") as store:
-        assert [(row["solver"], row["status"]) for row in store.rows()] == [
+        assert [(row.solver, row.status) for row in store.rows()] == [
             ("asked", "unsupported"), ("asked", "unavailable"), ("kept", "unavailable"),
         ], "who is broken is no one's choice"  # fmt: skip
         told = store.meta()["left_out"]

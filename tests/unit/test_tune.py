@@ -20,12 +20,14 @@ from cpbench import storage
 from cpbench.advice.tuning import record
 from cpbench.advice.tuning.search import Found, Search, rungs
 from cpbench.advice.tuning.space import space
-from cpbench.bench.block import Block, Notice
-from cpbench.bench.outcome import Outcome
+from cpbench.bench.block import Block
+from cpbench.bench.events import Notice
+from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import plan_file
 from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
 from cpbench.bench.planning.selection import split_of
 from cpbench.bench.planning.tunings import Tuning, require_unseen
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.cli import main
 from cpbench.errors import CpbenchError
@@ -91,14 +93,14 @@ class Formula:
         self.solved: list[tuple[str, str]] = []
         self._each, self._stop_after = each, stop_after
 
-    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome, str]]:
+    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
         for pair in (pair for block in todo for pair in block.pairs):
             if len(self.solved) == self._stop_after:
                 raise KeyboardInterrupt
             time.sleep(self._each)
             self.solved.append((pair.fingerprint, pair.entry.label))
             took = 0.01 + abs(pair.entry.options.get("omega", 1.3) - 1.7)
-            yield pair, Outcome({"status": "solved" if took < 0.5 else "max_iter", "solve": took}), "here"
+            yield pair, Outcome(status="solved" if took < 0.5 else "max_iter", solve=took, host="here")
 
 
 def searched(crew: Formula, problems: int = 9, budget: float = 60.0, configurations: int = 82) -> Found:
@@ -217,8 +219,8 @@ def test_a_tuned_plan_runs_on_the_other_half_and_is_marked(obstacles: Path, tmp_
     assert cpbench(monkeypatch, "run", "--plan", "t.toml", "-q", "--report", "rep") == 0
     with Store("t.sqlite") as store:
         rows, sheets = list(store.rows()), store.meta()["solvers"]
-    assert {row["problem"] for row in rows} == {name for name, half in halves.items() if half == "test"}
-    statuses = {label: {r["status"] for r in rows if r["label"] == label} for label in sheets}
+    assert {row.problem for row in rows} == {name for name, half in halves.items() if half == "test"}
+    statuses = {label: {r.status for r in rows if r.label == label} for label in sheets}
     assert statuses == {made.label: {"solved"}, "psor[max_iterations=300]": {"max_iter"}}
     assert sheets[made.label]["tuned"]["solves"] == made.solves
     assert sheets["psor[max_iterations=300]"]["tuned"] is None
@@ -257,7 +259,7 @@ def test_dev_problems_alone_are_refused_by_name(obstacles: Path, tmp_path: Path,
 
 
 def test_another_solver_may_run_on_what_this_one_has_seen() -> None:
-    seen = [{"fingerprint": "f", "problem": "p", "address": "p.h5"}]
+    seen = [Surveyed("p.h5", None, "p", "f", "lcp", "", {}, {}, {})]
     tuned = [Tuning("psor[omega=1.5]", problems=("f",))]
     require_unseen(tuned, [Entry("psor")], seen, "test")
     require_unseen(tuned, [Entry("psor", {"omega": 1.5})], seen, "dev")

@@ -16,12 +16,13 @@ import pytest
 import scipy.sparse as sp
 from tiers import some_by_day
 
-from cpbench.bench import handover, worker
-from cpbench.bench.processes import meter, wire
+from cpbench.bench import messages, shared_problem, worker
+from cpbench.bench.processes import meter
 from cpbench.bench.processes.apart import apart
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.meter import Meter, checksum
 from cpbench.bench.processes.process import Child, Died
+from cpbench.bench.worker_pool import hear
 from cpbench.formulations import LCP
 
 MiB = 2**20
@@ -157,28 +158,27 @@ def test_a_checksum_sees_every_change(make) -> None:
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> str:
     where = tmp_path_factory.mktemp("worker") / "p"
-    handover.write(LCP(M=np.diag([2.0, 3.0]), q=np.array([-2.0, 3.0]), name="p"), where)
+    shared_problem.write(LCP(M=np.diag([2.0, 3.0]), q=np.array([-2.0, 3.0]), name="p"), where)
     return str(where)
 
 
-def _ready(child: Child) -> dict:
+def _ready(child: Child) -> messages.Ready:
     """What a worker says once it is warm: before, that it warms up, and that it compiles where it has to."""
-    told = [wire.unpack(child.receive(300.0))[0]]
-    while told[-1]["event"] != "ready":
-        told.append(wire.unpack(child.receive(300.0))[0])
-    assert [m["event"] for m in told if m["event"] != "compiling"] == ["warming", "ready"]
+    told = [hear(child, 300.0)]
+    while not isinstance(told[-1], messages.Ready):
+        told.append(hear(child, 300.0))
+    said = [type(message).__name__ for message in told]
+    assert [name for name in said if name != "CompilingKernels"] == ["WarmingUp", "Ready"]
     return told[-1]
 
 
-def _serve(child: Child, path: str, **asked: object) -> list[dict]:
+def _serve(child: Child, path: str, repeats: int = 3) -> list[messages.Message]:
     """All messages about one request."""
-    header = {"path": path, "budget": {"tolerance": 1e-8}, "options": {}, "repeats": 3, "history": False, **asked}
-    child.send(wire.pack(header))
-    last = "history" if header["history"] else "repeats" if header["repeats"] > 1 else "result"
-    told: list[dict] = []
-    while not told or told[-1]["event"] not in (last, "error", "memory"):
-        reply, vectors = wire.unpack(child.receive(60.0))
-        told.append({**reply, "vectors": vectors})
+    child.send(messages.pack(messages.Solve(path, 1e-8, 10.0, {}, repeats=repeats)))
+    last = messages.Repeats if repeats > 1 else messages.Result
+    told: list[messages.Message] = []
+    while not told or not isinstance(told[-1], (last, messages.Failure)):
+        told.append(hear(child, 60.0))
     return told
 
 
@@ -186,20 +186,20 @@ def _serve(child: Child, path: str, **asked: object) -> list[dict]:
 def test_the_messages_of_a_request(path: str, fresh: bool) -> None:
     child = Child(context(1), worker.main, ("lemke", 2**30, fresh))
     try:
-        assert not _ready(child)["single"]
+        assert not _ready(child).single
         for _ in range(2):
             told = _serve(child, path)
-            assert [m["event"] for m in told] == ["loaded", "result", "repeats"]
+            assert [type(m) for m in told] == [messages.ProblemLoaded, messages.Result, messages.Repeats]
             result = told[1]
-            np.testing.assert_allclose(result["vectors"]["z"], [1.0, 0.0])
-            assert (result["claim"], result["wrote"], result["children"], result["threads"]) == ("solved", False, 0, 1)
-            assert 0 <= result["peak"] < 100 * MiB
-            assert np.shape(told[2]["times"]) == (2, 3)
-        assert [m["event"] for m in _serve(child, path, repeats=1)] == ["loaded", "result"]
-        missing = _serve(child, path + "x", repeats=1)
-        assert missing[-1]["event"] == "error"
-        assert "no such file" in missing[-1]["message"].lower()
-        assert _serve(child, path)[-1]["event"] == "repeats", "it goes on after an error"
+            np.testing.assert_allclose(result.vectors["z"], [1.0, 0.0])
+            assert (result.claim, result.wrote, result.children, result.threads) == ("solved", False, 0, 1)
+            assert 0 <= result.peak < 100 * MiB
+            assert np.shape(told[2].times) == (2, 2)
+        assert [type(m) for m in _serve(child, path, repeats=1)] == [messages.ProblemLoaded, messages.Result]
+        missing = _serve(child, path + "x", repeats=1)[-1]
+        assert isinstance(missing, messages.Failed)
+        assert "no such file" in missing.message.lower()
+        assert isinstance(_serve(child, path)[-1], messages.Repeats), "it goes on after an error"
     finally:
         child.kill()
 
@@ -208,8 +208,8 @@ def test_the_messages_of_a_request(path: str, fresh: bool) -> None:
 def test_where_nothing_can_be_forked_a_worker_serves_one_request(path: str) -> None:
     child = Child(context(1, "spawn"), worker.main, ("lemke", 2**30, True))
     try:
-        assert _ready(child)["single"]
-        assert [m["event"] for m in _serve(child, path)] == ["loaded", "result", "repeats"]
+        assert _ready(child).single
+        assert [type(m) for m in _serve(child, path)] == [messages.ProblemLoaded, messages.Result, messages.Repeats]
         with pytest.raises(Died, match="exited with code 0"):
             child.receive(60.0)
     finally:

@@ -18,7 +18,7 @@ OTHER = {"dev": "test", "test": "dev", "": ""}
 
 
 def tuning(found: Found, part: ProblemSet, budget: float, seed: int) -> Tuning:
-    """What a plan and its results tell of a search."""
+    """Return what a plan and its results tell of a search."""
     return Tuning(
         solver=as_text(found.entry),
         method=METHOD,
@@ -36,13 +36,13 @@ def tuning(found: Found, part: ProblemSet, budget: float, seed: int) -> Tuning:
 
 
 def as_text(entry: Entry) -> str:
-    """A solver as it is named on the command line."""
+    """Return a solver as it is named on the command line."""
     given = ",".join(f"{name}={written(value)}" for name, value in sorted(entry.options.items()))
     return f"{entry.solver}[{given}]" if given else entry.solver
 
 
 def plan_text(made: Tuning, default: Entry, part: ProblemSet, threads: int, folder: Path) -> str:
-    """The plan: both configurations on the problems of the other half."""
+    """Write the plan: both configurations on the problems of the other half."""
     keys: dict[str, Any] = {
         "problems": [beside(folder, text) for text in part.problems],
         "split": OTHER[part.split] or "all",

@@ -8,10 +8,10 @@ ParamILS, JAIR 36 (2009). Whether a problem is solved is our verdict, never the 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
+from cpbench.bench.results.rows import Outcome
 from cpbench.verification import VERIFIED
 
 NAME = "problems solved, then PAR10 as a shifted geometric mean"
@@ -33,28 +33,28 @@ class Score:
     problems: int
 
     def gains_on(self, other: Score) -> bool:
-        """Whether this is better by more than times differ from one run to the next."""
+        """Return whether this is better by more than times differ from one run to the next."""
         return self.unsolved < other.unsolved or (self.unsolved == other.unsolved and self.mean < GAIN * other.mean)
 
     def __str__(self) -> str:
         return f"{self.problems - self.unsolved} of {self.problems} solved, mean {self.mean:.3g} s"
 
 
-def seconds(row: Mapping[str, Any]) -> float:
-    """What a row's solve took [s]; ∞ unless the problem is solved.
+def seconds(outcome: Outcome) -> float:
+    """Return what a row's solve took [s]; ∞ unless the problem is solved.
 
-    >>> seconds({"status": "solved", "convert": 0.5, "setup": None, "solve": 1.0})
+    >>> seconds(Outcome(status="solved", convert=0.5, solve=1.0))
     1.5
-    >>> seconds({"status": "wrong", "solve": 1.0})
+    >>> seconds(Outcome(status="wrong", solve=1.0))
     inf
     """
-    if row["status"] not in VERIFIED:
+    if outcome.status not in VERIFIED:
         return math.inf
-    return sum(float(row.get(part) or 0.0) for part in PARTS)
+    return math.fsum(getattr(outcome, part) or 0.0 for part in PARTS)
 
 
 def score(times: Iterable[float], limit: float) -> Score:
-    """The score of times [s], ∞ where a problem was not solved, under a limit [s].
+    """Return the score of times [s], ∞ where a problem was not solved, under a limit [s].
 
     >>> score([1.0, math.inf], 4.0).unsolved
     1

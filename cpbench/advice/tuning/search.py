@@ -21,9 +21,10 @@ from contextlib import closing
 from dataclasses import dataclass, field, replace
 
 from cpbench.advice.tuning.score import Score, score, seconds
-from cpbench.bench.block import Block, Notice, silent
-from cpbench.bench.outcome import Outcome
+from cpbench.bench.block import Block
+from cpbench.bench.events import Notice, silent
 from cpbench.bench.planning.plan import Entry, Pair
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.runner import Crew
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
@@ -52,7 +53,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Found:
-    """What a search came to.
+    """Result of a search.
 
     Attributes
     ----------
@@ -74,7 +75,7 @@ class Found:
 
 
 def rungs(problems: int) -> list[int]:
-    """How many problems the rungs of a bracket have.
+    """Return how many problems the rungs of a bracket have.
 
     >>> rungs(30), rungs(5), rungs(1)
     ([2, 4, 10, 30], [2, 5], [1])
@@ -103,7 +104,7 @@ class Search:
         seed: int = 0,
         *,
         told: Callable[[str], None] = lambda _: None,
-        keep: Callable[[Pair, Outcome, str], None] = lambda *_: None,
+        keep: Callable[[Pair, Outcome], None] = lambda *_: None,
         notice: Notice = silent,
     ) -> None:
         self._problems = sorted(planned, key=lambda pair: _draw(seed, pair.fingerprint))
@@ -160,13 +161,13 @@ class Search:
         return whole if len(whole) > 1 and whole[0] is self._default else []
 
     def _furthest(self) -> list[Trial]:
-        """The default, and those that came to as many problems as any other did."""
+        """Return the default, and those that came to as many problems as any other did."""
         others = [trial for trial in self._trials if trial is not self._default]
         most = max((len(trial.times) for trial in others), default=0)
         return [self._default, *(trial for trial in others if len(trial.times) == most > 0)]
 
     def _bracket(self, crew: Crew, number: int, alive: list[Trial], sizes: Sequence[int]) -> bool:
-        """Whether time is left after it."""
+        """Return whether time is left after it."""
         for rung, size in enumerate(sizes, 1):
             done = self._rung(crew, [self._default, *alive], self._problems[:size])
             names = {pair.fingerprint for pair in self._problems[:size]}
@@ -180,7 +181,7 @@ class Search:
         return True
 
     def _meet(self, crew: Crew) -> None:
-        """The final; without effect where the budget does not last for all of it."""
+        """Run the final; do nothing where the budget does not last for all of it."""
         rivals = sorted(self._whole[1:], key=lambda trial: self._score(trial, set(trial.times)))
         again = [Trial(trial.entry) for trial in (self._default, *rivals[:FINALISTS])]
         if rivals and self._rung(crew, again, self._problems, final=True):
@@ -193,7 +194,7 @@ class Search:
             self._told(f"{now - self._begun:.0f} s: {line}")
 
     def _left(self, final: bool) -> bool:
-        """Whether there is time for another solve; before the final, as much as that takes is kept for it."""
+        """Return whether there is time for another solve; before the final, as much as that takes is kept for it."""
         spent = time.monotonic() - self._begun
         final_takes = MARGIN * (1 + FINALISTS) * len(self._problems) * spent / max(self._solves, 1)
         return spent < self._budget - (0.0 if final else min(final_takes, RESERVE * self._budget))
@@ -215,12 +216,12 @@ class Search:
         if not self._left(final):
             return False
         with closing(crew.outcomes(todo, self._notice)) as outcomes:
-            for pair, outcome, host in outcomes:
+            for pair, outcome in outcomes:
                 self._solves += 1
                 if outcome.status == "unavailable":
-                    raise CpbenchError(f"{pair.entry.solver} cannot run here: {outcome.row.get('message')}")
-                owners[pair.key].times[pair.fingerprint] = seconds(outcome.row)
-                self._keep(pair, outcome, host)
+                    raise CpbenchError(f"{pair.entry.solver} cannot run here: {outcome.message}")
+                owners[pair.key].times[pair.fingerprint] = seconds(outcome)
+                self._keep(pair, outcome)
                 if not self._left(final):
                     break
         return all(problem.fingerprint in trial.times for problem in problems for trial in trials)

@@ -26,11 +26,11 @@ class Space:
 
     @property
     def size(self) -> float:
-        """How many configurations there are."""
+        """Number of configurations; infinite where an option may be any number of a range."""
         return math.prod(domain.size for domain in self.domains.values())
 
     def configurations(self, seed: int) -> Iterator[Entry]:
-        """Different ones, without end unless the space has one; the first has default values."""
+        """Yield different configurations, the default first, until VAIN draws in a row bring none that is new."""
         seen = {self.entry.label}
         yield self.entry
         draw = vain = 0
@@ -47,8 +47,8 @@ class Space:
 
 
 def space(text: str) -> Space:
-    """The space of one solver, as in `nsgs` or `nsgs[shuffle=true,omega=0.8:1.6:0.1]`: one value is fixed, several are
-    the choices, and options that are not named lie where the solver says.
+    """Return the space of one solver, as in `nsgs` or `nsgs[shuffle=true,omega=0.8:1.6:0.1]`: one value is fixed,
+    several are the choices, and options that are not named lie where the solver says.
 
     Raises CpbenchError when there is nothing to search, or more than one solver.
     """

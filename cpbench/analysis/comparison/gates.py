@@ -20,7 +20,8 @@ from cpbench.verification import CHARGED_TO_ROUTE, MET_TOLERANCE, PROVEN, Status
 
 
 class PairVerdict(StrEnum):
-    """On a pair, a label or two tables. `inconclusive` is an outcome of its own: shown, with what would decide it."""
+    """Verdict on a pair, a label or two tables. `inconclusive` is an outcome of its own: shown, with what would decide
+    it."""
 
     REGRESSED = "regressed"
     INCONCLUSIVE = "inconclusive"

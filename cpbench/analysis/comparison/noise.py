@@ -16,9 +16,11 @@ import numpy as np
 import pandas as pd
 
 BIAS = 0.02
-"""Standard deviation of the log of a process's own factor on all its times: assumed, and said, until a job shows more
-by builds of equal code. Where it is 4 % and no such builds show it, 10 of 25 comparisons of equal code raise
-alarms."""
+"""Standard deviation of the log of a process's own factor on all its times, assumed, and said. Where it is 4 % and no
+builds of equal code show it, 10 of 25 comparisons of equal code raise alarms; with two such builds 1 of 25."""
+ASSUMED = 2.0
+"""Observations of two equal builds that the assumed bias is worth. With none, one difference of two would decide, and
+Student's law with one degree of freedom finds nothing; with many, no difference that is seen would count."""
 STRAY = 2.0
 """Factor between two equal solves that is always possible: one moment of another program's. That some pairs of equal
 builds did not stray so far says nothing of the next ones."""
@@ -60,10 +62,28 @@ class Noise:
     @property
     def bias(self) -> float:
         """Standard deviation of the log of the ratio of two labels, shared by all their problems: of the processes, and
-        of the machine from one file to the other."""
-        seen = math.log(self.equal) if math.isfinite(self.equal) else 0.0
+        of the machine from one file to the other.
+
+        Where a build ran as two labels, their difference is one observation, beside an assumption that counts as
+        `ASSUMED`.
+        """
+        own = 2.0 * BIAS**2
+        if math.isfinite(self.equal):
+            own = (ASSUMED * own + math.log(self.equal) ** 2) / (ASSUMED + 1.0)
         machine = math.log(self.drift) / SURE if math.isfinite(self.drift) else 0.0
-        return math.hypot(max(math.sqrt(2.0) * BIAS, seen), machine)
+        return math.sqrt(own + machine**2)
+
+    def law(self, spread: float) -> tuple[float, float]:
+        """Return the standard error of a mean log ratio whose pairs have `spread`, and its degrees of freedom.
+
+        The bias has one more than `ASSUMED` where it was seen, and is known where it is assumed; the sum has what
+        Satterthwaite (Biometrics Bulletin 2 (1946)) gives it.
+
+        >>> Noise(0.05).law(0.0)[1], round(Noise(0.05, equal=1.02).law(0.0)[1], 12)
+        (inf, 3.0)
+        """
+        error = math.hypot(self.bias, spread)
+        return error, (ASSUMED + 1.0) * (error / self.bias) ** 4 if math.isfinite(self.equal) else math.inf
 
     @property
     def strays(self) -> float:

@@ -102,7 +102,7 @@ def labelled(table: pd.DataFrame, first: str, second: str) -> tuple[pd.DataFrame
 
 
 def _codes(sides: list[pd.DataFrame], key: list[str]) -> list[pd.Series[int]]:
-    """Number the rows of the two sides, the same for the same key."""
+    """Give the rows of the two sides numbers, the same for the same key."""
     both = pd.concat([side[[*key, *FINER]] for side in sides], keys=[0, 1], names=["side", None])
     code = both.groupby(key, sort=False, dropna=False).ngroup()
     for column in FINER:

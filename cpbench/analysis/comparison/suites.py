@@ -5,8 +5,8 @@
 - Its interval resamples *families* (`analysis.bootstrap`, plain percentiles), and is widened once, for few of them, by
   t_{k-1} / z · √(k / (k-1)): the bootstrap of k clusters has (k-1)/k of the variance, and knows it from k values only.
 - p is the larger of Wilcoxon's signed-rank test on the L_p and of L̄ against a normal law with the interval's width
-  and the bias of a worker process together (`noise`): a process's own factor is shared by all its problems,
-  so that no number of them averages it away. Labels are adjusted for one another after Holm.
+  and the bias of a worker process together (`noise`; Student's where the bias was seen): a process's own factor is
+  shared by all its problems, so that no number of them averages it away. Labels are adjusted after Holm.
 
 Regressed: p < α, the interval excludes 1, and the mean is beyond 1 + δ. Same: the interval lies within
 [1/(1+δ), 1+δ]. Anything else is inconclusive, with what would decide it.
@@ -108,8 +108,8 @@ def _measured(label: str, own: pd.DataFrame, noise: Noise, seed: int) -> Suite:
         ratio, low, high, families = mean_ratio(timed["ratio"], timed["family"], timed["fingerprint"], seed)
         log = np.log(timed["ratio"].to_numpy(dtype=float))
         wilcoxon = float(stats.wilcoxon(log).pvalue) if np.any(log != 0) else 1.0
-        error = math.hypot(noise.bias, (math.log(high) - math.log(low)) / (2 * _Z))
-        p = max(wilcoxon, 2 * NormalDist().cdf(-abs(math.log(ratio)) / error)) if math.isfinite(error) else 1.0
+        error, freedom = noise.law((math.log(high) - math.log(low)) / (2 * _Z))
+        p = max(wilcoxon, float(2 * stats.t.sf(abs(math.log(ratio)) / error, freedom))) if math.isfinite(error) else 1.0
     counts = own["verdict"].value_counts()
     return Suite(
         label=label,

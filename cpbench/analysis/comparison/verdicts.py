@@ -91,8 +91,8 @@ class Comparison:
         pairs = ", ".join(f"{count} {verdict}" for verdict, count in counts.items()) or "no pair"
         return f"Comparison of {self.new.name} with {self.base.name}: {self.verdict} ({pairs})"
 
-    def of(self, verdict: PairVerdict) -> pd.DataFrame:
-        """The pairs of a verdict, those that no clock decided first."""
+    def with_verdict(self, verdict: PairVerdict) -> pd.DataFrame:
+        """Return the pairs of a verdict, those decided by status, error or counters before those decided by time."""
         own = self.pairs[self.pairs["verdict"] == verdict]
         order = own["gate"].map({"status": 0, "error": 1, "counters": 2, "time": 3})
         return own.assign(order=order).sort_values(["order", "kind", "problem", "label_new"]).drop(columns="order")

@@ -40,7 +40,7 @@ class Backlog:
             self._waiting.append((alone, True))
 
     def take_back(self, post: Post) -> None:
-        """What a worker was given and has not begun is for others, before all else."""
+        """Give what a worker was given and has not begun to others, before all else."""
         self._waiting.extendleft((block, post.suspect) for block in reversed(post.blocks))
         post.blocks = []
 
@@ -56,7 +56,7 @@ class Backlog:
         return bool(post.blocks)
 
     def task(self, post: Post, posts: Collection[Post]) -> Iterator[Block]:
-        """The parts of the worker's next task, one by one; each is among those sent when it comes."""
+        """Yield the parts of the worker's next task, one by one; each is among those sent when it comes."""
         quota = 1 if post.suspect else self._quota(post, len(posts))
         count = 0
         while count < quota:
@@ -73,7 +73,7 @@ class Backlog:
             yield part
 
     def _quota(self, post: Post, workers: int) -> int:
-        """Pairs of the next task."""
+        """Return pairs of the next task."""
         waiting = sum(len(block.pairs) for block, _ in self._waiting) + post.ahead
         share = math.ceil(waiting / (2 * workers))
         return max(1, min(MOST, int(TASK / self._mean), share))

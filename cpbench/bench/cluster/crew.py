@@ -18,18 +18,18 @@ from asyncio import CancelledError as AsyncCancelled
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import CancelledError as FutureCancelled
-from dataclasses import replace
 from typing import Any
 
-from cpbench.bench.block import Block, Ending, Notice
+from cpbench.bench.block import Block, Ending
 from cpbench.bench.cluster import backlog, keeper
 from cpbench.bench.cluster.backlog import Backlog
 from cpbench.bench.cluster.parcel import pack_blocks, read_outcome
 from cpbench.bench.cluster.post import Freight, Post, opening
-from cpbench.bench.outcome import Outcome
+from cpbench.bench.events import Notice, Solving
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.processes import wire
-from cpbench.bench.staff import Setting
+from cpbench.bench.results.rows import Outcome
+from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
 
 logger = logging.getLogger("cpbench.bench")
@@ -73,8 +73,9 @@ class Cluster:
             with contextlib.suppress(Exception):  # what is lost need not be closed
                 end()
 
-    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome, str]]:
-        """What comes of every pair, and where; raises CpbenchError when nobody is or will be there to run them."""
+    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
+        """Yield what comes of every pair, with its host; raises CpbenchError when nobody is or will be there to run
+        them."""
         self._notice = notice
         self._backlog.add(todo)
         left = sum(len(block.pairs) for block in todo)
@@ -91,7 +92,7 @@ class Cluster:
         self._posts: dict[str, Post] = {}
         self._refused: dict[str, str] = {}
         self._backlog = Backlog()
-        self._ready: deque[tuple[Pair, Outcome, str]] = deque()
+        self._ready: deque[tuple[Pair, Outcome]] = deque()
         self._events: queue.SimpleQueue[tuple[Post, Any]] = queue.SimpleQueue()
         self._deaths: dict[str, str] = {}
         self._looked = -math.inf
@@ -163,7 +164,7 @@ class Cluster:
         self._abandon(post)
 
     def _lose(self, post: Post) -> None:
-        """A worker is gone: what it was at is suspect, what it had before it is not."""
+        """Give a worker up: what it was at is suspect, what it had before it is not."""
         logger.warning("a Dask worker was lost: %s", post.host or post.address)
         self._suspect(post)
         self._abandon(post)
@@ -175,7 +176,7 @@ class Cluster:
         del self._posts[post.address]
 
     def _suspect(self, post: Post, why: str = "") -> None:
-        """Pairs that were at work when a process died: each is run once more, alone, and after all others.
+        """Run each pair that was at work when a process died once more, alone, and after all others.
 
         What was alone already is to blame, and gets its row.
         """
@@ -185,8 +186,8 @@ class Cluster:
             pair = part.pairs[0]
             if post.suspect and pair.key in self._deaths:
                 message = f"its machine's worker died twice while it ran, on {self._deaths[pair.key]} and on {told}"
-                outcome = Outcome({"status": "crash", "message": message})
-                self._end(pair, outcome.dated(time.strftime("%Y-%m-%dT%H:%M:%S")), post.host)
+                at = time.strftime("%Y-%m-%dT%H:%M:%S")
+                self._end(pair, Outcome(status="crash", message=message, finished=at), post.host)
                 rest = whole.rest({pair.key: ("crash", None)})
             for pair in part.pairs:
                 self._deaths[pair.key] = told
@@ -214,10 +215,10 @@ class Cluster:
                 post.put_back()
                 return
         self._submit(post, keeper.work, self._run, post.identity, message)
-        self._notice("solve", parts[0].pairs[0], {"host": post.host})
+        self._notice(Solving(parts[0].pairs[0]))
 
     def _submit(self, post: Post, what: Callable[..., Any], *arguments: Any) -> None:
-        """A task for this worker alone; its end comes as an event."""
+        """Submit a task for this worker alone; its end comes as an event."""
         future = self._client.submit(
             what, *arguments, key=f"cpbench-{uuid.uuid4().hex}", workers=[post.address], allow_other_workers=False
         )
@@ -285,5 +286,5 @@ class Cluster:
                 self._send(post, last["files"])
 
     def _end(self, pair: Pair, outcome: Outcome, host: str) -> None:
-        row = {**outcome.row, "jobs": sum(post.host == host for post in self._posts.values())}
-        self._ready.append((pair, replace(outcome, row=row), host))
+        jobs = sum(post.host == host for post in self._posts.values())
+        self._ready.append((pair, outcome.changed(jobs=jobs, host=host)))

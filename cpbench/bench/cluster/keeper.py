@@ -45,8 +45,8 @@ def greet(run: str, opening: bytes) -> tuple[str, bytes]:
 
 
 def work(run: str, identity: str, message: bytes) -> list[bytes]:
-    """What the station of a run answers. Only who was greeted works: a task that Dask hands on when its worker is
-    lost is not done elsewhere behind the client's back."""
+    """Return what the station of a run answers. Only who was greeted works: a task that Dask hands on when its worker
+    is lost is not done elsewhere behind the client's back."""
     if identity != IDENTITY or run not in _stations:
         return [wire.pack({"event": "stranger"})]
     with _solving:
@@ -83,7 +83,7 @@ class Station:
         self.used = time.monotonic()
 
     def greeting(self) -> bytes:
-        """Its first message, or why there is none."""
+        """Return its first message, or why there is none."""
         try:
             self._start()
         except (EOFError, OSError) as cause:
@@ -94,7 +94,7 @@ class Station:
         return self._greeting
 
     def ask(self, message: bytes) -> list[bytes]:
-        """All that the station answers; its death is the last message."""
+        """Return all that the station answers; its death is the last message."""
         answers: list[bytes] = []
         try:
             self._start()

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.bench.cluster.crew import Cluster
-from cpbench.bench.staff import Setting
+from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 
 BATCH = {
@@ -36,7 +36,7 @@ _KEYS = {"cluster", "jobs", "arguments"}
 
 
 def connect(address: str, setting: Setting) -> Cluster:
-    """The crew behind the scheduler at `tcp://host:port`; raises CpbenchError when nobody answers there."""
+    """Return the crew behind the scheduler at `tcp://host:port`; raises CpbenchError when nobody answers there."""
     distributed = _distributed()
     if not re.fullmatch(r"\w+://.+:\d+", address):
         raise CpbenchError(f"'{address}' is no address of a Dask scheduler: expected one like tcp://host:8786")
@@ -50,8 +50,8 @@ def connect(address: str, setting: Setting) -> Cluster:
 
 
 def start(what: str, setting: Setting, jobs: int | None = None) -> Cluster:
-    """A crew of its own: `local` processes, jobs of a batch system with dask-jobqueue's own configuration, or what a
-    file describes; `jobs` workers (of a batch system: jobs) go before the number in the file.
+    """Return a crew of its own: `local` processes, jobs of a batch system with dask-jobqueue's own configuration, or
+    what a file describes; `jobs` workers (of a batch system: jobs) go before the number in the file.
 
     Raises CpbenchError, with the reason, when it cannot be started.
     """

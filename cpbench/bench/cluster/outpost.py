@@ -13,9 +13,10 @@ from cpbench.bench import block as blocks
 from cpbench.bench.block import Block
 from cpbench.bench.cluster.parcel import pack_outcome, read_blocks
 from cpbench.bench.lane import Lane
-from cpbench.bench.outcome import Outcome
+from cpbench.bench.messages import Declined, Open, Opened
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.processes import wire
+from cpbench.bench.results.rows import Outcome
 from cpbench.bench.time_limits import REFEREE
 
 Places = Mapping[str, tuple[str, str]]
@@ -53,19 +54,14 @@ class Outpost:
             at += len(block.pairs)
 
     def _missing(self, block: Block, places: Places) -> list[str]:
-        """Files that are not here, or hold something else than was planned."""
+        """Return files that are not here, or hold something else than was planned."""
         wanted: list[str] = []
         for pair in (*block.pairs, *block.before.values()):
             file, member = places[pair.address]
             if file not in self._here:
-                reply, _ = self._lane.referee.ask(
-                    REFEREE.limit(pair.limits.seconds),
-                    command="open",
-                    address=_address(file, member),
-                    format=pair.format,
-                    fingerprint=pair.fingerprint,
-                )
-                if reply["event"] != "refused":
+                asked = Open(_address(file, member), pair.format, pair.fingerprint)
+                reply = self._lane.referee.ask(REFEREE.limit(pair.limits.seconds), asked, Opened)
+                if not isinstance(reply, Declined):
                     self._here[file] = file
                 elif file not in wanted:
                     wanted.append(file)
@@ -79,7 +75,7 @@ class Outpost:
         return str(folder / contents[0][0])
 
     def _placed(self, block: Block, places: Places) -> Block:
-        """The block with the addresses its problems have here."""
+        """Return the block with the addresses its problems have here."""
 
         def placed(pair: Pair) -> Pair:
             file, member = places[pair.address]
@@ -89,14 +85,14 @@ class Outpost:
         return Block(tuple(map(placed, block.pairs)), before, block.known)
 
     def _told(self, pair: Pair, outcome: Outcome, places: Places) -> Outcome:
-        """The outcome with the client's address in what is said of the file."""
-        message = str(outcome.row.get("message") or "")
+        """Return the outcome with the client's address in what is said of the file."""
+        message = outcome.message or ""
         file, member = places[pair.address]
         local = self._here[file]
         if local not in message:
             return outcome
         planned = pair.address.removesuffix(f"::{member}") if member else pair.address
-        return replace(outcome, row={**outcome.row, "message": message.replace(local, planned)})
+        return outcome.changed(message=message.replace(local, planned))
 
 
 def _address(file: str, member: str) -> str:

@@ -7,9 +7,9 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from cpbench.bench.block import Block, Ending
-from cpbench.bench.outcome import Outcome
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.processes import wire
+from cpbench.bench.results.rows import Outcome
 
 
 def pack_blocks(todo: Sequence[Block], vectors: Mapping[str, Any] | None = None, **header: Any) -> bytes:
@@ -29,7 +29,7 @@ def pack_blocks(todo: Sequence[Block], vectors: Mapping[str, Any] | None = None,
 
 
 def read_blocks(header: Mapping[str, Any], vectors: Mapping[str, Any]) -> Iterator[Block]:
-    """The blocks of a message."""
+    """Yield the blocks of a message."""
     for packed in header["blocks"]:
         known: dict[str, Ending] = {
             key: (status, vectors.get(f"known {key}")) for key, status in packed["known"].items()
@@ -39,18 +39,23 @@ def read_blocks(header: Mapping[str, Any], vectors: Mapping[str, Any]) -> Iterat
 
 
 def pack_outcome(at: int, outcome: Outcome) -> bytes:
-    """The outcome of the pair that is number `at` in the blocks that were sent."""
-    parts = {"answer": outcome.answer, "history": outcome.history, "proof": outcome.proof}
-    row = dict(outcome.row)
-    return wire.pack({"event": "outcome", "at": at, "row": row}, {k: v for k, v in parts.items() if v is not None})
+    """Return the outcome of the pair that is number `at` in the blocks that were sent."""
+    row = dict(vars(outcome))
+    kept = {name: row.pop(name) for name in _KEPT}
+    return wire.pack({"event": "outcome", "at": at, "row": row}, {k: v for k, v in kept.items() if v is not None})
 
 
 def read_outcome(header: Mapping[str, Any], vectors: Mapping[str, Any]) -> Outcome:
-    return Outcome(header["row"], vectors.get("answer"), vectors.get("history"), vectors.get("proof"))
+    """Return the outcome of a message."""
+    return Outcome(**header["row"], **vectors)
+
+
+_KEPT = ("answer", "history", "proof")
+"""What of an outcome travels as bytes."""
 
 
 def _pair_header(pair: Pair) -> dict[str, Any]:
-    """Its fields, without what cached properties keep."""
+    """Return its fields, without what cached properties keep."""
     return asdict(replace(pair, sizes=dict(pair.sizes), entry=Entry(pair.entry.solver, dict(pair.entry.options))))
 
 

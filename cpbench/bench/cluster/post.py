@@ -14,7 +14,7 @@ from cpbench import storage
 from cpbench.bench.block import Block, Ending
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.processes import wire
-from cpbench.bench.staff import Setting
+from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
 from cpbench.registry import DECLARED, PLUGIN_FILES, TABLES
 from cpbench.storage.base import split_address
@@ -53,13 +53,14 @@ class Post:
         return sum(len(block.pairs) for block in self.blocks)
 
     def end(self, endings: Mapping[str, Ending]) -> None:
-        """Some of the pairs at work have ended, by key; what is left of a block whose part is done waits again."""
+        """Note that some of the pairs at work have ended, by key; what is left of a block whose part is done waits
+        again."""
         left = [(part.rest(endings), whole.rest(endings)) for part, whole in self.sent]
         self.blocks = [whole for part, whole in left if part is None and whole is not None] + self.blocks
         self.sent = [(part, whole) for part, whole in left if part is not None and whole is not None]
 
     def put_back(self) -> None:
-        """Nothing is at work any more: what was waits again."""
+        """Let what was at work wait again: nothing is at work any more."""
         self.blocks = [whole for _, whole in self.sent] + self.blocks
         self.sent = []
         self.future = None
@@ -99,7 +100,8 @@ class Freight:
 
 
 def opening(setting: Setting) -> bytes:
-    """What every station is told first: whose run it is, the limits of its lane, the plugins, the declared solvers.
+    """Return what every station is told first: whose run it is, the limits of its lane, the plugins, the declared
+    solvers.
 
     Files of tables stay here: what they declare is told, with the paths that it has here.
     """

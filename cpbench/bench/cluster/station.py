@@ -47,7 +47,7 @@ def main() -> None:
 
 
 def _leave(*_: object) -> NoReturn:
-    """Ends what is being done; told again while it ends, it goes on ending."""
+    """End what is being done; told again while it ends, it goes on ending."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     raise KeyboardInterrupt
 
@@ -80,7 +80,7 @@ def _serve(
     from cpbench.bench import machine
     from cpbench.bench.cluster.outpost import Outpost
     from cpbench.bench.lane import Lane
-    from cpbench.bench.staff import Setting
+    from cpbench.bench.worker_pool import Setting
 
     with Lane(Setting(**opening["setting"])) as lane:
         described = {**machine.describe(), **{f"version {k}": v for k, v in machine.versions().items()}}
@@ -100,7 +100,7 @@ def _serve(
 
 
 def _plugins(names: Iterable[str], sources: Mapping[str, bytes], folder: Path) -> list[str]:
-    """The plugin files: where they stand, if this machine has the same, else written into `folder`."""
+    """Return the plugin files: where they stand, if this machine has the same, else written into `folder`."""
     found: list[str] = []
     for place, name in enumerate(names):
         path = Path(name)

@@ -6,9 +6,9 @@ import shlex
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 from cpbench.bench.lane import Lane, Unread
+from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import grids, plan, selection, tunings
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
@@ -21,8 +21,8 @@ Reading = Callable[[Sequence[str]], Iterable[str]]
 
 
 @dataclass(frozen=True)
-class Part:
-    """What a set of the plan came to: its problems by fingerprint (address), its solvers, its pairs."""
+class PlannedSet:
+    """A set of the plan as read: its problems by fingerprint (address), its solvers, its pairs."""
 
     asked: ProblemSet
     problems: Mapping[str, str]
@@ -40,13 +40,13 @@ class Assembly:
     `twins` : (address, address of the same problem before it). `surveys` : facts of problems, in their order.
     """
 
-    parts: Sequence[Part]
+    parts: Sequence[PlannedSet]
     pairs: Sequence[Pair]
     read: Mapping[str, str | None]
     refused: Sequence[tuple[str, str]]
     unread: Sequence[str]
     twins: Sequence[tuple[str, str]]
-    surveys: Sequence[Mapping[str, Any]] = field(repr=False)
+    surveys: Sequence[Surveyed] = field(repr=False)
     absent: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -62,7 +62,7 @@ class Assembly:
         return [name for name in dict.fromkeys(asked) if name not in busy]
 
     def require_pairs(self) -> None:
-        """Nothing to run is bad input, and nothing is written for it: raises CpbenchError, NoRoute.
+        """Refuse a plan of nothing, before anything is written: raises CpbenchError, NoRoute.
 
         A shard may come out empty: its results file is, too, so that all shards can be merged.
         """
@@ -81,7 +81,7 @@ class Assembly:
 
 
 def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: Reading = list) -> Assembly:
-    """The pairs of a plan; `builtin` is called for the folder of the built-in problems if a set names it.
+    """Return the pairs of a plan; `builtin` is called for the folder of the built-in problems if a set names it.
 
     Raises CpbenchError when the sets contradict each other, or name what is not there.
     """
@@ -98,7 +98,7 @@ def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: R
             wanted.setdefault((address, part.format), {}).update({request.name: request for request in asks})
     guesses = any(parse_start(start).guess == EVERY for part in asked.sets for start in part.start)
     surveys, refused, unread = _survey(lane, wanted, max(part.timeout for part in asked.sets), reading, guesses)
-    parts: list[Part] = []
+    parts: list[PlannedSet] = []
     planned: dict[str, Pair] = {}
     for part, solvers_, said, asks, addresses in zip(asked.sets, entries, named, requests, places, strict=True):
         here = [surveys[a, part.format] for a in addresses if (a, part.format) in surveys]
@@ -108,7 +108,7 @@ def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: R
         made = _pairs(part, chosen, solvers_, said, asks, asked.threads)
         for pair in made:
             _require_same(planned.setdefault(pair.key, pair), pair)
-        parts.append(Part(part, {s["fingerprint"]: s["address"] for s in reversed(chosen)}, solvers_, made))
+        parts.append(PlannedSet(part, {s.fingerprint: s.address for s in reversed(chosen)}, solvers_, made))
     return Assembly(
         parts,
         selection.shard(planned.values(), *asked.shard),
@@ -138,7 +138,7 @@ def _requests(part: ProblemSet) -> list[Request]:
 
 def _pairs(
     part: ProblemSet,
-    chosen: Sequence[Mapping[str, Any]],
+    chosen: Sequence[Surveyed],
     entries: Sequence[Entry],
     named: Collection[str],
     requests: Sequence[Request],
@@ -164,12 +164,12 @@ def _pairs(
     ]
 
 
-def _started(part: ProblemSet, chosen: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
-    """The problems by the start that is asked for: a file with three guesses is asked for three."""
-    found: dict[str, list[Mapping[str, Any]]] = {}
+def _started(part: ProblemSet, chosen: Sequence[Surveyed]) -> dict[str, list[Surveyed]]:
+    """Return the problems by the start that is asked for: a file with three guesses is asked for three."""
+    found: dict[str, list[Surveyed]] = {}
     for asked in part.start:
         for survey in chosen:
-            for start in each_start(asked, survey["guesses"]):
+            for start in each_start(asked, survey.guesses):
                 found.setdefault(start, []).append(survey)
     return found
 
@@ -180,11 +180,11 @@ def _survey(
     timeout: float,
     reading: Reading,
     guesses: bool,
-) -> tuple[dict[tuple[str, str | None], dict[str, Any]], list[tuple[str, str]], list[str]]:
+) -> tuple[dict[tuple[str, str | None], Surveyed], list[tuple[str, str]], list[str]]:
     formats: dict[str, list[str | None]] = {}
     for address, format in wanted:
         formats.setdefault(address, []).append(format)
-    found: dict[tuple[str, str | None], dict[str, Any]] = {}
+    found: dict[tuple[str, str | None], Surveyed] = {}
     refused: list[tuple[str, str]] = []
     unread: list[str] = []
     for address in reading(list(formats)):
@@ -199,10 +199,10 @@ def _survey(
     return found, refused, unread
 
 
-def _twins(surveys: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
-    """Files that hold the same problem: it is run once, under the first one's name."""
+def _twins(surveys: Iterable[Surveyed]) -> list[tuple[str, str]]:
+    """Return files that hold the same problem: it is run once, under the first one's name."""
     first: dict[str, str] = {}
-    twins = [(s["address"], first.setdefault(s["fingerprint"], s["address"])) for s in surveys]
+    twins = [(s.address, first.setdefault(s.fingerprint, s.address)) for s in surveys]
     return [(address, before) for address, before in twins if address != before]
 
 

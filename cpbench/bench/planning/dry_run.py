@@ -22,7 +22,7 @@ WIDTH = 44
 
 
 def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str], room: int | None = None) -> Iterator[str]:
-    """The plan for a reader; `before` has the status of every row that the results file has, by key.
+    """Yield the plan for a reader; `before` has the status of every row that the results file has, by key.
 
     A matrix that is wider than `room` columns is left to its sums.
     """
@@ -40,7 +40,7 @@ def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str], room: i
 
 
 def to_run(pairs: Sequence[Pair], before: Mapping[str, str], rerun: str) -> list[Pair]:
-    """The pairs without those that are done and stay as they are."""
+    """Return the pairs without those that are done and stay as they are."""
     again: Collection[str] | None = RERUN[rerun] if rerun else ()
     done = {pair.key: before[pair.key] for pair in pairs if before.get(pair.key, "not_run") != "not_run"}
     skipped = {key for key, status in done.items() if again is not None and status not in again}
@@ -48,7 +48,7 @@ def to_run(pairs: Sequence[Pair], before: Mapping[str, str], rerun: str) -> list
 
 
 def _matrix(pairs: Sequence[Pair], room: int | None) -> Iterator[str]:
-    """Pairs of every problem by every solver, or their sums; solvers have numbers, which are told below."""
+    """Yield pairs of every problem by every solver, or their sums; solvers have numbers, which are told below."""
     names = sorted({pair.entry.solver for pair in pairs})
     single = len({pair.address for pair in pairs}) <= ROWS
     counts = Counter((_row(pair, single), pair.entry.solver) for pair in pairs)
@@ -101,12 +101,12 @@ def _sets(assembly: Assembly) -> Iterator[str]:
 
 
 def longest(todo: Sequence[Pair], asked: RunPlan) -> float:
-    """The longest that the solves can take [s]."""
+    """Return the longest that the solves can take [s]."""
     return sum(_shares(todo, asked)) * (1 + asked.retry)
 
 
 def _shares(todo: Sequence[Pair], asked: RunPlan) -> tuple[float, float, float]:
-    """What that is made of: first solves, repeats, solves whose history is kept."""
+    """Return what that is made of: first solves, repeats, solves whose history is kept."""
     first = sum(pair.limits.seconds + GRACE for pair in todo) / asked.jobs
     more = sum(min(SHORT, pair.limits.seconds) * (pair.limits.repeats - 1) for pair in todo) / asked.jobs
     again = sum(pair.limits.seconds + GRACE for pair in todo if _recorded(pair)) / asked.jobs
@@ -114,7 +114,7 @@ def _shares(todo: Sequence[Pair], asked: RunPlan) -> tuple[float, float, float]:
 
 
 def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
-    """The longest that the solves can take, and what that is made of."""
+    """Return the longest that the solves can take, and what that is made of."""
     if not todo:
         return "nothing"
     first, more, again = _shares(todo, asked)

@@ -57,7 +57,7 @@ _OPERATORS = ("M", "W", "Q")
 
 
 def features(problem: Problem) -> dict[str, float | str]:
-    """The facts that `problem` has, all finite; its sizes are among them, under their symbols.
+    """Return the facts that `problem` has, all finite; its sizes are among them, under their symbols.
 
     >>> from cpbench.formulations import LCP
     >>> found = features(LCP(M=[[2.0, 0], [1, 2]], q=[-1.0, 1]))
@@ -90,7 +90,7 @@ def features(problem: Problem) -> dict[str, float | str]:
 
 
 def known() -> dict[str, type]:
-    """Every fact that some problem has, with its type: what a condition may name."""
+    """Return every fact that some problem has, with its type: what a condition may name."""
     symbols = {
         symbol
         for formulation in formulations
@@ -164,7 +164,7 @@ def _ranked(values: Any, shape: tuple[int, ...]) -> dict[str, float]:
 
 
 def _of_constraints(problem: Problem) -> dict[str, float]:
-    """What there is beside the complementarity, and how much of q asks for an answer other than 0."""
+    """Return what there is beside the complementarity, and how much of q asks for an answer other than 0."""
     sizes = problem.sizes()
     found: dict[str, float] = {}
     if isinstance(problem, MLCP):

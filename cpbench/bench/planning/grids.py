@@ -32,23 +32,24 @@ ROUNDING = Decimal("1e-9")
 
 
 def by_default() -> list[Entry]:
-    """The solvers of a run that names none, with their default options."""
+    """Return the solvers of a run that names none, with their default options."""
     return [Entry(solver.spec.name) for solver in solvers if solver.spec.by_default]
 
 
 def named(texts: Iterable[str]) -> set[str]:
-    """The solvers that texts ask for by their names, not by a glob: who does wants to know why one cannot be run."""
+    """Return the solvers that texts ask for by their names, not by a glob: who does wants to know why one cannot be
+    run."""
     exact = (text for text in texts if text.strip() != ALL and not set(text.partition("[")[0]) & set("*?"))
     return {entry.solver for text in exact for entry in grid(text)}
 
 
 def entries(texts: Iterable[str]) -> list[Entry]:
-    """All entries of the texts, each once, in their order; raises UnknownName and CpbenchError."""
+    """Return all entries of the texts, each once, in their order; raises UnknownName and CpbenchError."""
     return list({entry.label: entry for text in texts for entry in grid(text)}.values())
 
 
 def grid(text: str) -> list[Entry]:
-    """The entries of one text.
+    """Return the entries of one text.
 
     >>> [entry.label for entry in grid("psor[omega=1:1.4:0.2]")]
     ['psor[omega=1.0]', 'psor[omega=1.2]', 'psor[omega=1.4]']
@@ -87,7 +88,7 @@ def _entries(name: str, written: dict[str, str], text: str) -> Iterator[Entry]:
 
 
 def _values(text: str, default: object, where: str) -> Iterator[str]:
-    """The single values of `a|b`, where numbers may be ranges `first:last:step`."""
+    """Yield the single values of `a|b`, where numbers may be ranges `first:last:step`."""
     number = isinstance(default, int | float) and not isinstance(default, bool)
     for part in text.split("|"):
         if number and ":" in part:

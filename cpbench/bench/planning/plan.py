@@ -9,10 +9,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cpbench import brackets
 from cpbench.conversions.base import Conversion, find_via, make
@@ -22,6 +22,9 @@ from cpbench.graph import nodes_of_maps
 from cpbench.solvers.base import SolverSpec, parse_options, solvers
 from cpbench.solvers.external.declared import declare_text
 from cpbench.solvers.renamed import first_name
+
+if TYPE_CHECKING:
+    from cpbench.bench.messages import Surveyed
 
 PREVIOUS = "previous"
 """The start policy by which a step of a sequence starts from the answer to the step before."""
@@ -36,7 +39,7 @@ BEYOND = {"necessary": Kind.NECESSARY, "relaxed": Kind.RELAXATION}
 
 @dataclass(frozen=True)
 class Limits:
-    """What one solve may take, and how often it is measured: no part of a row's identity, but columns of it.
+    """The limits of one solve, and how often it is measured: no part of a row's identity, but columns of it.
 
     Attributes
     ----------
@@ -60,11 +63,6 @@ class Request:
     kinds: tuple[str, ...] = EXACT_KINDS
     via: tuple[tuple[str, Mapping[str, Any]], ...] = ()
     nodes: tuple[str, ...] = ()
-
-    @cached_property
-    def header(self) -> dict[str, Any]:
-        """As part of a message."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -141,12 +139,12 @@ class Pair:
 
 
 def exact() -> Request:
-    """The default: routes whose every answer is an answer."""
+    """Return the default: routes whose every answer is an answer."""
     return Request("exact")
 
 
 def facets(how: str, count: int) -> list[Request]:
-    """Requests that pin the facetization `how` (inner, outer) with `count` facets."""
+    """Return requests that pin the facetization `how` (inner, outer) with `count` facets."""
     found = [make(name, {"facets": count}) for name in find_via(how)]
     if len(found) == 1:
         return [Request(f"{how}{count}", EXACT_KINDS, ((found[0].name, {"facets": count}),), FACET_NODES)]
@@ -157,7 +155,7 @@ def facets(how: str, count: int) -> list[Request]:
 
 
 def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
-    """A request through the named conversions, with their knobs where they have them.
+    """Return a request through the named conversions, with their knobs where they have them.
 
     A text may set knobs of its own: ``compliant[compliance=1e-3]``. Raises CpbenchError, UnknownName.
     """
@@ -191,7 +189,7 @@ def _knobs(name: str, known: Mapping[str, Any], said: Mapping[str, str], whole: 
 
 
 def requests(routes: str, counts: Sequence[int]) -> list[Request]:
-    """The requests of `--routes exact|facets|all` with facet counts."""
+    """Return the requests of `--routes exact|facets|all` with facet counts."""
     asked = [exact()]
     if routes in ("facets", "all"):
         asked += [r for n in counts for how in ("inner", "facets") for r in facets(how, n)]
@@ -201,14 +199,14 @@ def requests(routes: str, counts: Sequence[int]) -> list[Request]:
     return asked
 
 
-def parse_request(request: Mapping[str, Any]) -> tuple[frozenset[Kind], tuple[Conversion, ...]]:
+def parse_request(request: Request) -> tuple[frozenset[Kind], tuple[Conversion, ...]]:
     """Kinds and pinned conversions of a route request."""
-    via = tuple(make(name, dict(parameters)) for name, parameters in request["via"])
-    return frozenset(Kind(k) for k in request["kinds"]), via
+    via = tuple(make(name, dict(parameters)) for name, parameters in request.via)
+    return frozenset(Kind(k) for k in request.kinds), via
 
 
 def parse_entry(text: str) -> Entry:
-    """`nsgs` or `nsgs[omega=1.2,shuffle=true]`, or a variant that this declares (`nsgs@head={interpreter=...}`).
+    """Return `nsgs` or `nsgs[omega=1.2,shuffle=true]`, or a variant that this declares (`nsgs@head={interpreter=...}`).
 
     Raises UnknownName on a solver, an option or a value, CpbenchError on a variant.
     """
@@ -226,7 +224,7 @@ def entry_of(spec: SolverSpec, given: Mapping[str, str]) -> Entry:
 
 
 def pairs(
-    surveys: Iterable[Mapping[str, Any]],
+    surveys: Iterable[Surveyed],
     entries: Sequence[Entry],
     asked: Sequence[Request],
     tolerance: float,
@@ -239,7 +237,7 @@ def pairs(
     measure: str | None = None,
     named: Collection[str] | None = None,
 ) -> list[Pair]:
-    """Every pair of the plan. Solvers that drop a term (kind relaxation) take part with `relaxations` only.
+    """Return every pair of the plan. Solvers that drop a term (kind relaxation) take part with `relaxations` only.
     `named` : the solvers that were asked for by name, None for all.
 
     The requests of BEYOND take only the nodes that no exact route opens. Without `detours`, problems of matrices do not
@@ -249,33 +247,33 @@ def pairs(
     maps = nodes_of_maps()
     for survey in surveys:
         for request in asked:
-            nodes = {*survey["nodes"][request.name]}
+            nodes = {*survey.nodes[request.name]}
             if request.name in BEYOND:
-                nodes -= {*survey["nodes"].get("exact", [])}
-            if not (detours or survey["node"] in maps):
+                nodes -= {*survey.nodes.get("exact", ())}
+            if not (detours or survey.node in maps):
                 nodes -= maps
             for entry in entries:
                 spec = solvers.get(entry.solver).spec
                 if spec.node not in nodes or (spec.kind == Kind.RELAXATION and not relaxations):
                     continue
                 pair = Pair(
-                    address=survey["address"],
-                    problem=survey["problem"],
-                    fingerprint=survey["fingerprint"],
-                    node=survey["node"],
-                    family=survey["family"],
-                    sizes=survey["sizes"],
+                    address=survey.address,
+                    problem=survey.problem,
+                    fingerprint=survey.fingerprint,
+                    node=survey.node,
+                    family=survey.family,
+                    sizes=survey.sizes,
                     request=request,
                     entry=entry,
                     target=spec.node,
                     tolerance=tolerance,
                     limits=limits,
                     start=start,
-                    format=survey["format"],
+                    format=survey.format,
                     set=set,
                     measure=measure,
-                    sequence=survey["sequence"],
-                    step=survey["step"],
+                    sequence=survey.sequence,
+                    step=survey.step,
                     named=named is None or entry.solver in named,
                 )
                 planned.setdefault(pair.key, pair)

@@ -54,8 +54,8 @@ class PlanError(CpbenchError):
 
 @dataclass(frozen=True)
 class PlanFile:
-    """What a plan file says, read and checked: keys for all sets and for the run, those of each set, and how options
-    of solvers were found."""
+    """The content of a plan file, read and checked: keys for all sets and for the run, those of each set, and how
+    options of solvers were found."""
 
     path: Path
     top: Mapping[str, Any]
@@ -64,7 +64,7 @@ class PlanFile:
 
 
 def find(folder: str | Path = ".") -> Path | None:
-    """The plan file of a folder: its `cpbench.toml`, else a `pyproject.toml` that has a `[tool.cpbench]`."""
+    """Return the plan file of a folder: its `cpbench.toml`, else a `pyproject.toml` that has a `[tool.cpbench]`."""
     own, project = Path(folder) / NAME, Path(folder) / PROJECT
     if own.is_file():
         return own
@@ -74,7 +74,7 @@ def find(folder: str | Path = ".") -> Path | None:
 
 
 def read(path: str | Path) -> PlanFile:
-    """The plan file at `path`, its solvers declared; raises PlanError, and CpbenchError about a solver."""
+    """Return the plan file at `path`, its solvers declared; raises PlanError, and CpbenchError about a solver."""
     path = Path(path)
     table = _table(path)
     if table is None:
@@ -99,7 +99,7 @@ def read(path: str | Path) -> PlanFile:
 
 
 def check(key: str, value: Any) -> Any:
-    """The value of a key, in its own type, from a file or from the command line; raises CpbenchError."""
+    """Return the value of a key, in its own type, from a file or from the command line; raises CpbenchError."""
     return READERS[key](value)
 
 
@@ -164,7 +164,7 @@ def _shown(value: Any) -> str:
 
 
 def _beside(folder: Path, key: str, value: Any) -> Any:
-    """Paths relative to the plan file, as paths from here."""
+    """Return paths relative to the plan file, as paths from here."""
     if key == "problems":
         return tuple(text if _builtin(text) else os.path.normpath(folder / text) for text in value)
     if key in ("output", "report") and value:

@@ -14,17 +14,17 @@ from cpbench.storage.base import write_atomic
 
 
 def beside(folder: Path, text: str) -> str:
-    """A problem as a plan in this folder names it."""
+    """Return a problem as a plan in this folder names it."""
     return text if text.split("/")[0] == BUILTIN else os.path.relpath(text, folder)
 
 
 def lines(table: Mapping[str, Any]) -> list[str]:
-    """Keys of a TOML table."""
+    """Return keys of a TOML table."""
     return [f"{key} = {value(told)}" for key, told in table.items()]
 
 
 def value(told: Any) -> str:
-    """A value as plans have it: TOML, in which no limit is "none".
+    """Return a value as plans have it: TOML, in which no limit is "none".
 
     >>> value([1e-6, "a\\nb", True]), value(float("inf"))
     ('[1e-06, "a\\\\nb", true]', '"none"')

@@ -14,7 +14,7 @@ _PREFIXES = " KMGT"
 
 
 def seconds(text: str) -> float:
-    """A positive duration [s]; `none` is infinite. Raises CpbenchError.
+    """Return a positive duration [s]; `none` is infinite. Raises CpbenchError.
 
     >>> seconds("500ms"), seconds("10m"), seconds("2.5"), seconds("none")
     (0.5, 600.0, 2.5, inf)
@@ -31,7 +31,7 @@ def seconds(text: str) -> float:
 
 
 def size(text: str) -> int:
-    """A number of bytes, in powers of 1024; `none` and `0` are no limit. Raises CpbenchError.
+    """Return a number of bytes, in powers of 1024; `none` and `0` are no limit. Raises CpbenchError.
 
     >>> size("512M"), size("4GiB"), size("none")
     (536870912, 4294967296, 0)
@@ -52,14 +52,14 @@ def _short(text: str) -> str:
 
 
 def facet_count(number: int) -> int:
-    """A number of facets, even and at least 4; raises CpbenchError."""
+    """Return a number of facets, even and at least 4; raises CpbenchError."""
     if number < 4 or number % 2:
         raise CpbenchError(f"{number} facets: the number must be even and at least 4")
     return number
 
 
 def duration(value: float) -> str:
-    """Seconds for readers, rounded up: a bound stays one.
+    """Return seconds for readers, rounded up: a bound stays one.
 
     >>> duration(0.25), duration(90.5), duration(200), duration(9000), duration(math.inf)
     ('0.25 s', '91 s', '4 min', '2.5 h', 'without limit')

@@ -145,7 +145,7 @@ class RunPlan:
         return 0 if 0 in asked else max(asked)
 
     def effective(self, found: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-        """What the results keep of the plan; `found` are the fingerprints of the problems of each set."""
+        """Return what the results keep of the plan; `found` are the fingerprints of the problems of each set."""
         plan = asdict(self)
         for part in plan["sets"]:
             part["timeout"] = part["timeout"] if math.isfinite(part["timeout"]) else "none"
@@ -165,7 +165,7 @@ def make(
     tunings: Sequence[Tuning] = (),
     suite: Callable[[str], Mapping[str, Any]] | None = None,
 ) -> RunPlan:
-    """The plan of values that were read: `given` on the command line, at the `top` of a file and in its `sets`.
+    """Return the plan of values that were read: `given` on the command line, at the `top` of a file and in its `sets`.
 
     The command line wins over a set, a set over the top of its file. `only` : names of the sets to take, all for
     none. suite : the values of a suite by its name, for sets that name no problem; all built-in problems without it.
@@ -188,7 +188,7 @@ def make(
 
 
 def _part(said: Mapping[str, Any], suite: Callable[[str], Mapping[str, Any]] | None) -> ProblemSet:
-    """A set, with the values of its suite where it names no problems."""
+    """Return a set, with the values of its suite where it names no problems."""
     if said.get("suite") and "problems" in said:
         raise CpbenchError(
             f"suite {said['suite']}: has problems of its own, and {said['problems'][0]} is named too; leave one out"

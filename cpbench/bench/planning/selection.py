@@ -12,9 +12,9 @@ import hashlib
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from cpbench import storage
+from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import features, where
 from cpbench.bench.planning.places import located
 from cpbench.bench.planning.plan import PREVIOUS, Pair
@@ -49,7 +49,7 @@ def addresses(texts: Iterable[str], builtin: Callable[[], Path]) -> list[str]:
 
 
 def _expanded(text: str) -> list[str]:
-    """The paths and members that a glob means; any other text as it is."""
+    """Return the paths and members that a glob means; any other text as it is."""
     file, separator, member = text.rpartition(SEPARATOR) if SEPARATOR in text else (text, "", "")
     if os.path.exists(text) or not _WILD & set(text):
         return [text]
@@ -74,29 +74,29 @@ def _members(file: str) -> list[str]:
 # ---------------------------------------------------------------------------------------------- by facts
 
 
-def select(part: ProblemSet, surveys: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The surveyed problems that a set is about; raises CpbenchError when a family is none of theirs."""
+def select(part: ProblemSet, surveys: Sequence[Surveyed]) -> list[Surveyed]:
+    """Return the surveyed problems that a set is about; raises CpbenchError when a family is none of theirs."""
     chosen = list(surveys)
     if part.family:
-        families = {str(survey["family"]) for survey in surveys}
+        families = {survey.family for survey in surveys}
         for family in part.family:
             if not any(fnmatch.fnmatchcase(known, family) for known in families):
                 raise UnknownName("family", family, families)
-        chosen = [s for s in chosen if any(fnmatch.fnmatchcase(s["family"], family) for family in part.family)]
+        chosen = [s for s in chosen if any(fnmatch.fnmatchcase(s.family, family) for family in part.family)]
     if part.keyword:
         words = where.words(part.keyword)
         above = _above(surveys)
         chosen = [s for s in chosen if words.holds(_texts(s, above))]
     if part.where:
         condition = where.condition(part.where, features.known())
-        chosen = [s for s in chosen if condition.holds(s["features"])]
+        chosen = [s for s in chosen if condition.holds(s.features)]
     if part.split:
-        chosen = [s for s in chosen if split_of(s["fingerprint"]) == part.split]
+        chosen = [s for s in chosen if split_of(s.fingerprint) == part.split]
     return chosen if part.max_problems is None else _some(chosen, part)
 
 
 def split_of(fingerprint: str) -> str:
-    """`dev` or `test`: a hash of the problem's mathematics decides, one half each, on every machine alike.
+    """Return `dev` or `test`: a hash of the problem's mathematics decides, one half each, on every machine alike.
 
     Options may be searched for on the one, and a solver then be compared on the other. A copy of a problem, whatever
     its name and place, is in the same half.
@@ -104,33 +104,34 @@ def split_of(fingerprint: str) -> str:
     return "test" if _hash(f"split {fingerprint}")[0] % 2 else "dev"
 
 
-def _above(surveys: Sequence[Mapping[str, Any]]) -> str:
-    """The folder that all files are in: its name tells none of them apart."""
-    files = [os.path.abspath(str(split_address(survey["address"])[0])) for survey in surveys]
+def _above(surveys: Sequence[Surveyed]) -> str:
+    """Return the folder that all files are in: its name tells none of them apart."""
+    files = [os.path.abspath(str(split_address(survey.address)[0])) for survey in surveys]
     return os.path.commonpath([os.path.dirname(file) for file in files]) if files else ""
 
 
-def _texts(survey: Mapping[str, Any], above: str) -> dict[str, str]:
-    """What words are looked for in: the place in the common folder, name, family and node."""
-    file, member = split_address(survey["address"])
+def _texts(survey: Surveyed, above: str) -> dict[str, str]:
+    """Return what words are looked for in: the place in the common folder, name, family and node."""
+    file, member = split_address(survey.address)
     place = os.path.relpath(os.path.abspath(str(file)), above)
-    return {"place": place, "member": member, **{key: survey[key] for key in ("problem", "family", "node")}}
+    return {"place": place, "member": member, "problem": survey.problem, "family": survey.family, "node": survey.node}
 
 
-def _some(surveys: Sequence[Mapping[str, Any]], part: ProblemSet) -> list[Mapping[str, Any]]:
-    """At most `max_problems` different problems, drawn by the seed; of sequences that are followed, first steps."""
-    unique = {str(survey["fingerprint"]): survey for survey in reversed(surveys)}
+def _some(surveys: Sequence[Surveyed], part: ProblemSet) -> list[Surveyed]:
+    """Return at most `max_problems` different problems, drawn by the seed; of sequences that are followed, first
+    steps."""
+    unique = {survey.fingerprint: survey for survey in reversed(surveys)}
 
-    def draw(survey: Mapping[str, Any]) -> tuple[str, int]:
-        scene = survey["sequence"] if PREVIOUS in part.start else ""
-        return _hash(f"{part.seed} {scene or survey['fingerprint']}").hex(), int(survey["step"])
+    def draw(survey: Surveyed) -> tuple[str, int]:
+        scene = survey.sequence if PREVIOUS in part.start else ""
+        return _hash(f"{part.seed} {scene or survey.fingerprint}").hex(), int(survey.step)
 
-    drawn = {str(s["fingerprint"]) for s in sorted(unique.values(), key=draw)[: part.max_problems]}
-    return [survey for survey in surveys if survey["fingerprint"] in drawn]
+    drawn = {s.fingerprint for s in sorted(unique.values(), key=draw)[: part.max_problems]}
+    return [survey for survey in surveys if survey.fingerprint in drawn]
 
 
 def shard(pairs: Iterable[Pair], part: int, parts: int) -> list[Pair]:
-    """The pairs of one of several parts: what is run in one go stays in one, and each machine decides alone.
+    """Return the pairs of one of several parts: what is run in one go stays in one, and each machine decides alone.
 
     >>> shard([], 1, 4)
     []
@@ -141,7 +142,7 @@ def shard(pairs: Iterable[Pair], part: int, parts: int) -> list[Pair]:
 
 
 def _unit(pair: Pair) -> str:
-    """What stays together; a folder by its last name, which is the same on every machine."""
+    """Return what stays together; a folder by its last name, which is the same on every machine."""
     return f"sequence {Path(pair.scene[0]).name} {pair.scene[1]}" if pair.scene else f"problem {pair.fingerprint}"
 
 

@@ -21,7 +21,7 @@ QUICK_SECONDS = 5.0
 
 
 def values(suite: str, problems: Callable[[], Sequence[str]]) -> dict[str, Any]:
-    """The values that a suite gives a set; `problems` finds the addresses of the small ones.
+    """Return the values that a suite gives a set; `problems` finds the addresses of the small ones.
 
     >>> values("full", list)
     {'suite': 'full', 'problems': ('builtin',), 'routes': 'facets'}
@@ -35,5 +35,5 @@ def values(suite: str, problems: Callable[[], Sequence[str]]) -> dict[str, Any]:
 
 
 def quick_solvers() -> tuple[str, ...]:
-    """Names of the solvers that the quick suite takes."""
+    """Return names of the solvers that the quick suite takes."""
     return tuple(solver.spec.name for solver in solvers if solver.spec.quick)

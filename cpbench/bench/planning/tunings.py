@@ -21,6 +21,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
+from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import grids
 from cpbench.bench.planning.plan import Entry
 from cpbench.errors import CpbenchError
@@ -31,7 +32,7 @@ NAMED = 8
 
 @dataclass(frozen=True)
 class Tuning:
-    """How the options of one solver were found.
+    """The search that found the options of one solver.
 
     Attributes
     ----------
@@ -59,12 +60,12 @@ class Tuning:
         return grids.grid(self.solver)[0].label
 
     def as_data(self) -> dict[str, Any]:
-        """For results files."""
+        """Return it as results files keep it."""
         return {**asdict(self), "problems": list(self.problems)}
 
 
 def read(table: Mapping[str, Any]) -> Tuning:
-    """The tuning that a plan file tells of; raises CpbenchError."""
+    """Return the tuning that a plan file tells of; raises CpbenchError."""
     known = {f.name: f.default for f in fields(Tuning)}
     for key, value in table.items():
         if key not in known:
@@ -86,17 +87,19 @@ def read(table: Mapping[str, Any]) -> Tuning:
 
 
 def require_unseen(
-    tunings: Iterable[Tuning], entries: Sequence[Entry], problems: Sequence[Mapping[str, Any]], split: str
+    tunings: Iterable[Tuning], entries: Sequence[Entry], problems: Sequence[Surveyed], split: str
 ) -> None:
-    """Raises CpbenchError, naming them, when a set of the test split has problems that one of its solvers was tuned
-    on. `problems` : as surveyed."""
+    """Refuse a set of the test split with problems that one of its solvers was tuned on; `problems` : as surveyed.
+
+    Raises CpbenchError, which names them.
+    """
     if split != "test":
         return
     labels = {entry.label for entry in entries}
     for tuning in tunings:
-        seen = [p for p in problems if p["fingerprint"] in tuning.problems] if tuning.label in labels else []
+        seen = [p for p in problems if p.fingerprint in tuning.problems] if tuning.label in labels else []
         if seen:
-            names = sorted({str(p["problem"] or p["address"]) for p in seen})
+            names = sorted({p.problem or p.address for p in seen})
             more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
             raise CpbenchError(
                 f"--split test: {tuning.label} was tuned on {', '.join(names[:NAMED])}{more}; leave them out, or tune "

@@ -45,7 +45,7 @@ class ExpressionError(CpbenchError):
 
 @dataclass(frozen=True)
 class Expression:
-    """What was read: its kind (number, text or condition), and how to find its value."""
+    """A part of a condition as read: its kind (number, text or condition), and how to find its value."""
 
     kind: str
     value: Callable[[Facts], Value]

@@ -20,7 +20,7 @@ _numbers = itertools.count()
 
 
 @dataclass(frozen=True)
-class Place:
+class CgroupPlace:
     """A folder in which groups can be made, and whether they can limit memory."""
 
     path: Path
@@ -79,9 +79,10 @@ def join(path: str | Path) -> bool:
     return True
 
 
-def writable() -> Place | None:
-    """The folder for groups: where they can limit memory if there is one, else where they can be killed as one."""
-    found: Place | None = None
+def writable() -> CgroupPlace | None:
+    """Return the folder for groups: where they can limit memory if there is one, else where they can be killed as
+    one."""
+    found: CgroupPlace | None = None
     for folder in _ours():
         place = _tried(folder)
         if place is not None and place.memory:
@@ -114,8 +115,9 @@ def _ours() -> list[Path]:
     return [own, *(p for p in own.parents if p == roots[0] or roots[0] in p.parents)]
 
 
-def _tried(folder: Path) -> Place | None:
-    """What a group made in `folder` could do, None when none can be made or processes could not be moved there."""
+def _tried(folder: Path) -> CgroupPlace | None:
+    """Return what a group made in `folder` could do, None when none can be made or processes could not be moved
+    there."""
     if not os.access(folder / "cgroup.procs", os.W_OK):
         return None
     trial = folder / f"{PREFIX}{os.getpid()}-trial{next(_numbers)}"
@@ -126,7 +128,7 @@ def _tried(folder: Path) -> Place | None:
     try:
         if not (trial / "cgroup.kill").exists():  # Linux before 5.14
             return None
-        return Place(folder, memory=(trial / "memory.max").exists())
+        return CgroupPlace(folder, memory=(trial / "memory.max").exists())
     finally:
         with contextlib.suppress(OSError):
             trial.rmdir()

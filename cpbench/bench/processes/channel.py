@@ -45,7 +45,7 @@ class Channel:
     # ------------------------------------------------------------------------------------ the runner's end
 
     def send(self, message: bytes, seconds: float) -> None:
-        """A new request; raises OSError when nobody listens, TimeoutError when nobody reads for `seconds`."""
+        """Send a request; raises OSError when nobody listens, TimeoutError when nobody reads for `seconds`."""
         self._turn = (self._turn + 1) % 2**32
         rest = memoryview(_HEAD.pack(_MARK, self._turn, len(message)) + message)
         self._socket.setblocking(False)
@@ -57,7 +57,7 @@ class Channel:
             rest = rest[self._socket.send(rest) :]
 
     def receive_nowait(self) -> bytes | None:
-        """A whole message if it has come and was not too much to read in one go, else None: ask again.
+        """Return a whole message if it has come and was not too much to read in one go, else None: ask again.
 
         Raises EOFError when the other end is closed, WireError when what came is no message.
         """
@@ -112,7 +112,7 @@ class Channel:
     # -------------------------------------------------------------------------------------------- frames
 
     def _wanted(self) -> int:
-        """Bytes that are missing of the message at the head of the buffer."""
+        """Return bytes that are missing of the message at the head of the buffer."""
         if len(self._buffer) < _HEAD.size:
             return _HEAD.size - len(self._buffer)
         return _HEAD.size + self._head()[1] - len(self._buffer)
@@ -126,7 +126,8 @@ class Channel:
         return turn, size
 
     def _taken(self) -> bytes | None:
-        """The message at the head of the buffer when it is whole; those that answer an earlier request are dropped."""
+        """Return the message at the head of the buffer when it is whole; those that answer an earlier request are
+        dropped."""
         while len(self._buffer) >= _HEAD.size:
             turn, size = self._head()
             end = _HEAD.size + size
@@ -140,6 +141,6 @@ class Channel:
 
 
 def pair() -> tuple[Channel, socket.socket]:
-    """The runner's end, and the socket that becomes a child's `Channel`."""
+    """Return the runner's end, and the socket that becomes a child's `Channel`."""
     ours, theirs = socket.socketpair()
     return Channel(ours), theirs

@@ -39,6 +39,6 @@ def confine(means: Isolation, scratch: str, own: bool) -> None:
 
 
 def _kernels() -> list[str]:
-    """Where numba keeps what is compiled of cpbench."""
+    """Return where numba keeps what is compiled of cpbench."""
     kernels = (path / "__pycache__" for path in _PACKAGE.glob("*/kernels"))
     return [str(kernel_cache.ensure_cache_dir()), *map(str, kernels)]

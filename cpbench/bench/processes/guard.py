@@ -105,7 +105,7 @@ def reap(child: int) -> int:
 
 
 def pauses(seconds: float) -> Iterator[bool]:
-    """True at once, and again after a pause, until so many seconds are over; each pause is longer than the last.
+    """Yield True at once, and again after a pause, until so many seconds are over; each pause is longer than the last.
 
     Who looks for the dying all the time keeps them from it: to end a large process takes a processor, too.
     """
@@ -161,7 +161,7 @@ def finish(work: Callable[[], None]) -> NoReturn:
 
 
 def has_children() -> bool:
-    """Whether a child lives; those that have ended are buried."""
+    """Return whether a child lives; those that have ended are buried."""
     try:
         while os.waitpid(-1, os.WNOHANG)[0]:
             pass
@@ -171,7 +171,8 @@ def has_children() -> bool:
 
 
 def descendants(process: psutil.Process) -> list[psutil.Process]:
-    """All that descend from a process; where the system lists them, without a look at all processes there are."""
+    """Return all that descend from a process; where the system lists them, without a look at all processes there
+    are."""
     try:
         ids = below(process.pid)
     except OSError:
@@ -184,7 +185,7 @@ def descendants(process: psutil.Process) -> list[psutil.Process]:
 
 
 def count_below(pid: int) -> int:
-    """How many processes descend from another one, 0 where the system does not list children.
+    """Return how many processes descend from another one, 0 where the system does not list children.
 
     It is asked 20 times a second while a solver runs: a look at every process there is would take milliseconds.
     """
@@ -207,7 +208,7 @@ def below(pid: int) -> list[int]:
 
 
 def _end_all(group: str) -> NoReturn:
-    """The runner is gone: nobody stays behind."""
+    """Return the runner is gone: nobody stays behind."""
     if group:
         with contextlib.suppress(OSError), open(os.path.join(group, "cgroup.kill"), "w") as kill:
             kill.write("1")

@@ -57,7 +57,7 @@ class Isolation:
         return self.start == "forkserver"
 
     def told(self) -> list[tuple[str, str]]:
-        """What holds here, and what it means, line by line."""
+        """Return what holds here, and what it means, line by line."""
         return [(what, _MEANING[what][str(getattr(self, what))]) for what in _MEANING]
 
 
@@ -100,7 +100,7 @@ _MEANING = {
 
 
 def detect(asked: str | None = None) -> Isolation:
-    """The best that works here, or what is asked for by `asked` or the environment; raises UnknownName."""
+    """Return the best that works here, or what is asked for by `asked` or the environment; raises UnknownName."""
     asked = os.environ.get(VARIABLE, "") if asked is None else asked
     if asked not in CHOICES:
         raise UnknownName(f"isolation in {VARIABLE}", asked, [c for c in CHOICES if c])
@@ -145,7 +145,7 @@ def adopt_orphans() -> None:
 
 
 def address_space() -> int:
-    """Bytes of this process's address space, what RLIMIT_AS counts (0 where the system does not say)."""
+    """Return bytes of this process's address space, what RLIMIT_AS counts (0 where the system does not say)."""
     if sys.platform != "linux":
         return 0
     descriptor = os.open("/proc/self/statm", os.O_RDONLY)

@@ -28,7 +28,7 @@ _OF_FILES = _EXECUTE | _WRITE_FILE | _READ_FILE | _TRUNCATE
 
 @cache
 def version() -> int:
-    """The version of Landlock that the kernel offers, 0 for none."""
+    """Return the version of Landlock that the kernel offers, 0 for none."""
     return max(0, _call(_CREATE_RULESET, None, 0, _ASK_VERSION)) if sys.platform == "linux" else 0
 
 
@@ -50,7 +50,7 @@ def confine(writable: Iterable[str], hidden: str) -> None:
 
 
 def _beside(hidden: str) -> Iterator[str]:
-    """What lies beside `hidden` and beside every folder above it; no links, which may lead there."""
+    """Yield what lies beside `hidden` and beside every folder above it; no links, which may lead there."""
     folder = "/"
     for name in hidden.strip("/").split("/"):
         with contextlib.suppress(OSError), os.scandir(folder) as entries:
@@ -71,7 +71,7 @@ def _allow(ruleset: int, path: str, rights: int) -> None:
 
 
 def _call(number: int, *arguments: int | bytes | None) -> int:
-    """A system call; minus the error number where it failed."""
+    """Return a system call; minus the error number where it failed."""
     libc = _libc()
     given = (ctypes.c_long(a) if isinstance(a, int) else a for a in arguments)
     done = libc.syscall(ctypes.c_long(number), *given)

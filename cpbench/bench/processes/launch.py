@@ -50,7 +50,8 @@ EVERYTHING = "cpbench.bench.processes.preload_everything"
 
 @dataclass(frozen=True)
 class Context:
-    """How processes of a run are made: by `start`, a context of multiprocessing, with these means of isolation."""
+    """The way that processes of a run are made: by `start`, a context of multiprocessing, with these means of
+    isolation."""
 
     start: Any
     isolation: Isolation
@@ -67,7 +68,7 @@ def begin(threads: int, *, few: bool) -> None:
 
 
 def context(threads: int, asked: str | None = None, *, few: bool = False) -> Context:
-    """The means of this system; thread counts are set before anything numerical is imported.
+    """Return the means of this system; thread counts are set before anything numerical is imported.
 
     few : whether each process loads the solvers and kernels that it needs, or the forkserver all of them once.
     """
@@ -83,8 +84,8 @@ def context(threads: int, asked: str | None = None, *, few: bool = False) -> Con
 
 
 @dataclass(frozen=True)
-class Start:
-    """What a new process gets on its way."""
+class ProcessStart:
+    """The settings that a new process gets."""
 
     connection: socket.socket
     output: Connection | None
@@ -100,8 +101,9 @@ def passed_on() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if name.startswith(PASSED_ON)}
 
 
-def started(ctx: Any, start: Start, target: Callable[..., None], args: tuple[Any, ...]) -> Any:
-    """A new process running `target(channel, *args)`; a forkserver that somebody killed is replaced. Raises OSError."""
+def started(ctx: Any, start: ProcessStart, target: Callable[..., None], args: tuple[Any, ...]) -> Any:
+    """Return a new process running `target(channel, *args)`; a forkserver that somebody killed is replaced. Raises
+    OSError."""
     why = ""
     for attempt in range(1 + RESTARTS):
         time.sleep(min(PAUSE, 0.1 * 2**attempt) if attempt else 0.0)
@@ -117,7 +119,8 @@ def started(ctx: Any, start: Start, target: Callable[..., None], args: tuple[Any
 
 @contextlib.contextmanager
 def _apart_from_here() -> Generator[None]:
-    """The forkserver, where it starts now, is not to import a `numpy.py` of the folder that the run was started in, and
+    """Yield the forkserver, where it starts now, is not to import a `numpy.py` of the folder that the run was started
+    in, and
     its tracker of resources is not to talk of those of guests. Nor is a child to import the script that began the run,
     as multiprocessing would have it: that script would begin the run again.
     """
@@ -157,7 +160,7 @@ _here: Isolation | None = None
 """The means by which this process was started, None in the runner."""
 
 
-def _enter(start: Start, target: Callable[..., None], args: tuple[Any, ...]) -> None:
+def _enter(start: ProcessStart, target: Callable[..., None], args: tuple[Any, ...]) -> None:
     """First steps of every child: its group, its session, its cores, its guard; its output into the log."""
     global _here
     _here = start.isolation
@@ -191,5 +194,5 @@ def confine(scratch: str, *, own: bool) -> None:
 
 
 def forks() -> bool:
-    """Whether this process, started by a runner, may fork."""
+    """Return whether this process, started by a runner, may fork."""
     return _here is not None and _here.forks

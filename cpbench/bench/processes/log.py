@@ -33,11 +33,11 @@ class Log:
         return int(self._reader.fileno())
 
     def started(self) -> None:
-        """The child has its end of the pipe."""
+        """Note that the child has its end of the pipe."""
         self.writer.close()
 
     def take(self) -> str:
-        """What was printed since the last call, its middle left out when there is more than 2 · `PART` bytes."""
+        """Return what was printed since the last call, its middle left out when there is more than 2 · `PART` bytes."""
         with self._lock:
             self._absorb(_AT_ONCE)
             rest = self._seen - len(self._first)

@@ -38,7 +38,7 @@ class Meter:
     def __init__(self) -> None:
         self._space = address_space()
         self.helpers = descendants()
-        self._staff: int | None = None
+        self._there: int | None = None
         self._tasks, self._memory, self._faults = 1, 0, 0
 
     @property
@@ -48,7 +48,7 @@ class Meter:
         A program that holds each problem in a child of its own has as many at every solve. One that leaves a process
         behind for every problem has more at the second.
         """
-        return max(_count() - (len(self.helpers) if self._staff is None else self._staff), 0)
+        return max(_count() - (len(self.helpers) if self._there is None else self._there), 0)
 
     @property
     def threads(self) -> int:
@@ -70,8 +70,8 @@ class Meter:
     def begin(self) -> None:
         """Just before a solve, when the problem is where it is solved."""
         self.helpers = descendants()
-        if self._staff is None:
-            self._staff = len(self.helpers)
+        if self._there is None:
+            self._there = len(self.helpers)
         self._tasks = _tasks()
         _forget_peak()
         for helper in self.helpers:
@@ -100,15 +100,15 @@ class Meter:
 
 
 def descendants() -> tuple[psutil.Process, ...]:
-    """The processes that descend from this one and run."""
+    """Return the processes that descend from this one and run."""
     if os.name == "posix" and not guard.has_children():
         return ()
     return tuple(guard.descendants(psutil.Process()))
 
 
 def _count() -> int:
-    """How many processes descend from this one: `descendants`, where the system lists children (Linux) without a look
-    at every process there is, which takes milliseconds."""
+    """Return how many processes descend from this one: `descendants`, where the system lists children (Linux) without
+    a look at every process there is, which takes milliseconds."""
     if os.name == "posix" and not guard.has_children():
         return 0
     try:
@@ -118,7 +118,7 @@ def _count() -> int:
 
 
 def checksum(problem: Problem) -> int:
-    """CRC-32 of the numbers of a problem; arrays are read-only, but not every solver asks."""
+    """Return the CRC-32 of the numbers of a problem; arrays are read-only, but not every solver asks."""
     value = 0
     for matrix in problem.data().values():
         parts: list[Any] = [matrix.data, matrix.indices, matrix.indptr] if sp.issparse(matrix) else [matrix]
@@ -151,7 +151,7 @@ def _forget_peak(process: str = "self") -> None:
 
 
 def _peak() -> int:
-    """High-water mark of resident memory [bytes]; on Linux since `_forget_peak`."""
+    """Return the high-water mark of resident memory [bytes]; on Linux since `_forget_peak`."""
     if os.name != "posix":
         return int(psutil.Process().memory_info().peak_wset)
     unit = 1 if sys.platform == "darwin" else 1024
@@ -167,7 +167,7 @@ def _faults() -> int:
 
 
 def _peak_of(pid: int) -> int:
-    """The same for another process, where the system tells (Linux), else 0."""
+    """Return the same for another process, where the system tells (Linux), else 0."""
     try:
         with open(f"/proc/{pid}/status") as status:
             return next((1024 * int(line.split()[1]) for line in status if line.startswith("VmHWM")), 0)

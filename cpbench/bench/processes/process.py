@@ -20,7 +20,7 @@ import psutil
 from cpbench.bench.processes import channel, guard
 from cpbench.bench.processes.cgroup import Cgroup
 from cpbench.bench.processes.isolation import Isolation
-from cpbench.bench.processes.launch import Context, Start, passed_on, started
+from cpbench.bench.processes.launch import Context, ProcessStart, passed_on, started
 from cpbench.bench.processes.log import Log
 
 LOOK = 0.05
@@ -34,7 +34,7 @@ LISTENING = 30.0
 
 
 class TimedOut(Exception):
-    """No message within the limit."""
+    """The lack of a message within the limit."""
 
 
 class Died(Exception):
@@ -94,7 +94,7 @@ class Child:
         writer = self._log.writer if self._log is not None else None
         ours, self._lifeline = ctx.start.Pipe(duplex=False) if ctx.isolation.guard else (None, None)
         group = str(self._cgroup.path) if self._cgroup is not None else ""
-        start = Start(theirs, writer, ours, group, tuple(cpus), ctx.isolation, passed_on())
+        start = ProcessStart(theirs, writer, ours, group, tuple(cpus), ctx.isolation, passed_on())
         self._selector = selectors.DefaultSelector()
         try:
             self._process = started(ctx.start, start, target, args)
@@ -128,7 +128,7 @@ class Child:
         return self._process.exitcode is None if self._end is None else not self._end.poll(0)
 
     def send(self, message: bytes, seconds: float = LISTENING) -> None:
-        """A new request. Raises Died when nobody listens any more, TimedOut when nobody reads."""
+        """Send a request. Raises Died when nobody listens any more, TimedOut when nobody reads."""
         try:
             self._channel.send(message, seconds)
         except TimeoutError:
@@ -137,7 +137,7 @@ class Child:
             raise self._death() from None
 
     def receive(self, seconds: float) -> bytes:
-        """The next message about the last request; raises TimedOut, Died, or WireError when it is none.
+        """Return the next message about the last request; raises TimedOut, Died, or WireError when it is none.
 
         The end of the process is waited for beside the channel, which children of its own may hold open after it.
         What it sent before it died still counts.
@@ -162,7 +162,7 @@ class Child:
             self._look()
 
     def warm(self) -> None:
-        """From here on its growth counts; without effect when said before."""
+        """Count its growth from here on; without effect when said before."""
         if self._warm:
             return
         self._warm = True
@@ -172,11 +172,11 @@ class Child:
             self._ceiling = self._resident() + self._memory
 
     def output(self) -> str:
-        """What the child printed since the last call, first and last part."""
+        """Return what the child printed since the last call, first and last part."""
         return self._log.take() if self._log is not None else ""
 
     def forget(self) -> None:
-        """What was printed so far is of no interest."""
+        """Forget what was printed so far."""
         if self._log is not None:
             self._log.forget()
 
@@ -202,7 +202,7 @@ class Child:
             self._join(LOOK)
 
     def kill(self) -> None:
-        """`strike`, and bury."""
+        """Kill it (`strike`) and wait for its end."""
         self.strike()
         self._join(LOOK)
         self._release()
@@ -227,11 +227,11 @@ class Child:
         self._over = self._process.exitcode is not None
 
     def _lives(self) -> bool:
-        """Whether the process is there, whatever is told of it: who could tell may have been killed itself."""
+        """Return whether the process is there, whatever is told of it: who could tell may have been killed itself."""
         return self._first is not None and self._first.is_running() and _lives(self._first)
 
     def _family(self) -> list[psutil.Process]:
-        """The living among the descendants of the child and (where there are sessions) those in its session.
+        """Return the living among the descendants of the child and (where there are sessions) those in its session.
 
         The child itself is among them unless it is a guard.
         """
@@ -262,7 +262,8 @@ class Child:
             raise Died(None, self.output(), reason=crowded(self._processes))
 
     def _resident(self) -> int:
-        """Bytes of resident memory of the largest among the child and its descendants, who share what they forked."""
+        """Return bytes of resident memory of the largest among the child and its descendants, who share what they
+        forked."""
         sizes = [0]
         with contextlib.suppress(psutil.Error):
             family = [] if self._first is None else [self._first, *self._first.children(recursive=True)]
@@ -272,7 +273,7 @@ class Child:
         return max(sizes)
 
     def _death(self) -> Died:
-        """Why it ended; one that goes on without its connection is killed."""
+        """Return why it ended; one that goes on without its connection is killed."""
         self._join(LAST_WORDS if self._isolation.forks else LAST_WORDS_SPAWNED)
         reason = "closed its connection" if self.alive and self._family() else ""
         if reason:
@@ -283,12 +284,12 @@ class Child:
 
 
 def crowded(most: int) -> str:
-    """Why a child was killed, or its answer not taken, that started more processes than it may."""
+    """Return why a child was killed, or its answer not taken, that started more processes than it may."""
     return f"more than {most} processes at a time"
 
 
 def _cgroup(means: Isolation) -> Cgroup | None:
-    """A new control group where there are any; without one, the family is killed one by one."""
+    """Return a new control group where there are any; without one, the family is killed one by one."""
     if means.cgroups:
         with contextlib.suppress(OSError):
             return Cgroup(means.cgroups)
@@ -296,7 +297,7 @@ def _cgroup(means: Isolation) -> Cgroup | None:
 
 
 def _found(pid: int) -> psutil.Process | None:
-    """The process, by its id and the time it began: no other one is ever taken for it."""
+    """Return the process, by its id and the time it began: no other one is ever taken for it."""
     try:
         return psutil.Process(pid)
     except psutil.Error:

@@ -16,6 +16,7 @@ import numpy as np
 from cpbench.bench.processes.channel import WireError
 
 _LENGTH = struct.Struct("<I")
+_encode = json.JSONEncoder(default=vars).encode
 
 
 HEADER = 2**20
@@ -23,7 +24,7 @@ HEADER = 2**20
 
 
 def pack(header: Mapping[str, Any], vectors: Mapping[str, Any] | None = None) -> bytes:
-    """Header (JSON, non-finite floats allowed) followed by the raw vectors; `bytes` travel as uint8 vectors.
+    """Header (JSON, non-finite floats allowed, dataclasses as objects) followed by the raw vectors, or by bytes.
 
     >>> import numpy as np
     >>> header, vectors = unpack(pack({"claim": "solved"}, {"z": np.array([1.0, 2.0])}))
@@ -32,12 +33,12 @@ def pack(header: Mapping[str, Any], vectors: Mapping[str, Any] | None = None) ->
     """
     raw = {name: v if isinstance(v, bytes) else _float_bytes(v) for name, v in (vectors or {}).items()}
     listed = [[name, len(raw[name]), isinstance(v, bytes)] for name, v in (vectors or {}).items()]
-    head = json.dumps({**header, "vectors": listed}).encode()
+    head = _encode({**header, "vectors": listed}).encode()
     return b"".join([_LENGTH.pack(len(head)), head, *raw.values()])
 
 
 def unpack(message: bytes, header_bytes: float = math.inf) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Raises WireError when `message` is malformed, or its header longer than `header_bytes`."""
+    """Unpack; raises WireError when `message` is malformed, or its header longer than `header_bytes`."""
     try:
         (length,) = _LENGTH.unpack_from(message)
         if length > header_bytes:

@@ -39,14 +39,14 @@ Read: TypeAlias = Callable[[Problem], Any]
 
 @dataclass(frozen=True)
 class Told:
-    """What is told of a solve; None and "" where it is not."""
+    """The facts told of a solve; None and "" where it is not."""
 
     claim: str = ""
     seconds: float | None = None
     iterations: int | None = None
 
     def over(self, other: Told) -> Told:
-        """What this tells, the rest from `other`."""
+        """Return what this tells, the rest from `other`."""
         return Told(
             self.claim or other.claim,
             other.seconds if self.seconds is None else self.seconds,
@@ -55,7 +55,7 @@ class Told:
 
 
 @dataclass(frozen=True)
-class Answer:
+class ForeignAnswer:
     """One answer, not read yet: where it is, how it is read, what its own folder tells."""
 
     place: str
@@ -86,14 +86,14 @@ class Names:
 
 def find(
     source: Path, names: Names, solver: str, tolerance: float, exchange: str | None
-) -> tuple[dict[str, Answer], list[str]]:
-    """The answers by fingerprint, and a line for each that answers none of the problems.
+) -> tuple[dict[str, ForeignAnswer], list[str]]:
+    """Return the answers by fingerprint, and a line for each that answers none of the problems.
 
     Raises CpbenchError when there are two for one problem, FormatError when `source` holds none at all.
     """
     if not source.exists():
         raise FormatError(source, "", "no such file or folder")
-    found: dict[str, Answer] = {}
+    found: dict[str, ForeignAnswer] = {}
     stray: list[str] = []
     listed = _in_folder(source, exchange) if source.is_dir() else _in_export(source, solver, tolerance)
     for words, answer in listed:
@@ -110,7 +110,8 @@ def find(
 
 
 def told(source: Path, times: Path | None, names: Names) -> tuple[dict[str, Told], list[str]]:
-    """What the table of times and the folder's claims tell, by fingerprint, and a line for each unknown problem."""
+    """Return what the table of times and the folder's claims tell, by fingerprint, and a line for each unknown
+    problem."""
     found: dict[str, Told] = {}
     stray: list[str] = []
     entries = _claims(source / CLAIMS) if source.is_dir() else []
@@ -127,9 +128,9 @@ def told(source: Path, times: Path | None, names: Names) -> tuple[dict[str, Told
 # ------------------------------------------------------------------------------------------------ answers
 
 
-def _in_folder(folder: Path, exchange: str | None) -> list[tuple[list[str], Answer]]:
-    """What the entries of a folder may be called, and how they are read."""
-    listed: list[tuple[list[str], Answer]] = []
+def _in_folder(folder: Path, exchange: str | None) -> list[tuple[list[str], ForeignAnswer]]:
+    """Return what the entries of a folder may be called, and how they are read."""
+    listed: list[tuple[list[str], ForeignAnswer]] = []
     for entry in sorted(folder.iterdir()):
         if entry.name.startswith(".") or entry.name == CLAIMS:
             continue
@@ -138,12 +139,12 @@ def _in_folder(folder: Path, exchange: str | None) -> list[tuple[list[str], Answ
         words = [entry.name, *(entry.name[: -len(s)] for s in _SUFFIXES if entry.name.lower().endswith(s))]
         own = entry / CLAIMS
         said = _told(own, _object(own)) if entry.is_dir() and own.is_file() else Told()
-        listed.append(([*_fingerprint(entry), *words[::-1]], Answer(str(entry), _reader(entry, exchange), said)))
+        listed.append(([*_fingerprint(entry), *words[::-1]], ForeignAnswer(str(entry), _reader(entry, exchange), said)))
     return listed
 
 
 def _reader(entry: Path, exchange: str | None) -> Read:
-    """How a file or folder is read: by the exchange that is asked for, or by what it looks like."""
+    """Return how a file or folder is read: by the exchange that is asked for, or by what it looks like."""
     if exchange is not None:
         chosen = exchanges.get(exchange)
     elif entry.is_dir():
@@ -156,7 +157,7 @@ def _reader(entry: Path, exchange: str | None) -> Read:
 
 
 def _fingerprint(entry: Path) -> list[str]:
-    """What an HDF5 answer says of its problem."""
+    """Return what an HDF5 answer says of its problem."""
     if not entry.is_file() or entry.suffix.lower() not in (".h5", ".hdf5"):
         return []
     try:
@@ -167,12 +168,12 @@ def _fingerprint(entry: Path) -> list[str]:
     return [said] if isinstance(said, str) else []
 
 
-def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str], Answer]]:
-    """The answers by `solver` in a file of `cpbench export --answers`, or the only one of each problem."""
+def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str], ForeignAnswer]]:
+    """Return the answers by `solver` in a file of `cpbench export --answers`, or the only one of each problem."""
     with path.open("rb") as file:
         if file.read(8) != SIGNATURE:
             raise FormatError(path, "", "is no folder of answers, and no HDF5 file of cpbench export --answers")
-    listed: list[tuple[list[str], Answer]] = []
+    listed: list[tuple[list[str], ForeignAnswer]] = []
     with open_tree(path) as root:
         for name in root.names():
             group = root.child(name) if root.is_group(name) else None
@@ -188,7 +189,10 @@ def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str
             vector, said = group.array(chosen[0]), group.marks(chosen[0]).get("claim", "")
             claim = str(said) if said in list(Claim) else ""
             listed.append(
-                ([fingerprint, name], Answer(f"{path}::{name}", lambda p, x=vector: _point(path, p, x), Told(claim)))
+                (
+                    [fingerprint, name],
+                    ForeignAnswer(f"{path}::{name}", lambda p, x=vector: _point(path, p, x), Told(claim)),
+                )
             )
     return listed
 
@@ -224,14 +228,14 @@ def _object(path: Path) -> dict[str, Any]:
 
 
 def _is_table(path: Path) -> bool:
-    """Whether a CSV is a table of times rather than an answer."""
+    """Return whether a CSV is a table of times rather than an answer."""
     with path.open(encoding="utf-8", errors="replace") as file:
         head = file.readline(4096)
     return [word.strip().lower() for word in head.split(",")][:2] == list(_COLUMNS[:2])
 
 
 def _times(path: Path) -> list[tuple[str, str, Told]]:
-    """(place, problem, what is told) of every line; raises FormatError."""
+    """Return (place, problem, what is told) of every line; raises FormatError."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = list(csv.reader(file))
@@ -253,7 +257,7 @@ def _times(path: Path) -> list[tuple[str, str, Told]]:
 
 
 def _told(path: Path, said: Mapping[str, Any], place: str = "") -> Told:
-    """Checked; raises FormatError."""
+    """Return the value, checked; raises FormatError."""
 
     def number(name: str) -> float | None:
         given = said.get(name)

@@ -11,19 +11,19 @@ import numpy as np
 
 
 def pack(point: Any) -> bytes:
-    """The answer as one compressed .npy, parts one after the other (`Problem.point_from_vector` splits them)."""
+    """Return the answer as one compressed .npy, parts one after the other (`Problem.point_from_vector` splits them)."""
     vector = np.concatenate(list(point.arrays().values()))
     return zlib.compress(_header(vector.size) + vector.tobytes(), 1)
 
 
 def unpack(blob: bytes) -> Any:
-    """The vector in a kept answer."""
+    """Return the vector in a kept answer."""
     return np.load(io.BytesIO(zlib.decompress(blob)), allow_pickle=False)
 
 
 @lru_cache(maxsize=2**10)
 def _header(size: int) -> bytes:
-    """What stands before the numbers of a .npy file with one vector of float64."""
+    """Return what stands before the numbers of a .npy file with one vector of float64."""
     buffer = io.BytesIO()
     np.lib.format.write_array_header_1_0(
         buffer, {"descr": np.dtype(np.float64).str, "fortran_order": False, "shape": (size,)}

@@ -18,7 +18,7 @@ def citations(store: Store) -> dict[str, str]:
     found: dict[str, list[str]] = {}
     seen: set[tuple[str, str]] = set()
     for row in store.rows():
-        family, address = str(row["family"] or ""), str(row["address"])
+        family, address = row.family or "", row.address
         place = (family, address.partition("::")[0])
         if not family or place in seen:
             continue
@@ -28,6 +28,6 @@ def citations(store: Store) -> dict[str, str]:
         except CpbenchError:
             continue
         told = problem.info.citation
-        if problem.fingerprint == row["fingerprint"] and told and told not in found.setdefault(family, []):
+        if problem.fingerprint == row.fingerprint and told and told not in found.setdefault(family, []):
             found[family].append(told)
     return {family: "; ".join(told) for family, told in found.items() if told}

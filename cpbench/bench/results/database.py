@@ -85,7 +85,7 @@ class Database:
 
     @contextmanager
     def transaction(self) -> Generator[sqlite3.Connection]:
-        """All of what is written within, or nothing of it."""
+        """Yield all of what is written within, or nothing of it."""
         db = self.connection
         with self._guard, self._told():
             db.execute("BEGIN IMMEDIATE")
@@ -98,17 +98,17 @@ class Database:
                 raise
 
     def read(self, query: str, parameters: Iterable[Any] = ()) -> list[tuple[Any, ...]]:
-        """All rows of a query."""
+        """Return all rows of a query."""
         with self._guard, self._told():
             return self.connection.execute(query, tuple(parameters)).fetchall()
 
     def stream(self, query: str) -> Iterator[tuple[Any, ...]]:
-        """Rows of a query, not all at once."""
+        """Yield rows of a query, not all at once."""
         for found in self.chunks(query, 256):
             yield from found
 
     def chunks(self, query: str, size: int) -> Iterator[list[tuple[Any, ...]]]:
-        """Rows of a query, so many at a time."""
+        """Yield rows of a query, so many at a time."""
         with self._told():
             cursor = self.connection.execute(query)
         while True:
@@ -125,14 +125,14 @@ class Database:
             self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
     def require_whole(self) -> None:
-        """Raises StoreError when pages of the file do not fit together."""
+        """Check the file; raises StoreError when its pages do not fit together."""
         (told,) = self.read("PRAGMA quick_check(1)")[0]
         if told != "ok":
             raise _explained(self._path, sqlite3.DatabaseError(told), sqlite3.SQLITE_CORRUPT)
 
     @contextmanager
     def _told(self) -> Generator[None]:
-        """What SQLite or a value it cannot store raises becomes a StoreError with the cause."""
+        """Yield what SQLite or a value it cannot store raises becomes a StoreError with the cause."""
         try:
             yield
         except UnicodeDecodeError as cause:  # of a name in the schema, as sqlite3 hands it on
@@ -190,7 +190,7 @@ class Database:
                 schema.migrate(db, found)
 
     def _open_to_read(self) -> None:
-        """Opened as if to write, and then not written: SQLite reads what a killed run left in its log, and leaves no
+        """Open as if to write, and then do not write: SQLite reads what a killed run left in its log, and leaves no
         helper files behind."""
         with self._told():
             try:
@@ -212,8 +212,8 @@ class Database:
                 schema.migrate(self._db, found)
 
     def _open_unwritable(self) -> None:
-        """Where SQLite cannot make its helper files (a read-only folder, a full disk): the file as it is, or, where a
-        killed run left a log beside it, a copy of both."""
+        """Open the file as it is where SQLite cannot make its helper files (a read-only folder, a full disk), or,
+        where a killed run left a log beside it, a copy of both."""
         if self._db is not None:
             self._db.close()
         logs = [path for path in (Path(f"{self._real}-wal"), Path(f"{self._real}-journal")) if path.exists()]
@@ -266,7 +266,7 @@ def _file_system(path: Path) -> str:
 
 
 def _explained(path: Path, cause: Exception, code: int = 0) -> StoreError:
-    """One line: the file, the cause, what to do; `code` : of SQLite, where the cause has none."""
+    """Return one line: the file, the cause, what to do; `code` : of SQLite, where the cause has none."""
     code = getattr(cause, "sqlite_errorcode", code) & 0xFF
     kept = "what was finished is kept, and the same command goes on"
     told = {

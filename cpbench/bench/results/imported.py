@@ -18,9 +18,8 @@ from cpbench import storage, verification
 from cpbench.bench import machine
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results import answer_files, answers
-from cpbench.bench.results.answer_files import ENDINGS, Answer, Names, Told
-from cpbench.bench.results.planned import planned
-from cpbench.bench.results.schema import MEASURED
+from cpbench.bench.results.answer_files import ENDINGS, ForeignAnswer, Names, Told
+from cpbench.bench.results.rows import Outcome, Planned
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, FormatError, PointError, StoreError
 from cpbench.formulations.base import Problem
@@ -35,7 +34,7 @@ ELSEWHERE = "another machine"
 
 @dataclass(frozen=True)
 class Origin:
-    """Who made the answers, where, with how many threads, and by what they are judged."""
+    """The origin of answers: who made them, where, with how many threads, and by what they are judged."""
 
     solver: str
     machine: str = ELSEWHERE
@@ -46,8 +45,8 @@ class Origin:
 
 @dataclass
 class Imported:
-    """What became of it: rows by status, answers without a time, problems without an answer, a line for every answer
-    that is none and for everything that was not used."""
+    """The outcome of an import: rows by status, answers without a time, problems without an answer, a line for every
+    answer that is none and for everything that was not used."""
 
     counts: Counter[str] = field(default_factory=Counter)
     untimed: int = 0
@@ -90,20 +89,20 @@ def import_answers(
     for pair in wanted:
         answer = found.get(pair.fingerprint)
         said = told.get(pair.fingerprint, Told())
-        row, blob = _judged(pair, answer, said if answer is None else answer.told.over(said), origin)
-        store.put({**planned(pair), **dict.fromkeys(MEASURED), **row}, blob)
-        done.counts[row["status"]] += 1
+        outcome = _judged(pair, answer, said if answer is None else answer.told.over(said), origin)
+        store.put(Planned.of(pair), outcome)
+        done.counts[outcome.status] += 1
         if answer is None:
             done.unanswered += 1
-        elif row["status"] == Status.ERROR:
-            done.broken.append(str(row["message"]))
+        elif outcome.status == Status.ERROR:
+            done.broken.append(str(outcome.message))
         else:
-            done.untimed += row["solve"] is None
+            done.untimed += outcome.solve is None
     return done
 
 
 def _survey(addresses: Iterable[str], format: str | None, origin: Origin, done: Imported) -> dict[str, Pair]:
-    """The pairs by fingerprint; files that cannot be read are noted."""
+    """Return the pairs by fingerprint; files that cannot be read are noted."""
     found: dict[str, Pair] = {}
     limits: Any = Limits(None, None, origin.threads, None)  # pyright: ignore[reportArgumentType]
     for address in addresses:
@@ -135,7 +134,7 @@ def _survey(addresses: Iterable[str], format: str | None, origin: Origin, done: 
 
 
 def _require_new(store: Store, wanted: Sequence[Pair], force: bool) -> None:
-    there = {row["key"] for row in store.rows()} & {pair.key for pair in wanted}
+    there = {row.key for row in store.rows()} & {pair.key for pair in wanted}
     if there and not force:
         first = next(pair for pair in wanted if pair.key in there)
         more = f" (and {len(there) - 1} more)" if len(there) > 1 else ""
@@ -145,7 +144,7 @@ def _require_new(store: Store, wanted: Sequence[Pair], force: bool) -> None:
 def _note(
     store: Store, origin: Origin, wanted: Sequence[Pair], command: str, format: str | None, done: Imported
 ) -> None:
-    """What the report says of the solver, and of the file when it is a new one."""
+    """Note what the report says of the solver, and of the file when it is a new one."""
     meta = store.meta()
     if "command" not in meta:
         store.set_meta(
@@ -159,8 +158,8 @@ def _note(
     store.note_files([pair.address for pair in wanted], done.refused)
 
 
-def _judged(pair: Pair, answer: Answer | None, told: Told, origin: Origin) -> tuple[dict[str, Any], bytes | None]:
-    """The measured columns of a row, and the answer that is kept."""
+def _judged(pair: Pair, answer: ForeignAnswer | None, told: Told, origin: Origin) -> Outcome:
+    """Return what an answer, or what is told of it, is worth."""
     ending = told.claim if told.claim in ENDINGS else ""
     claim = "" if ending else told.claim or ("solved" if answer is not None else "")
     verdict, blob, message, verify = verification.no_answer(pair.tolerance), None, "", None
@@ -179,18 +178,19 @@ def _judged(pair: Pair, answer: Answer | None, told: Told, origin: Origin) -> tu
     if answer is not None and blob is None and not ending:
         status = str(Status.ERROR)
     counters: Mapping[str, int] = {} if told.iterations is None else {"iterations": told.iterations}
-    return {
-        "status": status,
-        "claim": claim,
-        "error": verdict.error,
-        "flags": ",".join(verdict.flags),
-        "message": message,
-        "parts": json.dumps({**verdict.judged, **verdict.parts}),
-        "counters": json.dumps(counters),
-        "solve": told.seconds,
-        "reported": told.seconds,
-        "verify": verify,
-        "attempts": 1,
-        "origin": origin.machine,
-        "finished": time.strftime("%Y-%m-%dT%H:%M:%S"),
-    }, blob
+    return Outcome(
+        status=status,
+        claim=claim,
+        error=verdict.error,
+        flags=",".join(verdict.flags),
+        message=message,
+        parts=json.dumps({**verdict.judged, **verdict.parts}),
+        counters=json.dumps(counters),
+        solve=told.seconds,
+        reported=told.seconds,
+        verify=verify,
+        attempts=1,
+        origin=origin.machine,
+        finished=time.strftime("%Y-%m-%dT%H:%M:%S"),
+        answer=blob,
+    )

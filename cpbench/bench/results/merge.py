@@ -11,11 +11,13 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.results.planned import LIMITS
+from cpbench.bench.results.limits import LIMITS, limits_of
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.schema import MEASURED
 from cpbench.bench.results.store import Store
 from cpbench.errors import StoreError
@@ -25,26 +27,27 @@ PREFER = ("first", "last")
 """Which of two rows of one key is taken. The better of two is no choice: it would flatter whoever ran twice."""
 _TABLES = {"refused", "references"}
 """What the facts of a run have of tables of their own."""
+_measured = attrgetter(*MEASURED)
 _PASSING = {"load"}
 """What a description of a machine says of the moment."""
 
 
 @dataclass(frozen=True)
-class Difference:
+class Disagreement:
     """Something that must not differ and does: `what` differs between which files, and the rows it spoils."""
 
     what: str
     column: str = ""
     value: Any = None
 
-    def spoils(self, row: Mapping[str, Any]) -> bool:
-        """Whether a finished row is concerned; a difference without a column concerns every row."""
-        return row["status"] != "not_run" and (not self.column or row[self.column] == self.value)
+    def spoils(self, row: Row) -> bool:
+        """Return whether a finished row is concerned; a difference without a column concerns every row."""
+        return row.status != "not_run" and (not self.column or getattr(row, self.column) == self.value)
 
 
 @dataclass
 class _Facts:
-    """What must agree, as one file has it."""
+    """Facts that must agree, as one file has them."""
 
     limits: dict[str, set[tuple[Any, ...]]] = field(default_factory=dict)
     tolerances: dict[str, set[float]] = field(default_factory=dict)
@@ -110,16 +113,16 @@ def _facts(store: Store) -> _Facts:
     found, ran = _Facts(), False
     judged = False
     for row in store.rows():
-        judged = judged or row["status"] != "not_run"
-        found.tolerances.setdefault(row["set"], set()).add(row["tolerance"])
-        found.measures.setdefault(row["set"], set()).add(row["measure"] or "")
-        found.fingerprints.setdefault(row["problem"], set()).add(row["fingerprint"])
-        if row["origin"]:  # it says itself that it was made elsewhere, under limits that nobody here knows
+        judged = judged or row.status != "not_run"
+        found.tolerances.setdefault(row.set, set()).add(row.tolerance)
+        found.measures.setdefault(row.set, set()).add(row.measure or "")
+        found.fingerprints.setdefault(row.problem, set()).add(row.fingerprint)
+        if row.origin:  # it says itself that it was made elsewhere, under limits that nobody here knows
             continue
-        found.limits.setdefault(row["set"], set()).add(tuple(row[c] for c in LIMITS))
-        if row["version"]:
-            found.versions.setdefault(row["label"], set()).add(row["version"])
-        ran = ran or row["status"] != "not_run"
+        found.limits.setdefault(row.set, set()).add(limits_of(row))
+        if row.version:
+            found.versions.setdefault(row.label, set()).add(row.version)
+        ran = ran or row.status != "not_run"
     meta = store.meta()
     if judged:
         found.cpbench = {str(meta.get("cpbench", ""))}
@@ -133,8 +136,8 @@ def _machine(description: Mapping[str, Any]) -> str:
     return json.dumps({k: v for k, v in description.items() if k not in _PASSING}, sort_keys=True)
 
 
-def _between(stores: Sequence[Store], facts: Sequence[_Facts], i: int, j: int) -> Iterator[Difference]:
-    """What keeps the files i and j apart."""
+def _between(stores: Sequence[Store], facts: Sequence[_Facts], i: int, j: int) -> Iterator[Disagreement]:
+    """Yield what keeps the files i and j apart."""
     names, (one, other) = f"{stores[i].path} and {stores[j].path}", (facts[i], facts[j])
 
     def told(kind: str, a: Iterable[Any], b: Iterable[Any], of: str = "") -> str:
@@ -144,23 +147,23 @@ def _between(stores: Sequence[Store], facts: Sequence[_Facts], i: int, j: int) -
         of = f"set '{name}'" if name else ""
         if one.limits[name] != other.limits[name]:
             kind, a, b = _limit_that_differs(one.limits[name], other.limits[name])
-            yield Difference(told(kind, a, b, of), "set", name)
+            yield Disagreement(told(kind, a, b, of), "set", name)
         if not one.tolerances[name] & other.tolerances[name]:
-            yield Difference(told("tolerance", one.tolerances[name], other.tolerances[name], of), "set", name)
+            yield Disagreement(told("tolerance", one.tolerances[name], other.tolerances[name], of), "set", name)
         if not one.measures[name] & other.measures[name]:
-            yield Difference(told("measure", one.measures[name], other.measures[name], of), "set", name)
+            yield Disagreement(told("measure", one.measures[name], other.measures[name], of), "set", name)
     for label in sorted(one.versions.keys() & other.versions.keys()):
         if one.versions[label] != other.versions[label]:
-            yield Difference(told("version", one.versions[label], other.versions[label], label), "label", label)
+            yield Disagreement(told("version", one.versions[label], other.versions[label], label), "label", label)
     for problem in sorted(one.fingerprints.keys() & other.fingerprints.keys()):
         a, b = one.fingerprints[problem], other.fingerprints[problem]
         if not a & b:
-            yield Difference(told("fingerprint", a, b, f"problem {problem}"), "problem", problem)
+            yield Disagreement(told("fingerprint", a, b, f"problem {problem}"), "problem", problem)
     if one.machines and other.machines and one.machines != other.machines:
         a, b = (_telling(mine, theirs) for mine, theirs in ((one, other), (other, one)))
-        yield Difference(told("machine", a, b))
+        yield Disagreement(told("machine", a, b))
     if one.cpbench and other.cpbench and one.cpbench != other.cpbench:
-        yield Difference(told("version", one.cpbench, other.cpbench, "cpbench"))
+        yield Disagreement(told("version", one.cpbench, other.cpbench, "cpbench"))
 
 
 def _limit_that_differs(a: set[tuple[Any, ...]], b: set[tuple[Any, ...]]) -> tuple[str, set[Any], set[Any]]:
@@ -172,7 +175,7 @@ def _limit_that_differs(a: set[tuple[Any, ...]], b: set[tuple[Any, ...]]) -> tup
 
 
 def _telling(mine: _Facts, theirs: _Facts) -> list[str]:
-    """What is told of machines: the entries that no machine of the other file has."""
+    """Return what is told of machines: the entries that no machine of the other file has."""
     known = [item for text in theirs.machines for item in json.loads(text).items()]
     said = (", ".join(f"{k} {v}" for k, v in json.loads(text).items() if (k, v) not in known) for text in mine.machines)
     return [text for text in said if text] or [f"{len(mine.machines)} kinds"]
@@ -183,22 +186,22 @@ def _listed(values: Iterable[Any]) -> str:
 
 
 def _chosen(stores: Sequence[Store], prefer: str) -> dict[str, int]:
-    """Which file each key's row is taken from."""
+    """Return which file each key's row is taken from."""
     chosen: dict[str, int] = {}
     seen: dict[str, int] = {}
     for index, store in enumerate(stores):
         for row in store.rows():
-            key = row["key"]
-            if row["status"] == "not_run":
+            key = row.key
+            if row.status == "not_run":
                 chosen.setdefault(key, index)
                 continue
-            measured = hash(tuple(row[c] for c in MEASURED))
+            measured = hash(_measured(row))
             if key not in seen:
                 seen[key], chosen[key] = measured, index
             elif seen[key] != measured:
                 if prefer not in PREFER:
                     raise StoreError(
-                        f"{stores[chosen[key]].path} and {store.path}: {row['label']} on {row['problem']} was run in "
+                        f"{stores[chosen[key]].path} and {store.path}: {row.label} on {row.problem} was run in "
                         "both; --prefer first or --prefer last says which counts"
                     )
                 if prefer == "last":
@@ -206,21 +209,18 @@ def _chosen(stores: Sequence[Store], prefer: str) -> dict[str, int]:
     return chosen
 
 
-def _rows(
-    stores: Sequence[Store], chosen: Mapping[str, int], differences: Sequence[Difference]
-) -> Iterator[dict[str, Any]]:
+def _rows(stores: Sequence[Store], chosen: Mapping[str, int], differences: Sequence[Disagreement]) -> Iterator[Row]:
     for index, store in enumerate(stores):
         for row in store.rows():
-            if chosen[row["key"]] != index:
+            if chosen[row.key] != index:
                 continue
-            if any(difference.spoils(row) for difference in differences):
-                flags = [flag for flag in (row["flags"] or "").split(",") if flag]
-                row["flags"] = ",".join([*flags, *([] if FLAG in flags else [FLAG])])
-            yield row
+            spoiled = any(difference.spoils(row) for difference in differences)
+            flags = [flag for flag in (row.flags or "").split(",") if flag]
+            yield replace(row, flags=",".join([*flags, FLAG])) if spoiled and FLAG not in flags else row
 
 
 def _merge_facts(made: Store, stores: Sequence[Store], differences: Sequence[str]) -> None:
-    """Facts of the runs: where they differ, those of the first file; every file's own are under `merged`."""
+    """Merge facts of the runs: where they differ, those of the first file; every file's own are under `merged`."""
     metas = [store.meta() for store in stores]
     merged: dict[str, Any] = {}
     for meta in reversed(metas):
@@ -239,7 +239,7 @@ def _merge_facts(made: Store, stores: Sequence[Store], differences: Sequence[str
     if differences:
         merged[FLAG] = list(differences)
     made.set_meta(**merged)
-    read = {row["address"] for row in made.rows()}
+    read = {row.address for row in made.rows()}
     made.note_files([], {a: r for meta in metas for a, r in meta["refused"] if a not in read}.items())
     for store in stores:
         for host, description in store.machines().items():
@@ -251,7 +251,7 @@ def _merge_facts(made: Store, stores: Sequence[Store], differences: Sequence[str
 
 
 def _whole(plan: Mapping[str, Any]) -> dict[str, Any]:
-    """The plan that a shard is of."""
+    """Return the plan that a shard is of."""
     return {**plan, "shard": [1, 1], "output": "", "report": None}
 
 

@@ -18,7 +18,7 @@ def problem_features(store: Store) -> tuple[dict[str, dict[str, Any]], int]:
     and still the same.
     """
     found = store.features()
-    addresses = {str(row["fingerprint"]): str(row["address"]) for row in store.rows()}
+    addresses = {row.fingerprint: row.address for row in store.rows()}
     formats: Mapping[str, str] = store.meta().get("formats", {})
     lost = 0
     for fingerprint, address in addresses.items():

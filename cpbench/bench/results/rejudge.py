@@ -6,13 +6,13 @@ import itertools
 import math
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 from cpbench import storage, verification
 from cpbench.bench.results import answers
 from cpbench.bench.results.answer_files import ENDINGS
+from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, PointError, SealError
 from cpbench.formulations.base import Kind, Problem
@@ -23,8 +23,8 @@ NO_ROUTE = ("", "direct")
 
 
 def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None) -> Iterator[str]:
-    """One line for every row that is not as a run wrote it and every kept answer or proof whose status changes, then a
-    summary. The file is left as it is.
+    """Yield one line for every row that is not as a run wrote it and every kept answer or proof whose status changes,
+    then a summary. The file is left as it is.
 
     Raises SealError at the end when there was such a row, an answer that cannot be read,
     or a status that changes by the row's own measure and tolerance.
@@ -36,30 +36,30 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
             yield audit.note
         proofs = {key: (kind, data) for key, kind, data in store.certificates()}
         formats = store.meta().get("formats", {})
-        rows = sorted(store.rows(), key=lambda row: row["address"])  # each problem is read once
+        rows = sorted(store.rows(), key=lambda row: row.address)  # each problem is read once
         changes: Counter[str] = Counter()
         total = unknown = contradicted = unreadable = 0
-        for address, group in itertools.groupby(rows, key=lambda row: row["address"]):
+        for address, group in itertools.groupby(rows, key=lambda row: row.address):
             problem: Problem | None = None
             for row in group:
-                blob = store.ending(row["key"])[1]
-                if row["status"] in ENDINGS:  # that came too late, or so it was told: whatever its worth
+                blob = store.ending(row.key)[1]
+                if row.status in ENDINGS:  # that came too late, or so it was told: whatever its worth
                     continue
-                if blob is None and row["status"] not in verification.PROVEN:
+                if blob is None and row.status not in verification.PROVEN:
                     continue
                 problem = problem or storage.load(address, format=formats.get(address))
                 try:
-                    status, error = _judge(problem, row, blob, proofs.get(row["key"]), measure, tolerance)
+                    status, error = _judge(problem, row, blob, proofs.get(row.key), measure, tolerance)
                 except (zlib.error, ValueError, PointError) as cause:
                     unreadable += 1
-                    yield f"{row['problem']}  {row['label']}: its answer cannot be read ({cause})"
+                    yield f"{row.problem}  {row.label}: its answer cannot be read ({cause})"
                     continue
                 total += 1
                 unknown += status in verification.FALSE_CLAIMS and _target(row, 1.0) is None and _exact_route(row)
-                if status != row["status"]:
-                    contradicted += tolerance in (None, row["tolerance"]) and measure in (None, row["measure"])
-                    changes[f"{row['status']} -> {status}"] += 1
-                    yield f"{row['problem']}  {row['label']}: {row['status']} -> {status}, error {error:.3g}"
+                if status != row.status:
+                    contradicted += tolerance in (None, row.tolerance) and measure in (None, row.measure)
+                    changes[f"{row.status} -> {status}"] += 1
+                    yield f"{row.problem}  {row.label}: {row.status} -> {status}, error {error:.3g}"
         if unknown:
             yield (
                 f"{unknown} of these are {' or '.join(verification.FALSE_CLAIMS)} and came by a conversion of an older "
@@ -78,47 +78,47 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
 
 def _judge(
     problem: Problem,
-    row: Mapping[str, Any],
+    row: Row,
     blob: bytes | None,
     proof: tuple[str, bytes] | None,
     measure: str | None,
     tolerance: float | None,
 ) -> tuple[str, float]:
-    """Status and error of a kept answer or proof; by the row's own measure and tolerance where none is given."""
-    if problem.fingerprint != row["fingerprint"]:
-        raise CpbenchError(f"{row['address']}: is not the problem that was solved (its fingerprint changed)")
-    asked = tolerance or float(row["tolerance"])
+    """Return status and error of a kept answer or proof; by the row's own measure and tolerance where none is given."""
+    if problem.fingerprint != row.fingerprint:
+        raise CpbenchError(f"{row.address}: is not the problem that was solved (its fingerprint changed)")
+    asked = tolerance or float(row.tolerance)
     verdict = verification.no_answer(asked)
     if blob is not None:
         point = problem.point_from_vector(answers.unpack(blob))
-        verdict = verification.judge(problem, point, asked, measure or row["measure"])
-    kind, target = Kind(row["kind"] or Kind.EQUIVALENT), _target(row, asked / float(row["tolerance"]))
+        verdict = verification.judge(problem, point, asked, measure or row.measure)
+    kind, target = Kind(row.kind or Kind.EQUIVALENT), _target(row, asked / float(row.tolerance))
     proven = {f"proven_{one}": _proven(problem, row, one, proof) for one in verification.PROVEN}
-    return verification.status(verdict, str(row["claim"]), kind=kind, target=target, **proven), verdict.error
+    return verification.status(verdict, str(row.claim), kind=kind, target=target, **proven), verdict.error
 
 
-def _target(row: Mapping[str, Any], factor: float) -> verification.Verdict | None:
-    """What was measured on the solver's own problem, at `factor` times the tolerance that it was asked for.
+def _target(row: Row, factor: float) -> verification.Verdict | None:
+    """Return what was measured on the solver's own problem, at `factor` times the tolerance that it was asked for.
 
     None where that was not measured, or where it is the problem that was asked, whose verdict says all.
     """
-    error, asked = row["target_error"], row["target_tolerance"]
-    if error is None or row["route"] in NO_ROUTE:
+    error, asked = row.target_error, row.target_tolerance
+    if error is None or row.route in NO_ROUTE:
         return None
-    tolerance = factor * float(row["tolerance"] if asked is None else asked)  # an older cpbench measured at the former
+    tolerance = factor * float(row.tolerance if asked is None else asked)  # an older cpbench measured at the former
     error = math.inf if math.isnan(error) else float(error)
-    flags = ("unresolvable",) if verification.TARGET_UNRESOLVABLE in (row["flags"] or "").split(",") else ()
+    flags = ("unresolvable",) if verification.TARGET_UNRESOLVABLE in (row.flags or "").split(",") else ()
     return verification.Verdict(tolerance, error <= tolerance and not flags, error, flags=flags)
 
 
-def _exact_route(row: Mapping[str, Any]) -> bool:
-    """Whether an exact conversion led to the solver's problem."""
-    return (row["route"] or "") not in NO_ROUTE and Kind(row["kind"]).exact
+def _exact_route(row: Row) -> bool:
+    """Return whether an exact conversion led to the solver's problem."""
+    return (row.route or "") not in NO_ROUTE and Kind(row.kind).exact
 
 
-def _proven(problem: Problem, row: Mapping[str, Any], kind: str, kept: tuple[str, bytes] | None) -> bool:
-    """Whether the row has this status and its proof holds; one is looked for where an older file kept none."""
-    if row["status"] != kind:
+def _proven(problem: Problem, row: Row, kind: str, kept: tuple[str, bytes] | None) -> bool:
+    """Return whether the row has this status and its proof holds; one is looked for where an older file kept none."""
+    if row.status != kind:
         return False
     if kept is None:
         return verification.prove(problem, kind).proof is not None

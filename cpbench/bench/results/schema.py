@@ -10,28 +10,13 @@ from __future__ import annotations
 import json
 import sqlite3
 
+from cpbench.bench.results.rows import Measured, Planned, columns
+
 SCHEMA = 4
 SEALED_SINCE = 4
 
-PLANNED = {
-    "key": "TEXT", "problem": "TEXT", "address": "TEXT", "fingerprint": "TEXT", "node": "TEXT", "family": "TEXT",
-    "sizes": "TEXT", "set": "TEXT", "solver": "TEXT", "label": "TEXT", "request": "TEXT", "options": "TEXT",
-    "tolerance": "REAL", "measure": "TEXT", "start": "TEXT", "sequence": "TEXT", "step": "INTEGER",
-    "seconds": "REAL", "memory": "INTEGER", "threads": "INTEGER", "repeats_asked": "INTEGER",
-}  # fmt: skip
-"""Columns of a row that the plan fixes, with their SQL types."""
-MEASURED = {
-    "status": "TEXT", "route": "TEXT", "kind": "TEXT", "claim": "TEXT", "error": "REAL", "target_error": "REAL",
-    "flags": "TEXT", "message": "TEXT", "parts": "TEXT", "counters": "TEXT", "wall": "REAL", "load": "REAL",
-    "convert": "REAL", "setup": "REAL", "solve": "REAL", "lift": "REAL", "verify": "REAL", "cpu": "REAL",
-    "peak": "INTEGER", "repeats": "INTEGER", "samples": "TEXT", "solve_min": "REAL", "solve_iqr": "REAL",
-    "signal": "INTEGER", "code": "INTEGER", "version": "TEXT", "started": "TEXT", "attempts": "INTEGER",
-    "jobs": "INTEGER", "host": "TEXT", "loadavg": "REAL", "reported": "REAL", "origin": "TEXT", "finished": "TEXT",
-    "target_tolerance": "REAL",
-}  # fmt: skip
-"""Columns that the run fills; `attempts` counts how often it did, `target_error` is the error on the
-solver's own problem, `target_tolerance` what the solver was asked for there, `reported` the time by the
-solver's own account, `origin` is empty for what this tool solved and says where an imported answer was made."""
+PLANNED, MEASURED = columns(Planned), columns(Measured)
+"""Columns of a row that the plan fixes, and those that the run fills, with their SQL types."""
 _OURS = {"rows", "answers", "meta"}
 _COLUMNS = ", ".join(
     f'"{name}" {kind}{" PRIMARY KEY" if name == "key" else ""}' for name, kind in {**PLANNED, **MEASURED}.items()
@@ -63,7 +48,7 @@ def create(db: sqlite3.Connection) -> None:
 
 
 def version(db: sqlite3.Connection) -> int | None:
-    """The version of a file's tables: 0 of an empty file, None of one that holds no results."""
+    """Return the version of a file's tables: 0 of an empty file, None of one that holds no results."""
     tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     found = int(db.execute("PRAGMA user_version").fetchone()[0])
     if not tables and found == 0:
@@ -85,7 +70,7 @@ def migrate(db: sqlite3.Connection, found: int) -> None:
 
 
 def _from_1(db: sqlite3.Connection) -> None:
-    """The tables are made again rather than altered: a migrated file has the columns in the order of a new one."""
+    """Make the tables again rather than alter them: a migrated file has the columns in the order of a new one."""
     meta = {name: json.loads(value) for name, value in db.execute("SELECT name, value FROM meta")}
     old = [name for _, name, *_ in db.execute("PRAGMA table_info(rows)")]
     db.execute("ALTER TABLE answers RENAME TO answers_1")
@@ -107,7 +92,7 @@ def _from_1(db: sqlite3.Connection) -> None:
 
 
 def _from_2(db: sqlite3.Connection) -> None:
-    """The features of its problems are not in the file: whoever needs them reads the problems again."""
+    """Leave the features of its problems out: whoever needs them reads the problems again."""
     for statement in _NEW_IN_3:
         db.execute(statement)
 

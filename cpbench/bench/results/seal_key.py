@@ -34,12 +34,12 @@ class Key:
 
 
 def folder() -> Path:
-    """Where the key is."""
+    """Return where the key is."""
     return Path(platformdirs.user_state_dir("cpbench", appauthor=False)) / "seals"
 
 
 def find() -> Key | None:
-    """This user's key, None where there is none yet or none can be read."""
+    """Return this user's key, None where there is none yet or none can be read."""
     try:
         secret = bytes.fromhex((folder() / "key").read_text("ascii"))
     except (OSError, ValueError):
@@ -48,7 +48,8 @@ def find() -> Key | None:
 
 
 def for_one_file(content: Iterable[str]) -> Key:
-    """A key for a file that is not to tell whose it is: the same for the same content, and unlike the user's own."""
+    """Return a key for a file that is not to tell whose it is: the same for the same content, and unlike the user's
+    own."""
     mixed = hashlib.blake2b(key=find_or_make().secret, digest_size=BYTES, person=b"cpbench file")
     for text in content:
         mixed.update(text.encode() + b"\n")
@@ -56,7 +57,7 @@ def for_one_file(content: Iterable[str]) -> Key:
 
 
 def find_or_make() -> Key:
-    """This user's key, made where there is none; one for this process alone where it cannot be kept."""
+    """Return this user's key, made where there is none; one for this process alone where it cannot be kept."""
     known = find()
     if known is not None:
         return known

@@ -11,7 +11,8 @@ logger = logging.getLogger("cpbench.results")
 
 
 def sealed(path: Path) -> Store:
-    """The file, open for reading, after its seals were checked; what could not be checked is said. Raises SealError."""
+    """Return the file, open for reading, after its seals were checked; what could not be checked is said. Raises
+    SealError."""
     store = Store(path)
     try:
         found = store.audit()

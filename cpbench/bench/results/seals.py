@@ -57,14 +57,14 @@ class Broken:
 
 @dataclass(frozen=True)
 class Audit:
-    """What came of checking all seals of a file: the rows that cannot be believed, and what could not be checked."""
+    """The result of checking all seals of a file: the rows that cannot be believed, and what could not be checked."""
 
     path: str
     broken: Sequence[Broken] = ()
     note: str = ""
 
     def require(self) -> None:
-        """Raises SealError when there is a row that cannot be believed."""
+        """Require belief in all rows: raises SealError when there is a row that cannot be believed."""
         if not self.broken:
             return
         listed = "; ".join(map(str, self.broken[:NAMED]))
@@ -76,18 +76,19 @@ class Audit:
 
 
 def sealed(values: Sequence[Any], key: Key) -> str:
-    """The seal of what `READ` gives of a row."""
+    """Return the seal of what `READ` gives of a row."""
     digests = ".".join(_digests(values, key.name))
     return f"{key.name}.{digests}.{_signed(digests, key)}"
 
 
 def same_plan(one: str, other: str) -> bool:
-    """Whether two seals are of rows of which the same was planned."""
+    """Return whether two seals are of rows of which the same was planned."""
     return one.split(".")[1:2] == other.split(".")[1:2]
 
 
 def _digests(values: Sequence[Any], name: str) -> tuple[str, str, str]:
-    """Of what was planned, measured and kept; they hold for one key, so that its name cannot be exchanged alone."""
+    """Return of what was planned, measured and kept; they hold for one key, so that its name cannot be exchanged
+    alone."""
     person = name.encode()
     kept = hashlib.blake2b(digest_size=SIZE, person=person)
     for part in values[_LAST:-1]:
@@ -101,7 +102,7 @@ def _digests(values: Sequence[Any], name: str) -> tuple[str, str, str]:
 
 
 def _digest(first: int, values: Sequence[Any], person: bytes) -> str:
-    """Of some columns, '' where one has raw bytes, which no run writes."""
+    """Return of some columns, '' where one has raw bytes, which no run writes."""
     present = tuple([value is not None for value in values])
     try:
         text = _names(first, present) + _encode(list(compress(values, present)))
@@ -112,7 +113,7 @@ def _digest(first: int, values: Sequence[Any], person: bytes) -> str:
 
 @lru_cache(maxsize=2**10)
 def _names(first: int, present: tuple[bool, ...]) -> str:
-    """The columns that have a value, from the one at place `first`."""
+    """Return the columns that have a value, from the one at place `first`."""
     return ",".join(compress(COLUMNS[first:], present))
 
 
@@ -170,7 +171,7 @@ def _note(path: str, unsealed: bool, key: Key | None, whose: str, count: int) ->
 
 
 def unfit(values: Sequence[Any], key: Key | None, written: Mapping[str, str] | None) -> str:
-    """Why a seal does not fit its row, '' where it does."""
+    """Return why a seal does not fit its row, '' where it does."""
     seal = values[-1]
     if seal is None:
         return "has no seal"
@@ -188,14 +189,14 @@ def unfit(values: Sequence[Any], key: Key | None, written: Mapping[str, str] | N
 
 
 def _lost(database: Database, written: Mapping[str, str], seen: set[str]) -> Iterator[Broken]:
-    """Rows that were there."""
+    """Yield rows that were there."""
     orphans = {str(key) for (key,) in database.read("SELECT key FROM seals WHERE key NOT IN (SELECT key FROM rows)")}
     for key in sorted(orphans | (written.keys() - seen)):
         yield Broken(key, f"row {key}", "is missing")
 
 
 def contradiction(values: Sequence[Any]) -> str:
-    """What a row says against itself, '' where nothing."""
+    """Return what a row says against itself, '' where nothing."""
     status, error, tolerance = (values[_PLACE[name]] for name in ("status", "error", "tolerance"))
     if status == "not_run" and (error is not None or values[_PLACE["finished"]] is not None):
         return "is not_run and has results"

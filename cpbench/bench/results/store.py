@@ -10,15 +10,17 @@ from __future__ import annotations
 import json
 import sqlite3
 import time
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results import seal_key, seals
 from cpbench.bench.results.database import Database
-from cpbench.bench.results.planned import LIMITS, agree, difference, limits_of, planned
+from cpbench.bench.results.limits import LIMITS, agree, difference, limits_of
+from cpbench.bench.results.rows import Outcome, Planned, Row
 from cpbench.bench.results.schema import MEASURED, PLANNED, SEALED_SINCE
 from cpbench.bench.results.seal_key import Key
 from cpbench.bench.results.seals import Audit
@@ -88,8 +90,8 @@ class Store:
         return seals.audit(self._database, str(self.path), self._key, self._written, unsealed=unsealed)
 
     def require_unchanged(self) -> None:
-        """Raises SealError when somebody else wrote into the file that this process writes. The rows concerned are
-        marked, so that later commands find them whatever their seals say."""
+        """Check who writes: raises SealError when somebody else wrote into the file that this process writes. The
+        rows concerned are marked, so that later commands find them whatever their seals say."""
         found = self.audit()
         if not found.broken:
             return
@@ -120,7 +122,8 @@ class Store:
         return found
 
     def _changed(self, db: sqlite3.Connection, keys: Iterable[str]) -> set[str]:
-        """Which of the rows are not as this process wrote them: what is written into them is never sealed again."""
+        """Return which of the rows are not as this process wrote them: what is written into them is never sealed
+        again."""
         assert self._written is not None, "only who writes a file seals"
         rows = ((key, db.execute(_ONE, (key,)).fetchone()) for key in keys)
         return {key for key, row in rows if row and seals.unfit(row, self._key, self._written)}
@@ -153,7 +156,7 @@ class Store:
             db.executemany("INSERT OR REPLACE INTO refused VALUES (?, ?)", [(_text(a), _text(r)) for a, r in refused])
 
     def note_machine(self, host: str, description: Mapping[str, Any]) -> None:
-        """What a machine that solves is; told once a run."""
+        """Note what a machine that solves is; told once a run."""
         with self._database.transaction() as db:
             db.execute("INSERT OR REPLACE INTO machines VALUES (?, ?)", (host, json.dumps(dict(description))))
 
@@ -164,8 +167,8 @@ class Store:
             db.executemany("INSERT OR REPLACE INTO problems VALUES (?, ?)", noted)
 
     def add_reference(self, pairs: int, seconds: float, loadavg: float | None = None) -> None:
-        """A solve of the reference just now, after so many pairs: what it took [s], NaN if it failed, and the load of
-        the machine."""
+        """Add a solve of the reference just now, after so many pairs: what it took [s], NaN if it failed, and the
+        load of the machine."""
         at = time.strftime("%Y-%m-%dT%H:%M:%S")
         self.add_references([{"at": at, "pairs": pairs, "seconds": seconds, "loadavg": loadavg}])
 
@@ -174,35 +177,33 @@ class Store:
         with self._database.transaction() as db:
             db.executemany("INSERT INTO reference VALUES (:at, :pairs, :seconds, :loadavg)", map(dict, solves))
 
-    def add(self, rows: Iterable[Mapping[str, Any]]) -> None:
+    def add(self, rows: Iterable[Row]) -> None:
         """Whole rows, as `rows` gives them, in one transaction."""
-        names = (*PLANNED, *MEASURED)
-        marks = ", ".join("?" * len(names))
         keys: list[str] = []
 
-        def values(row: Mapping[str, Any]) -> list[Any]:
-            keys.append(row["key"])
-            return [row[n] for n in names]
+        def values(row: Row) -> tuple[Any, ...]:
+            keys.append(row.key)
+            return _row_values(row)
 
         with self._database.transaction() as db:
-            db.executemany(f"INSERT INTO rows ({_ALL}) VALUES ({marks})", map(values, rows))
+            db.executemany(f"INSERT INTO rows {_WHOLE}", map(values, rows))
             self._seal(db, keys)
 
-    def put(self, row: Mapping[str, Any], answer: bytes | None) -> None:
-        """A whole row with its answer, in place of the one of its key."""
-        names = (*PLANNED, *MEASURED)
-        marks = ", ".join("?" * len(names))
+    def put(self, row: Planned, outcome: Outcome) -> None:
+        """Put a whole row with its answer in place of the one of its key."""
+        answer = outcome.answer
         keep = answer is not None and self._kept + len(answer) <= KEEP_LIMIT
         with self._database.transaction() as db:
             for table in _KEPT:
-                db.execute(f"DELETE FROM {table} WHERE key = ?", (row["key"],))
-            db.execute(f"INSERT OR REPLACE INTO rows ({_ALL}) VALUES ({marks})", [_text(row[n]) for n in names])
+                db.execute(f"DELETE FROM {table} WHERE key = ?", (row.key,))
+            values = (*_planned_values(row), *_measured_values(outcome))
+            db.execute(f"INSERT OR REPLACE INTO rows {_WHOLE}", [*map(_text, values)])
             if answer is not None and keep:
-                db.execute("INSERT INTO answers VALUES (?, ?, ?)", (row["key"], len(answer), answer))
+                db.execute("INSERT INTO answers VALUES (?, ?, ?)", (row.key, len(answer), answer))
                 self._kept += len(answer)
             assert self._written is not None, "only who writes a file seals"
-            self._written.pop(row["key"], None)  # its plan may be another one
-            self._seal(db, [row["key"]])
+            self._written.pop(row.key, None)  # its plan may be another one
+            self._seal(db, [row.key])
 
     def add_kept(
         self,
@@ -231,62 +232,49 @@ class Store:
         Raises StoreError, before anything is written, when rows of the same set, or of the same key, were made with
         other limits.
         """
-        pairs = list(pairs)
-        keys = [p.key for p in pairs]
-        names = ", ".join(f'"{c}"' for c in (*PLANNED, "status"))
-        marks = ", ".join("?" * (len(PLANNED) + 1))
-        rows = [(*map(_text, planned(p).values()), "not_run") for p in pairs]
+        rows = [Planned.of(pair) for pair in pairs]
         with self._database.transaction() as db:
-            self._require_same_limits(pairs, keys)
-            db.executemany(f"INSERT OR IGNORE INTO rows ({names}) VALUES ({marks})", rows)
-            self._seal(db, [key for key in keys if key not in (self._written or {})])
+            self._require_same_limits(rows)
+            values = ([*map(_text, _planned_values(row)), "not_run"] for row in rows)
+            db.executemany(f"INSERT OR IGNORE INTO rows {_into((*PLANNED, 'status'))}", values)
+            self._seal(db, [row.key for row in rows if row.key not in (self._written or {})])
 
-    def _require_same_limits(self, pairs: list[Pair], keys: list[str]) -> None:
+    def _require_same_limits(self, rows: Sequence[Planned]) -> None:
         columns = ", ".join(LIMITS)
         known: dict[str, set[tuple[Any, ...]]] = {}
         ours = "coalesce(origin, '') = ''"  # under which limits others solved is not known
         for name, *limits in self._database.read(f'SELECT DISTINCT "set", {columns} FROM rows WHERE {ours}'):
             known.setdefault(name, set()).add(tuple(limits))
         resumed = bool(known)
-        for pair, key in zip(pairs, keys, strict=True):
-            asked = limits_of(pair)
-            there = self._database.read(f"SELECT {columns} FROM rows WHERE key = ?", (key,)) if resumed else []
-            before = set(there) or known.setdefault(pair.set, {asked})
+        for row in rows:
+            asked = limits_of(row)
+            there = self._database.read(f"SELECT {columns} FROM rows WHERE key = ?", (row.key,)) if resumed else []
+            before = set(there) or known.setdefault(row.set, {asked})
             if not any(agree(old, asked) for old in before):
-                raise StoreError(f"{self.path}: {difference(pair.set, next(iter(before)), asked)}")
+                raise StoreError(f"{self.path}: {difference(row.set, next(iter(before)), asked)}")
 
-    def finish(
-        self,
-        key: str,
-        row: Mapping[str, Any],
-        answer: bytes | None = None,
-        history: bytes | None = None,
-        proof: bytes | None = None,
-    ) -> None:
+    def finish(self, key: str, outcome: Outcome) -> None:
         """Fill a planned row, with its answer, its history and the proof of its status, in one transaction; `attempts`
-        goes up by one unless the row tells it."""
-        unknown = row.keys() - MEASURED.keys()
-        if unknown:
-            raise StoreError(f"{self.path}: no column {', '.join(sorted(unknown))}")
-        keep = answer is not None and self._wants(str(row.get("status", "")))
-        if keep and answer is not None and self._kept + len(answer) > KEEP_LIMIT:
-            row = {**row, "message": f"{row.get('message') or ''} (answer not kept: over {KEEP_LIMIT} bytes)".strip()}
-            keep = False
-        values = [_text(row.get(c)) for c in MEASURED if c != "attempts"]
+        goes up by one unless the outcome tells it."""
+        answer = outcome.answer if self._wants(outcome.status) else None
+        if answer is not None and self._kept + len(answer) > KEEP_LIMIT:
+            message = f"{outcome.message or ''} (answer not kept: over {KEEP_LIMIT} bytes)".strip()
+            outcome, answer = replace(outcome, message=message), None
         with self._database.transaction() as db:
-            done = db.execute(_FINISH, (*values, row.get("attempts"), key))
+            done = db.execute(_FINISH, (*map(_text, _finish_values(outcome)), key))
             if done.rowcount != 1:
                 raise StoreError(f"{self.path}: no row {key} was planned")
-            for table in ("answers", "histories", "certificates"):
+            for table in _KEPT:
                 db.execute(f"DELETE FROM {table} WHERE key = ?", (key,))
-            if keep and answer is not None:
+            if answer is not None:
                 db.execute("INSERT OR REPLACE INTO answers VALUES (?, ?, ?)", (key, len(answer), answer))
-            if history is not None:
-                db.execute("INSERT OR REPLACE INTO histories VALUES (?, ?)", (key, history))
-            if proof is not None:
-                db.execute("INSERT OR REPLACE INTO certificates VALUES (?, ?, ?)", (key, str(row["status"]), proof))
+            if outcome.history is not None:
+                db.execute("INSERT OR REPLACE INTO histories VALUES (?, ?)", (key, outcome.history))
+            if outcome.proof is not None:
+                kept = (key, outcome.status, outcome.proof)
+                db.execute("INSERT OR REPLACE INTO certificates VALUES (?, ?, ?)", kept)
             self._seal(db, [key])
-        if keep and answer is not None:
+        if answer is not None:
             self._kept += len(answer)
 
     def _wants(self, status: str) -> bool:
@@ -347,8 +335,8 @@ class Store:
     # -------------------------------------------------------------------------------------------- read
 
     def meta(self) -> dict[str, Any]:
-        """Facts of the run by name, with the refused files under `refused`, the solves that tell the machine's drift
-        under `references`."""
+        """Return facts of the run by name, with the refused files under `refused`, the solves that tell the machine's
+        drift under `references`."""
         values = {name: json.loads(value) for name, value in self._database.read("SELECT name, value FROM meta")}
         if "solvers" in values:
             values["solvers"] = {current_label(label): sheet for label, sheet in values["solvers"].items()}
@@ -357,43 +345,43 @@ class Store:
         return values
 
     def machines(self) -> dict[str, dict[str, Any]]:
-        """What the machines are that solved, by host."""
+        """Return what the machines are that solved, by host."""
         return {host: json.loads(told) for host, told in self._database.read("SELECT * FROM machines ORDER BY host")}
 
     def features(self) -> dict[str, dict[str, Any]]:
-        """The features of the problems by fingerprint, as `bench.planning.features` found them; those of rows that
-        were planned before results kept them are not among them."""
+        """Return the features of the problems by fingerprint, as `bench.planning.features` found them; those of rows
+        that were planned before results kept them are not among them."""
         found = self._database.read("SELECT fingerprint, features FROM problems ORDER BY fingerprint")
         return {fingerprint: json.loads(told) for fingerprint, told in found}
 
     def references(self) -> list[dict[str, Any]]:
-        """The solves of the reference, in order: at, pairs, seconds (None where it failed), loadavg."""
+        """Return the solves of the reference, in order: at, pairs, seconds (None where it failed), loadavg."""
         names = ("at", "pairs", "seconds", "loadavg")
         found = self._database.read("SELECT at, pairs, seconds, loadavg FROM reference ORDER BY rowid")
         return [dict(zip(names, values, strict=True)) for values in found]
 
     def pending(self) -> set[str]:
-        """Keys of planned rows that have not been run."""
+        """Return keys of planned rows that have not been run."""
         return {key for (key,) in self._database.read("SELECT key FROM rows WHERE status = 'not_run'")}
 
     def counts(self) -> dict[str, int]:
-        """Rows by status."""
+        """Return rows by status."""
         return dict(self._database.read("SELECT status, count(*) FROM rows GROUP BY status"))
 
-    def row(self, key: str) -> dict[str, Any]:
-        """One row as a dictionary."""
+    def row(self, key: str) -> Row:
+        """Return one row; raises StoreError where there is none."""
         found = self._database.read(f"SELECT {_ALL} FROM rows WHERE key = ?", (key,))
         if not found:
             raise StoreError(f"{self.path}: no row {key}")
         return _row(found[0])
 
-    def rows(self) -> Iterator[dict[str, Any]]:
-        """Every row as a dictionary, in the order in which they were planned."""
+    def rows(self) -> Iterator[Row]:
+        """Yield every row, in the order in which they were planned."""
         for values in self._database.stream(f"SELECT {_ALL} FROM rows ORDER BY rowid"):
             yield _row(values)
 
     def ending(self, key: str) -> tuple[str, bytes | None]:
-        """How a row ended: its status, and its compressed answer where one is kept."""
+        """Return how a row ended: its status, and its compressed answer where one is kept."""
         found = self._database.read(
             "SELECT status, answer FROM rows LEFT JOIN answers USING (key) WHERE key = ?", (key,)
         )
@@ -402,47 +390,60 @@ class Store:
         return found[0][0], found[0][1]
 
     def answers(self) -> Iterator[tuple[str, bytes]]:
-        """(key, compressed answer) of every kept answer."""
+        """Yield (key, compressed answer) of every kept answer."""
         yield from self._database.stream("SELECT key, answer FROM answers ORDER BY key")
 
     def histories(self) -> Iterator[tuple[str, bytes]]:
-        """(key, compressed history) of every kept history."""
+        """Yield (key, compressed history) of every kept history."""
         yield from self._database.stream("SELECT key, history FROM histories ORDER BY key")
 
     def certificates(self) -> Iterator[tuple[str, str, bytes]]:
-        """(key, kind, proof) of every row that is proved to have no solution; none in a file of an older version."""
+        """Yield (key, kind, proof) of every row that is proved to have no solution; none in a file of an older
+        version."""
         if self._database.read("SELECT name FROM sqlite_master WHERE name = 'certificates'"):
             yield from self._database.stream("SELECT key, kind, proof FROM certificates ORDER BY key")
 
     def table(self) -> pd.DataFrame:
-        """All rows, in the order problem, label."""
+        """Return all rows, in the order problem, label."""
         return whole_table(self._database)
 
 
-def _row(values: tuple[Any, ...]) -> dict[str, Any]:
-    """Return a row as a dictionary, under the name that its solver has now."""
-    row = dict(zip((*PLANNED, *MEASURED), values, strict=True))
-    return row | {name: row[name] and current_label(row[name]) for name in ("solver", "label")}
+def _row(values: Sequence[Any]) -> Row:
+    """Return the row of values that were read, under the name that its solver has now."""
+    row = Row(*values)
+    solver, label = (name and current_label(name) for name in (row.solver, row.label))
+    return row if (solver, label) == (row.solver, row.label) else replace(row, solver=solver, label=label)
+
+
+def _into(names: Sequence[str]) -> str:
+    """Return the columns and the places of values in a statement."""
+    return f"({', '.join(f'{chr(34)}{name}{chr(34)}' for name in names)}) VALUES ({', '.join('?' * len(names))})"
 
 
 _KEPT = ("answers", "histories", "certificates")
 """Tables of what is kept of single rows."""
 _ALL = ", ".join(f'"{c}"' for c in (*PLANNED, *MEASURED))
+_WHOLE = _into((*PLANNED, *MEASURED))
+_FILLED = [name for name in MEASURED if name != "attempts"]
 _FINISH = (
-    f"UPDATE rows SET {', '.join(f'{chr(34)}{c}{chr(34)} = ?' for c in MEASURED if c != 'attempts')},"
+    f"UPDATE rows SET {', '.join(f'{chr(34)}{name}{chr(34)} = ?' for name in _FILLED)},"
     " attempts = coalesce(?, coalesce(attempts, 0) + 1) WHERE key = ?"
 )
+_planned_values, _measured_values = attrgetter(*PLANNED), attrgetter(*MEASURED)
+_row_values = attrgetter(*PLANNED, *MEASURED)
+_finish_values = attrgetter(*_FILLED, "attempts")
 _ONE = f"{seals.READ} WHERE rows.key = ?"
 
 
 def read_results(path: str | Path) -> pd.DataFrame:
-    """The rows of a results file as a table, for scripts and notebooks; raises StoreError."""
+    """Return the rows of a results file as a table, for scripts and notebooks; raises StoreError."""
     with Store(path) as store:
         return store.table()
 
 
 def _text(value: Any) -> Any:
-    """`value` as SQLite can store it: text with halves of characters, as broken file names have them, is escaped."""
+    """Return `value` as SQLite can store it: text with halves of characters, as broken file names have them, is
+    escaped."""
     if isinstance(value, str) and not value.isascii():
         return value.encode("utf-8", "backslashreplace").decode()
     return value

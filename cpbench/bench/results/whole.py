@@ -59,7 +59,7 @@ class Rows(NamedTuple):
 
 
 def whole_table(database: Database) -> pd.DataFrame:
-    """All rows in the order problem, label, key, with `error` ∞ where none was measured."""
+    """Return all rows in the order problem, label, key, with `error` ∞ where none was measured."""
     import pandas as pd
 
     with pd.option_context("mode.string_storage", "python"):  # where pyarrow is, each cell would be a text of its own
@@ -73,7 +73,7 @@ def whole_table(database: Database) -> pd.DataFrame:
 
 
 def _read_rows(database: Database) -> Rows:
-    """All rows in the order in which they were added."""
+    """Return all rows in the order in which they were added."""
     seen = [defaultdict[str, int](count().__next__) for _ in SHARED]
     readers = [*map(_places, seen), *map(_reader, SINGLE)]
     found: list[list[Values]] = [[read(())] for read in readers]
@@ -85,7 +85,7 @@ def _read_rows(database: Database) -> Rows:
 
 
 def _joined(rows: Rows) -> tuple[pd.DataFrame, dict[str, Values]]:
-    """The table of what was read, and the ranks of problem and label; `rows` are emptied on the way."""
+    """Return the table of what was read, and the ranks of problem and label; `rows` are emptied on the way."""
     import pandas as pd
 
     columns: dict[str, Any] = {}
@@ -106,7 +106,7 @@ def _places(seen: defaultdict[str, int]) -> Callable[[Sequence[str]], Values]:
 
 
 def _reader(name: str) -> Callable[[Sequence[Any]], Values]:
-    """A single column as an array: NaN where a number is missing, equal texts near each other one object."""
+    """Return a single column as an array: NaN where a number is missing, equal texts near each other one object."""
     if name in NUMBERS:
         return lambda values: np.fromiter(values, dtype=float, count=len(values))
     if name == "key":  # no two are equal
@@ -122,7 +122,7 @@ def _reader(name: str) -> Callable[[Sequence[Any]], Values]:
 
 
 def _distinct(names: Sequence[str], texts: Iterable[str]) -> pd.DataFrame:
-    """The values of shared columns, one line a distinct text."""
+    """Return the values of shared columns, one line a distinct text."""
     import pandas as pd
 
     once: dict[Any, Any] = {}

@@ -38,9 +38,9 @@ def _parts(found: Comparison) -> Iterator[str]:
     yield f"{code(found.base.name)} → {code(found.new.name)}" + "".join(
         f"; {plain(version)}" for version in words.versions(found)
     )
-    yield from _section(found, PairVerdict.REGRESSED, found.of(PairVerdict.REGRESSED))
+    yield from _section(found, PairVerdict.REGRESSED, found.with_verdict(PairVerdict.REGRESSED))
     yield from _suites(found)
-    yield from _section(found, PairVerdict.IMPROVED, found.of(PairVerdict.IMPROVED))
+    yield from _section(found, PairVerdict.IMPROVED, found.with_verdict(PairVerdict.IMPROVED))
     yield from _inconclusive(found)
     yield from _notes(found)
 
@@ -97,7 +97,7 @@ def _suites(found: Comparison) -> Iterator[str]:
 
 
 def _inconclusive(found: Comparison) -> Iterator[str]:
-    own = found.of(PairVerdict.INCONCLUSIVE)
+    own = found.with_verdict(PairVerdict.INCONCLUSIVE)
     by_time = own["gate"] == "time"
     yield from _section(found, PairVerdict.INCONCLUSIVE, own[~by_time])
     if by_time.any():

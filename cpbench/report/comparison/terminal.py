@@ -20,8 +20,8 @@ def lines(found: Comparison) -> Iterator[str]:
     for version in words.versions(found):
         yield f"  {one_line(version)}"
     for verdict in (PairVerdict.REGRESSED, PairVerdict.IMPROVED):
-        yield from _pairs(found, found.of(verdict), str(verdict))
-    open_pairs = found.of(PairVerdict.INCONCLUSIVE)
+        yield from _pairs(found, found.with_verdict(verdict), str(verdict))
+    open_pairs = found.with_verdict(PairVerdict.INCONCLUSIVE)
     yield from _pairs(found, open_pairs[open_pairs["gate"] != "time"], "inconclusive")
     if any(suite.time is not None for suite in found.suites):
         yield f"time of each label, geometric mean of new over base; {words.margin(found)}"

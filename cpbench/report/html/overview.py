@@ -10,6 +10,7 @@ from pathlib import Path
 from cpbench.analysis import participation
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
+from cpbench.analysis.ranking import Ranking
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.html.markup import Markup, code, element, table
 from cpbench.report.run import Run, group_name_text
@@ -44,21 +45,30 @@ def overview(run: Run) -> Iterator[Markup]:
 
 
 def _choices(run: Run) -> Iterator[Markup]:
-    """A button a group, with the solver to use, where there are several."""
+    """Yield a button a group, with the solver to use, where there are several."""
     if len(run.parts) > 1:
-        winners = {ranking.group: ranking.winner for ranking in run.rankings}
+        best = {ranking.group: ranking for ranking in run.rankings}
         buttons = (
             element(
                 "button",
                 element("strong", group_name_text(run, group)),
-                f" {winners.get(group, '')}",
+                f" {_winner(best.get(group))}",
                 type="button",
+                title=best[group].sentence if group in best else "",
                 class_="choice",
                 data_choose=str(place),
             )
             for place, (group, _) in enumerate(run.parts)
         )
+        yield element("p", "The solver to use for each formulation; choose one:", class_="choices-title")
         yield element("div", *buttons, class_="choices", role="group", aria_label="Formulations", tabindex="0")
+
+
+def _winner(ranking: Ranking | None) -> str:
+    """Return the solver to use, with "only" before one that nothing was compared with."""
+    if ranking is None or not ranking.winner:
+        return ""
+    return ranking.winner if len(ranking.rows) > 1 else f"(only {ranking.winner})"
 
 
 def _formulations(run: Run) -> Iterator[Markup]:

@@ -42,7 +42,7 @@ def ranking(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def answer(ranking: Ranking | None) -> dict[str, Any]:
-    """The sentence of a group, without its name in front, what it is called in full, and the first lines of its
+    """Return the sentence of a group, without its name in front, what it is called in full, and the first lines of its
     ranking."""
     if ranking is None:
         return {"sentence": "no solver was started.", "title": "", "rows": [], "more": 0}

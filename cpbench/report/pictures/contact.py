@@ -46,7 +46,7 @@ VIEWS = ("xy", "xz", "yz")
     tolerance="What is noise in a reaction or a velocity, relative to the whole answer.",
 )
 def draw(problem: Problem, point: Point, *, view: str = "", tolerance: float = 1e-6) -> Drawing:
-    """Map of the contacts where there are positions, else the disk."""
+    """Draw a map of the contacts where there are positions, else the disk."""
     if view not in ("", *VIEWS):
         raise CpbenchError(f"--view {view}: is one of {', '.join(VIEWS)}")
     states = contact_states(problem, point, tolerance)

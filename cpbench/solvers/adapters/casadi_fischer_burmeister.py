@@ -112,7 +112,7 @@ def _spec(name: str, node: str, **more: Any) -> SolverSpec:
 
 @register
 class FischerBurmeisterLCP(FischerBurmeister):
-    """For the LCP."""
+    """The method for the LCP."""
 
     spec: ClassVar[SolverSpec] = _spec(
         "casadi-fischer-burmeister",
@@ -130,7 +130,7 @@ class FischerBurmeisterLCP(FischerBurmeister):
 
 @register
 class FischerBurmeisterMLCP(FischerBurmeister):
-    """For the MLCP, its equations as they are."""
+    """The method for the MLCP, its equations as they are."""
 
     spec: ClassVar[SolverSpec] = _spec(
         "casadi-fischer-burmeister-mlcp",

@@ -132,7 +132,7 @@ def _spec(name: str, node: str, **more: Any) -> SolverSpec:
 
 @register
 class IpoptLCP(IpoptComplementarity):
-    """For the LCP."""
+    """The method for the LCP."""
 
     spec: ClassVar[SolverSpec] = _spec("casadi-ipopt", "lcp")
 
@@ -142,7 +142,7 @@ class IpoptLCP(IpoptComplementarity):
 
 @register
 class IpoptMLCP(IpoptComplementarity):
-    """For the MLCP, its equations as constraints."""
+    """The method for the MLCP, its equations as constraints."""
 
     spec: ClassVar[SolverSpec] = _spec("casadi-ipopt-mlcp", "mlcp")
 

@@ -33,14 +33,14 @@ def _spec(name: str, node: str, **more: Any) -> SolverSpec:
 
 @register
 class MilesLCP(Miles):
-    """For the LCP."""
+    """The method for the LCP."""
 
     spec: ClassVar[SolverSpec] = _spec("gams-miles", "lcp")
 
 
 @register
 class MilesMLCP(Miles):
-    """For the MLCP, its equations as they are."""
+    """The method for the MLCP, its equations as they are."""
 
     spec: ClassVar[SolverSpec] = _spec(
         "gams-miles-mlcp",

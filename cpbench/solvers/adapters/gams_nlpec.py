@@ -40,7 +40,7 @@ def _spec(name: str, node: str, **more: Any) -> SolverSpec:
 
 @register
 class NlpecLCP(Nlpec):
-    """For the LCP."""
+    """The method for the LCP."""
 
     spec: ClassVar[SolverSpec] = _spec(
         "gams-nlpec",
@@ -53,7 +53,7 @@ class NlpecLCP(Nlpec):
 
 @register
 class NlpecMLCP(Nlpec):
-    """For the MLCP, its equations as they are."""
+    """The method for the MLCP, its equations as they are."""
 
     spec: ClassVar[SolverSpec] = _spec(
         "gams-nlpec-mlcp",

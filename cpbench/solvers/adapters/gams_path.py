@@ -35,13 +35,13 @@ def _spec(name: str, node: str, **more: Any) -> SolverSpec:
 
 @register
 class PathLCP(GamsPath):
-    """For the LCP."""
+    """The method for the LCP."""
 
     spec: ClassVar[SolverSpec] = _spec("gams-path", "lcp")
 
 
 @register
 class PathMLCP(GamsPath):
-    """For the MLCP, its equations as they are."""
+    """The method for the MLCP, its equations as they are."""
 
     spec: ClassVar[SolverSpec] = _spec("gams-path-mlcp", "mlcp")

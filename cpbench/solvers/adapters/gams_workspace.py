@@ -89,7 +89,7 @@ class Workspace:
                 done.unlink()
 
     def ended(self) -> int | None:
-        """Exit code of the process of GAMS, None while it runs."""
+        """Return the exit code of GAMS, None while it runs."""
         return self.container._execution_engine._process.poll()
 
 

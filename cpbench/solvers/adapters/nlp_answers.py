@@ -54,7 +54,7 @@ def concluded(
 
 
 def compile_program(problem: NLP) -> None:
-    """Have the maps and their derivatives ready, so that this is timed as setup."""
+    """Compile the maps and their derivatives, so that this is timed as setup."""
     with np.errstate(all="ignore"):
         z = problem.at_start
         for F in problem.maps().values():

@@ -22,7 +22,7 @@ from typing import Any
 from cpbench.errors import CpbenchError, Ended, Unavailable
 from cpbench.exchange import exchanges
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
-from cpbench.solvers.external.served import ANSWERED, CLAIM, HandedOver, backstop, missing, output
+from cpbench.solvers.external.served import ANSWERED, CLAIM, HandedOver, backstop, missing_executable, output
 from cpbench.solvers.external.session import ProgramError, kill_tree, wait
 
 PLACEHOLDERS = {
@@ -112,7 +112,7 @@ class CommandSolver(Solver):
         return ""
 
     def availability(self) -> Availability:
-        lacking = missing(self.command[0], self)
+        lacking = missing_executable(self.command[0], self)
         return Availability("missing", lacking) if lacking else Availability("ok")
 
     def _run(self, command: list[str], seconds: float) -> int:

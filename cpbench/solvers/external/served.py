@@ -99,7 +99,8 @@ class HandedOver:
         return any(entry.name != CLAIM for entry in path.iterdir()) if path.is_dir() else path.exists()
 
     def answer(self, solver: str, claim: Claim) -> Any | None:
-        """Return the answer that was written into `room`; raises ValueError where it is not what the claim needs."""
+        """Return the answer that the program wrote, None without one; raises ValueError where it does not fit the
+        claim."""
         if claim not in ANSWERED and not self.answered():
             return None
         try:
@@ -184,7 +185,7 @@ class ServedSolver(Solver):
         return _greet(self).version if self.availability().ok else ""
 
     def availability(self) -> Availability:
-        lacking = missing(self.command[0], self)
+        lacking = missing_executable(self.command[0], self)
         return Availability("missing", lacking) if lacking else _greet(self).availability
 
     def close(self) -> None:
@@ -255,7 +256,7 @@ _spare: tuple[Key, Session] | None = None
 """The program that was asked last whether it is available: whoever runs it next need not start it again."""
 
 
-def missing(command: str, solver: Any) -> str:
+def missing_executable(command: str, solver: Any) -> str:
     """Return what to do where there is no such executable, "" where there is; a path is one from the solver's `cwd`
     on."""
     if os.path.dirname(command):
@@ -300,7 +301,7 @@ def _started(solver: ServedSolver) -> tuple[Session, str]:
     """Return the program, greeted, and its version; raises Unavailable with what it said on its way out."""
     if os.name != "posix":
         raise Unavailable("broken", "programs are served through pipes of POSIX, which this system has not")
-    lacking = missing(solver.command[0], solver)
+    lacking = missing_executable(solver.command[0], solver)
     if lacking:
         raise Unavailable("missing", lacking)
     session = Session(solver.spec.name, solver.command, solver.env, solver.cwd)

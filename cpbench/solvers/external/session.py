@@ -91,7 +91,7 @@ class Session:
 
     @property
     def words(self) -> str:
-        """What it said on stderr that was not passed on, its last part."""
+        """Last part of what the program wrote to stderr and was not passed on."""
         return self._words.decode(errors="replace").strip()[-WORDS:]
 
     def ended(self) -> bool:

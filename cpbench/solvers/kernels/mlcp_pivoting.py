@@ -44,7 +44,7 @@ def exchange(T, basic, nonbasic, r, s):
 
 @njit((int64, int64, INDEX, INDEX, INDEX, INDEX), cache=True)
 def _number(N, n, basic, nonbasic, row_of, column_of):
-    """Number the variables before any exchange."""
+    """Give the variables their numbers before any exchange."""
     for i in range(N):
         basic[i], nonbasic[i] = i, N + i
     for k in range(N - n):

@@ -44,12 +44,14 @@ class SolverPhase:
 @dataclass(frozen=True)
 class Plan:
     """Prepared problem of the automatic choice. `first` : what the first solver's own `setup` has made of the
-    problem, None where it does not take it; it has its `options`."""
+    problem, None where it does not take it; it has its `options`. `solver` : the first one, where it may go on to its
+    own limit before anything else is prepared."""
 
     problem: Problem
     phases: tuple[SolverPhase, ...]
     first: Any | None = None
     options: Any = None
+    solver: Solver | None = None
 
 
 class AutomaticChoice(Solver):
@@ -75,7 +77,8 @@ class AutomaticChoice(Solver):
         if not any(problem.point_sizes.values()) or solver.obstacle(problem) is not None:
             return Plan(problem, phases)
         own = solver.spec.options(**phases[0].options)
-        return Plan(problem, phases, solver.setup(solver.hand_over(problem), budget, own), own)
+        first = solver.setup(solver.hand_over(problem), budget, own)
+        return Plan(problem, phases, first, own, solver if phases[0].iterations is None else None)
 
     def warmup(self) -> None:
         load_all("solvers", self.kernels)
@@ -93,16 +96,14 @@ class AutomaticChoice(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        begun, phases = time.monotonic(), prepared.phases
-        first = prepared.first is not None and phases[0].iterations is None
+        begun, phases, solver = time.monotonic(), prepared.phases, prepared.solver
         # most problems end with the first solver, many in less time than it takes to prepare for more
-        if first and start is None and record is None and budget.seconds > 0 and budget.iterations != 0:
-            solver = warming.ready(phases[0].solver, quickly=True)
+        if solver is not None and start is None and record is None and budget.seconds > 0 and budget.iterations != 0:
             output = solver.collect(solver.solve(prepared.first, budget, prepared.options))
             if output.claim is Claim.SOLVED and output.point is not None:
-                counters = {"iterations": 0, **output.counters, "solvers": output.counters.get("solvers", 0) + 1}
-                message = f"{phases[0].solver}: solved"
-                return SolverOutput(claim=Claim.SOLVED, point=output.point, counters=counters, message=message)
+                counters = output.counters
+                counters = {"iterations": 0, **counters, "solvers": counters.get("solvers", 0) + 1}
+                return output.retold(counters, f"{phases[0].solver}: solved")
             run = _Run(prepared, budget, start, record, begun)
             run.take(phases[0], solver, output)
             phases = phases[1:]
@@ -200,7 +201,7 @@ class _Run:
             self._keep(phase.solver, output)
 
     def _warmed(self, phase: SolverPhase) -> Solver:
-        """The solver of a phase, ready; `setup` has warmed up the first."""
+        """Return the solver of a phase, ready; `setup` has warmed up the first."""
         before = warming.seconds()
         solver = warming.ready(phase.solver, quickly=phase is self._plan.phases[0])
         self._deadline += warming.seconds() - before

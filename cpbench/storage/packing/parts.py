@@ -36,7 +36,7 @@ class Part:
 
 
 def is_matrix(node: str, name: str) -> bool:
-    """Whether the formulation declares this part as a matrix."""
+    """Return whether the formulation declares this part as a matrix."""
     return len(_symbols(node)[name]) == 2
 
 
@@ -61,7 +61,7 @@ def build(node: str, parts: Mapping[str, Part], axes: str | None, name: str, **p
 
 
 def _symbols(node: str) -> dict[str, tuple[str, ...]]:
-    """The dimensions of every part, as the formulation declares them."""
+    """Return the dimensions of every part, as the formulation declares them."""
     return {f.name: f.metadata["shape"] for f in fields(NODES[node]) if "shape" in f.metadata}
 
 
@@ -85,12 +85,12 @@ def _require_shapes(node: str, parts: Mapping[str, Part]) -> None:
 
 
 def _shown(shape: tuple[int, ...]) -> str:
-    """`12 x 9`, or `9 numbers`."""
+    """Return `12 x 9`, or `9 numbers`."""
     return " x ".join(map(str, shape)) if len(shape) == 2 else f"{shape[0]} numbers"
 
 
 def _dimension(node: str, parts: Mapping[str, Part], rows_of: str, axes: str | None) -> int:
-    """Rows of a contact; raises FormatError where there are not 2 or 3, or not those that `axes` names."""
+    """Return rows of a contact; raises FormatError where there are not 2 or 3, or not those that `axes` names."""
     rows, nc = parts[rows_of].value.size, parts["mu"].value.size
     if nc == 0 or rows % nc or rows // nc not in (2, 3):
         raise FormatError(
@@ -110,13 +110,13 @@ def _dimension(node: str, parts: Mapping[str, Part], rows_of: str, axes: str | N
 
 
 def _order(axes: str | None, d: int, nc: int) -> np.ndarray[Any, np.dtype[np.intp]]:
-    """Row numbers that put the normal first."""
+    """Return row numbers that put the normal first."""
     within = np.roll(np.arange(d), 1) if axes and axes.endswith("N") else np.arange(d)
     return (np.arange(nc)[:, None] * d + within).ravel()
 
 
 def _in_order(value: Any, order: np.ndarray[Any, np.dtype[np.intp]], symbols: tuple[str, ...]) -> Any:
-    """The rows, the columns, or both, that are rows of contacts, in order."""
+    """Return the rows, the columns, or both, that are rows of contacts, in order."""
     value = matrices.sparse(value) if value.ndim == 2 and matrices.is_sparse(value) else value
     if symbols[0] == "m":
         value = value[order]

@@ -16,7 +16,7 @@ ROUNDED = 1e-9
 
 
 def remarks(problem: Any) -> Iterator[str]:
-    """Sentences on a frictional contact problem."""
+    """Yield sentences on a frictional contact problem."""
     mu = np.asarray(problem.mu, dtype=float)
     if mu.size and mu.max() > SLIPPERY:
         many, c = int((mu > SLIPPERY).sum()), int(mu.argmax())

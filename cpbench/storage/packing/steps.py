@@ -46,7 +46,7 @@ def record_problems(recorder: Recorder, source: Path, known: Mapping[str, Path])
 
 
 def _together(files: Mapping[str, Path], ranks: Mapping[str, int]) -> Iterator[dict[str, Part]]:
-    """What the files hold, step by step; what has no steps is the same in all of them."""
+    """Yield what the files hold, step by step; what has no steps is the same in all of them."""
     constant: dict[str, Part] = {}
     moving: dict[str, list[Part]] = {}
     for name, file in files.items():
@@ -68,7 +68,7 @@ def _together(files: Mapping[str, Path], ranks: Mapping[str, int]) -> Iterator[d
 
 
 def _steps(file: Path, name: str, rank: int) -> Part | list[Part]:
-    """One part a step, or the one part of all steps."""
+    """Return one part a step, or the one part of all steps."""
     paths = _found(file)
     if paths != [file]:
         read = storage.read_matrix if rank == 2 else storage.read_vector
@@ -82,7 +82,7 @@ def _steps(file: Path, name: str, rank: int) -> Part | list[Part]:
 
 
 def _found(source: Path) -> list[Path]:
-    """The files of a folder or a glob, in the order of the numbers in their names; any other path as it is."""
+    """Return the files of a folder or a glob, in the order of the numbers in their names; any other path as it is."""
     if source.is_dir():
         inside = [path for path in source.iterdir() if path.is_file() and not path.name.startswith(".")]
     elif source.exists() or not set(str(source)) & set("*?["):
@@ -95,5 +95,5 @@ def _found(source: Path) -> list[Path]:
 
 
 def _natural(text: str) -> list[tuple[int, str]]:
-    """Orders step2 before step10."""
+    """Return a sort key that puts step2 before step10."""
     return [(int(piece), "") if piece.isdigit() else (-1, piece) for piece in re.split(r"(\d+)", text)]

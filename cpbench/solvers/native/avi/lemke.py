@@ -61,7 +61,7 @@ class MultiplierBox:
 
     @cached_property
     def parts(self) -> tuple[slice, slice, slice]:
-        """Of x̂: z, λ and μ."""
+        """Slices of x̂: z, λ and μ."""
         n, m, _ = self.sizes
         z = int(self.moving[:n].sum())
         return slice(0, z), slice(z, z + m), slice(z + m, None)

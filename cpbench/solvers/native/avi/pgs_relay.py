@@ -32,7 +32,7 @@ class PGSRelayOptions:
 
 
 @dataclass(frozen=True)
-class Rows:
+class RelayRows:
     """M by rows: values[start[i]:start[i+1]] are in `column`."""
 
     problem: Relay
@@ -70,17 +70,17 @@ class PGSRelay(Solver):
             "use newton-relay"
         )
 
-    def setup(self, problem: Relay, budget: Budget, options: PGSRelayOptions) -> Rows:
+    def setup(self, problem: Relay, budget: Budget, options: PGSRelayOptions) -> RelayRows:
         csr = sp.csr_array(problem.M)
         diagonal = np.where(problem.moving, problem.M.diagonal(), 1.0)
-        return Rows(problem, csr.indptr.astype(np.int64), csr.indices.astype(np.int64), csr.data, diagonal)
+        return RelayRows(problem, csr.indptr.astype(np.int64), csr.indices.astype(np.int64), csr.data, diagonal)
 
     def warmup(self) -> None:
         self.run(Relay(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=-np.ones(2), lb=np.zeros(2), ub=np.ones(2)))
 
     def solve(
         self,
-        prepared: Rows,
+        prepared: RelayRows,
         budget: Budget,
         options: PGSRelayOptions,
         start: Any | None = None,

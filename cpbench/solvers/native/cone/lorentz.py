@@ -35,8 +35,11 @@ class RowScaling:
         self._root_inverse /= np.sqrt(ratio)[:, None, None]
         self._middle = np.einsum("cij,cj->ci", self._root, y)
 
-    def right(self, predicted: tuple[Dense, Dense] | None, target: float) -> Dense:
-        """Return c of dw = c − Θdy, for y ∘ w → target·e with the second-order term of a predicted step."""
+    def right_hand_side(self, predicted: tuple[Dense, Dense] | None, target: float) -> Dense:
+        """Return c of dw = c − Θdy, the equation of a step towards y ∘ w = target·e; Θ is the Nesterov–Todd scaling.
+
+        `predicted` : (dy, dw) of Mehrotra's predictor, whose second-order term is subtracted; None: no such term.
+        """
         if predicted is None:
             wanted = np.zeros_like(self._middle)
         else:

@@ -48,7 +48,7 @@ class _Rows:
         return first
 
     def auxiliary(self, *entries: tuple[int, float]) -> None:
-        """Add a new e that enters the given rows with the given weights."""
+        """Add an auxiliary unknown that enters rows with weights; `entries` : (row, weight)."""
         self._U += [(row, self.extra, weight) for row, weight in entries]
         self.extra += 1
 

@@ -85,7 +85,7 @@ class ADMMContact(Solver):
         run = ContactSplitting(prepared, options, None if start is None else start.r)
         limit = budget.iterations or options.max_iterations
         deadline, progress = time.monotonic() + budget.seconds, Progress(options.stall_window)
-        best, least = run.r, prepared.rows.judged(run.r)
+        best, least = run.r, prepared.rows.judged_error(run.r)
         claim, message = Claim.MAX_ITER, f"{limit} iterations"
         if record is not None:
             record(0, least, lambda: FCPoint(best))
@@ -94,7 +94,7 @@ class ADMMContact(Solver):
                 claim, message = Claim.FAILED, f"W + ρI is singular for ρ = {run.rho:.1e}"
                 break
             r = run.r
-            error = prepared.rows.judged(r)
+            error = prepared.rows.judged_error(r)
             if error < least:
                 best, least = r, error
                 if record is not None:
@@ -143,7 +143,8 @@ class ContactSplitting:
 
     @property
     def entries(self) -> int:
-        """Of the factors; 0 before the first step, where ρ has just changed, and where it is not known."""
+        """Number of entries of the factors; 0 before the first step, where ρ has just changed, and where it is not
+        known."""
         return 0 if self._factors is None else self._factors.entries or 0
 
     def step(self) -> bool:

@@ -72,7 +72,7 @@ class AutoContact(Solver):
         look = None
         if record is not None:
             begin = np.zeros(prepared.q.size) if start is None else start.r
-            record(0, rows.judged(begin), lambda: FCPoint(begin))
+            record(0, rows.judged_error(begin), lambda: FCPoint(begin))
             look = partial(_tell, record, sweeps)
         sweeps.sweep(min(options.sweeps, limit), budget.tolerance, look)
         # most small problems are done here, in less time than it takes to prepare for more

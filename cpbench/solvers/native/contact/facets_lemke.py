@@ -92,7 +92,7 @@ class FacetsLemke(Solver):
             message = f"facets = {options.facets}: directions come in opposite pairs, use an even number from 4 on"
             return SolverOutput(claim=Claim.FAILED, message=message)
         best = np.zeros(problem.q.size) if start is None else np.array(start.r)
-        least, deadline = rows.judged(best), time.monotonic() + budget.seconds
+        least, deadline = rows.judged_error(best), time.monotonic() + budget.seconds
         if record is not None:
             record(0, least, lambda: FCPoint(best))
         counters = {"iterations": 0, "pivots": 0}
@@ -110,7 +110,7 @@ class FacetsLemke(Solver):
                 break
             x = _reactions(output.point.z, vertices)
             r, u = prepared.s * x.ravel(), (prepared.W @ x.ravel() + prepared.q).reshape(x.shape)
-            error = rows.judged(r)
+            error = rows.judged_error(r)
             if error < least:
                 best, least = r, error
                 if record is not None:

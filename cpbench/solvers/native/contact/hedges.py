@@ -24,11 +24,11 @@ SHARE = 0.3
 
 
 class Hedge(ABC):
-    """A method that is advanced in slices.
+    """Second method that is advanced in slices beside the first, in case that one fails.
 
     Attributes
     ----------
-    spent : counted work so far [ns]. over : it cannot go on. steps : Newton steps so far. r : (n,), where it is.
+    spent : counted work so far [ns]. over : it cannot go on. steps : Newton steps so far. r : (n,), present reactions.
     """
 
     unit: ClassVar[str]

@@ -97,11 +97,11 @@ class _InteriorPoint(ContactMethod):
             return dy, c - np.einsum("cij,cj->ci", theta, dy)
 
         try:
-            dy, dw = direction(scaling.right(None, 0.0))
+            dy, dw = direction(scaling.right_hand_side(None, 0.0))
             length = min(longest(y, dy), longest(w, dw), 1.0)
             ahead = float(np.einsum("ci,ci->", y + length * dy, w + length * dw)) / self._nc
             sigma = min(max(ahead / gap, 0.0), 1.0) ** 3
-            dy, dw = direction(scaling.right((dy, dw), sigma * gap))
+            dy, dw = direction(scaling.right_hand_side((dy, dw), sigma * gap))
         except ProblemError:
             return "the linear system is singular"
         if not (np.isfinite(dy).all() and np.isfinite(dw).all()):

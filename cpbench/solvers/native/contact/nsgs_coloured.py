@@ -67,17 +67,17 @@ class Coloured:
             (problem.q.reshape(nc, d)[contacts].ravel(), problem.mu[contacts], problem.rho[contacts]),
         )
 
-    def here(self, r: Vector) -> Vector:
-        """Return reactions of the problem by colours."""
+    def by_colour(self, r: Vector) -> Vector:
+        """Return reactions r, shape (nc·d,), in the order of the colours, from the order of the contacts."""
         return r.reshape(self.contacts.size, self.problem.dimension)[self.contacts].ravel()
 
-    def there(self, r: Vector) -> Vector:
-        """Return reactions by colours as the problem has them."""
+    def by_contact(self, r: Vector) -> Vector:
+        """Return reactions r, shape (nc·d,), in the order of the contacts, from the order of the colours."""
         back = np.empty((self.contacts.size, self.problem.dimension))
         back[self.contacts] = r.reshape(back.shape)
         return back.ravel()
 
-    def judged(self, r: Vector) -> float:
+    def judged_error(self, r: Vector) -> float:
         if not r.size:
             return 0.0
         return kernel("contact_error").judged(*self.matrix[:4], *self.law, r, self.problem.dimension)
@@ -163,17 +163,17 @@ class NSGSColoured(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         problem = prepared.problem
-        r = np.zeros(problem.q.size) if start is None else prepared.here(np.asarray(start.r))
+        r = np.zeros(problem.q.size) if start is None else prepared.by_colour(np.asarray(start.r))
         limit, threads = budget.iterations or options.max_iterations, max(1, options.threads)
         with helpers(threads) as pool:
             method = ColouredSweeps(prepared, r, threads, pool)
             end = iterate(
                 method,
-                prepared.judged,
-                lambda r: FCPoint(prepared.there(r)),
+                prepared.judged_error,
+                lambda r: FCPoint(prepared.by_contact(r)),
                 budget,
                 limit,
                 options.stall_window,
                 record,
             )
-        return conclude(problem, prepared.there(end.r), end.error, budget, end.claim, end.message, end.counters)
+        return conclude(problem, prepared.by_contact(end.r), end.error, budget, end.claim, end.message, end.counters)

@@ -95,7 +95,7 @@ class Phases:
                 before = hedge.steps
                 hedge.advance(self.deadline)
                 self._made("newton_steps", hedge.steps - before)
-                self._seen(hedge.r, self._contacts.rows.judged(hedge.r))
+                self._seen(hedge.r, self._contacts.rows.judged_error(hedge.r))
             if self._over:
                 break
         if hedge.steps > steps:
@@ -182,7 +182,7 @@ class Phases:
             if not proximal.step(self.limit - self.iterations, self.deadline):
                 break
             self._made("newton_steps", max(proximal.newton_steps - before, 1))
-            self._seen(proximal.r, self._contacts.rows.judged(proximal.r))
+            self._seen(proximal.r, self._contacts.rows.judged_error(proximal.r))
             if self.error <= self._budget.tolerance:
                 break
         self._drifted = self.best
@@ -197,7 +197,7 @@ class Phases:
                 break
             self._made("admm_iterations", 1)
             r = splitting.r
-            self._seen(r, self._contacts.rows.judged(r))
+            self._seen(r, self._contacts.rows.judged_error(r))
             if self.error <= self._budget.tolerance:
                 break
         self.counters["factorizations"] += splitting.factorizations

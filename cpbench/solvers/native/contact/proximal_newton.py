@@ -56,7 +56,7 @@ class ProximalSteps:
     """
 
     def __init__(self, contacts: ScaledContacts, options: ProximalNewtonOptions, r: Vector) -> None:
-        self._judged, self._s, self._options = contacts.rows.judged, contacts.s, options
+        self._judged, self._s, self._options = contacts.rows.judged_error, contacts.s, options
         self._newton = NewtonPhase(contacts, ContactNewtonOptions())
         self._whole = self._newton.equation
         self._alpha, self._floor = options.alpha, ALPHA[0]

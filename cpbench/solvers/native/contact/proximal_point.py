@@ -50,7 +50,7 @@ class ProximalNSGSOptions(MethodOptions):
 class _Proximal(ContactMethod):
     def __init__(self, contacts: ScaledContacts, options: ProximalNSGSOptions, start: Vector, budget: Budget) -> None:
         self._problem, self._options, self._budget = contacts.rows.problem, options, budget
-        self._judged = contacts.rows.judged
+        self._judged = contacts.rows.judged_error
         self._inner = _inner(options.inner)
         self._weight = 1.0 / contacts.s**2
         self._r, self._alpha, self._floor = start, options.alpha, ALPHA[0]

@@ -110,15 +110,15 @@ class Relaxation(Solver):
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
-        at = SweepState.at(r, problem.nc, budget.seed)
+        at = SweepState.initial(r, problem.nc, budget.seed)
         if start is None:
             error = np.inf if (problem.q[:: problem.dimension] < 0.0).any() else 0.0
         else:
-            error, at.state[SEEN] = prepared.judged(r), problem.nc
+            error, at.state[SEEN] = prepared.judged_error(r), problem.nc
         if error < np.inf:
             at.measured[LEAST] = error
         if record is not None:
-            record(0, prepared.judged(r) if start is None else error, lambda: FCPoint(r))
+            record(0, prepared.judged_error(r) if start is None else error, lambda: FCPoint(r))
         return self.swept(prepared, budget, options, at, error, record)
 
     def swept(

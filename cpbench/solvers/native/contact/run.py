@@ -160,7 +160,7 @@ class ContactSolver(Solver):
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)
         method = type(self).method(prepared, options, r, budget)
         limit = budget.iterations or options.max_iterations
-        end = iterate(method, prepared.rows.judged, FCPoint, budget, limit, options.stall_window, record)
+        end = iterate(method, prepared.rows.judged_error, FCPoint, budget, limit, options.stall_window, record)
         return conclude(problem, end.r, end.error, budget, end.claim, end.message, end.counters)
 
 

@@ -190,7 +190,7 @@ class ContactNewton(Solver):
         deadline = time.monotonic() + budget.seconds
         limit = budget.iterations or options.max_iterations
         best = np.zeros(prepared.q.size) if start is None else np.array(start.r)
-        least, steps, count = rows.judged(best), 0, options.sweeps
+        least, steps, count = rows.judged_error(best), 0, options.sweeps
         if record is not None:
             record(0, least, lambda: FCPoint(best))
         claim, message = Claim.MAX_ITER, f"{limit} steps and sweeps"
@@ -217,7 +217,7 @@ class ContactNewton(Solver):
                     break
                 steps += 1
                 r = newton.r
-                error = rows.judged(r)
+                error = rows.judged_error(r)
                 if error < least:
                     best, least = r, error
                     if record is not None:

@@ -16,7 +16,7 @@ from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import Dense, Matrix, Vector, scaled_both, sparse
-from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench.solvers.base import Budget, Claim, SolverOutput, solved
 
 APART = 1e-11
 """Two evaluations of the error, whose sums are made in different order, are less than this apart."""
@@ -69,33 +69,33 @@ class BlockRows:
 
     @cached_property
     def law(self) -> tuple[Any, ...]:
-        """What kernels of sweeps begin with: all of the problem."""
+        """First arguments of every kernel of sweeps: the data of the problem."""
         problem = self.problem
         matrix = (self.start, self.column, self.blocks, self.diagonal, self.local)
         return (*matrix, problem.q, problem.mu, problem.rho)
 
     @cached_property
     def order(self) -> NDArray[np.int64]:
-        """The contacts one after the other."""
+        """Numbers of the contacts in increasing order, shape (nc,)."""
         return np.arange(self.problem.nc)
 
-    def judged(self, r: Vector) -> float:
-        """Return the error that `residuals` judges r by."""
+    def judged_error(self, r: Vector) -> float:
+        """Return the error of the reactions r, shape (nc·d,), as `residuals` of the problem measures it."""
         *matrix, _, q, mu, rho = self.law
         return compiled(kernel("contact_error").judged)(*matrix, q, mu, rho, r, self.problem.dimension)
 
     @cached_property
     def accelerated(self) -> Sweeping:
-        """With Anderson's acceleration."""
+        """Sweeps with Anderson's acceleration."""
         return self.sweeping(self.order)
 
     @cached_property
     def plain(self) -> Sweeping:
-        """Without it."""
+        """Sweeps without acceleration."""
         return self.sweeping(self.order, 0)
 
     def sweeping(self, order: NDArray[np.int64], most: int = MEMORY) -> Sweeping:
-        """Sweep in any order, with at most so many columns."""
+        """Return sweeps over the contacts in this order; Anderson's acceleration keeps `most` differences (0: none)."""
         anderson, n = kernel("anderson"), self.problem.q.size
         memory = min(most, n)
         size = anderson.work_size(n, self.problem.nc, memory)
@@ -139,7 +139,7 @@ class SweepState:
     best: Vector
 
     @classmethod
-    def at(cls, r: Vector, contacts: int, seed: int) -> SweepState:
+    def initial(cls, r: Vector, contacts: int, seed: int) -> SweepState:
         """Return the state before the first sweep."""
         state, measured = np.zeros(PLACES, np.int64), np.full(3, np.inf)
         state[NEXT_CHECK], state[RANDOM], measured[PACE] = FIRST, seed, 0.0
@@ -166,11 +166,11 @@ class AcceleratedSweeps:
 
         `look` is called when a better answer was found, and changes nothing in the sweeps.
         """
-        sweeps, arguments = self._way.kernel, (*self._way.arguments, self._work, tolerance)
+        way, work, watched = self._way, self._work, look is not None
         until, status = self.done + count, CONTINUE
         while status == CONTINUE:
             seen = self.error
-            status, self.done, self.error, self.seen = sweeps(*arguments, until, look is not None)
+            status, self.done, self.error, self.seen = way.kernel(*way.arguments, work, tolerance, until, watched)
             if look is not None and self.error < seen and self.done > 0:
                 look()
             if self.done >= until:
@@ -240,11 +240,11 @@ def conclude(
     The kernel's error is the same formula; only where rounding could part the two is it measured afresh.
     """
     if error <= budget.tolerance - APART:
-        return SolverOutput(claim=Claim.SOLVED, point=FCPoint.adopt(r.copy()), counters=counters)
+        return solved(FCPoint.adopt(r.copy()), counters)
     if not error <= budget.tolerance and not np.isfinite(r).all():  # an infinite r has no finite error
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message)
     point = FCPoint.adopt(r.copy())
     error = problem.residuals(point, budget.tolerance).error
     if error <= budget.tolerance:
-        return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
+        return solved(point, counters)
     return SolverOutput(claim=claim, point=point, counters=counters, message=f"{message}, error {error:.1e}")

@@ -47,7 +47,7 @@ class BasisFactor:
 
     @property
     def pivots(self) -> Vector:
-        """Of the elimination, absolute: (|B|,)."""
+        """Absolute values of the pivots of the elimination, shape (|B|,)."""
         if self.B.size == 0:
             return np.ones(0)
         diagonal = np.abs(self._factor.diagonal())

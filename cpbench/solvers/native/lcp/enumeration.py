@@ -74,7 +74,8 @@ class Enumeration:
 
 @register
 class LCPEnumeration(Solver):
-    """Returns the solution of the basis with the least number Σ 2ⁱ, i in F, and says how many there are.
+    """Enumeration of bases: answers the solution of the one with the least number Σ 2ⁱ, i in F; says how many there
+    are.
 
     No solution is claimed infeasible where every cone was excluded by more than rounding; with Farkas' certificate
     where there is one, by exhaustion where a z ≥ 0 with Mz + q ≥ 0 exists and none is complementary.

@@ -11,7 +11,7 @@ import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
 from cpbench import matrices
-from cpbench.definite import on_diagonal
+from cpbench.definite import factor_on_diagonal
 from cpbench.matrices import Matrix, Vector, max_abs
 
 REGULARISATION = 1e-11
@@ -70,7 +70,7 @@ class ShiftedSystem:
             except RuntimeError:
                 return False
         else:  # the symmetric part is positive definite
-            lu = on_diagonal(self._sum)
+            lu = factor_on_diagonal(self._sum)
         if lu is None:
             return False
         self._apply, self._shifted = lu.solve, True

@@ -9,7 +9,7 @@ import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.kernel_cache import compiled, load
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, error_of
 from cpbench.solvers.native.lcp.even_units import APART, EvenLCP, in_even_units
@@ -83,8 +83,7 @@ class Lemke(Solver):
             z, code, error = in_one_call(prepared, limit, options)
             if error <= budget.tolerance:
                 pivots = code // judged()[1]
-                counters = {"iterations": pivots, "pivots": pivots}
-                return SolverOutput(claim=Claim.SOLVED, point=LCPPoint.adopt(z), counters=counters)
+                return solved(LCPPoint.adopt(z), {"iterations": pivots, "pivots": pivots})
             return LemkeRun(prepared, budget, options).after_call(z, code)
         run = LemkeRun(prepared, budget, options)
         if start is not None:

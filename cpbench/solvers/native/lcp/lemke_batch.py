@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from cpbench.errors import ProblemError
-from cpbench.kernel_cache import load
+from cpbench.kernel_cache import compiled, load
 from cpbench.solvers.native.lcp.lemke_run import PIVOTING, LemkeOptions, pivot_limit
+from cpbench.solvers.native.threads import in_parts
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,7 @@ def batch(
     Raises ProblemError where the shapes do not fit together. Data are not checked otherwise.
     """
     kernel = load(PIVOTING)
-    every = load("cpbench.solvers.kernels.pivoting_batch").lemke_batch
+    every = compiled(load("cpbench.solvers.kernels.pivoting_batch").lemke_batch)
     options = options or LemkeOptions()
     M, q = (np.ascontiguousarray(a, dtype=float) for a in (M, q))
     if q.ndim != 2 or M.shape != (*q.shape, q.shape[-1]):
@@ -47,17 +46,8 @@ def batch(
     z, codes = np.zeros((k, n)), np.zeros(k, np.int64)
     limit = options.max_pivots or pivot_limit(n)
 
-    def part(begin: int, end: int) -> None:
-        cut = slice(begin, end)
-        every(M[cut], q[cut], z[cut], codes[cut], limit, options.pivot_tolerance, options.tie_tolerance)
+    def part(some: slice) -> None:
+        every(M[some], q[some], z[some], codes[some], limit, options.pivot_tolerance, options.tie_tolerance)
 
-    if threads > 1 and k > 1:
-        bounds = np.linspace(0, k, threads + 1).astype(int).tolist()
-        with ThreadPoolExecutor(threads - 1) as pool:
-            others = [pool.submit(part, *pair) for pair in pairwise(bounds[:-1])]
-            part(bounds[-2], k)
-            for other in others:
-                other.result()
-    else:
-        part(0, k)
+    in_parts(k, threads, part)
     return Batch(z=z, complementary=codes % kernel.CODES == kernel.COMPLEMENTARY, pivots=codes // kernel.CODES)

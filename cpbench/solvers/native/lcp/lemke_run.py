@@ -44,9 +44,10 @@ class LemkeOptions:
 
 def in_one_call(lcp: DenseLCP, limit: int, options: LemkeOptions) -> tuple[Vector, int, float]:
     """Return z, the kernel's code and the judged error, after all pivots from w = q in one compiled call."""
-    problem, z = lcp.problem, np.empty(lcp.problem.q.size)
-    tolerances = options.pivot_tolerance, options.tie_tolerance
-    code, error = judged()[0](lcp.M, problem.q, z, problem.z_unit, limit, *tolerances)
+    problem = lcp.problem
+    q = problem.q
+    z = np.empty(q.size)
+    code, error = judged()[0](lcp.M, q, z, problem.z_unit, limit, options.pivot_tolerance, options.tie_tolerance)
     return z, code, error
 
 

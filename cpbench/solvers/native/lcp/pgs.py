@@ -51,7 +51,7 @@ class MatrixColumns:
 
     @property
     def matrix(self) -> tuple[Any, ...]:
-        """As the kernels take it."""
+        """M as the kernels take it."""
         return (self.values,) if self.start is None else (self.start, self.rows, self.values)
 
 

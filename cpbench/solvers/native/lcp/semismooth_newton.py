@@ -132,7 +132,8 @@ class NewtonMin(_NewtonLCP):
 
 @register
 class NewtonFB(_NewtonLCP):
-    """On z + w − √(z² + w²), whose merit is differentiable and, for P₀-matrices, stationary in solutions only."""
+    """Newton's method on z + w − √(z² + w²), whose merit is differentiable and, for P₀-matrices, stationary in
+    solutions only."""
 
     psi = merit = staticmethod(fischer_burmeister)
     spec: ClassVar[SolverSpec] = _spec(
@@ -142,7 +143,8 @@ class NewtonFB(_NewtonLCP):
 
 @register
 class NewtonPFB(_NewtonLCP):
-    """On the penalized function, whose level sets are bounded for all monotone problems with an interior point."""
+    """Newton's method on the penalized function, whose level sets are bounded for all monotone problems with an
+    interior point."""
 
     psi = merit = staticmethod(penalized)
     spec: ClassVar[SolverSpec] = _spec(
@@ -155,7 +157,8 @@ class NewtonPFB(_NewtonLCP):
 
 @register
 class NewtonEP(_NewtonLCP):
-    """On zw − ½ min(0, z + w)², differentiable, with a singular Jacobian where z_i = w_i = 0: linear there."""
+    """Newton's method on zw − ½ min(0, z + w)², differentiable, with a singular Jacobian where z_i = w_i = 0: linear
+    there."""
 
     psi = merit = staticmethod(evtushenko_purtov)
     spec: ClassVar[SolverSpec] = _spec(

@@ -85,7 +85,7 @@ def scale(problem: MLCP, *, keep_sparse: bool = False) -> ScaledMLCP:
     n, blocks = problem.a.size, [[problem.A, problem.C], [problem.D, problem.B]]
     K: Any = matrices.block([list(row) for row in blocks]) if keep_sparse else _assembled(blocks)
     k = np.concatenate([problem.a, problem.b])
-    row, column = _equilibration(K, n)
+    row, column = equilibration(K, n)
     if matrices.is_sparse(K):
         K = sp.csr_array(K, copy=True)
         K.data *= np.repeat(row, np.diff(K.indptr)) * column[K.indices]
@@ -100,24 +100,27 @@ def _assembled(blocks: list[list[Matrix]]) -> Any:
     return np.block([[dense(block) for block in row] for row in blocks])
 
 
-def _equilibration(K: Any, n: int) -> tuple[Vector, Vector]:
-    """Return powers of 2 for the rows and columns of K."""
-    sizes = np.abs(K.data) if matrices.is_sparse(K) else np.abs(K)
-    row, column = np.ones((2, K.shape[0]))
+def equilibration(K: Any, n: int) -> tuple[Any, Any]:
+    """Return powers of 2 for the rows and columns of K, the first n apart; of a stack of dense K, (k, N, N), each by
+    itself."""
+    sizes: Any = np.abs(K.data) if matrices.is_sparse(K) else np.abs(K)
+    row: Any
+    column: Any
+    row, column = np.ones((2, *K.shape[:-1]))
     for _ in range(PASSES):
         tops = _tops(K, sizes, row, column)
         by_row, by_column = (1.0 / np.sqrt(np.where(top > 0.0, top, 1.0)) for top in tops)
-        by_row[n:] = by_column[n:] = np.sqrt(by_row[n:] * by_column[n:])
+        by_row[..., n:] = by_column[..., n:] = np.sqrt(by_row[..., n:] * by_column[..., n:])
         row *= by_row
         column *= by_column
     return matrices.power_of_two(1.0 / row), matrices.power_of_two(1.0 / column)
 
 
-def _tops(K: Any, sizes: Any, row: Vector, column: Vector) -> tuple[Vector, Vector]:
+def _tops(K: Any, sizes: Any, row: Any, column: Any) -> tuple[Any, Any]:
     """Return the largest entry of every row and column of the scaled |K|, whose entries are `sizes`."""
     if not matrices.is_sparse(K):
-        scaled = sizes * row[:, None] * column
-        return scaled.max(axis=1, initial=0.0), scaled.max(axis=0, initial=0.0)
+        scaled = sizes * row[..., :, None] * column[..., None, :]
+        return scaled.max(axis=-1, initial=0.0), scaled.max(axis=-2, initial=0.0)
     at = np.repeat(np.arange(row.size), np.diff(K.indptr))
     scaled = sizes * row[at] * column[K.indices]
     tops = np.zeros((2, row.size))

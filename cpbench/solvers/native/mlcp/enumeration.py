@@ -19,8 +19,8 @@ from cpbench.solvers.native.mlcp.pivoting import Reduction
 
 @register
 class MLCPEnumeration(Solver):
-    """Returns the solution with the least error and says how many there are. Where A is singular and free unknowns are
-    idle, a solution stands for all those that differ in them only."""
+    """Enumeration of all bases: answers the solution with the least error and says how many there are. Where A is
+    singular and free unknowns are idle, a solution stands for all those that differ in them only."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="enumeration-mlcp",

@@ -101,7 +101,7 @@ class NewtonMinMLCP(_NewtonMLCP):
 
 @register
 class NewtonFBMLCP(_NewtonMLCP):
-    """On the function of Fischer and Burmeister, whose merit is differentiable."""
+    """Newton's method on the function of Fischer and Burmeister, whose merit is differentiable."""
 
     psi = staticmethod(fischer_burmeister)
     spec: ClassVar[SolverSpec] = _spec(

@@ -10,9 +10,20 @@ import numpy as np
 from cpbench.factorization import Factorization
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.kernel_cache import load
+from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import Vector, dense
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solvers
+from cpbench.solvers.base import (
+    Budget,
+    Claim,
+    Record,
+    Solver,
+    SolverOutput,
+    SolverSpec,
+    Trait,
+    register,
+    solved,
+    solvers,
+)
 from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale
 from cpbench.solvers.options import fixed, searched
@@ -39,14 +50,16 @@ class LemkeMLCPOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Pivoting:
-    """Prepared problem: the scaled data, the most pivots, and of small problems all that one compiled call
-    reads and writes, in one vector."""
+class PivotingData:
+    """Scaled problem and the most pivots; of small problems, one vector that a single compiled call, `whole`, reads
+    and writes.
+    """
 
     scaled: ScaledMLCP
     limit: int
     data: Vector | None
     kernel: Any
+    whole: Any
 
 
 @register
@@ -73,11 +86,12 @@ class LemkeMLCP(Solver):
     def obstacle(self, problem: MLCP) -> str | None:
         return dense_obstacle(problem)
 
-    def setup(self, problem: MLCP, budget: Budget, options: LemkeMLCPOptions) -> Pivoting:
+    def setup(self, problem: MLCP, budget: Budget, options: LemkeMLCPOptions) -> PivotingData:
         m, N = problem.b.size, problem.a.size + problem.b.size
         scaled = scale(problem, keep_sparse=N > SMALL)
         limit, data = options.max_pivots or 50 * m + 1000, None if N > SMALL else packed(scaled, options)
-        return Pivoting(scaled, limit, data, load(KERNEL))
+        kernel = load(KERNEL)
+        return PivotingData(scaled, limit, data, kernel, compiled(kernel.lemke_mixed))
 
     def warmup(self) -> None:
         linear_program.load()
@@ -89,7 +103,7 @@ class LemkeMLCP(Solver):
 
     def solve(
         self,
-        prepared: Pivoting,
+        prepared: PivotingData,
         budget: Budget,
         options: LemkeMLCPOptions,
         start: Any | None = None,
@@ -99,15 +113,11 @@ class LemkeMLCP(Solver):
         if data is None:
             return _large(prepared, budget, options, start)
         answer = np.zeros(scaled.k.size) if start is None else np.concatenate([start.u, start.v])
-        code = kernel.lemke_mixed(data, answer, budget.iterations or prepared.limit, budget.tolerance)
+        code: int = prepared.whole(data, answer, budget.iterations or prepared.limit, budget.tolerance)
         pivots, outcome = divmod(code, kernel.CODES)
         counters = {"iterations": pivots, "pivots": pivots, "factorizations": 0}
         if outcome == kernel.RIGHT:  # a ray at the height of rounding errors, too
-            return SolverOutput(
-                claim=Claim.SOLVED,
-                point=MLCPPoint.adopt(answer[: scaled.free], answer[scaled.free :]),
-                counters=counters,
-            )
+            return solved(MLCPPoint.adopt(answer[: scaled.free], answer[scaled.free :]), counters)
         return _ended(scaled, answer / scaled.unit, outcome, budget, counters)
 
 
@@ -120,7 +130,7 @@ def packed(scaled: ScaledMLCP, options: LemkeMLCPOptions) -> Vector:
     return np.concatenate([numbers, np.ravel(scaled.K), scaled.k, scaled.row_unit, scaled.unit, room])
 
 
-def _large(prepared: Pivoting, budget: Budget, options: LemkeMLCPOptions, start: MLCPPoint | None) -> SolverOutput:
+def _large(prepared: PivotingData, budget: Budget, options: LemkeMLCPOptions, start: MLCPPoint | None) -> SolverOutput:
     """Start from the basis of the start, where it has one that ends in a solution, else from none."""
     kernel, scaled = prepared.kernel, prepared.scaled
     run = _Run(prepared, budget, options)
@@ -184,7 +194,7 @@ class Reduction:
 class _Run:
     """Counters of a solve of a large problem: pivots, factorizations."""
 
-    def __init__(self, prepared: Pivoting, budget: Budget, options: LemkeMLCPOptions) -> None:
+    def __init__(self, prepared: PivotingData, budget: Budget, options: LemkeMLCPOptions) -> None:
         self._kernel, self._scaled = prepared.kernel, prepared.scaled
         self._budget, self._options = budget, options
         self._limit = budget.iterations or prepared.limit

@@ -226,7 +226,7 @@ def _small_problem() -> MiCP:
 
 
 def _compile_map(problem: MiCP) -> None:
-    """Have F and F′ ready, so that it is timed as setup."""
+    """Compile F and F′, so that it is timed as setup."""
     with np.errstate(all="ignore"):
         z: Any = problem.project(problem.start)
         problem.F(z)

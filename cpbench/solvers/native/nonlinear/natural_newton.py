@@ -147,7 +147,8 @@ class VIConditions(Field):
         return E if np.isfinite(E.data).all() else None
 
     def projection(self, x: Vector, at: Vector) -> tuple[Sparse, Sparse]:
-        """Return J ∈ ∂P at x, and what P changes by where the set moves with `at`."""
+        """Return J ∈ ∂P(x) of the projection P on the set at `at`, and the derivative of P by `at`; 0 for a fixed
+        set."""
         n, problem = self.n, self.problem
         y = x[:n]
         if isinstance(problem, QVI):

@@ -103,7 +103,8 @@ def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, qu
 
 @register
 class SemismoothNewtonMin(SemismoothNewton):
-    """On the natural map, whose Newton steps are those of an active set; the merit is Fischer and Burmeister's."""
+    """Newton's method on the natural map, whose Newton steps are those of an active set; the merit is Fischer and
+    Burmeister's."""
 
     psi = staticmethod(minimum)
     merit = staticmethod(fischer_burmeister)
@@ -114,7 +115,7 @@ class SemismoothNewtonMin(SemismoothNewton):
 
 @register
 class SemismoothNewtonFB(SemismoothNewton):
-    """On the function of Fischer and Burmeister."""
+    """Newton's method on the function of Fischer and Burmeister."""
 
     psi = merit = staticmethod(fischer_burmeister)
     spec: ClassVar[SolverSpec] = _spec(
@@ -127,7 +128,7 @@ class SemismoothNewtonFB(SemismoothNewton):
 
 @register
 class SemismoothNewtonPFB(SemismoothNewton):
-    """On the penalized function, whose level sets are bounded for more problems."""
+    """Newton's method on the penalized function, whose level sets are bounded for more problems."""
 
     psi = merit = staticmethod(penalized)
     spec: ClassVar[SolverSpec] = _spec(
@@ -137,7 +138,8 @@ class SemismoothNewtonPFB(SemismoothNewton):
 
 @register
 class SemismoothNewtonEP(SemismoothNewton):
-    """On a differentiable function, whose Jacobian is singular where zᵢ = Fᵢ = 0: linear convergence there."""
+    """Newton's method on a differentiable function, whose Jacobian is singular where zᵢ = Fᵢ = 0: linear convergence
+    there."""
 
     psi = merit = staticmethod(evtushenko_purtov)
     spec: ClassVar[SolverSpec] = _spec(

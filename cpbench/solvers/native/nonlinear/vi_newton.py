@@ -59,7 +59,7 @@ def _spec(name: str, node: str, summary: str, citation: str, *, quick: bool = Fa
 
 @register
 class VINewton(NaturalMapSolver):
-    """For inequalities over any set that the node has; converges globally where F is monotone."""
+    """Newton's method for inequalities over any set that the node has; converges globally where F is monotone."""
 
     spec: ClassVar[SolverSpec] = _spec(
         "newton-vi",
@@ -72,7 +72,7 @@ class VINewton(NaturalMapSolver):
 
 @register
 class QVINewton(NaturalMapSolver):
-    """For sets that move: bounds, disks whose radius is a reaction, g(y, z) ≥ 0."""
+    """Newton's method for sets that move: bounds, disks whose radius is a reaction, g(y, z) ≥ 0."""
 
     spec: ClassVar[SolverSpec] = _spec(
         "newton-qvi",

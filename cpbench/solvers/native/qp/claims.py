@@ -69,8 +69,11 @@ class ErrorMeasure:
     def conclude(
         self, budget: Budget, counters: Mapping[str, int], otherwise: Claim | None = None, message: str = ""
     ) -> SolverOutput:
-        """Return the best answer, solved exactly when its error is at most the tolerance; else `otherwise`,
-        inaccurate in the place of failed where it is close, and without it what the error says."""
+        """Return the best answer with a claim: solved exactly when its error is at most the tolerance.
+
+        Else the claim is `otherwise`. In the place of None and of failed: inaccurate up to CLOSE times the tolerance,
+        failed beyond it. `message` : default: the error and the tolerance.
+        """
         assert self.best is not None
         point, counters = QPPoint(*self.best), dict(counters)
         if self.least <= budget.tolerance:

@@ -116,7 +116,7 @@ class ActiveSet:
 
     @property
     def stops(self) -> Any:
-        """What the outcomes of `climb` are called."""
+        """Names of the outcomes of `climb`."""
         return self._kernel
 
     def x(self) -> Vector:

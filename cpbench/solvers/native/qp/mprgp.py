@@ -128,7 +128,8 @@ def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) ->
 
 @register
 class MPRGPOnQP(_OnBox):
-    """A face is expanded by a step of fixed length along the free gradient."""
+    """Modified proportioning with reduced gradient projections: a face is expanded by a step of fixed length along the
+    free gradient."""
 
     projected = False
     spec: ClassVar[SolverSpec] = _spec(

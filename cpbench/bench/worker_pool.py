@@ -1,20 +1,23 @@
-"""Who works in a lane: a referee, and one persistent worker a solver; replaced when they die, hang or are full."""
+"""The processes of a lane: a referee, and one persistent worker a solver; replaced when they die, hang or are full."""
 
 from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import cpbench.bench.referee as referee_process
 import cpbench.bench.worker as worker_process
+from cpbench.bench import messages
 from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import Context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import START, WARM_UP
+
+Reply = TypeVar("Reply", bound=messages.Message)
 
 AGAIN = 2
 """How often a command, or a start, is repeated by a fresh process where one was found dead: it may have died of
@@ -30,7 +33,7 @@ REFEREE_LEAST = 2 * 2**30
 
 @dataclass(frozen=True)
 class Setting:
-    """What all processes of a lane have in common.
+    """Settings that all processes of a lane have in common.
 
     Attributes
     ----------
@@ -59,48 +62,50 @@ class Setting:
         return PROCESSES + self.threads
 
 
-class Referee:
-    """The seat of the referee: who sits there may change, who asks need not know."""
+class RefereeClient:
+    """Client of the referee process, which it starts again after a crash."""
 
     def __init__(self, context: Context, setting: Setting, scratch: Path) -> None:
         self._context, self._scratch = context, scratch
         self._limit = setting.referee_memory
         self.child: Child | None = None
 
-    def ask(self, seconds: float, vectors: Mapping[str, Any] | None = None, **header: Any) -> Any:
-        """Send a command; the reply's header and vectors, whatever it is: `timeout`, `died`, `memory` are replies too.
+    def ask(self, seconds: float, message: messages.Message, expected: type[Reply]) -> Reply | messages.Failure:
+        """Send a message; the reply, or why there is none.
 
-        Who is found dead may have died of something else: a command is repeated (`AGAIN`).
+        A process that is found dead may have died of something else: the message is repeated (`AGAIN`).
         """
-        message = wire.pack(header, vectors)
-        reply, found = self._asked(seconds, message)
+        data = messages.pack(message)
+        reply = self._asked(seconds, data)
         for _ in range(AGAIN):
-            if reply["event"] == "died":
-                reply, found = self._asked(seconds, message)
-        return reply, found
+            if isinstance(reply, messages.Gone):
+                reply = self._asked(seconds, data)
+        if isinstance(reply, (expected, messages.Failure)):
+            return reply
+        return messages.Failed(f"the referee said {type(reply).__name__}")
 
-    def _asked(self, seconds: float, message: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+    def _asked(self, seconds: float, data: bytes) -> messages.Message:
         try:
             if self.child is None:
                 arguments = (str(self._scratch), self._limit)
                 self.child = Child(self._context, referee_process.main, arguments, memory=self._limit)
             over = time.monotonic() + seconds
-            self.child.send(message, seconds)
-            reply, found = wire.unpack(self.child.receive(over - time.monotonic()))
+            self.child.send(data, seconds)
+            reply = messages.unpack(self.child.receive(over - time.monotonic()))
             self.child.warm()
-            if reply["event"] != "memory":
-                return reply, found
+            if not isinstance(reply, messages.OutOfMemory):
+                return reply
         except TimedOut:
-            reply = {"event": "timeout", "message": f"no reply within {seconds:g} s"}
+            reply = messages.Late(f"no reply within {seconds:g} s")
         except Died as death:
-            reply = {"event": "memory" if death.out_of_memory else "died", "message": obituary(death)}
+            reply = messages.OutOfMemory() if death.out_of_memory else messages.Gone(describe_exit(death))
         except wire.WireError as noise:
-            reply = {"event": "died", "message": str(noise)}
+            reply = messages.Gone(str(noise))
         self.close()
-        if reply["event"] == "memory":
+        if isinstance(reply, messages.OutOfMemory):
             limited = f", limited to {self._limit} bytes" if self._limit else ""
-            reply["message"] = f"ran out of memory{limited}"
-        return reply, {}
+            return messages.OutOfMemory(f"ran out of memory{limited}")
+        return reply
 
     def close(self) -> None:
         child, self.child = self.child, None
@@ -108,12 +113,12 @@ class Referee:
             child.kill()
 
 
-class Workers:
+class WorkerPool:
     """The warm workers, by solver.
 
     Attributes
     ----------
-    versions : of the solvers that were started. unavailable : state and detail of those that cannot be.
+    versions : of the solvers that were started. unavailable : why others cannot be.
     """
 
     def __init__(self, context: Context, setting: Setting, scratch: Path) -> None:
@@ -124,7 +129,7 @@ class Workers:
         self._begun: dict[str, float] = {}
         self._holds: dict[str, str] = {}
         self.versions: dict[str, str] = {}
-        self.unavailable: dict[str, tuple[str, str]] = {}
+        self.unavailable: dict[str, messages.SolverUnavailable] = {}
 
     @property
     def children(self) -> list[Child]:
@@ -147,7 +152,7 @@ class Workers:
         *,
         patient: bool = True,
     ) -> Child | None:
-        """The worker of a solver, with this memory limit; None where the solver is not available.
+        """Return the worker of a solver, with this memory limit; None where the solver is not available.
 
         timeout : of a solve, after which the limits of the start and the warm-up go. compiling : called when the worker
         has to compile before it is ready, which takes seconds and happens once a machine. patient : whether that is
@@ -156,35 +161,35 @@ class Workers:
         if not self.settled(name, memory):
             self.drop(name)
         if not self.ready(name, memory):
-            reply = self._hired(name, memory, timeout, compiling, patient)
+            reply = self._warmed_up(name, memory, timeout, compiling, patient)
             for _ in range(AGAIN):
-                if reply["event"] == "died":
-                    reply = self._hired(name, memory, timeout, compiling, patient)
-            if reply["event"] == "compiling":
+                if isinstance(reply, messages.Gone):
+                    reply = self._warmed_up(name, memory, timeout, compiling, patient)
+            if isinstance(reply, messages.SolverUnavailable):
+                self.unavailable[name] = reply
+            elif isinstance(reply, messages.Failure):
+                self.unavailable[name] = messages.SolverUnavailable(reply.message)
+            if not isinstance(reply, messages.Ready):
                 return None
-            if reply["event"] != "ready":
-                self.unavailable[name] = (str(reply.get("state", "broken")), str(reply.get("detail", reply["event"])))
-                return None
-            self.versions[name] = str(reply.get("version", ""))
-            self._single[name] = bool(reply.get("single"))
+            self.versions[name], self._single[name] = reply.version, reply.single
         return self._children.get(name)
 
     def settled(self, name: str, memory: int) -> bool:
-        """Whether `get` needs no new process: a worker with this limit is there, or there is none to be had."""
+        """Return whether `get` needs no new process: a worker with this limit is there, or there is none to be had."""
         child = self._children.get(name)
         return name in self.unavailable or (child is not None and self._memory[name] == memory and child.alive)
 
     def ready(self, name: str, memory: int) -> bool:
-        """Whether `get` need not wait either."""
+        """Return whether `get` need not wait either."""
         return self.settled(name, memory) and name not in self._begun
 
     def loaded(self, name: str, path: str) -> None:
-        """A worker has told that it holds this problem; a fresh process takes it along when it ends."""
+        """Note that a worker holds this problem; a fresh process takes it along when it ends."""
         if not self._setting.fresh:
             self._holds[name] = path
 
     def holds(self, name: str, path: str) -> bool:
-        """Whether a worker need not load a problem, nor say that it has."""
+        """Return whether a worker need not load a problem, nor say that it has."""
         return self._holds.get(name) == path
 
     def served(self, name: str) -> None:
@@ -203,37 +208,36 @@ class Workers:
         for name in list(self._children):
             self.drop(name)
 
-    def _hired(
+    def _warmed_up(
         self, name: str, memory: int, timeout: float, compiling: Callable[[], None], patient: bool
-    ) -> dict[str, Any]:
-        """What a new worker says when it is warm, or why it is not; it is dropped unless it is ready."""
-        phase = START
+    ) -> messages.Ready | messages.CompilingKernels | messages.Failure:
+        """Wait until a new worker is ready, and drop it otherwise; that it has to compile is passed on."""
+        phase, told = START, None
         try:
             if name not in self._begun:
                 self._begin(name, memory)
             child, begun = self._children[name], self._begun.pop(name)
-            reply, _ = hear(child, max(begun + START.limit(timeout) - time.monotonic(), 0.0))
-            if reply["event"] == "warming":
+            told = hear(child, max(begun + START.limit(timeout) - time.monotonic(), 0.0))
+            if isinstance(told, messages.WarmingUp):
                 phase, over = WARM_UP, time.monotonic() + WARM_UP.limit(timeout)
-                reply, _ = hear(child, over - time.monotonic())
-                if reply["event"] == "compiling":
+                told = hear(child, over - time.monotonic())
+                if isinstance(told, messages.CompilingKernels):
                     compiling()
-                    if not patient:
-                        self.drop(name)
-                        return reply
-                    reply, _ = hear(child, over - time.monotonic())
-            if reply["event"] not in ("ready", "unavailable"):
-                raise wire.WireError(f"in place of being ready it says {str(reply)[:200]}")
-            child.warm()
+                    if patient:
+                        told = hear(child, over - time.monotonic())
+            if isinstance(told, messages.Ready):
+                child.warm()
+                return told
+            if not isinstance(told, (messages.CompilingKernels, messages.SolverUnavailable)):
+                told = messages.Failed(f"in place of being ready it says {told!s:.200}")
         except TimedOut:
-            reply = {"event": "timeout", "detail": f"{phase.name} not over after {phase.limit(timeout):g} s"}
+            told = messages.Late(f"{phase.name} not over after {phase.limit(timeout):g} s")
         except Died as death:
-            reply = {"event": "died", "detail": obituary(death)}
-        except (wire.WireError, KeyError) as noise:
-            reply = {"event": "noise", "detail": str(noise)}
-        if reply["event"] != "ready":
-            self.drop(name)
-        return reply
+            told = messages.Gone(describe_exit(death))
+        except wire.WireError as noise:
+            told = messages.Failed(str(noise))
+        self.drop(name)
+        return told
 
     def _begin(self, name: str, memory: int) -> None:
         """Start the process; raises Died where the system does not let it."""
@@ -244,11 +248,11 @@ class Workers:
         self._memory[name], self._begun[name] = memory, time.monotonic()
 
 
-def hear(worker: Child, seconds: float) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The next message of a worker, which may be anything; raises as `Child.receive` and `wire.unpack` do."""
-    return wire.unpack(worker.receive(seconds), wire.HEADER)
+def hear(worker: Child, seconds: float) -> messages.Message:
+    """Return the next message of a worker; raises as `Child.receive` does, and WireError."""
+    return messages.unpack(worker.receive(seconds), wire.HEADER)
 
 
-def obituary(death: Died) -> str:
-    """What it died of, and its last words."""
+def describe_exit(death: Died) -> str:
+    """Describe the cause of a death and the end of its output."""
     return f"{death.cause}: {death.output}" if death.output else death.cause

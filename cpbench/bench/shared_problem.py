@@ -27,7 +27,7 @@ LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 
 def write(problem: Problem, path: str | Path) -> None:
-    """Raises OSError."""
+    """Write a problem to a file that solvers map; raises OSError."""
     data, maps = problem.data(), problem.maps()
     arrays = [(name, array) for name, matrix in data.items() for array in _arrays(matrix)]
     arrays += [(name, array) for name, F in maps.items() for array in F.arrays().values()]
@@ -49,7 +49,7 @@ def write(problem: Problem, path: str | Path) -> None:
 
 
 def read(path: str | Path) -> Problem:
-    """The problem of a file that `write` made; raises OSError, and ValueError when it is none."""
+    """Return the problem of a file that `write` made; raises OSError, and ValueError when it is none."""
     whole = np.fromfile(path, np.uint8)
     whole.flags.writeable = False
     at = 8 + int.from_bytes(whole[:8].tobytes(), "little")
@@ -66,7 +66,7 @@ def read(path: str | Path) -> Problem:
 
 
 def _arrays(matrix: Any) -> Iterator[Any]:
-    """The numbers of a matrix or vector; those of a CSR with its indices."""
+    """Yield the numbers of a matrix or vector; those of a CSR with its indices."""
     if isinstance(matrix, sp.csr_array):
         yield from (matrix.data, matrix.indices, matrix.indptr)
     else:

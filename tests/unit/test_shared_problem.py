@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 from tiers import by_night
 
-from cpbench.bench import handover
+from cpbench.bench import shared_problem
 from cpbench.formulations import LCP, MLCP
 from cpbench.generators.base import generators
 
@@ -21,8 +21,8 @@ NAMES = generators.names()
 )
 def test_every_kind_of_problem_arrives_as_it_was(name: str, tmp_path: Path) -> None:
     for instance in generators.get(name).instances():
-        handover.write(instance.problem, tmp_path / "p")
-        read = handover.read(tmp_path / "p")
+        shared_problem.write(instance.problem, tmp_path / "p")
+        read = shared_problem.read(tmp_path / "p")
         assert type(read) is type(instance.problem)
         assert (read.fingerprint, read.name) == (instance.problem.fingerprint, instance.problem.name)
         assert read.sizes() == instance.problem.sizes()
@@ -34,8 +34,8 @@ def test_arrays_are_aligned_and_nobody_writes_to_them(tmp_path: Path) -> None:
     """An unaligned array is another type to a compiled loop, which would be compiled anew in a timed solve."""
     sparse = sp.csr_array(np.diag([1.0, 2.0, 3.0]))
     problem = MLCP(A=sparse, B=sparse, C=sparse, D=sparse, a=np.ones(3), b=np.ones(3), name="odd")
-    handover.write(problem, tmp_path / "p")
-    for matrix in handover.read(tmp_path / "p").data().values():
+    shared_problem.write(problem, tmp_path / "p")
+    for matrix in shared_problem.read(tmp_path / "p").data().values():
         parts = (matrix.data, matrix.indices, matrix.indptr) if sp.issparse(matrix) else (matrix,)
         for part in parts:
             assert part.flags.aligned
@@ -43,11 +43,11 @@ def test_arrays_are_aligned_and_nobody_writes_to_them(tmp_path: Path) -> None:
 
 
 def test_what_is_cut_short_is_no_problem(tmp_path: Path) -> None:
-    handover.write(LCP(M=np.eye(3), q=np.ones(3)), tmp_path / "p")
+    shared_problem.write(LCP(M=np.eye(3), q=np.ones(3)), tmp_path / "p")
     whole = (tmp_path / "p").read_bytes()
     for size in (0, 5, 20, len(whole) - 1):
         (tmp_path / "p").write_bytes(whole[:size])
         with pytest.raises(ValueError):  # noqa: PT011 - of numpy or json, whichever meets it
-            handover.read(tmp_path / "p")
+            shared_problem.read(tmp_path / "p")
     with pytest.raises(FileNotFoundError):
-        handover.read(tmp_path / "absent")
+        shared_problem.read(tmp_path / "absent")

@@ -1,4 +1,4 @@
-"""The referee's desk: one problem with all its conversions, each done once, timed, and kept to lift answers."""
+"""The problem that the referee holds, with all its conversions, each done once, timed, and kept to lift answers."""
 
 from __future__ import annotations
 
@@ -6,49 +6,22 @@ import copy
 import os
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from cpbench import graph, storage
-from cpbench.bench import handover
-from cpbench.bench.planning.plan import Pair, parse_request
+from cpbench.bench import shared_problem
+from cpbench.bench.messages import RefereeCase
+from cpbench.bench.planning.plan import parse_request
 from cpbench.bench.processes.meter import checksum
 from cpbench.conversions import Conversion
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Kind, Problem
 
 
-@dataclass(frozen=True)
-class Case:
-    """What a referee needs to know of a pair: the problem that was asked, and the way to the solver's node."""
-
-    address: str
-    format: str | None
-    fingerprint: str
-    node: str
-    request: Mapping[str, Any]
-    tolerance: float
-    measure: str | None = None
-
-    @staticmethod
-    def header(pair: Pair) -> dict[str, Any]:
-        """The case of a pair as part of a message."""
-        return {
-            "address": pair.address,
-            "format": pair.format,
-            "fingerprint": pair.fingerprint,
-            "node": pair.target,
-            "request": pair.request.header,
-            "tolerance": pair.tolerance,
-            "measure": pair.measure,
-        }
-
-
 @dataclass
-class Prepared:
+class ConvertedProblem:
     """A problem brought to a node: what solvers load, and what lifts their answers."""
 
     problem: Problem
@@ -60,19 +33,20 @@ class Prepared:
     checksum: int
 
 
-class Desk:
+class ProblemCache:
     """One problem at a time; its conversions are written to `scratch` for the solvers to load."""
 
     def __init__(self, scratch: Path) -> None:
         self._scratch = scratch
         self._held: tuple[str, str | None] = ("", None)
         self._source: Problem | None = None
-        self._prepared: dict[tuple[str, str], Prepared] = {}
+        self._prepared: dict[tuple[str, str], ConvertedProblem] = {}
         self._conversions = Charged()
         self._files = 0
 
     def open(self, address: str, format: str | None, fingerprint: str = "") -> Problem:
-        """The problem, loaded unless it is the one that is held; raises ProblemError when it is not the one planned."""
+        """Return the problem, loaded unless it is the one that is held; raises ProblemError when it is not the one
+        planned."""
         if self._held != (address, format) or self._source is None:
             for prepared in self._prepared.values():
                 Path(prepared.path).unlink(missing_ok=True)
@@ -89,15 +63,15 @@ class Desk:
             )
         return source
 
-    def ready(self, case: Case) -> tuple[Problem, Prepared]:
-        """The problem, and what became of it at the node; converted when it is asked for the first time."""
+    def ready(self, case: RefereeCase) -> tuple[Problem, ConvertedProblem]:
+        """Return the problem, and what became of it at the node; converted when it is asked for the first time."""
         problem = self.open(case.address, case.format, case.fingerprint)
-        key = (str(case.request["name"]), case.node)
+        key = (case.request.name, case.node)
         if key not in self._prepared:
             self._prepared[key] = self._bring(problem, case)
         return problem, self._prepared[key]
 
-    def _bring(self, problem: Problem, case: Case) -> Prepared:
+    def _bring(self, problem: Problem, case: RefereeCase) -> ConvertedProblem:
         """Convert the problem and write what solvers load."""
         kinds, via = parse_request(case.request)
         arrival = graph.arrive(problem, case.node, kinds, via, self._conversions)
@@ -105,10 +79,10 @@ class Desk:
         path = self._scratch / f"problem-{os.getpid()}-{self._files}"
         self._files += 1
         try:
-            handover.write(arrival.problem, path)
+            shared_problem.write(arrival.problem, path)
         except OSError as cause:
             raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
-        return Prepared(
+        return ConvertedProblem(
             arrival.problem,
             arrival.kind,
             arrival.route.label,
@@ -151,7 +125,7 @@ def _kernels() -> set[str]:
 
 
 def _without_caches(problem: Problem) -> Problem:
-    """The same problem, its data shared, without what cached properties keep except for its fingerprint."""
+    """Return the same problem, its data shared, without what cached properties keep except for its fingerprint."""
     fresh = copy.copy(problem)
     for name in [n for n in vars(fresh) if isinstance(getattr(type(fresh), n, None), cached_property)]:
         del vars(fresh)[name]

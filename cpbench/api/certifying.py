@@ -1,0 +1,82 @@
+"""Answers with a proof: certificates as the façade and its command make them."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cpbench.api.problems import point_of
+from cpbench.api.solution import Solution
+from cpbench.api.solving import solve
+from cpbench.errors import CpbenchError
+from cpbench.formulations.base import Point, Problem
+
+if TYPE_CHECKING:
+    from cpbench.certificates.certificate import Certificate
+
+SECONDS = 60.0
+"""Time for the search of a proof [s]."""
+TOLERANCE = 1e-8
+"""What a solver is asked for where no answer is given: active sets are read off what it returns."""
+
+
+def certify(
+    problem: Problem, answer: Solution | Point | Sequence[float] | None = None, *, seconds: float = SECONDS
+) -> Certificate:
+    """Look for a proof that a solution of the problem is near an answer.
+
+    Parameters
+    ----------
+    answer : a point, a vector of shape (n,) with the parts of a point one after the other, or a solution; None: that of
+        the automatic choice among the solvers, asked for 1e-8.
+    seconds : limit of the search [s]; one exact system may take longer.
+
+    Returns
+    -------
+    Certificate : its `level` is `proved`, `enclosed`, `refuted` or `measured`; its `reason` says what stops a proof.
+
+    Raises CpbenchError without python-flint, or where no solver has an answer; PointError when `answer` is none.
+
+    >>> import cpbench
+    >>> lcp = cpbench.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0])
+    >>> proved = cpbench.certify(lcp, [1.33, 2.33])
+    >>> proved.level, proved.unique, round(proved.distance, 6)
+    ('proved', 'P-matrix', 0.001429)
+    """
+    if importlib.util.find_spec("flint") is None:
+        raise CpbenchError("certificates need python-flint: pip install 'cpbench[certify]'")
+    from cpbench.certificates.certify import certify as certified
+
+    given = solve(problem, tolerance=TOLERANCE) if answer is None else answer
+    return certified(problem, point_of(problem, given), seconds)
+
+
+def save_certificate(certificate: Certificate, problem: Problem, path: str | Path, *, force: bool = False) -> None:
+    """Write a certificate with its problem's data; raises FormatError where the file exists (unless `force`)."""
+    from cpbench.certificates.certificate import save
+
+    save(path, certificate, problem, force=force)
+
+
+def certificate_lines(certificate: Certificate) -> Iterator[str]:
+    """Yield what a certificate says, for a reader."""
+    words = {
+        "proved": "a solution is known exactly",
+        "enclosed": "a box is proved to hold a solution",
+        "refuted": "no solution is near the answer",
+        "measured": "nothing is proved",
+    }
+    if certificate.node == "qp" and not certificate.unique:
+        words["proved"] = "a point that meets the first-order conditions is known exactly"
+    yield f"  level      {certificate.level}: {words[certificate.level]}"
+    if certificate:
+        yield f"  distance   at most {certificate.distance:.3g} of the solution's size"
+        if certificate.unique:
+            yield f"  unique     by the problem's matrix: {certificate.unique}"
+    if certificate.excluded:
+        yield f"  excluded   no solution is within {certificate.excluded:.3g} of the answer's size from it"
+    if certificate.reason:
+        yield f"  no proof   {certificate.reason}"
+    yield f"  seconds    {certificate.seconds:.3g}"

@@ -1,0 +1,47 @@
+"""What a run tells of its progress while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from cpbench.bench.planning.plan import Pair
+from cpbench.bench.results.rows import Outcome
+
+
+@dataclass(frozen=True)
+class Starting:
+    """The process of a solver starts."""
+
+    solver: str
+
+
+@dataclass(frozen=True)
+class Compiling:
+    """A solver has to compile before it is ready, which takes seconds and happens once a machine."""
+
+    solver: str
+
+
+@dataclass(frozen=True)
+class Solving:
+    """A pair is run from now on; of a task of several pairs on another machine the first."""
+
+    pair: Pair
+
+
+@dataclass(frozen=True)
+class Done:
+    """A pair has ended."""
+
+    pair: Pair
+    outcome: Outcome
+
+
+Event: TypeAlias = Starting | Compiling | Solving | Done
+Notice: TypeAlias = Callable[[Event], None]
+
+
+def silent(event: Event) -> None:
+    """Ignore an event."""

@@ -1,0 +1,374 @@
+"""Messages between the runner, its referee and its workers: a frozen class each.
+
+On the wire (`processes.wire`) a message is a header, with the name of its class and its fields, followed by its
+`vectors` as raw numbers. What is read is brought to the types of the fields or refused: a worker has run foreign code,
+and may say anything.
+"""
+
+from __future__ import annotations
+
+import collections.abc
+import dataclasses
+import math
+import types
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, ClassVar, NewType, TypeAlias, cast, dataclass_transform, get_args, get_origin, get_type_hints
+
+from cpbench.bench.planning.plan import Pair, Request
+from cpbench.bench.processes import wire
+from cpbench.bench.processes.wire import WireError
+
+Seconds = NewType("Seconds", float)
+"""A duration, which is finite and not negative."""
+Vectors: TypeAlias = Mapping[str, Any]
+"""Vectors of numbers, or bytes, by name."""
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+class Message:
+    """A message of one process to another; every class derived from this one is a frozen dataclass."""
+
+    kinds: ClassVar[dict[str, type[Message]]] = {}
+    """The classes of messages by name."""
+
+    def __init_subclass__(cls) -> None:
+        Message.kinds[cls.__name__] = dataclass(frozen=True)(cls)
+
+
+class Failure(Message):
+    """The reason why there is no other answer."""
+
+    message: str = ""
+
+
+class Failed(Failure):
+    """An error that is not one of the others."""
+
+
+class OutOfMemory(Failure):
+    """The process needed more memory than its limit."""
+
+
+class Late(Failure):
+    """The lack of an answer within the limit; the runner's own finding, as `Gone`."""
+
+
+class Gone(Failure):
+    """The process ended, or what it sent was not a message."""
+
+
+# ------------------------------------------------------------------------------------------- to the referee
+
+
+@dataclass(frozen=True)
+class RefereeCase:
+    """The facts of a pair that a referee needs: the problem that was asked, and the way to the solver's node."""
+
+    address: str
+    format: str | None
+    fingerprint: str
+    node: str
+    request: Request
+    tolerance: float
+    measure: str | None = None
+
+    @staticmethod
+    def of(pair: Pair) -> RefereeCase:
+        """Return the case of a pair."""
+        return RefereeCase(
+            pair.address, pair.format, pair.fingerprint, pair.target, pair.request, pair.tolerance, pair.measure
+        )
+
+
+class Survey(Message):
+    """Asks what a plan needs to know of a problem. `guesses` : whether the starting points of its file are counted."""
+
+    address: str
+    format: str | None
+    requests: tuple[Request, ...]
+    guesses: bool = False
+
+
+class Open(Message):
+    """Asks to load a problem, unless it is the one that is held."""
+
+    address: str
+    format: str | None
+    fingerprint: str
+
+
+class Prepare(Message):
+    """Asks to bring a problem to the solver's node."""
+
+    case: RefereeCase
+
+
+class FindStart(Message):
+    """Asks for the point that a solver is to start from. `before` : the step before; `vectors` have its `answer`."""
+
+    case: RefereeCase
+    policy: str
+    before: RefereeCase | None = None
+    vectors: Vectors = field(default_factory=dict[str, Any])
+
+
+class Judge(Message):
+    """Asks what an answer is worth; `vectors` are its parts and a `certificate`, none where it was not `answered`.
+
+    `promise` : the kind of the solver. `proof_seconds` : for the proof of a claim that there is no solution.
+    """
+
+    case: RefereeCase
+    claim: str
+    answered: bool
+    promise: str
+    proof_seconds: float
+    vectors: Vectors = field(default_factory=dict[str, Any])
+
+
+class JudgeHistory(Message):
+    """Asks for the errors of recorded iterates (see `Recorded`), of as many as can be judged within `seconds`."""
+
+    case: RefereeCase
+    seconds: float
+    count: int
+    solve: float
+    cost: float
+    calls: int
+    vectors: Vectors
+
+
+# ----------------------------------------------------------------------------------------- from the referee
+
+
+class Declined(Failure):
+    """Bad input, by the message of its exception; `cause` is the name of that class."""
+
+    cause: str = ""
+
+
+class Surveyed(Message):
+    """Facts of a problem for the plan. `nodes` : those whose first edge is open, by the name of the request."""
+
+    address: str
+    format: str | None
+    problem: str
+    fingerprint: str
+    node: str
+    family: str
+    sizes: Mapping[str, Any]
+    features: Mapping[str, Any]
+    nodes: Mapping[str, Sequence[str]]
+    sequence: str = ""
+    step: int = 0
+    guesses: int = 0
+
+
+class Opened(Message):
+    """The problem is loaded."""
+
+
+class Prepared(Message):
+    """A problem at the solver's node. `path` : the file that workers load. `convert` [s]. `tolerance` : there."""
+
+    path: str
+    checksum: int
+    route: str
+    kind: str
+    convert: float
+    tolerance: float
+
+
+class StartFound(Message):
+    """The place where a solver is to start: its `vectors`, none for a cold start, and what the row tells of it."""
+
+    told: str
+    vectors: Vectors = field(default_factory=dict[str, Any])
+
+
+class Judged(Message):
+    """The worth of an answer; `vectors` have the packed `answer` and the `proof`, where there are any."""
+
+    status: str
+    message: str
+    error: float
+    target_error: float | None
+    flags: Sequence[str]
+    parts: Mapping[str, Any]
+    lift: float
+    verify: float
+    vectors: Vectors = field(default_factory=dict[str, Any])
+
+
+class HistoryJudged(Message):
+    """The errors of recorded iterates; `vectors` have the packed `history`."""
+
+    vectors: Vectors
+
+
+# ------------------------------------------------------------------------------------------ to a worker
+
+
+class Solve(Message):
+    """Asks for a solve; `vectors` are the point to start from. `held` : whether the worker has the problem already."""
+
+    path: str
+    tolerance: float
+    seconds: float
+    options: Mapping[str, Any]
+    repeats: int = 1
+    history: bool = False
+    held: bool = False
+    checksum: int | None = None
+    vectors: Vectors = field(default_factory=dict[str, Any])
+
+
+# ---------------------------------------------------------------------------------------- from a worker
+
+
+class SolverUnavailable(Failure):
+    """The solver cannot run here; `state` as in `solvers.base.Availability`."""
+
+    state: str = "broken"
+
+
+class ProblemUnsupported(Failure):
+    """The solver does not take the problem."""
+
+
+class WarmingUp(Message):
+    """The solver is found to be available."""
+
+
+class CompilingKernels(Message):
+    """Kernels are not in the cache yet: seconds pass in which nothing else is heard."""
+
+
+class Ready(Message):
+    """The worker takes requests; only one if it is `single`."""
+
+    version: str
+    single: bool = False
+
+
+class ProblemLoaded(Message):
+    """The problem is loaded, in so many seconds; from here on the limit of the solve counts."""
+
+    load: Seconds
+
+
+class Result(Message):
+    """The output of a solver, and what its solve used (`processes.meter`); `vectors` as in `Judge`."""
+
+    claim: str
+    answered: bool
+    message: str
+    counters: Mapping[str, int]
+    setup: Seconds
+    solve: Seconds
+    cpu: Seconds
+    grown: int
+    peak: int | None
+    children: int
+    threads: int
+    wrote: bool
+    reported: Seconds | None = None
+    vectors: Vectors = field(default_factory=dict[str, Any])
+
+
+class Repeats(Message):
+    """Seconds of `setup` and of `solve` of each repeat."""
+
+    times: tuple[tuple[Seconds, Seconds], ...]
+
+
+class Recorded(Message):
+    """The iterates of a recorded solve (`history.IterateRecorder`), and seconds of the solve and of the recorder."""
+
+    count: int
+    solve: float
+    cost: float
+    calls: int
+    vectors: Vectors
+
+
+# ------------------------------------------------------------------------------------------------ bytes
+
+
+def pack(message: Message) -> bytes:
+    """Return the bytes of a message.
+
+    >>> unpack(pack(SolverUnavailable("pip install it", "missing")))
+    SolverUnavailable(message='pip install it', state='missing')
+    """
+    fields = dict(vars(message))
+    vectors: Vectors | None = fields.pop("vectors", None)
+    return wire.pack({"message": type(message).__name__, "fields": fields}, vectors)
+
+
+def unpack(data: bytes, header_bytes: float = math.inf) -> Message:
+    """Return the message of bytes; raises WireError where they are none, or their header is longer than
+    `header_bytes`."""
+    header, vectors = wire.unpack(data, header_bytes)
+    try:
+        kind, values = Message.kinds[header["message"]], header["fields"]
+        if "vectors" in kind.__annotations__:
+            values["vectors"] = vectors
+        return cast(Message, _read(kind, values))
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as cause:
+        raise WireError(f"{type(cause).__name__}: {cause}") from None
+
+
+def _read(kind: type, values: dict[str, Any]) -> Any:
+    """Return an instance of a dataclass of what stands in a header."""
+    for name, exact, read in _conversions(kind):
+        if name in values and type(values[name]) is not exact:
+            values[name] = read(values[name])
+    return kind(**values)
+
+
+@cache
+def _conversions(kind: Any) -> Sequence[tuple[str, Any, Callable[[Any], Any]]]:
+    """Return the fields of a dataclass that have to be brought to a type: name, the type that need not be read,
+    reader."""
+    hints = get_type_hints(kind)
+    found = ((f.name, *_reader(hints[f.name])) for f in dataclasses.fields(kind))
+    return [(name, exact, read) for name, exact, read in found if read is not _as_it_is]
+
+
+def _reader(hint: Any) -> tuple[Any, Callable[[Any], Any]]:
+    """Return the type of values that are taken as they are, and what brings others to the type of a field."""
+    origin, parts = get_origin(hint), [_reader(part)[1] for part in get_args(hint) if part is not Ellipsis]
+    if hint in (str, bool, float):
+        return hint, hint
+    if hint in (int, Seconds):
+        return None, _integer if hint is int else _seconds
+    if dataclasses.is_dataclass(hint):
+        return None, lambda value: _read(cast(type, hint), value)
+    if origin is types.UnionType:  # with None
+        return types.NoneType, parts[0]
+    if origin is tuple and len(parts) == 1:
+        return None, lambda value: tuple(map(parts[0], value))
+    if origin is tuple:
+        return None, lambda value: tuple(read(item) for read, item in zip(parts, value, strict=True))
+    if origin is collections.abc.Mapping and parts[1] is not _as_it_is:
+        return None, lambda value: {str(key): parts[1](item) for key, item in value.items()}
+    return None, _as_it_is
+
+
+def _as_it_is(value: Any) -> Any:
+    return value
+
+
+def _seconds(value: Any) -> float:
+    seconds = float(value)
+    if not 0.0 <= seconds < math.inf:
+        raise ValueError(f"a time of {seconds} s")
+    return seconds
+
+
+def _integer(value: Any) -> int:
+    """Within what the results file keeps."""
+    return max(-(2**63), min(int(value), 2**63 - 1))

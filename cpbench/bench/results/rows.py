@@ -1,0 +1,165 @@
+"""Rows of the results file: what is planned of a pair, and what its run measured.
+
+The fields of `Planned` and then those of `Measured`, in their order, are the columns of the file, and their types the
+types of SQL (`columns`). A new column goes to the end of `Measured`, and into a step of `schema.migrate`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, Self, get_args, get_type_hints
+
+if TYPE_CHECKING:
+    from cpbench.bench.planning.plan import Pair
+
+_SQL: Mapping[type, str] = {str: "TEXT", float: "REAL", int: "INTEGER"}
+
+
+@dataclass(frozen=True)
+class Planned:
+    """The part of a row that the plan fixes.
+
+    Attributes
+    ----------
+    key : identity of the pair. sizes, options : JSON objects. set : the part of the plan. solver : its name; label :
+    with options and route request. measure : the number that decides, None for all. start : the start policy.
+    seconds, memory [bytes], threads, repeats_asked : the limits, None where they are not known.
+    """
+
+    key: str
+    problem: str
+    address: str
+    fingerprint: str
+    node: str
+    family: str
+    sizes: str
+    set: str
+    solver: str
+    label: str
+    request: str
+    options: str
+    tolerance: float
+    measure: str | None
+    start: str
+    sequence: str
+    step: int
+    seconds: float | None
+    memory: int | None
+    threads: int | None
+    repeats_asked: int | None
+
+    @staticmethod
+    def of(pair: Pair) -> Planned:
+        """Return the planned columns of a pair's row."""
+        return Planned(
+            key=pair.key,
+            problem=pair.problem,
+            address=pair.address,
+            fingerprint=pair.fingerprint,
+            node=pair.node,
+            family=pair.family,
+            sizes=json.dumps(dict(pair.sizes)),
+            set=pair.set,
+            solver=pair.entry.solver,
+            label=pair.label,
+            request=pair.request.name,
+            options=json.dumps(dict(pair.entry.options), sort_keys=True),
+            tolerance=pair.tolerance,
+            measure=pair.measure,
+            start=pair.start,
+            sequence=pair.sequence,
+            step=pair.step,
+            seconds=pair.limits.seconds,
+            memory=pair.limits.memory,
+            threads=pair.limits.threads,
+            repeats_asked=pair.limits.repeats,
+        )
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The part of a row that a run fills; None where it was not measured.
+
+    Attributes
+    ----------
+    error : on the problem that was asked. target_error : on the solver's own problem, target_tolerance what was asked
+    for there. parts, counters : JSON objects. samples : JSON list of the seconds of all solves. wall to cpu [s],
+    solve_min, solve_iqr [s]. peak : bytes. started : where the solver did start. attempts : how often the pair was run.
+    jobs : solves side by side. reported : seconds by the solver's own account. origin : where an imported answer was
+    made, empty for what was solved here.
+    """
+
+    status: str = "not_run"
+    route: str | None = None
+    kind: str | None = None
+    claim: str | None = None
+    error: float | None = None
+    target_error: float | None = None
+    flags: str | None = None
+    message: str | None = None
+    parts: str | None = None
+    counters: str | None = None
+    wall: float | None = None
+    load: float | None = None
+    convert: float | None = None
+    setup: float | None = None
+    solve: float | None = None
+    lift: float | None = None
+    verify: float | None = None
+    cpu: float | None = None
+    peak: int | None = None
+    repeats: int | None = None
+    samples: str | None = None
+    solve_min: float | None = None
+    solve_iqr: float | None = None
+    signal: int | None = None
+    code: int | None = None
+    version: str | None = None
+    started: str | None = None
+    attempts: int | None = None
+    jobs: int | None = None
+    host: str | None = None
+    loadavg: float | None = None
+    reported: float | None = None
+    origin: str | None = None
+    finished: str | None = None
+    target_tolerance: float | None = None
+
+    def changed(self, **values: Any) -> Self:
+        """Return a copy with other values; as `dataclasses.replace`, which takes ten times as long, and a pair needs
+        several.
+
+        Raises TypeError on a field that is not there.
+        """
+        if not values.keys() <= vars(self).keys():
+            raise TypeError(f"{type(self).__name__} has no {', '.join(sorted(values.keys() - vars(self).keys()))}")
+        new = object.__new__(type(self))
+        vars(new).update(vars(self), **values)
+        return new
+
+
+@dataclass(frozen=True)
+class Outcome(Measured):
+    """The outcome of a pair: the measured columns of its row, and compressed, its answer, its history, and the proof
+    that there is no solution."""
+
+    answer: bytes | None = None
+    history: bytes | None = None
+    proof: bytes | None = None
+
+
+@dataclass(frozen=True)
+class Row(Measured, Planned):
+    """A row as the results file has it."""
+
+
+def columns(kind: type[Planned | Measured]) -> dict[str, str]:
+    """Return the columns of a class with their SQL types.
+
+    >>> columns(Planned)["step"], columns(Measured)["error"]
+    ('INTEGER', 'REAL')
+    """
+    types = get_type_hints(kind)
+    return {f.name: _SQL[(get_args(types[f.name]) or (types[f.name],))[0]] for f in fields(kind)}

@@ -1,0 +1,116 @@
+"""Certificates as data: what was proved of an answer, and the file that holds it.
+
+A file holds the group `certificate`:
+
+    @format_version = 1, @node, @fingerprint (of the problem), @level, @unique, @distance, @excluded,
+    @seal (SHA-256 of all the rest)
+    answer                the answer in doubles, its parts one after the other
+    evidence/*            arrays of the proof
+    data/*                the problem: vectors, dense matrices, sparse ones as groups (shape, indptr, indices, data),
+                          maps as groups (inputs, constants, heads, left, right, outputs)
+
+`checker.py`, which shares no code with this package, proves it again from this file alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from cpbench import matrices
+from cpbench.formulations.base import Problem
+from cpbench.matrices import Vector
+from cpbench.storage.base import write_atomic
+from cpbench.storage.hdf5_writer import new_file, put_array, put_attribute
+
+VERSION = 1
+MEASURED, ENCLOSED, PROVED, REFUTED = "measured", "enclosed", "proved", "refuted"
+Evidence: TypeAlias = Mapping[str, NDArray[Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """What is known for certain of an answer.
+
+    Attributes
+    ----------
+    node, fingerprint : of the problem.
+    level : `proved` (an exact solution is known), `enclosed` (a box holds one), `refuted` (no solution is near the
+        answer, and none is known) or `measured` (none of these).
+    answer : the answer in doubles, its parts one after the other.
+    distance : a bound on ‖answer − solution‖∞/‖solution‖∞; NaN where no solution is known.
+    excluded : no solution is within this radius of the whole answer, over ‖answer‖∞; 0 where that is not proved. It is
+        looked for where no solution is known, or none within `SUSPECT` of the answer.
+    unique : the fact that makes the solution unique, '' where none was found.
+    reason : what stops a proof, '' where there is one.
+    evidence : arrays that determine the proof, by name. seconds : what it took [s].
+    """
+
+    node: str
+    fingerprint: str
+    level: str
+    answer: Vector
+    distance: float = float("nan")
+    excluded: float = 0.0
+    unique: str = ""
+    reason: str = ""
+    evidence: Evidence = field(default_factory=dict)
+    seconds: float = 0.0
+
+    def __bool__(self) -> bool:
+        return self.level in (ENCLOSED, PROVED)
+
+
+def save(path: str | Path, certificate: Certificate, problem: Problem, *, force: bool = False) -> None:
+    """Write a certificate with the data of its problem; raises FormatError where the file exists (unless `force`)."""
+    with new_file() as (root, image):
+        own = root.create_group("certificate")
+        put_attribute(own, "format_version", VERSION)
+        for name in ("node", "fingerprint", "level", "unique", "distance", "excluded"):
+            put_attribute(own, name, getattr(certificate, name))
+        put_array(own, "answer", certificate.answer, compress=True)
+        _put_all(own.create_group("evidence"), dict(certificate.evidence))
+        data = own.create_group("data")
+        for name, value in problem.data().items():
+            _put_data(data, name, value)
+        for name, value in problem.maps().items():
+            _put_all(data.create_group(name), {"inputs": np.array(value.inputs), **value.arrays()})
+        put_attribute(own, "seal", _seal(own))
+    write_atomic(Path(path), image[0], force=force)
+
+
+def _seal(group: h5py.Group) -> str:
+    """Return the hash of everything in the group, by which a change of the file is seen."""
+    h = hashlib.sha256()
+
+    def add(name: str, item: Any) -> None:
+        if isinstance(item, h5py.Dataset):
+            value = np.asarray(item[()])
+            h.update(f"{name} {value.dtype.str} {value.shape};".encode() + np.ascontiguousarray(value).tobytes())
+
+    group.visititems(add)
+    for name in sorted(group.attrs):
+        value: Any = group.attrs[name]
+        h.update(f"@{name} {value.decode() if isinstance(value, bytes) else value!s};".encode())
+    return h.hexdigest()
+
+
+def _put_all(group: h5py.Group, arrays: Mapping[str, Any]) -> None:
+    for name, value in arrays.items():
+        put_array(group, name, np.asarray(value), compress=np.ndim(value) > 0)
+
+
+def _put_data(group: h5py.Group, name: str, value: Any) -> None:
+    if value.ndim == 1 or not matrices.is_sparse(value):
+        put_array(group, name, matrices.dense(value), compress=True)
+        return
+    csr = matrices.sparse(value)
+    parts = {"shape": np.array(csr.shape), "indptr": csr.indptr, "indices": csr.indices, "data": csr.data}
+    _put_all(group.create_group(name), parts)

@@ -1,0 +1,131 @@
+"""A certificate for an answer: proved where the problem is polyhedral, else enclosed in a box, else refuted."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from flint import arb
+
+from cpbench.certificates import polyhedral
+from cpbench.certificates.certificate import ENCLOSED, MEASURED, PROVED, REFUTED, Certificate
+from cpbench.certificates.contact_balls import Scene
+from cpbench.certificates.contact_boxes import enclose_contacts
+from cpbench.certificates.exact_points import rounded, solves_contacts
+from cpbench.certificates.exact_rows import nearest, rational
+from cpbench.certificates.krawczyk import balls, digits, up
+from cpbench.certificates.mixed import Mixed, mixed
+from cpbench.certificates.nonlinear_boxes import Bounded, enclose_nonlinear, exact_point
+from cpbench.certificates.refutation import excluded
+from cpbench.certificates.uniqueness import leading, uniqueness
+from cpbench.formulations.base import Problem
+from cpbench.matrices import Vector
+
+SUSPECT = 1e-6
+"""Distance from which on an answer is wrong, of all solutions or of the one that is known."""
+MONOTONE = ("lcp", "relay", "mlcp", "avi", "qp")
+"""Nodes in which the first unknowns, those that are compared, belong to a matrix that may make them unique."""
+
+
+def certify(problem: Problem, point: Any, seconds: float = 60.0) -> Certificate:
+    """Look for a proof that a solution is near the answer, for about so many seconds.
+
+    Raises PointError when the point is no answer to the problem.
+    """
+    problem.check_point(point)
+    began = time.perf_counter()
+    answer = np.concatenate([np.zeros(0), *point.arrays().values()])
+    plain = Certificate(problem.node, problem.fingerprint, MEASURED, answer)
+    found = _certified(problem, point, plain, seconds)
+    if point.finite and not found.distance <= SUSPECT:
+        radius = excluded(problem, point)
+        found = replace(found, excluded=radius, level=REFUTED if radius >= SUSPECT and not found else found.level)
+    return replace(found, seconds=time.perf_counter() - began)
+
+
+def _certified(problem: Problem, point: Any, plain: Certificate, seconds: float) -> Certificate:
+    if not point.finite:
+        return replace(plain, reason="the answer is not finite")
+    form = mixed(problem, point)
+    if form is not None:
+        return _proved(problem, point, *form, plain, seconds)
+    if problem.node in ("fc", "fcm", "gfc"):
+        return _contacts(problem, point, plain, seconds)
+    P = Bounded.of(problem)
+    if P is None:
+        return replace(plain, reason=f"no proof is known for {problem.node}")
+    box = enclose_nonlinear(P, point.z)
+    if not box.reason:
+        return _boxed(plain, box, point.z, slice(None))
+    near = exact_point(P, point.z)
+    return replace(plain, reason=box.reason) if near is None else _at(plain, near, point.z, slice(None))
+
+
+def _contacts(problem: Problem, point: Any, plain: Certificate, seconds: float) -> Certificate:
+    scene, x = Scene.of(problem, point)
+    box, compared = enclose_contacts(scene, x, seconds), slice(scene.k, None)
+    if not box.reason:
+        return _boxed(plain, box, x, compared)
+    for near in rounded(x):
+        if solves_contacts(scene, near):
+            return _at(plain, near, x, compared)
+    return replace(plain, reason=box.reason)
+
+
+def _boxed(plain: Certificate, box: Any, x: Vector, compared: slice) -> Certificate:
+    """Return a box as a certificate, with the distance of the answer's part from the farthest point of the box."""
+    with digits():
+        there = balls(box.centre, box.radius)[compared]
+        away = arb(max((up(v - arb(a)) for v, a in zip(there, x[compared].tolist(), strict=True)), default=0.0))
+        size = arb(max((float(v.abs_lower()) for v in there), default=0.0) * (1 - 1e-15))
+        distance = up(away / size if size > 0 else away)
+    names = ("states", "dropped", "centre", "radius")
+    return replace(plain, level=ENCLOSED, distance=distance, evidence={name: getattr(box, name) for name in names})
+
+
+def _at(plain: Certificate, near: Vector, x: Vector, compared: slice) -> Certificate:
+    """Return an exact point of doubles as a certificate."""
+    pairs = zip(near[compared].tolist(), x[compared].tolist(), strict=True)
+    away = max((abs(rational(a) - rational(b)) for a, b in pairs), default=rational(0.0))
+    size = rational(float(np.abs(near[compared]).max(initial=0.0)))
+    distance = math.nextafter(nearest(away / size if size else away), math.inf) if away else 0.0
+    return replace(plain, level=PROVED, distance=distance, evidence={"point": near})
+
+
+def _proved(problem: Problem, point: Any, P: Mixed, x: Vector, plain: Certificate, seconds: float) -> Certificate:
+    found = polyhedral.prove(P, x, seconds)
+    if found.support is None:
+        return replace(plain, reason=found.reason)
+    size = P.answer.shape[0]
+    unique = ""
+    if problem.node in MONOTONE:
+        unique = uniqueness(leading(P.K, size), box=size == P.c.size)
+    return replace(
+        plain,
+        level=PROVED,
+        distance=_distance(P, _compared(problem, point), found.x),
+        unique=unique,
+        evidence=vars(found.support),
+    )
+
+
+def _compared(problem: Problem, point: Any) -> Vector:
+    """Return what of the answer is compared with the exact point."""
+    if problem.node == "mlcp":
+        return np.concatenate([point.u, point.v])
+    return point.z if problem.node in MONOTONE else point.r
+
+
+def _distance(P: Mixed, answer: Vector, exact: Any) -> float:
+    """‖answer − S·exact‖∞/‖S·exact‖∞ (absolute where that is 0), rounded up."""
+    away, size = rational(0.0), rational(0.0)
+    rows: Any = P.answer
+    for here, (a, b) in zip(answer.tolist(), pairwise(rows.indptr.tolist()), strict=True):
+        pairs = zip(rows.indices[a:b].tolist(), rows.data[a:b].tolist(), strict=True)
+        there = sum((exact[j] * int(sign) for j, sign in pairs), rational(0.0))
+        away, size = max(away, abs(there - rational(here))), max(size, abs(there))
+    return math.nextafter(nearest(away / size if size else away), math.inf) if away else 0.0

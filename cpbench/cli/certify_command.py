@@ -1,0 +1,56 @@
+"""`cpbench certify`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from cpbench import storage
+from cpbench.api.certifying import TOLERANCE, certificate_lines, certify, save_certificate
+from cpbench.api.problems import load, verify
+from cpbench.api.solving import solve
+from cpbench.cli.options import Command, force_option, format_option, number, timeout_option
+from cpbench.cli.terminal import print_lines
+from cpbench.cli.types import ADDRESS, PATH
+from cpbench.generators.collection import address_text
+from cpbench.storage.base import require_new
+
+
+@click.command(cls=Command)
+@click.argument("problem", type=ADDRESS)
+@click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
+@click.option("-s", "--solver", metavar="NAME[opt=value]", help="Solver, where no answer is given (the automatic one).")
+@timeout_option
+@click.option("-o", "--output", type=PATH, help="Output file of the certificate (.h5).")
+@format_option
+@force_option
+def command(
+    problem: str,
+    answer: Path | None,
+    solver: str | None,
+    timeout: float,
+    output: Path | None,
+    file_format: str | None,
+    force: bool,
+) -> None:
+    """Look for a proof that a solution is near an answer, and say how near.
+
+    Polyhedral problems are solved exactly (proved); for others a box is found that holds a solution (enclosed), or none
+    (refuted). Else what stops a proof is named. The program in cpbench/certificates/checker proves a file again.
+    Ends with 1 unless a solution is proved or enclosed.
+    """
+    if answer is not None and solver is not None:
+        raise click.UsageError("give --answer or --solver, not both")
+    if output is not None:
+        require_new(output, force)
+    asked = load(problem, format=file_format)
+    point = solve(asked, solver, tolerance=TOLERANCE) if answer is None else storage.load_answer(answer, asked)
+    certificate = certify(asked, point, seconds=timeout)
+    click.echo(f"{address_text(problem)}: error {number(verify(asked, point).error)}, {certificate.level}")
+    print_lines(certificate_lines(certificate))
+    if output is not None:
+        save_certificate(certificate, asked, output, force=force)
+    if not certificate:
+        sys.exit(1)

@@ -1,0 +1,173 @@
+"""Verdicts on answers to many problems of one formulation and size, as arrays.
+
+The judge measures a problem part by part (`part_error`), and problems side by side are parts of one large problem: its
+blocks have the errors that they have by themselves. So answers to thousands of problems are measured in one go, by the
+code and the definition that measure one. What belongs to a whole problem is taken for each: where the equilibration
+ends, whether multipliers of parallel rows cancel, which numbers are finite, and the largest error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpbench.errors import PointError
+from cpbench.formulations.stack import Stack
+from cpbench.matrices import Vector, is_psd
+from cpbench.verification.equilibration import Sums
+from cpbench.verification.frame import System
+from cpbench.verification.measures import BY_PARTS, SYSTEMS
+from cpbench.verification.parallel_rows import LARGE
+from cpbench.verification.part_error import BlockErrors, block_errors, term_sums
+from cpbench.verification.parts import Parts
+from cpbench.verification.sets import Flags
+from cpbench.verification.systems import RowsFrame
+
+NODES = ("lcp", "mlcp", "qp", "fc")
+ENTRIES = 2**17
+"""Numbers of the data that are judged in one go: what is made of them stays in the cache."""
+
+
+@dataclass(frozen=True, eq=False)
+class Verdicts:
+    """Measurements of k answers at one tolerance, as `Verdict` has it of one.
+
+    Attributes
+    ----------
+    solved : (k,) whether the error is at most the tolerance, and no matter of rounding. error : (k,) backward errors, ∞
+    for what is no answer. unresolvable : (k,) whether rounding alone may cause the error. stationary : (k,) whether
+    the problem is a program that is not convex.
+    """
+
+    tolerance: float
+    solved: Flags
+    error: Vector
+    unresolvable: Flags
+    stationary: Flags
+
+
+def judge_stack(stack: Stack, answers: Mapping[str, Any], tolerance: float) -> Verdicts:
+    """Measure answers to all problems of a stack.
+
+    Parameters
+    ----------
+    answers : (k, size) of every part of a point, by name.
+
+    Raises PointError where an answer has other shapes, ValueError for a formulation that is not among `NODES`.
+    """
+    if stack.kind.node not in NODES:
+        raise ValueError(f"{stack.kind.node}: answers are judged as arrays for {', '.join(NODES)}")
+    parts = {name: np.asarray(answers[name], dtype=float) for name in (f.name for f in fields(stack.kind.point_type))}
+    for name, size in stack.point_sizes.items():
+        if parts[name].shape != (stack.count, size):
+            raise PointError(f"{name} has shape {parts[name].shape}, expected {(stack.count, size)}")
+    error, floor = np.zeros(stack.count), np.zeros(stack.count)
+
+    for some in stack.pieces(ENTRIES):
+        error[some], floor[some] = _measured(stack, some, {name: x[some] for name, x in parts.items()})
+    unresolvable = np.maximum(error, tolerance) <= floor
+    return Verdicts(tolerance, (error <= tolerance) & ~unresolvable, error, unresolvable, ~_convex(stack))
+
+
+def _convex(stack: Stack) -> Flags:
+    """Return whether the objectives are convex, as `matrices.is_psd` has it; true for what has none."""
+    result = np.ones(stack.count, dtype=bool)
+    if "Q" not in stack.arrays:
+        return result
+    Q = stack.arrays["Q"]
+    diagonal = np.einsum("kii->ki", Q)
+    with np.errstate(all="ignore"):
+        size = np.sqrt(diagonal)
+        unit = Q / (size[:, :, None] * size[:, None, :])
+    try:  # all at once, where all are definite
+        if (diagonal > 0).all() and np.isfinite(np.linalg.cholesky(unit)).all():
+            return result
+    except np.linalg.LinAlgError:
+        pass
+    result[:] = [is_psd(matrix) for matrix in Q]
+    return result
+
+
+def _measured(stack: Stack, some: slice, answers: dict[str, Any]) -> tuple[Vector, Vector]:
+    """Errors of the answers to some problems, and what rounding may cause."""
+    count = some.stop - some.start
+    finite = np.ones(count, dtype=bool)
+    for x in answers.values():
+        finite &= np.isfinite(x).all(axis=1)
+    problem = stack.direct_sum(some)
+    with np.errstate(all="ignore"):
+        system = _system(problem, answers, finite)
+        own = _Own.of(system, answers, count)
+        system = own.relieved(problem, system)
+        sums = term_sums(system)
+        bounded = own.all(np.isfinite(sums + system.frame.constants))
+        if not bounded.all():  # squares of such unknowns are no numbers any more
+            finite &= bounded
+            system = own.relieved(problem, _system(problem, answers, finite))
+            sums = term_sums(system)
+        node = stack.kind.node
+        parts = Parts.of(system.frame, system.frame.terms.rows, BY_PARTS[node], Sums.of_each(own.blocks, count))
+        error, floor = own.worst(block_errors(system, parts, sums))
+    return np.where(finite, error, np.inf), np.where(finite, floor, 0.0)
+
+
+def _system(problem: Any, answers: dict[str, Any], finite: Flags) -> System:
+    """Return the rows of the answers, 0 in place of those that are no numbers."""
+    whole = {name: np.where(finite[:, None], x, 0.0).ravel() for name, x in answers.items()}
+    return SYSTEMS[problem.node](problem, problem.point_type(**whole))
+
+
+@dataclass(frozen=True, eq=False)
+class _Own:
+    """The places of problems side by side: which of them has which component, (N,), and which block, (k,)."""
+
+    count: int
+    components: NDArray[np.int64]
+    blocks: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, system: System, answers: dict[str, Any], count: int) -> _Own:
+        """Read it from the answers, whose parts come one after the other."""
+        number = np.concatenate([np.repeat(np.arange(count), x.shape[1]) for x in answers.values()])
+        components = number[: system.x.size]  # what follows are multipliers of bounds, which are no unknowns here
+        frame = system.frame
+        if frame.block is None:
+            return cls(count, components, components)
+        blocks = np.empty(frame.k, np.int64)
+        blocks[frame.block] = components
+        return cls(count, components, blocks)
+
+    def all(self, flags: Flags) -> Flags:
+        """Return whether the flags of all blocks of a problem are true."""
+        return np.bincount(self.blocks, ~flags, self.count) == 0
+
+    def relieved(self, problem: Any, system: System) -> System:
+        """Return the system, with relief for problems only whose own multipliers add much to a row
+        (`ParallelRows.relief`)."""
+        if np.isscalar(system.relief):
+            return system
+        n = problem.p.size
+        gross = cast(RowsFrame, system.frame).parallel.sizes @ np.abs(system.x[n:])
+        rest = np.abs(problem.Q @ system.x[:n]) + np.abs(problem.p)
+        asked = np.bincount(self.blocks[:n], gross > LARGE * rest, self.count) > 0
+        return replace(system, relief=np.where(asked[self.blocks], system.relief, 0.0))
+
+    def worst(self, found: BlockErrors) -> tuple[Vector, Vector]:
+        """Return the error of every problem, and what rounding may cause."""
+        error = self._largest(self.blocks, found.blocks)
+        if found.components is not None:
+            error = np.maximum(error, self._largest(self.components, found.components))
+        if found.also is not None:
+            error = np.maximum(error, self._largest(self.components[: found.also.size], found.also))
+        error = np.maximum(error, self._largest(self.components, found.beyond) ** 2)
+        return np.where(np.isfinite(error), error, np.inf), self._largest(self.blocks, found.floors)
+
+    def _largest(self, number: NDArray[np.int64], values: Vector) -> Vector:
+        """Return the largest of the values of every problem, at least 0."""
+        result = np.zeros(self.count)
+        np.maximum.at(result, number, values)
+        return result

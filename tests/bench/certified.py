@@ -1,0 +1,115 @@
+"""How many verified answers are proved or enclosed, by formulation, with times and what stops the others.
+
+    python tests/bench/certified.py [builtin | FILE | FOLDER ...] [--nodes lcp,mlcp,...] [--largest 500]
+        [--contacts 100] [--seconds 20] [--proof 60] [--check]
+
+Every problem is solved by the automatic choice at 1e-8, or else at 1e-6, in this process; only answers that the
+verdict accepts are counted. Times are of this processor [s]. With --check, every certificate is proved again by the
+program without cpbench.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter, defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import cpbench
+from cpbench import storage
+from cpbench.api.certifying import save_certificate
+from cpbench.errors import CpbenchError
+from cpbench.generators.collection import builtin_folder
+
+NODES = "lcp,mlcp,relay,avi,qp,fc,fcm,gfc,ncp,micp,equation"
+CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
+
+
+def main() -> None:
+    """Print a line a problem, then a line a formulation."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("paths", nargs="*", default=["builtin"])
+    parser.add_argument("--nodes", default=NODES)
+    parser.add_argument("--largest", type=int, default=500, help="unknowns of other problems than contact")
+    parser.add_argument("--contacts", type=int, default=100)
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--proof", type=float, default=60.0)
+    parser.add_argument("--check", action="store_true")
+    asked = parser.parse_args()
+    rows: dict[str, list[tuple[str, float, str]]] = defaultdict(list)
+    for address in storage.problem_files([str(builtin_folder()) if p == "builtin" else p for p in asked.paths]):
+        try:
+            problem: Any = storage.load(address)
+        except CpbenchError:
+            continue
+        many = problem.nc > asked.contacts if hasattr(problem, "nc") else unknowns(problem) > asked.largest
+        if problem.node not in asked.nodes.split(",") or many:
+            continue
+        point = verified(problem, asked.seconds)
+        if point is None:
+            print(f"{address}: no verified answer", flush=True)
+            continue
+        began = time.process_time()
+        certificate = cpbench.certify(problem, point, seconds=asked.proof)
+        seconds = time.process_time() - began
+        level = certificate.level
+        if certificate and asked.check:
+            level += "" if checked(certificate, problem) else ", NOT CHECKED"
+        kind = problem.node
+        if hasattr(problem, "nc"):
+            kind += " 2D" if problem.dimension == 2 else " 3D" if problem.mu.any() else " frictionless"
+        rows[kind].append((level, seconds, certificate.reason))
+        told = certificate.reason or f"within {certificate.distance:.2g} {certificate.unique}"
+        print(f"{address} ({kind}): {level}, {seconds:.2f} s, {told}", flush=True)
+    table(rows)
+
+
+def unknowns(problem: Any) -> int:
+    """Unknowns, without multipliers."""
+    sizes = problem.point_sizes
+    return sizes["z"] if "z" in sizes else sum(sizes.values())
+
+
+def verified(problem: Any, seconds: float) -> Any:
+    """An answer that the verdict accepts, None without."""
+    for tolerance in (1e-8, 1e-6):
+        try:
+            solution = cpbench.solve(problem, tolerance=tolerance, seconds=seconds)
+        except CpbenchError:
+            continue
+        if solution.point is not None and cpbench.verify(problem, solution.point, tolerance=1e-6).solved:
+            return solution.point
+    return None
+
+
+def checked(certificate: Any, problem: Any) -> bool:
+    """Whether the program without cpbench proves it again."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "certificate.h5"
+        save_certificate(certificate, problem, path)
+        return subprocess.run([sys.executable, CHECKER, path], capture_output=True, check=False).returncode == 0
+
+
+def table(rows: dict[str, list[tuple[str, float, str]]]) -> None:
+    """Print what each formulation has."""
+    print(
+        f"\n{'formulation':<18}{'verified':>9}{'proved':>8}{'enclosed':>9}{'share':>7}{'median s':>10}{'largest s':>10}"
+    )
+    for kind, own in sorted(rows.items()):
+        levels = Counter(level for level, _, _ in own)
+        seconds = [s for _, s, _ in own]
+        certain = levels["proved"] + levels["enclosed"]
+        print(
+            f"{kind:<18}{len(own):>9}{levels['proved']:>8}{levels['enclosed']:>9}{certain / len(own):>7.0%}"
+            f"{np.median(seconds):>10.3f}{max(seconds):>10.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main()

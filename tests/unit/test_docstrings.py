@@ -1,0 +1,53 @@
+"""Docstrings of functions begin with a verb, those of classes with a noun; ruff's D401 lets the words below pass."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
+EXEMPT = {"templates"}  # templates are sources with gaps
+OTHER_WORDS = """
+    A All An And As At By Each Every For From How If In Into It Its Likewise No None Not Of On One Only Raises Returns
+    Some That The Their Them There These They This Those To Under What Whatever When Where Whether Which Who Whose Why
+    With Without Yields
+"""
+ACTIONS = "Build Check Compute Count Draw Find Make Read Return Set Solve Write Yield"
+NO_VERBS = set(OTHER_WORDS.split())
+NO_NOUNS = NO_VERBS - {"A", "All", "An", "Each", "Every", "One", "The", "Those"} | set(ACTIONS.split())
+Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef
+
+
+def _is_property(node: Definition) -> bool:
+    names = [ast.unparse(decorator).rpartition(".")[2] for decorator in node.decorator_list]
+    return bool({"property", "cached_property"} & set(names))
+
+
+def _refused(source: str) -> Iterator[tuple[int, str]]:
+    """Yield line and first word of every docstring that begins with a word that it must not begin with."""
+    for node in ast.walk(ast.parse(source)):
+        if not isinstance(node, Definition) or _is_property(node) or not (text := ast.get_docstring(node)):
+            continue
+        word = text.split()[0].rstrip(".,:;")
+        refused = NO_NOUNS if isinstance(node, ast.ClassDef) else NO_VERBS
+        # Letters only: a symbol (`K*`, `A⁻¹B`) is no verb; a class may begin with its equation.
+        if word in refused or not (isinstance(node, ast.ClassDef) or (word.isascii() and word.isalpha())):
+            yield node.lineno, word
+
+
+def test_docstrings_begin_with_a_verb_or_a_noun() -> None:
+    """Properties are read like attributes: theirs may be either."""
+    files = [path for path in PACKAGE.rglob("*.py") if path.relative_to(PACKAGE).parts[0] not in EXEMPT]
+    assert len(files) > 400
+    found = [
+        f"{path.relative_to(PACKAGE)}:{line}: {word}" for path in files for line, word in _refused(path.read_text())
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_the_words_are_found() -> None:
+    source = 'def f():\n    """The sum."""\ndef g():\n    """A⁻¹b."""\nclass C:\n    """What is read."""\n'
+    assert list(_refused(source)) == [(1, "The"), (3, "A⁻¹b"), (5, "What")]
+    fine = '@property\ndef f():\n    """The sum."""\ndef g():\n    """Return it."""\nclass C:\n    """The sums."""\n'
+    assert not list(_refused(fine))
