@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import groupby
 
-from cpbench.bench.processes import wire
+from cpbench import frames
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import Context, context
 from cpbench.bench.processes.process import Child, Died, TimedOut
@@ -140,13 +140,13 @@ class _Lane(threading.Thread):
             try:
                 if child is None:
                     child = self._child = Child(self._means, _main, (list(names), self._warm))
-                header, _ = wire.unpack(child.receive(seconds))
+                header, _ = frames.unpack(child.receive(seconds))
                 seen = Checkup(name, str(header["state"]), str(header["detail"]), str(header["version"]))
             except TimedOut:
                 seen = Checkup(name, "broken", f"said nothing within {seconds:g} s")
             except Died as death:
                 seen = Checkup(name, "broken", f"{death.output}\n{describe_exit(death)}".strip())
-            except (wire.WireError, KeyError) as noise:
+            except (frames.FrameError, KeyError) as noise:
                 seen = Checkup(name, "broken", f"sent no valid message: {noise}")
             else:
                 self._found.put(seen)
@@ -171,4 +171,4 @@ def _main(channel: Channel, names: Sequence[str], warm: bool) -> None:
                 solver.warmup()
         except Exception:
             said = {"state": "broken", "detail": traceback.format_exc(limit=5), "version": ""}
-        channel.send_bytes(wire.pack(said))
+        channel.send_bytes(frames.pack(said))

@@ -15,12 +15,12 @@ from functools import partial
 from typing import TypeAlias
 
 import cpbench.bench.worker as worker_process
+from cpbench import frames
 from cpbench.bench import machine, messages
 from cpbench.bench.compiler import Compiler
 from cpbench.bench.events import Compiling, Notice, Starting, silent
 from cpbench.bench.outcome import iqr, marks, remembered, told, unprepared
 from cpbench.bench.planning.plan import PREVIOUS, Limits, Pair, Request
-from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
 from cpbench.bench.referee import HISTORY_SECONDS, PROOF_SECONDS
@@ -197,7 +197,7 @@ class Lane:
         self, pair: Pair, prepared: messages.Prepared, start: messages.Vectors, worker: Child, known: partial[Outcome]
     ) -> Outcome:
         """Return the outcome of a pair whose worker is ready; `known` is what of it is known before. Raises
-        WireError."""
+        FrameError."""
         name, limit = pair.entry.solver, pair.limits.seconds
         asked = messages.Solve(
             path=prepared.path,
@@ -372,7 +372,7 @@ class Lane:
             lost = f"killed after {patience:g} s"
         except Died as death:
             lost = describe_exit(death)
-        except wire.WireError as noise:
+        except frames.FrameError as noise:
             lost = f"no valid message: {noise}"
         self.workers.drop(pair.entry.solver)
         return None, f"a {what} failed: {lost}"

@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 import cpbench.bench.referee as referee_process
 import cpbench.bench.worker as worker_process
+from cpbench import frames
 from cpbench.bench import messages
-from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import Context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import START, WARM_UP
@@ -99,7 +99,7 @@ class RefereeClient:
             reply = messages.Late(f"no reply within {seconds:g} s")
         except Died as death:
             reply = messages.OutOfMemory() if death.out_of_memory else messages.Gone(describe_exit(death))
-        except wire.WireError as noise:
+        except frames.FrameError as noise:
             reply = messages.Gone(str(noise))
         self.close()
         if isinstance(reply, messages.OutOfMemory):
@@ -234,7 +234,7 @@ class WorkerPool:
             told = messages.Late(f"{phase.name} not over after {phase.limit(timeout):g} s")
         except Died as death:
             told = messages.Gone(describe_exit(death))
-        except wire.WireError as noise:
+        except frames.FrameError as noise:
             told = messages.Failed(str(noise))
         self.drop(name)
         return told
@@ -249,8 +249,8 @@ class WorkerPool:
 
 
 def hear(worker: Child, seconds: float) -> messages.Message:
-    """Return the next message of a worker; raises as `Child.receive` does, and WireError."""
-    return messages.unpack(worker.receive(seconds), wire.HEADER)
+    """Return the next message of a worker; raises as `Child.receive` does, and FrameError."""
+    return messages.unpack(worker.receive(seconds), frames.UNTRUSTED_HEADER)
 
 
 def describe_exit(death: Died) -> str:

@@ -18,7 +18,7 @@ import psutil
 import pytest
 
 import cpbench
-from cpbench import storage
+from cpbench import frames, storage
 from cpbench.bench.cluster import backlog, keeper, lenders
 from cpbench.bench.cluster.crew import Cluster
 from cpbench.bench.cluster.parcel import pack_blocks
@@ -26,7 +26,6 @@ from cpbench.bench.cluster.post import opening
 from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Limits, Pair
-from cpbench.bench.processes import wire
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Crew, execute
 from cpbench.bench.worker_pool import Setting
@@ -319,10 +318,10 @@ def test_a_station_that_nobody_asks_ends_and_comes_back(monkeypatch: pytest.Monk
     identity, greeting = keeper.greet("run", opening(Setting()))
     nothing = pack_blocks([], places={}, copies=[], seconds=1.0)
     try:
-        assert wire.unpack(greeting)[0]["event"] == "ready"
+        assert frames.unpack(greeting)[0]["event"] == "ready"
         until(lambda: not _stations(ppid=os.getpid()))
         assert keeper.work("run", identity, nothing) == []
-        assert wire.unpack(keeper.work("run", "of a process before", nothing)[0])[0]["event"] == "stranger"
+        assert frames.unpack(keeper.work("run", "of a process before", nothing)[0])[0]["event"] == "stranger"
     finally:
         keeper.stop("run")
     until(lambda: not _stations(ppid=os.getpid()))

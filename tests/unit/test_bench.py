@@ -15,14 +15,13 @@ import numpy as np
 import pytest
 from tiers import some_by_day
 
-from cpbench import graph, storage
+from cpbench import frames, graph, storage
 from cpbench.bench import lane as lanes
 from cpbench.bench import messages, shared_problem
 from cpbench.bench.lane import Lane
 from cpbench.bench.messages import RefereeCase, Survey
 from cpbench.bench.planning import plan
 from cpbench.bench.problem_cache import Charged, ProblemCache
-from cpbench.bench.processes import wire
 from cpbench.bench.referee import Referee
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
@@ -61,7 +60,7 @@ def _case(address: str, fingerprint: str, node: str, request: plan.Request) -> R
 
 
 def test_messages_carry_vectors_and_bytes() -> None:
-    header, parts = wire.unpack(wire.pack({"error": float("inf")}, {"z": np.arange(3.0), "answer": b"\x00\xff"}))
+    header, parts = frames.unpack(frames.pack({"error": float("inf")}, {"z": np.arange(3.0), "answer": b"\x00\xff"}))
     assert header == {"error": float("inf")}
     assert parts["z"].tolist() == [0.0, 1.0, 2.0]
     assert parts["answer"] == b"\x00\xff"
@@ -77,7 +76,7 @@ def _framed(header: bytes) -> bytes:
         b"",
         b"abc",
         b"\xff" * 40,
-        wire.pack({"a": 1}, {"z": np.ones(2)})[:-1],
+        frames.pack({"a": 1}, {"z": np.ones(2)})[:-1],
         _framed(b"[" * 200_000),
         _framed(b"[1]"),
         _framed(b'{"vectors": [["z", 1e999, false]]}'),
@@ -85,8 +84,8 @@ def _framed(header: bytes) -> bytes:
     ids=["empty", "short", "length", "cut", "deep", "list", "infinite"],
 )
 def test_noise_is_no_message(noise: bytes) -> None:
-    with pytest.raises(wire.WireError):
-        wire.unpack(noise)
+    with pytest.raises(frames.FrameError):
+        frames.unpack(noise)
 
 
 def test_solver_options_are_typed_and_named() -> None:
@@ -390,7 +389,7 @@ RESULT |= {"solve": 0.1, "cpu": 0.2, "grown": 0, "peak": 0, "children": 0, "thre
 
 def _said(fields: Mapping[str, Any], message: str = "Result") -> messages.Message:
     """What the runner makes of a message."""
-    return messages.unpack(wire.pack({"message": message, "fields": fields}))
+    return messages.unpack(frames.pack({"message": message, "fields": fields}))
 
 
 @pytest.mark.parametrize(
@@ -410,15 +409,15 @@ def _said(fields: Mapping[str, Any], message: str = "Result") -> messages.Messag
 )
 def test_what_a_worker_says_is_brought_to_its_type_or_refused(forged: dict[str, Any]) -> None:
     assert _said(RESULT).solve == 0.1
-    with pytest.raises(wire.WireError):
+    with pytest.raises(frames.FrameError):
         _said(RESULT | forged)
 
 
 def test_what_a_worker_leaves_out_is_missed() -> None:
-    with pytest.raises(wire.WireError):
+    with pytest.raises(frames.FrameError):
         _said(RESULT, "Conclusion")
     for name in RESULT:
-        with pytest.raises(wire.WireError):
+        with pytest.raises(frames.FrameError):
             _said({key: value for key, value in RESULT.items() if key != name})
 
 
@@ -429,7 +428,7 @@ def test_numbers_that_the_results_file_cannot_keep_are_cut() -> None:
 @pytest.mark.parametrize("told", [[[0.0, -7.0]], [[1.0]], [[0.0, 1.0, 2.0]], 5, [["x", 1.0]]], ids=str)
 def test_repeats_that_are_none_are_refused(told: Any) -> None:
     assert _said({"times": [[0.0, 1.0]]}, "Repeats").times == ((0.0, 1.0),)
-    with pytest.raises(wire.WireError):
+    with pytest.raises(frames.FrameError):
         _said({"times": told}, "Repeats")
 
 

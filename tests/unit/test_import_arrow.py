@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
 BASE = {
     "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
     "kernel_cache", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
-    "ncp_functions",
+    "ncp_functions", "frames",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
 ALLOWED: dict[str, set[str]] = {
@@ -21,6 +21,7 @@ ALLOWED: dict[str, set[str]] = {
     "cones": {"matrices"},
     "product_cones": {"matrices", "cones"},
     "registry": {"errors"},
+    "frames": set(),
     "locks": set(),
     "ncp_functions": {"matrices", "expressions"},
     "temporary": {"errors", "locks"},

@@ -20,6 +20,7 @@ from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from concurrent.futures import CancelledError as FutureCancelled
 from typing import Any
 
+from cpbench import frames
 from cpbench.bench.block import Block, Ending
 from cpbench.bench.cluster import backlog, keeper
 from cpbench.bench.cluster.backlog import Backlog
@@ -27,7 +28,6 @@ from cpbench.bench.cluster.parcel import pack_blocks, read_outcome
 from cpbench.bench.cluster.post import Freight, Post, opening
 from cpbench.bench.events import Notice, Solving
 from cpbench.bench.planning.plan import Pair
-from cpbench.bench.processes import wire
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
@@ -251,7 +251,7 @@ class Cluster:
                 self._greeted(post, *result)
 
     def _greeted(self, post: Post, identity: str, greeting: bytes) -> None:
-        header, _ = wire.unpack(greeting)
+        header, _ = frames.unpack(greeting)
         if header["event"] != "ready":
             self._refuse(post, str(header["message"]))
             return
@@ -264,7 +264,7 @@ class Cluster:
         endings: dict[str, Ending] = {}
         last: Mapping[str, Any] = {"event": "outcome"}
         for message in messages:
-            last, vectors = wire.unpack(message)
+            last, vectors = frames.unpack(message)
             if last["event"] == "outcome":
                 pair, outcome = pairs[last["at"]], read_outcome(last, vectors)
                 endings[pair.key] = (outcome.status, outcome.answer)

@@ -16,7 +16,7 @@ import uuid
 from multiprocessing import Pipe
 from typing import Any
 
-from cpbench.bench.processes import wire
+from cpbench import frames
 
 IDENTITY = uuid.uuid4().hex
 """Of this process: a Dask worker that died and came back has another one, at the same address or not."""
@@ -48,7 +48,7 @@ def work(run: str, identity: str, message: bytes) -> list[bytes]:
     """Return what the station of a run answers. Only who was greeted works: a task that Dask hands on when its worker
     is lost is not done elsewhere behind the client's back."""
     if identity != IDENTITY or run not in _stations:
-        return [wire.pack({"event": "stranger"})]
+        return [frames.pack({"event": "stranger"})]
     with _solving:
         return _stations[run].ask(message)
 
@@ -88,7 +88,7 @@ class Station:
             self._start()
         except (EOFError, OSError) as cause:
             message = f"no process of its own could be started ({self._ended() or cause})"
-            return wire.pack({"event": "refused", "message": message})
+            return frames.pack({"event": "refused", "message": message})
         finally:
             self.used = time.monotonic()
         return self._greeting
@@ -102,7 +102,7 @@ class Station:
             while (answer := self._pipe.recv_bytes()) != END:
                 answers.append(answer)
         except (EOFError, OSError):
-            answers.append(wire.pack({"event": "died", "message": self._ended()}))
+            answers.append(frames.pack({"event": "died", "message": self._ended()}))
         self.used = time.monotonic()
         return answers
 

@@ -9,13 +9,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from cpbench import frames
 from cpbench.bench import block as blocks
 from cpbench.bench.block import Block
 from cpbench.bench.cluster.parcel import pack_outcome, read_blocks
 from cpbench.bench.lane import Lane
 from cpbench.bench.messages import Declined, Open, Opened
 from cpbench.bench.planning.plan import Pair
-from cpbench.bench.processes import wire
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.time_limits import REFEREE
 
@@ -43,7 +43,7 @@ class Outpost:
         for block in read_blocks(header, vectors):
             missing = self._missing(block, header["places"])
             if missing:
-                yield wire.pack({"event": "wanted", "files": missing})
+                yield frames.pack({"event": "wanted", "files": missing})
                 return
             for k, (_, outcome) in enumerate(blocks.run(self._lane, self._placed(block, header["places"]))):
                 yield pack_outcome(at + k, self._told(block.pairs[k], outcome, header["places"]))

@@ -1,4 +1,4 @@
-"""Blocks on their way to another machine, and outcomes on their way back: messages of `wire`, nothing is pickled."""
+"""Blocks on their way to another machine, and outcomes on their way back: frames, nothing is pickled."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
+from cpbench import frames
 from cpbench.bench.block import Block, Ending
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
-from cpbench.bench.processes import wire
 from cpbench.bench.results.rows import Outcome
 
 
@@ -25,7 +25,7 @@ def pack_blocks(todo: Sequence[Block], vectors: Mapping[str, Any] | None = None,
                 "known": {key: status for key, (status, _) in block.known.items()},
             }
         )
-    return wire.pack({**header, "blocks": packed}, {**answers, **(vectors or {})})
+    return frames.pack({**header, "blocks": packed}, {**answers, **(vectors or {})})
 
 
 def read_blocks(header: Mapping[str, Any], vectors: Mapping[str, Any]) -> Iterator[Block]:
@@ -42,7 +42,7 @@ def pack_outcome(at: int, outcome: Outcome) -> bytes:
     """Return the outcome of the pair that is number `at` in the blocks that were sent."""
     row = dict(vars(outcome))
     kept = {name: row.pop(name) for name in _KEPT}
-    return wire.pack({"event": "outcome", "at": at, "row": row}, {k: v for k, v in kept.items() if v is not None})
+    return frames.pack({"event": "outcome", "at": at, "row": row}, {k: v for k, v in kept.items() if v is not None})
 
 
 def read_outcome(header: Mapping[str, Any], vectors: Mapping[str, Any]) -> Outcome:

@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import cpbench
-from cpbench import storage
+from cpbench import frames, storage
 from cpbench.bench.block import Block, Ending
 from cpbench.bench.planning.plan import Pair
-from cpbench.bench.processes import wire
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
 from cpbench.registry import DECLARED, PLUGIN_FILES, TABLES
@@ -109,4 +108,4 @@ def opening(setting: Setting) -> bytes:
     plugins = {name: Path(name).read_bytes() for name in names}
     anywhere = {k: v for k, v in asdict(setting).items() if k not in ("cpus", "lanes")}
     told = {"cpbench": cpbench.__version__, "setting": anywhere, "plugins": names}
-    return wire.pack({**told, "solvers": os.environ.get(DECLARED, "")}, plugins)
+    return frames.pack({**told, "solvers": os.environ.get(DECLARED, "")}, plugins)

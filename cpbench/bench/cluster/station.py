@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import cpbench
+from cpbench import frames
 from cpbench.bench.cluster.keeper import END
-from cpbench.bench.processes import wire
 from cpbench.registry import DECLARED, PLUGIN_FILES
 from cpbench.temporary import RUN, TemporaryHome
 
@@ -36,7 +36,7 @@ def main() -> None:
     inbox: queue.SimpleQueue[bytes] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(connection, inbox), daemon=True).start()
     try:
-        header, sources = wire.unpack(inbox.get())
+        header, sources = frames.unpack(inbox.get())
         scratch = TemporaryHome(RUN)
         try:
             _serve(connection, inbox, header, sources, scratch.folder)
@@ -72,7 +72,7 @@ def _serve(
 ) -> None:
     if opening["cpbench"] != cpbench.__version__:
         message = f"has cpbench {cpbench.__version__}, and the run is of {opening['cpbench']}"
-        connection.send_bytes(wire.pack({"event": "refused", "message": message}))
+        connection.send_bytes(frames.pack({"event": "refused", "message": message}))
         return
     os.environ[PLUGIN_FILES] = os.pathsep.join(_plugins(opening["plugins"], sources, folder))
     os.environ[DECLARED] = opening["solvers"]
@@ -84,10 +84,10 @@ def _serve(
 
     with Lane(Setting(**opening["setting"])) as lane:
         described = {**machine.describe(), **{f"version {k}": v for k, v in machine.versions().items()}}
-        connection.send_bytes(wire.pack({"event": "ready", "host": platform.node(), "machine": described}))
+        connection.send_bytes(frames.pack({"event": "ready", "host": platform.node(), "machine": described}))
         outpost = Outpost(lane, folder)
         while True:
-            header, vectors = wire.unpack(inbox.get())
+            header, vectors = frames.unpack(inbox.get())
             try:
                 for message in outpost.work(header, vectors):
                     connection.send_bytes(message)
@@ -95,7 +95,7 @@ def _serve(
                 raise
             except Exception as error:  # of this machine: no solver, conversion or file makes a lane raise
                 failed = {"event": "failed", "message": f"{type(error).__name__}: {error}"}
-                connection.send_bytes(wire.pack(failed))
+                connection.send_bytes(frames.pack(failed))
             connection.send_bytes(END)
 
 

@@ -137,7 +137,7 @@ class Child:
             raise self._death() from None
 
     def receive(self, seconds: float) -> bytes:
-        """Return the next message about the last request; raises TimedOut, Died, or WireError when it is none.
+        """Return the next message about the last request; raises TimedOut, Died, or FrameError when it is none.
 
         The end of the process is waited for beside the channel, which children of its own may hold open after it.
         What it sent before it died still counts.
