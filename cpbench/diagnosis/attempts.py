@@ -1,4 +1,4 @@
-"""One solve as a diagnosis needs it: with its last iterates, and measured on the problem that was asked."""
+"""One solve as a diagnosis needs it: with its iterates, and measured on the problem that was asked."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,8 @@ from cpbench.formulations.base import Kind, Problem
 from cpbench.matrices import Vector
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, Trait, parse_options, solvers
-from cpbench.verification import MET_TOLERANCE, PROVEN, Status
+from cpbench.verification import MET_TOLERANCE, Status
+from cpbench.verification.measures import measure
 
 KEPT = 400
 """Iterates that are kept: half of them the first ones, half the last."""
@@ -32,7 +33,7 @@ PROOF_SECONDS = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """What is tried.
+    """A question to a solver: a problem, limits, a start.
 
     Attributes
     ----------
@@ -47,23 +48,52 @@ class Trial:
     via: tuple[str, ...] = ()
     start: Any = None
 
+    @property
+    def named(self) -> tuple[Solver, Any]:
+        """The solver and its options; raises UnknownName."""
+        return named(self.solver)
+
+    def arrive(self) -> graph.Arrival:
+        """Bring the problem to the solver's formulation; raises NoRoute, NotApplicable."""
+        kinds, pinned = plan.parse_request(plan.pinned(list(self.via), {})) if self.via else (graph.EXACT, ())
+        return graph.arrive(self.problem, self.named[0].spec.node, kinds, pinned)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Raw:
+    """Output of a solver with its iterates, nothing of it believed.
+
+    Attributes
+    ----------
+    status : how it ended, where it has no claim. answer : to its own problem, parts one after the other; None without.
+    residuals : its own. iterates : the first and the last ones, (k, n), and the `iterations` that they are of.
+    """
+
+    status: str = ""
+    claim: str = ""
+    message: str = ""
+    answer: Vector | None = None
+    certificate: Vector | None = None
+    counters: Mapping[str, int] = field(default_factory=dict)
+    seconds: float = 0.0
+    residuals: Vector = field(default_factory=lambda: np.zeros(0))
+    iterations: Vector = field(default_factory=lambda: np.zeros(0))
+    iterates: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Attempt:
-    """What became of a trial.
+    """Outcome of a trial, measured on the problem that was asked.
 
     Attributes
     ----------
     status : as in a run. answer : the answer to the problem that was asked, None without one.
     error, floor : measured on it, and what rounding alone may cause. target_error : on the solver's own problem.
-    route, kind : the conversions, and what they promise. seconds : of set-up and solve.
-    residuals : the solver's own. iterates : the first and the last ones, (k, n), of its own problem, and the
-    iterations that they are of.
+    route, kind : the conversions, and what they promise with the solver. raw : what the solver said.
     """
 
     trial: Trial
     status: str
-    claim: str = ""
     message: str = ""
     answer: Any = None
     error: float = math.inf
@@ -71,15 +101,16 @@ class Attempt:
     target_error: float = math.nan
     route: str = ""
     kind: Kind = Kind.EQUIVALENT
-    seconds: float = 0.0
-    counters: Mapping[str, int] = field(default_factory=dict)
-    residuals: Vector = field(default_factory=lambda: np.zeros(0))
-    iterates: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
-    iterations: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    raw: Raw = field(default_factory=Raw)
 
-    def __bool__(self) -> bool:
-        """Whether the answer meets the tolerance, or the lack of one is proved."""
-        return self.status in (*MET_TOLERANCE, *PROVEN)
+    @property
+    def solved(self) -> bool:
+        """Whether the answer meets the tolerance."""
+        return self.status in MET_TOLERANCE
+
+
+Run: TypeAlias = Callable[[str, Problem, Budget, Any], Raw]
+"""Runs a solver (by its text) on a problem of its own formulation, from a start or from none."""
 
 
 class _Recorder:
@@ -94,96 +125,116 @@ class _Recorder:
     def __call__(self, iteration: int, residual: float, point: Callable[[], Any]) -> None:
         self._residuals.append(residual)
         kept = self._first if len(self._first) < self._room else self._last
-        kept.append((iteration, np.concatenate([np.zeros(0), *point().arrays().values()])))
+        kept.append((iteration, flat(point())))
 
     def trail(self) -> dict[str, Any]:
-        """Return what was kept, as an attempt has it."""
+        """Return what was kept, as `Raw` has it."""
         kept = [*self._first, *self._last]
         return {
             "residuals": np.array(self._residuals),
-            "iterations": np.array([k for k, _ in kept], dtype=np.int64),
+            "iterations": np.array([float(k) for k, _ in kept]),
             "iterates": np.array([x for _, x in kept]) if kept else np.zeros((0, 0)),
         }
 
 
-def attempt(trial: Trial) -> Attempt:
-    """Solve in this process, whatever comes of it; raises UnknownName."""
-    solver, options = _named(trial.solver)
+def attempt(trial: Trial, run: Run | None = None) -> Attempt:
+    """Solve, whatever comes of it, and measure the answer here; raises UnknownName.
+
+    `run` solves a problem of the solver's own formulation; None: in this process.
+    """
+    solver = trial.named[0]
     state = solver.availability()
     if not state.ok:
         return Attempt(trial=trial, status=Status.UNAVAILABLE, message=state.detail)
     try:
-        arrival = brought(trial)
+        arrival = trial.arrive()
     except (NoRoute, NotApplicable) as refusal:
         return Attempt(trial=trial, status=Status.UNSUPPORTED, message=str(refusal))
     converted, steps = arrival.problem, len(arrival.route.steps)
-    found: dict[str, Any] = {"trial": trial, "route": arrival.route.label, "kind": arrival.kind}
     why = solver.obstacle(converted)
     if why is not None:
-        return Attempt(status=Status.UNSUPPORTED, message=f"{trial.solver}: {why}", **found)
-    recorder = _Recorder(sum(converted.point_sizes.values()))
+        message = f"{trial.solver}: {why}"
+        return Attempt(trial=trial, status=Status.UNSUPPORTED, message=message, route=arrival.route.label)
     budget = Budget(tolerance=graph.tolerance(converted, trial.tolerance, steps), seconds=trial.seconds)
-    begun = time.perf_counter()
     try:
-        warming.warm_up_quickly(solver)
         start = None if trial.start is None else graph.push(converted, trial.start, steps)
-        begun = time.perf_counter()
-        record = recorder if Trait.HISTORY in solver.spec.traits else None
-        output = solver.run(converted, budget, options, start, record)
-    except (NotApplicable, Unavailable) as refusal:
-        return Attempt(status=Status.UNSUPPORTED, message=str(refusal), **found)
-    except Exception as error:
-        status = Status.MEMOUT if isinstance(error, MemoryError) else Status.ERROR
-        return Attempt(status=status, message=f"{type(error).__name__}: {error}", **found, **recorder.trail())
-    spent = time.perf_counter() - begun
+    except NotApplicable as refusal:
+        return Attempt(trial=trial, status=Status.UNSUPPORTED, message=str(refusal), route=arrival.route.label)
+    raw = (run or solve_here)(trial.solver, converted, budget, start)
+    kind = max(arrival.kind, solver.spec.kind, key=lambda kind: kind.rank)
+    if raw.status:
+        found: dict[str, Any] = {"route": arrival.route.label, "kind": kind, "raw": raw}
+        return Attempt(trial=trial, status=raw.status, message=raw.message, **found)
     judged = judge_answer(
         trial.problem,
         converted,
         steps,
-        None if output.point is None else output.point.arrays(),
+        None if raw.answer is None else converted.point_from_vector(raw.answer).arrays(),
         tolerance=trial.tolerance,
-        claim=output.claim,
-        kind=max(arrival.kind, solver.spec.kind, key=lambda kind: kind.rank),
+        claim=raw.claim,
+        kind=kind,
         promise=solver.spec.kind,
         prove=lambda: look_for_proof(
             lambda kind, certificate, seconds: verification.prove(trial.problem, kind, certificate, seconds),
             not steps,
-            output.claim,
-            output.certificate,
+            raw.claim,
+            raw.certificate,
             PROOF_SECONDS,
         ),
     )
-    late = spent > trial.seconds and judged.status not in MET_TOLERANCE
+    late = raw.seconds > trial.seconds and judged.status not in MET_TOLERANCE
     return Attempt(
-        **(found | {"kind": max(arrival.kind, solver.spec.kind, key=lambda kind: kind.rank)}),
+        trial=trial,
         status=Status.TIMEOUT if late else judged.status,
-        claim=str(output.claim),
-        message="; ".join(filter(None, [judged.message, output.message])),
+        message="; ".join(filter(None, [judged.message, raw.message])),
         answer=judged.point,
         error=judged.verdict.error,
         floor=floor_of(trial.problem, judged.point),
         target_error=math.nan if judged.target is None else judged.target.error,
-        seconds=spent,
+        route=arrival.route.label,
+        kind=kind,
+        raw=raw,
+    )
+
+
+def solve_here(text: str, problem: Problem, budget: Budget, start: Any = None) -> Raw:
+    """Run a solver on a problem of its own formulation in this process, and keep what it records."""
+    solver, options = named(text)
+    recorder = _Recorder(sum(problem.point_sizes.values()))
+    try:
+        warming.warm_up_quickly(solver)
+        begun = time.perf_counter()
+        record = recorder if Trait.HISTORY in solver.spec.traits else None
+        output = solver.run(problem, budget, options, start, record)
+        spent = time.perf_counter() - begun
+    except (NotApplicable, Unavailable) as refusal:
+        return Raw(status=Status.UNSUPPORTED, message=str(refusal))
+    except Exception as error:
+        status = Status.MEMOUT if isinstance(error, MemoryError) else Status.ERROR
+        return Raw(status=status, message=f"{type(error).__name__}: {error}", **recorder.trail())
+    return Raw(
+        claim=str(output.claim),
+        message=output.message,
+        answer=None if output.point is None else flat(output.point),
+        certificate=output.certificate,
         counters=dict(output.counters),
+        seconds=spent,
         **recorder.trail(),
     )
 
 
-def brought(trial: Trial) -> graph.Arrival:
-    """Bring the problem to the solver's formulation; raises NoRoute, NotApplicable."""
-    target = _named(trial.solver)[0].spec.node
-    kinds, pinned = plan.parse_request(plan.pinned(list(trial.via), {})) if trial.via else (graph.EXACT, ())
-    return graph.arrive(trial.problem, target, kinds, pinned)
+def named(text: str) -> tuple[Solver, Any]:
+    """Return a solver and its options; raises UnknownName."""
+    name, given = brackets.read("solver", text)
+    solver = solvers.get(name)
+    return solver, parse_options(solver.spec, given)
 
 
 def floor_of(problem: Problem, point: Any) -> float:
     """Return the error that rounding alone may cause at a point; 0 without one."""
-    from cpbench.verification.measures import measure
-
     return 0.0 if point is None or not point.finite else measure(problem, point).floor
 
 
-def _named(text: str) -> tuple[Solver, Any]:
-    name, given = brackets.read("solver", text)
-    solver = solvers.get(name)
-    return solver, parse_options(solver.spec, given)
+def flat(point: Any) -> Vector:
+    """Return the parts of a point one after the other."""
+    return np.concatenate([np.zeros(0), *point.arrays().values()])

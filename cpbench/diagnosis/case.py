@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from cpbench import brackets
 from cpbench.diagnosis.attempts import Attempt, Trial
 from cpbench.facts import Fact, of_problem
 from cpbench.formulations.base import Problem
-from cpbench.solvers.base import Solver, solvers
+from cpbench.solvers.base import Solver
 from cpbench.solvers.native.automatic import automatic_solvers
 
 TIGHT = 1e-2
@@ -35,7 +34,7 @@ class Case:
     @cached_property
     def solver(self) -> Solver:
         """The solver that failed."""
-        return solvers.get(brackets.read("solver", self.trial.solver)[0])
+        return self.trial.named[0]
 
     @cached_property
     def source_facts(self) -> tuple[Fact, ...]:
@@ -51,14 +50,14 @@ class Case:
         for tolerance in (max(TIGHT * self.trial.tolerance, FINEST), self.trial.tolerance):
             trial = Trial(problem=self.problem, solver=name, tolerance=tolerance, seconds=self.trial.seconds)
             found = self.attempt(trial)
-            if found and found.answer is not None:
+            if found.solved and found.answer is not None:
                 return found.answer
         return None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Remedy:
-    """What may be done about a cause. `back` : from an answer of the trial to one of the problem that was asked."""
+    """Trial of what may be done about a cause. `back` : carries its answer to the problem that was asked."""
 
     text: str
     trial: Trial

@@ -10,7 +10,6 @@ from cpbench.diagnosis.attempts import Attempt, Trial, attempt
 from cpbench.diagnosis.case import Case, Cause, Remedy
 from cpbench.diagnosis.causes import DETECTORS
 from cpbench.diagnosis.remedies import others
-from cpbench.verification import MET_TOLERANCE
 
 TRIES = 4
 """Remedies that are tried at most."""
@@ -33,7 +32,7 @@ class Tried:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """Why a trial fails.
+    """Reasons for which a trial fails, and what was tried.
 
     Attributes
     ----------
@@ -52,7 +51,7 @@ class Diagnosis:
     @property
     def fails(self) -> bool:
         """Whether there is anything to explain."""
-        return self.failed.status not in MET_TOLERANCE
+        return not self.failed.solved
 
     @property
     def remedy(self) -> Tried | None:
@@ -90,7 +89,7 @@ def diagnose(trial: Trial, attempt: Callable[[Trial], Attempt] = attempt) -> Dia
     tested so, and last one without which it fails as well; each in the order of `causes.DETECTORS`.
     """
     failed = attempt(trial)
-    if failed.status in MET_TOLERANCE:
+    if failed.solved:
         return Diagnosis(failed, None)
     case = Case(trial, failed, attempt)
     found: list[tuple[Cause, bool | None, Tried | None]] = []
@@ -143,6 +142,6 @@ def _tried(case: Case, cause: Cause | None, again: Tried | None) -> Iterator[Tri
 def _measured(case: Case, remedy: Remedy, found: Attempt) -> Tried:
     """Measure the answer of a remedy on the problem that was asked."""
     if remedy.back is None or found.answer is None:
-        return Tried(remedy, found, found.error, found.status in MET_TOLERANCE)
+        return Tried(remedy, found, found.error, found.solved)
     verdict = verification.judge(case.problem, remedy.back(found.answer), case.trial.tolerance)
     return Tried(remedy, found, verdict.error, verdict.solved)

@@ -70,7 +70,11 @@ def _mlcp(P: Any) -> Scaled:
 def _qp(P: Any) -> Scaled:
     n, m = P.p.size, P.b.size
     rows = sp.vstack([sp.csr_array(P.A), sp.csr_array(P.C)], format="csr")
-    K = sp.block_array([[sp.csr_array(P.Q), rows.T], [rows, None]], format="csr") if rows.shape[0] else sp.csr_array(P.Q)
+    K = (
+        sp.block_array([[sp.csr_array(P.Q), rows.T], [rows, None]], format="csr")
+        if rows.shape[0]
+        else sp.csr_array(P.Q)
+    )
     all_units = _units(_both(K))
     e, r, s = all_units[:n], all_units[n : n + m], all_units[n + m :]
     with np.errstate(invalid="ignore"):

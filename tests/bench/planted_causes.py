@@ -121,11 +121,17 @@ def iterations(rng: Random) -> Iterator[Plant]:
 def contacts(rng: Random, nc: int, *, mu: float = 0.5, condition: float = 10.0, shared: int = 0) -> Any:
     """Return contacts in space whose reactions push back; the last `shared` ones repeat the first."""
     rank = 3 * nc
-    G = rng.standard_normal((rank, 3 * (nc - shared) or 3)) if shared else np.linalg.qr(rng.standard_normal((rank, rank)))[0]
+    G = (
+        rng.standard_normal((rank, 3 * (nc - shared) or 3))
+        if shared
+        else np.linalg.qr(rng.standard_normal((rank, rank)))[0]
+    )
     W = G @ G.T if shared else G @ np.diag(np.geomspace(1.0, condition, rank)) @ G.T
     r = np.zeros((nc, 3))
     r[:, 0] = rng.uniform(0.5, 2.0, nc)
-    return cp.FrictionContact(W=W, q=-W @ r.ravel() + 0.1 * rng.standard_normal(rank) * (not shared), mu=np.full(nc, mu), dimension=3)
+    return cp.FrictionContact(
+        W=W, q=-W @ r.ravel() + 0.1 * rng.standard_normal(rank) * (not shared), mu=np.full(nc, mu), dimension=3
+    )
 
 
 def cycling(rng: Random) -> Iterator[Plant]:
@@ -184,6 +190,7 @@ def hyperstatic(rng: Random) -> Iterator[Plant]:
     twin = replace(bad, W=bad.W + 0.5 * np.eye(3 * nc))
     yield from each("hyperstatic", bad, twin, ["quadprog", "ecos", "pyqpmad", "dual-active-set"], tolerance=1e-8)
 
+
 def singular(rng: Random) -> Iterator[Plant]:
     """A block without full rank."""
     n, m = int(rng.integers(4, 8)), int(rng.integers(3, 6))
@@ -196,7 +203,9 @@ def singular(rng: Random) -> Iterator[Plant]:
         A = basis @ np.diag([*np.linspace(1.0, 3.0, n - 1), least]) @ basis.T
         return cp.MLCP(A=A, B=B, C=C, D=-C.T, a=-A @ u - C @ v, b=w + C.T @ u - B @ v)
 
-    yield from each("singular", mlcp(0.0), mlcp(1.0), ["lemke", "newton-min", "pgs", "interior-point-lcp"], via=("mlcp-lcp-schur",))
+    yield from each(
+        "singular", mlcp(0.0), mlcp(1.0), ["lemke", "newton-min", "pgs", "interior-point-lcp"], via=("mlcp-lcp-schur",)
+    )
     R = rng.standard_normal((3, n))
     z = rng.standard_normal(n)
 
@@ -210,7 +219,18 @@ def singular(rng: Random) -> Iterator[Plant]:
     def equation(least: float) -> cp.Equation:
         x = unknowns(n)
         A = mixed + least * np.outer(basis[:, -1], basis[:, -1])
-        return cp.Equation(F=mapped(x, [sum((float(A[i, j]) * x[j] for j in range(n)), 0.0) + x[i] * x[i] * 0.0 - float(A[i] @ u) - (least == 0.0) * 0.1 for i in range(n)]))
+        return cp.Equation(
+            F=mapped(
+                x,
+                [
+                    sum((float(A[i, j]) * x[j] for j in range(n)), 0.0)
+                    + x[i] * x[i] * 0.0
+                    - float(A[i] @ u)
+                    - (least == 0.0) * 0.1
+                    for i in range(n)
+                ],
+            )
+        )
 
     yield from each("singular", equation(0.0), equation(1.0), ["newton-equation", "scipy-root-lm"])
 
@@ -249,7 +269,21 @@ def degenerate(rng: Random) -> Iterator[Plant]:
     yield from each("degenerate", bad, twin, DEGENERATE, tolerance=1e-10)
 
 
-DEGENERATE = ["interior-point-lcp", "newton-fb", "newton-min", "casadi-fischer-burmeister", "casadi-ipopt", "smoothing-newton", "newton-fb-micp", "clarabel", "osqp", "pgs", "bpp", "ecos", "cvxopt"]
+DEGENERATE = [
+    "interior-point-lcp",
+    "newton-fb",
+    "newton-min",
+    "casadi-fischer-burmeister",
+    "casadi-ipopt",
+    "smoothing-newton",
+    "newton-fb-micp",
+    "clarabel",
+    "osqp",
+    "pgs",
+    "bpp",
+    "ecos",
+    "cvxopt",
+]
 
 
 def lost(rng: Random) -> Iterator[Plant]:
@@ -281,6 +315,7 @@ def out_of_time(rng: Random) -> Iterator[Plant]:
 def start(rng: Random) -> Iterator[Plant]:
     """A map that has no value where the solver begins: z·log z + …"""
     n = int(rng.integers(2, 6))
+
     def problem(shift: float) -> cp.NCP:
         z = unknowns(n)
         return cp.NCP(F=mapped(z, [log(z[i] + shift) + 0.1 * z[i - 1] * z[i] for i in range(n)]))

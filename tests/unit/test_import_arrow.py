@@ -45,8 +45,9 @@ ALLOWED: dict[str, set[str]] = {
     "report": BASE | {"formulations", "graph", "analysis"} | ROOMS,
     "testing": BASE | {"formulations", "graph", "checking", "generators"} | ROOMS,
     "certificates": BASE | {"formulations", "storage", "verification"},
+    "diagnosis": BASE | {"formulations", "facts", "graph", "bench"} | ROOMS,
     "api": BASE
-    | {"certificates"}
+    | {"certificates", "diagnosis"}
     | {"formulations", "facts", "graph", "checking", "testing", "bench", "analysis", "report", "generators"}
     | ROOMS,
     "advice": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
@@ -91,6 +92,7 @@ OPTIONAL = {
     "advice": {f"cli/{name}_command.py" for name in ("recommend", "tune", "history", "select")},
     "bundle": {f"cli/{name}_command.py" for name in ("bundle", "reproduce")},
     "certificates": {"api/certifying.py"},
+    "diagnosis": {"api/diagnosing.py"},
 }
 """Packages that could leave, and the files that stand on them."""
 
@@ -105,7 +107,7 @@ def test_only_their_own_files_import_optional_packages() -> None:
 def test_the_command_line_is_thin() -> None:
     """It reads options and prints; what decides lies below it, where scripts reach it too."""
     lines = {path.name: path.read_text().count("\n") for path in (PACKAGE / "cli").glob("*.py")}
-    assert sum(lines.values()) <= 3520
+    assert sum(lines.values()) <= 3600
     assert max(lines.values()) <= 250
 
 

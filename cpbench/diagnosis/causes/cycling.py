@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.diagnosis.case import Case, Cause
+from cpbench.matrices import Vector
 
 SAME = 1e-6
 """Two iterates are the same if they differ by less than this share of the move between neighbours."""
@@ -15,7 +18,7 @@ LONGEST = 50
 
 def cycling(case: Case) -> Cause | None:
     """Find the least period p ≥ 2 with which iterates repeat while they move, to the end."""
-    found = period(case.failed.iterations, case.failed.iterates)
+    found = period(case.failed.raw.iterations, case.failed.raw.iterates)
     if found is None:
         return None
     p, moved, last = found
@@ -26,7 +29,7 @@ def cycling(case: Case) -> Cause | None:
     )
 
 
-def period(iterations: NDArray[np.int64], iterates: NDArray[np.float64]) -> tuple[int, float, int] | None:
+def period(iterations: Vector, iterates: NDArray[np.float64]) -> tuple[int, float, int] | None:
     """Return the period, the least move over the size of the iterates, and the last iteration that was seen.
 
     None where they do not repeat. The period is read from the last run of at least 3p neighbours; what was kept later
@@ -48,8 +51,8 @@ def period(iterations: NDArray[np.int64], iterates: NDArray[np.float64]) -> tupl
     return None
 
 
-def _last_run(iterations: NDArray[np.int64]) -> slice:
+def _last_run(iterations: Vector) -> slice:
     """Return where the last run of at least six iterations stands, each the next of the one before."""
     breaks = [0, *(np.flatnonzero(np.diff(iterations) != 1) + 1).tolist(), iterations.size]
-    runs = [slice(a, b) for a, b in zip(breaks, breaks[1:], strict=False) if b - a >= 6]
+    runs = [slice(a, b) for a, b in pairwise(breaks) if b - a >= 6]
     return runs[-1] if runs else slice(0, 0)

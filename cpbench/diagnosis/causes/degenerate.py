@@ -33,7 +33,7 @@ def degenerate(case: Case) -> Cause | None:
         without = replace(case.trial, problem=moved)
     return Cause(
         kind="degenerate",
-        evidence=f"at a verified answer {counted(int(both.sum()), 'pair')} of {both.size} are both zero, the first at {first}",
+        evidence=f"{counted(int(both.sum()), 'pair')} of {both.size} are both zero at a verified answer, first {first}",
         numbers={"pairs": int(both.sum())},
         without=without,
         change="these rows raised, so that every pair is strict",

@@ -12,7 +12,7 @@ GROWN = 1e3
 
 def diverging(case: Case) -> Cause | None:
     """Measure the growth of the iterates, each with the next, over the second half of those that were kept."""
-    X = case.failed.iterates
+    X = case.failed.raw.iterates
     if len(X) < 6:
         return None
     with np.errstate(all="ignore"):

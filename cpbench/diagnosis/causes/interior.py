@@ -47,7 +47,8 @@ def _room(P: Polyhedron) -> float | None:
     width = np.concatenate([size[used], (P.lb < P.ub)[low].astype(float), (P.lb < P.ub)[high].astype(float)])
     if not width.any():
         return None
-    found: Any = linprog(
+    program: Any = linprog  # its types know no sparse matrices
+    found = program(
         np.append(np.zeros(n), -1.0),
         A_ub=sp.hstack([sides, sp.csr_array(width[:, None])]),
         b_ub=np.concatenate([-P.h[rows][used], -P.lb[low], P.ub[high]]),

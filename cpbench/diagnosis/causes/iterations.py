@@ -10,7 +10,7 @@ import numpy as np
 from cpbench import brackets
 from cpbench.diagnosis.case import Case, Cause, Remedy
 from cpbench.matrices import Vector
-from cpbench.solvers.base import Claim, parse_options
+from cpbench.solvers.base import Claim
 from cpbench.verification import Status
 
 MORE = 100
@@ -19,18 +19,18 @@ MORE = 100
 
 def iterations(case: Case) -> Cause | None:
     """Read from the residuals how many iterations are missing; ask for a hundred times as many."""
-    if case.failed.claim != Claim.MAX_ITER or case.failed.status == Status.TIMEOUT:
+    if case.failed.raw.claim != Claim.MAX_ITER or case.failed.status == Status.TIMEOUT:
         return None
     name, given = brackets.read("solver", case.trial.solver)
-    options = parse_options(case.solver.spec, given)
+    options = case.trial.named[1]
     limits = {
         field.name: getattr(options, field.name)
         for field in dataclasses.fields(options)
         if field.name.startswith("max_") and isinstance(getattr(options, field.name), int)
     }
-    used = case.failed.counters.get("iterations", max(limits.values(), default=0))
+    used = case.failed.raw.counters.get("iterations", max(limits.values(), default=0))
     evidence = f"the limit of {used} iterations was reached at error {case.failed.error:.1e}"
-    needed = _needed(case.failed.residuals, case.trial.tolerance)
+    needed = _needed(case.failed.raw.residuals, case.trial.tolerance)
     if needed:
         evidence += f"; at the rate of its last residuals about {needed} are needed"
     raised = {key: str(MORE * value) for key, value in limits.items() if value > 0}

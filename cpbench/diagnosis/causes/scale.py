@@ -14,7 +14,7 @@ TIGHTER = 0.1
 
 
 def scale(case: Case) -> Cause | None:
-    """Compare the sizes of the rows before and after a choice of units, by powers of two, in which entries are alike."""
+    """Compare the sizes of the rows with those in units, powers of two, in which the entries are alike."""
     found = scaled(case.problem)
     if found is None or found.before - found.after < DECADES:
         return None

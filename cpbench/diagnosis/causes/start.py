@@ -16,7 +16,7 @@ TRIED = (1.0, 0.1, 10.0)
 
 def start(case: Case) -> Cause | None:
     """Evaluate F and its Jacobian at the problem's start; look for one nearby where both are finite."""
-    P = case.problem
+    P: Any = case.problem
     if getattr(P, "F", None) is None or not isinstance(getattr(P, "start", None), np.ndarray):
         return None
     begin = P.start if case.trial.start is None else case.trial.start.z

@@ -17,7 +17,7 @@ def time_limit(case: Case) -> Cause | None:
     longer = min(MORE * case.trial.seconds, LONGEST)
     if case.failed.status != Status.TIMEOUT or longer <= case.trial.seconds:
         return None
-    counted = case.failed.counters.get("iterations")
+    counted = case.failed.raw.counters.get("iterations")
     reached = f" after {counted} iterations" if counted else ""
     trial = replace(case.trial, seconds=longer)
     return Cause(
