@@ -14,12 +14,16 @@ from cpbench.verification.polyhedra import Polyhedron, conditions
 
 ROOM = 1e-9
 """Room, over the size of the rows, below which there is none: what the linear program leaves."""
+NODES = ("qp", "coneqp", "lcp", "mlcp")
+"""Nodes whose conditions are rows; contact without friction leaves no room to the tangents, and needs none."""
 LARGEST = 3000
 """Unknowns of the largest linear program."""
 
 
 def no_interior(case: Case) -> Cause | None:
     """Find the point with the most room to the sides of all inequalities, by a linear program."""
+    if case.problem.node not in NODES:
+        return None
     P = conditions(case.problem)
     if P is None or P.lb.size > LARGEST:
         return None
