@@ -12,10 +12,10 @@ from typing import Any, Self
 
 from cpbench import storage
 from cpbench.api.solving import nearest_automatic
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.results import answers
 from cpbench.bench.results.rows import Outcome
+from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, NoRoute, PointError
 from cpbench.formulations.base import Problem
@@ -58,7 +58,7 @@ class Trial:
 
 
 class Trials:
-    """Solves candidates on one lane until a time is over. Use as a context manager.
+    """Solves candidates on one slot until a time is over. Use as a context manager.
 
     Parameters
     ----------
@@ -74,13 +74,13 @@ class Trials:
         self._known: dict[str, bool] = _read(journal)
         self._pairs: dict[tuple[str, str], plan.Pair] = {}
         self._scratch = TemporaryHome(RUN)
-        self._lane = Lane(Setting(asked.limits.threads, asked.limits.memory))
+        self._slot = Slot(Setting(asked.limits.threads, asked.limits.memory))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
-        self._lane.close()
+        self._slot.close()
         self._scratch.remove()
 
     @property
@@ -151,8 +151,8 @@ class Trials:
                 old.unlink()
             storage.save(problem, path)
         pair = self._pair(problem, solver, str(path))
-        prepared = self._lane.prepare(pair)
-        outcome = self._lane.run(pair, prepared)
+        prepared = self._slot.prepare(pair)
+        outcome = self._slot.run(pair, prepared)
         return outcome
 
     def _pair(self, problem: Problem, solver: str, address: str) -> plan.Pair:
@@ -168,7 +168,7 @@ class Trials:
             requests: Sequence[plan.Request] = [plan.pinned(asked.via, {})]
         else:
             requests = plan.requests("all", ()) if asked.routes == "all" and failing else [plan.exact()]
-        survey = self._lane.survey(address, requests)
+        survey = self._slot.survey(address, requests)
         found = plan.pairs([survey], [entry], requests, asked.tolerance, asked.limits, relaxations=failing)
         if not found:
             raise NoRoute(f"no route from {survey.node} to {solver}; see: cpbench route FILE --explain")

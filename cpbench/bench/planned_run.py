@@ -8,24 +8,24 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from cpbench.bench import left_out, machine, reference
-from cpbench.bench.block import befores
+from cpbench.bench import machine, reference, skipped
+from cpbench.bench.block import predecessors
 from cpbench.bench.events import Done, Event
-from cpbench.bench.lane import FELL_BACK, Lane
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.planning.selection import RERUN, RETRIED
 from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import Store
-from cpbench.bench.runner import Crew, execute
+from cpbench.bench.runner import Executor, execute
+from cpbench.bench.slot import FELL_BACK, Slot
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
 from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import declared
 
 
-class Watcher(Protocol):
+class RoundObserver(Protocol):
     """An observer of how a run goes."""
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
@@ -50,14 +50,14 @@ def require_answers(asked: RunPlan, planned: Sequence[Pair]) -> None:
         )
 
 
-def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> list[Pair]:
+def enter_pairs(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> list[Pair]:
     """Put the plan into the results: its rows, its files, what is to be run again, and how it was asked for. The pairs
     that have a row: all but those that an earlier command had to leave out.
 
     Raises StoreError, with the rows as they were, when the file was made with other limits.
     """
     before = store.meta()
-    pairs = left_out.planned(store, assembly.pairs, asked.rerun)
+    pairs = skipped.planned(store, assembly.pairs, asked.rerun)
     store.plan(pairs)
     if asked.rerun:
         store.reset(RERUN[asked.rerun], [pair.key for pair in pairs])
@@ -82,39 +82,39 @@ def enter(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> lis
     return pairs
 
 
-def work(
-    crew: Crew | Sequence[Lane],
+def run_pending(
+    executor: Executor | Sequence[Slot],
     store: Store,
     asked: RunPlan,
     planned: Sequence[Pair],
-    watcher: Watcher,
+    observer: RoundObserver,
     absent: Mapping[str, str] | None = None,
 ) -> None:
     """Run what is pending, then again what crashed or ran out of time, as often as the plan says. What cannot be run is
-    left out, with the solvers that are `absent` (`left_out.settle`).
+    left out, with the solvers that are `absent` (`skipped.settle`).
 
     Raises SealError when, at the end, a row is not as this run wrote it.
     """
     mine = store.pending() & {pair.key for pair in planned}
     versions: dict[str, str] = {}
 
-    def notice(event: Event) -> None:
+    def on_event(event: Event) -> None:
         if isinstance(event, Done) and event.outcome.version:
             versions[event.pair.entry.solver] = event.outcome.version
-        watcher.progress(event)
+        observer.progress(event)
 
     try:
         for attempt in range(1 + asked.retry):
             if attempt and not store.reset(RETRIED, mine):
                 break
             _reset_followers(store, planned)
-            watcher.begin(planned, store.pending())
+            observer.begin(planned, store.pending())
             try:
-                execute(crew, store, planned, asked.seed, notice)
+                execute(executor, store, planned, asked.seed, on_event)
             finally:
-                watcher.end()
+                observer.end()
     finally:
-        left_out.settle(store, planned, absent or {})
+        skipped.settle(store, planned, absent or {})
         store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions, asked.tunings))
     store.require_unchanged()
 
@@ -122,7 +122,7 @@ def work(
 def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
     """Plan steps that began cold, because the step before had failed, again when that one is."""
     ordered = sorted((pair for pair in planned if pair.scene), key=lambda pair: pair.step)
-    before = befores(ordered)
+    before = predecessors(ordered)
     pending = store.pending()
     again: list[str] = []
     for pair in ordered:
@@ -141,7 +141,7 @@ def statuses(path: Path) -> dict[str, str]:
     if not path.exists():
         return {}
     with Store(path) as store:
-        return {**left_out.statuses(store), **{row.key: row.status for row in store.rows()}}
+        return {**skipped.statuses(store), **{row.key: row.status for row in store.rows()}}
 
 
 def gaps(store: Store, assembly: Assembly) -> list[str]:
@@ -158,7 +158,7 @@ def failures(store: Store, asked: RunPlan, planned: Sequence[Pair]) -> Counter[s
     if not asked.fail_on:
         return Counter()
     keys = {pair.key for pair in planned}
-    ended = [*((row.key, row.status) for row in store.rows()), *left_out.statuses(store).items()]
+    ended = [*((row.key, row.status) for row in store.rows()), *skipped.statuses(store).items()]
     return Counter(status for key, status in ended if key in keys and status in asked.fail_on)
 
 

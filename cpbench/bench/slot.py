@@ -1,6 +1,6 @@
 """One place where solves happen, one at a time: a referee, and one persistent worker a solver, with hard limits.
 
-Whatever a solver, a conversion or a file does, `Lane.run` returns a row. A run has one lane, or several side by side.
+Whatever a solver, a conversion or a file does, `Slot.run` returns a row. A run has one slot, or several side by side.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import cpbench.bench.worker as worker_process
 from cpbench import frames
 from cpbench.bench import machine, messages
 from cpbench.bench.compiler import Compiler
-from cpbench.bench.events import Compiling, Notice, Starting, silent
+from cpbench.bench.events import Compiling, EventHandler, Starting, ignore_event
 from cpbench.bench.outcome import iqr, marks, remembered, told, unprepared
 from cpbench.bench.planning.plan import PREVIOUS, Limits, Pair, Request
 from cpbench.bench.processes.launch import context
@@ -60,8 +60,8 @@ class NoStart(Exception):
         super().__init__(message)
 
 
-class Lane:
-    """The processes of one lane. Use as a context manager; leaving it kills them all."""
+class Slot:
+    """The processes of one slot. Use as a context manager; leaving it kills them all."""
 
     def __init__(self, setting: Setting | None = None) -> None:
         self.setting = setting = setting or Setting()
@@ -69,10 +69,10 @@ class Lane:
         means = context(setting.threads, few=setting.single)
         self.referee = RefereeClient(means, setting, self._scratch.folder)
         self.workers = WorkerPool(means, setting, self._scratch.folder)
-        idle = sorted({*machine.cores()} - {*setting.cpus}) if setting.cpus and setting.lanes == 1 else []
+        idle = sorted({*machine.cores()} - {*setting.cpus}) if setting.cpus and setting.slots == 1 else []
         self.compiler = Compiler(means, idle)
 
-    def __enter__(self) -> Lane:
+    def __enter__(self) -> Slot:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -87,10 +87,10 @@ class Lane:
         folder.remove_abandoned()  # what killed workers had handed to programs of their own
 
     def interrupt(self) -> None:
-        """Kill what is at work, from another thread than the lane's, which then meets the dead."""
+        """Kill what is at work, from another thread than the slot's, which then meets the dead."""
         for child in (*self.workers.children, self.referee.child):
             if child is not None:
-                child.strike()
+                child.kill_all()
 
     def survey(
         self,
@@ -115,7 +115,7 @@ class Lane:
         self,
         names: Iterable[str],
         limits: Limits,
-        notice: Notice = silent,
+        on_event: EventHandler = ignore_event,
         *,
         patient: bool = True,
     ) -> set[str]:
@@ -131,8 +131,8 @@ class Lane:
                 continue
             wait = patient or not self.compiler.takes(name)
             if not self.workers.ready(name, limits.memory):
-                notice(Starting(name))
-            told = lambda name=name: notice(Compiling(name))  # noqa: E731
+                on_event(Starting(name))
+            told = lambda name=name: on_event(Compiling(name))  # noqa: E731
             worker = self.workers.get(name, limits.memory, limits.seconds, told, patient=wait)
             if worker is None and name not in self.workers.unavailable:
                 self.compiler.add(name)
@@ -161,7 +161,7 @@ class Lane:
         self.workers.served(pair.entry.solver)
         return outcome.changed(
             wall=time.perf_counter() - begun,
-            jobs=self.setting.lanes,
+            jobs=self.setting.slots,
             loadavg=os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
             host=platform.node(),
             finished=time.strftime("%Y-%m-%dT%H:%M:%S"),

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from cpbench.api.solver_tables import HEAD, WIDTH, cells, families, folded_names
-from cpbench.bench import checkup
-from cpbench.bench.checkup import Checkup
+from cpbench.bench import availability
+from cpbench.bench.availability import SolverState
 from cpbench.plain_text import columns
 from cpbench.solvers.base import solvers
 
 
-def checkup_lines(found: Sequence[Checkup], width: int = WIDTH) -> Iterator[str]:
+def checkup_lines(found: Sequence[SolverState], width: int = WIDTH) -> Iterator[str]:
     """Yield the solvers by their state on this machine, and for what is missing how to get it."""
-    counts = {state: [one for one in found if one.state == state] for state in checkup.STATES}
+    counts = {state: [one for one in found if one.state == state] for state in availability.STATES}
     yield f"solvers      {', '.join(f'{len(those)} {state}' for state, those in counts.items() if those)}"
     for state, those in counts.items():
         if those:
@@ -26,7 +26,7 @@ def checkup_lines(found: Sequence[Checkup], width: int = WIDTH) -> Iterator[str]
             yield from _ready(those) if state == "ok" else _absent(those, width)
 
 
-def _ready(those: Sequence[Checkup]) -> Iterator[str]:
+def _ready(those: Sequence[SolverState]) -> Iterator[str]:
     """Yield a line for each solver that runs by default; the others are counted."""
     specs = {one.name: solvers.get(one.name).spec for one in those}
     shown = [one for one in those if specs[one.name].by_default]
@@ -39,7 +39,7 @@ def _ready(those: Sequence[Checkup]) -> Iterator[str]:
         yield f"  and {len(rest)} that run only when they are named: {families(rest)}"
 
 
-def _absent(those: Sequence[Checkup], width: int) -> Iterator[str]:
+def _absent(those: Sequence[SolverState], width: int) -> Iterator[str]:
     """Yield a paragraph for each reason, with all solvers that it keeps away."""
     reasons: dict[str, list[str]] = {}
     for one in those:

@@ -15,7 +15,7 @@ from typing import Any
 from cpbench.bench.processes import guard
 
 
-def apart(work: Callable[[], Any]) -> Any:
+def run_forked(work: Callable[[], Any]) -> Any:
     """Do `work` in a process of its own; what it returns, which is data for JSON of at most 4 KiB.
 
     Whatever else that process does to end is what this one does then: a signal, an exit code.

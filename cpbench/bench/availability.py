@@ -29,7 +29,7 @@ STATES = ("ok", "installed", "untried", "licence", "broken", "missing")
 
 
 @dataclass(frozen=True)
-class Checkup:
+class SolverState:
     """A finding on one solver.
 
     Attributes
@@ -56,24 +56,24 @@ class Checkup:
         return f"{self.state}: {said[-1].strip()}" if said else self.state
 
 
-def glance(solver: Solver) -> Checkup:
+def glance(solver: Solver) -> SolverState:
     """Return what can be told of a solver without importing anything."""
     spec = solver.spec
     for package in spec.requires:
         if find_spec(package.partition(".")[0]) is None:
-            return Checkup(spec.name, "missing", spec.install or f"pip install {package}")
+            return SolverState(spec.name, "missing", spec.install or f"pip install {package}")
     if spec.requires:
-        return Checkup(spec.name, "installed", version=package_version(spec.requires[-1]))
+        return SolverState(spec.name, "installed", version=package_version(spec.requires[-1]))
     if type(solver).availability is not Solver.availability:
-        return Checkup(spec.name, "untried")
-    return Checkup(spec.name, "ok", version=solver.version())
+        return SolverState(spec.name, "untried")
+    return SolverState(spec.name, "ok", version=solver.version())
 
 
-def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[Checkup]:
+def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[SolverState]:
     """Yield what happens when the solvers are made ready, as it becomes known: those of one guest in one process, two
     processes at a time. With `warm` they are warmed up, too: compiled, and in the cache for the first run."""
     waiting: queue.SimpleQueue[list[str]] = queue.SimpleQueue()
-    found: queue.SimpleQueue[Checkup | BaseException] = queue.SimpleQueue()
+    found: queue.SimpleQueue[SolverState | BaseException] = queue.SimpleQueue()
     left = 0
     for _, members in groupby(sorted(chosen, key=_guest), key=_guest):
         glances = [(solver, glance(solver)) for solver in members]
@@ -83,32 +83,32 @@ def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[Checkup]:
         if names:
             waiting.put(names)
             left += len(names)
-    lanes = [_Lane(context(1), waiting, found, warm) for _ in range(min(SIDE_BY_SIDE, waiting.qsize()))]
+    slots = [_Slot(context(1), waiting, found, warm) for _ in range(min(SIDE_BY_SIDE, waiting.qsize()))]
     try:
-        for lane in lanes:
-            lane.start()
+        for slot in slots:
+            slot.start()
         for _ in range(left):
             one = found.get()
             if isinstance(one, BaseException):
                 raise one
             yield one
     finally:
-        for lane in lanes:
-            lane.stop()
+        for slot in slots:
+            slot.stop()
 
 
 def _guest(solver: Solver) -> tuple[str, tuple[str, ...]]:
     return type(solver).__module__, solver.spec.requires
 
 
-class _Lane(threading.Thread):
+class _Slot(threading.Thread):
     """Waits for one process after the other."""
 
     def __init__(
         self,
         means: Context,
         waiting: queue.SimpleQueue[list[str]],
-        found: queue.SimpleQueue[Checkup | BaseException],
+        found: queue.SimpleQueue[SolverState | BaseException],
         warm: bool,
     ) -> None:
         super().__init__(daemon=True)
@@ -130,7 +130,7 @@ class _Lane(threading.Thread):
     def stop(self) -> None:
         self._stopped = True
         if self._child is not None:
-            self._child.strike()
+            self._child.kill_all()
 
     def _answered(self, names: Sequence[str]) -> int:
         """Return how many of the solvers something is known of now: all up to the one that ended the process."""
@@ -141,13 +141,13 @@ class _Lane(threading.Thread):
                 if child is None:
                     child = self._child = Child(self._means, _main, (list(names), self._warm))
                 header, _ = frames.unpack(child.receive(seconds))
-                seen = Checkup(name, str(header["state"]), str(header["detail"]), str(header["version"]))
+                seen = SolverState(name, str(header["state"]), str(header["detail"]), str(header["version"]))
             except TimedOut:
-                seen = Checkup(name, "broken", f"said nothing within {seconds:g} s")
+                seen = SolverState(name, "broken", f"said nothing within {seconds:g} s")
             except Died as death:
-                seen = Checkup(name, "broken", f"{death.output}\n{describe_exit(death)}".strip())
+                seen = SolverState(name, "broken", f"{death.output}\n{describe_exit(death)}".strip())
             except (frames.FrameError, KeyError) as noise:
-                seen = Checkup(name, "broken", f"sent no valid message: {noise}")
+                seen = SolverState(name, "broken", f"sent no valid message: {noise}")
             else:
                 self._found.put(seen)
                 continue

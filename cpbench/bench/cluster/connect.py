@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.cluster.crew import Cluster
+from cpbench.bench.cluster.executor import DaskExecutor
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 
@@ -28,15 +28,15 @@ ANSWER = 15.0
 """Seconds in which a scheduler is to answer."""
 _LOCAL = {
     "threads_per_worker": 1,
-    "memory_limit": 0,  # a lane has limits of its own
+    "memory_limit": 0,  # a slot has limits of its own
     "dashboard_address": ":0",  # any port: several runs may go on side by side
     "preload": ["import os; os.setpgid(0, 0)"],  # Ctrl-C is for the client, which ends them
 }
 _KEYS = {"cluster", "jobs", "arguments"}
 
 
-def connect(address: str, setting: Setting) -> Cluster:
-    """Return the crew behind the scheduler at `tcp://host:port`; raises CpbenchError when nobody answers there."""
+def to_scheduler(address: str, setting: Setting) -> DaskExecutor:
+    """Return the executor behind the scheduler at `tcp://host:port`; raises CpbenchError when nobody answers there."""
     distributed = _distributed()
     if not re.fullmatch(r"\w+://.+:\d+", address):
         raise CpbenchError(f"'{address}' is no address of a Dask scheduler: expected one like tcp://host:8786")
@@ -46,12 +46,12 @@ def connect(address: str, setting: Setting) -> Cluster:
         raise CpbenchError(
             f"no Dask scheduler answers at {address} ({cause}); start one with: dask scheduler"
         ) from None
-    return Cluster(client, setting)
+    return DaskExecutor(client, setting)
 
 
-def start(what: str, setting: Setting, jobs: int | None = None) -> Cluster:
-    """Return a crew of its own: `local` processes, jobs of a batch system with dask-jobqueue's own configuration, or
-    what a file describes; `jobs` workers (of a batch system: jobs) go before the number in the file.
+def start(what: str, setting: Setting, jobs: int | None = None) -> DaskExecutor:
+    """Return an executor with workers of its own: `local` processes, jobs of a batch system with dask-jobqueue's
+    configuration, or what a file describes; `jobs` workers (of a batch system: jobs) go before the number in the file.
 
     Raises CpbenchError, with the reason, when it cannot be started.
     """
@@ -66,7 +66,7 @@ def start(what: str, setting: Setting, jobs: int | None = None) -> Cluster:
             cluster.scale(jobs=jobs)
     except (TypeError, ValueError, OSError, RuntimeError) as cause:
         raise CpbenchError(f"the cluster '{what}' cannot be started: {' '.join(str(cause).split())}") from None
-    return Cluster(distributed.Client(cluster, set_as_default=False), setting, [cluster.close])
+    return DaskExecutor(distributed.Client(cluster, set_as_default=False), setting, [cluster.close])
 
 
 def _described(path: str) -> tuple[str, int | None, Mapping[str, Any]]:
