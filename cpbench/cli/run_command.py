@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from cpbench.api.certifying import require_flint
 from cpbench.bench.execution import execute_plan
 from cpbench.bench.planning import run_plan, suites
 from cpbench.cli.options import Sections
@@ -29,6 +30,7 @@ def command(
     plan_path: str | None,
     only_sets: tuple[str, ...],
     no_resume: bool,
+    certify: bool,
     no_report: bool,
     dry_run: bool,
     quiet: bool,
@@ -53,6 +55,8 @@ def command(
         raise click.UsageError("--rerun runs rows of an old file again, --no-resume refuses one: one of them")
     if no_report:
         given["report"] = None
+    if certify:
+        require_flint()
     values, tunings = ((file.top, file.sets), file.tunings) if file is not None else (({}, []), ())
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
     asked = run_plan.make(given, *values, only=only_sets, tunings=tunings, suite=suite)
@@ -61,7 +65,7 @@ def command(
     if no_resume and asked.results.exists():
         raise StoreError(f"{asked.results}: exists; remove it or leave --no-resume out to go on with it")
     display = Display(quiet, verbose, log)
-    planned, finished = partial(announce, asked, quiet, dry_run), partial(finish, asked)
+    planned, finished = partial(announce, asked, quiet, dry_run), partial(finish, asked, certify)
     words = shlex.join(["cpbench", *sys.argv[1:]])
     try:
         execute_plan(asked, builtin_folder, display, words, planned, finished, print_removed)
