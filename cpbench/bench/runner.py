@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import platform
 import queue
 import threading
@@ -71,7 +70,10 @@ class Lanes:
     def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
         if len(self._lanes) > 1:
             return _side_by_side(self._lanes, todo, notice)
-        return _one_by_one(self._lanes[0], todo, notice)
+        lane, first = self._lanes[0], todo[0].pairs[0]
+        lane.workers.begin(first.entry.solver, first.limits.memory)
+        lane.start([first.entry.solver], first.limits, notice, patient=False)  # or it would disturb the reference
+        return _one_by_one(lane, todo, notice)
 
 
 def execute(
@@ -105,9 +107,6 @@ def execute(
 
 def _one_by_one(lane: Lane, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
     """Block after block; what has to be compiled is put off, and waited for when nothing else is left."""
-    first = todo[0].pairs[0]
-    lane.workers.begin(first.entry.solver, first.limits.memory)
-    importlib.import_module("pandas")  # what is said at the end needs it, and here it costs nothing: the worker starts
     waiting = list(todo)
     while waiting:
         now, waiting, idle = waiting, list[Block](), True
