@@ -11,9 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cpbench import storage
+from cpbench import frames, storage
 from cpbench.analysis.thumbnails import Thumbnail, thumbnail
-from cpbench.bench.processes import wire
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import limit_memory
 from cpbench.bench.results.answers import unpack
@@ -56,7 +55,7 @@ def main(channel: Channel, asked: Sequence[tuple[Any, ...]]) -> None:
     """Send a message that the process is there, then one a problem."""
     limit_memory(MEMORY)
     warnings.simplefilter("ignore")
-    channel.send_bytes(wire.pack({"ready": True}))
+    channel.send_bytes(frames.pack({"ready": True}))
     made: dict[str, dict[str, Problem]] = {}
     for fields in asked:
         one = Sitter(*fields)
@@ -65,7 +64,7 @@ def main(channel: Channel, asked: Sequence[tuple[Any, ...]]) -> None:
             json.dumps(told, allow_nan=False)
         except Exception:  # whatever a file holds: the next one is read
             told = {"why": UNREADABLE}
-        channel.send_bytes(wire.pack({"thumbnail": told}))
+        channel.send_bytes(frames.pack({"thumbnail": told}))
 
 
 def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Thumbnail:

@@ -18,10 +18,10 @@ from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cpbench import frames
 from cpbench.analysis import table as rows_of
 from cpbench.api import thumbnail_process
 from cpbench.api.thumbnail_process import MEMORY, UNREADABLE, Sitter
-from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.errors import FormatError
@@ -165,13 +165,13 @@ def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
 def _next(child: Child) -> tuple[Thumbnail, str]:
     """Return the next thumbnail, or why there is none; the words again where the process cannot go on."""
     try:
-        header, _ = wire.unpack(child.receive(PATIENCE))
+        header, _ = frames.unpack(child.receive(PATIENCE))
         return header["thumbnail"], ""
     except TimedOut:
         why = SLOW
     except Died as death:
         why = f"Reading its file ended the process that did: {death.cause}."
-    except (wire.WireError, KeyError):
+    except (frames.FrameError, KeyError):
         why = UNREADABLE
     return {"why": why}, why
 

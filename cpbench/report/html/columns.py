@@ -25,7 +25,7 @@ from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.table import CHARGED, ResultGroup
 from cpbench.analysis.tolerances import Ladders, ladders
-from cpbench.report.html.container import Column
+from cpbench.report.html.embedded_data import Column
 from cpbench.report.matrix import SYMBOLS
 from cpbench.report.run import Run, group_name_text, tunings
 from cpbench.report.text import one_line, solve_command
