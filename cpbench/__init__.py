@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:  # what follows is found on first use, which a type checker does not see
     from cpbench.advice.recommend import recommend as recommend
     from cpbench.api.certifying import certify as certify
+    from cpbench.api.diagnosing import diagnose as diagnose
     from cpbench.api.gallery import gallery as gallery
     from cpbench.api.problems import Converted as Converted
     from cpbench.api.problems import convert as convert
@@ -65,6 +66,7 @@ _HOMES = {
     "explain": "api.problems",
     "verify": "api.problems",
     "certify": "api.certifying",
+    "diagnose": "api.diagnosing",
     "run": "api.runs",
     "Results": "api.results",
     "list_solvers": "api.solver_list",

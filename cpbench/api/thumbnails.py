@@ -19,10 +19,9 @@ from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpbench import storage
+from cpbench import frames, storage
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.thumbnails import Thumbnail, thumbnail
-from cpbench.bench.processes import wire
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context, limit_memory
 from cpbench.bench.processes.process import Child, Died, TimedOut
@@ -197,13 +196,13 @@ def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
 def _next(child: Child) -> tuple[Thumbnail, str]:
     """Return the next thumbnail, or why there is none; the words again where the process cannot go on."""
     try:
-        header, _ = wire.unpack(child.receive(PATIENCE))
+        header, _ = frames.unpack(child.receive(PATIENCE))
         return header["thumbnail"], ""
     except TimedOut:
         why = SLOW
     except Died as death:
         why = f"Reading its file ended the process that did: {death.cause}."
-    except (wire.WireError, KeyError):
+    except (frames.FrameError, KeyError):
         why = UNREADABLE
     return {"why": why}, why
 
@@ -219,7 +218,7 @@ def _main(channel: Channel, asked: Sequence[tuple[Any, ...]]) -> None:
     """Send a message that the process is there, then one a problem."""
     limit_memory(MEMORY)
     warnings.simplefilter("ignore")
-    channel.send_bytes(wire.pack({"ready": True}))
+    channel.send_bytes(frames.pack({"ready": True}))
     made: dict[str, dict[str, Problem]] = {}
     for fields in asked:
         one = Sitter(*fields)
@@ -228,7 +227,7 @@ def _main(channel: Channel, asked: Sequence[tuple[Any, ...]]) -> None:
             json.dumps(told, allow_nan=False)
         except Exception:  # whatever a file holds: the next one is read
             told = {"why": UNREADABLE}
-        channel.send_bytes(wire.pack({"thumbnail": told}))
+        channel.send_bytes(frames.pack({"thumbnail": told}))
 
 
 def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Thumbnail:

@@ -26,7 +26,7 @@ from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.table import CHARGED, ResultGroup
 from cpbench.analysis.thumbnails import Thumbnail
 from cpbench.analysis.tolerances import Ladders, ladders
-from cpbench.report.html.container import Column
+from cpbench.report.html.embedded_data import Column
 from cpbench.report.matrix import SYMBOLS
 from cpbench.report.run import Run, group_name_text, tunings
 from cpbench.report.text import one_line, solve_command
