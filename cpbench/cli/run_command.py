@@ -10,7 +10,6 @@ from typing import Any
 
 import click
 
-from cpbench.api.certifying import require_flint
 from cpbench.bench.execution import execute_plan
 from cpbench.bench.planning import run_plan, suites
 from cpbench.cli.options import Sections
@@ -19,6 +18,7 @@ from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from
 from cpbench.cli.run_output import announce, finish, print_removed
 from cpbench.errors import StoreError
 from cpbench.generators.collection import builtin_folder, quick_problems
+from cpbench.imports import import_ahead
 
 
 @click.command(cls=Sections, sections=SECTIONS, examples=EXAMPLES)
@@ -56,6 +56,8 @@ def command(
     if no_report:
         given["report"] = None
     if certify:
+        from cpbench.api.certifying import require_flint  # with the solvers, which other runs need not wait for
+
         require_flint()
     values, tunings = ((file.top, file.sets), file.tunings) if file is not None else (({}, []), ())
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
@@ -65,6 +67,7 @@ def command(
     if no_resume and asked.results.exists():
         raise StoreError(f"{asked.results}: exists; remove it or leave --no-resume out to go on with it")
     display = Display(quiet, verbose, log)
+    import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
     planned, finished = partial(announce, asked, quiet, dry_run), partial(finish, asked, certify)
     words = shlex.join(["cpbench", *sys.argv[1:]])
     try:

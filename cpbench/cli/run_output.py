@@ -40,7 +40,7 @@ def print_removed(store: Store) -> None:
 def finish(asked: RunPlan, certify: bool, store: Store, assembly: Assembly) -> None:
     """Certify answers where asked, print the answer and the last lines, and write the report; exits with 1 where the
     run failed."""
-    from cpbench.cli.answer import print_answer  # with pandas, which the beginning of a run need not wait for
+    from cpbench.cli.answer import print_answer
 
     print_lines(run_text.refused(assembly.refused), err=True)
     if certify:
