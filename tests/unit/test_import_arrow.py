@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
 BASE = {
     "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
     "kernel_cache", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
-    "ncp_functions", "frames",
+    "ncp_functions", "frames", "child_processes",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
 ALLOWED: dict[str, set[str]] = {
@@ -22,10 +22,11 @@ ALLOWED: dict[str, set[str]] = {
     "product_cones": {"matrices", "cones"},
     "registry": {"errors"},
     "frames": set(),
+    "child_processes": set(),
     "locks": set(),
     "ncp_functions": {"matrices", "expressions"},
     "temporary": {"errors", "locks"},
-    "kernel_cache": {"locks"},
+    "kernel_cache": {"locks", "child_processes"},
     "brackets": {"errors"},
     "toml_text": set(),
     "plain_text": set(),
