@@ -18,6 +18,7 @@ from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from
 from cpbench.cli.run_output import announce, finish, print_removed
 from cpbench.errors import StoreError
 from cpbench.generators.collection import builtin_folder, quick_problems
+from cpbench.imports import import_ahead
 
 
 @click.command(cls=Sections, sections=SECTIONS, examples=EXAMPLES)
@@ -61,6 +62,7 @@ def command(
     if no_resume and asked.results.exists():
         raise StoreError(f"{asked.results}: exists; remove it or leave --no-resume out to go on with it")
     display = Display(quiet, verbose, log)
+    import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
     planned, finished = partial(announce, asked, quiet, dry_run), partial(finish, asked)
     words = shlex.join(["cpbench", *sys.argv[1:]])
     try:

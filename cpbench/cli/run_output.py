@@ -39,7 +39,7 @@ def print_removed(store: Store) -> None:
 
 def finish(asked: RunPlan, store: Store, assembly: Assembly) -> None:
     """Print the answer and the last lines, and write the report; exits with 1 where the run failed."""
-    from cpbench.cli.answer import print_answer  # with pandas, which the beginning of a run need not wait for
+    from cpbench.cli.answer import print_answer
 
     print_lines(run_text.refused(assembly.refused), err=True)
     counts = store.counts()

@@ -8,7 +8,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
 BASE = {
     "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
-    "kernel_cache", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
+    "kernel_cache", "imports", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
     "ncp_functions", "frames", "child_processes",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
@@ -26,7 +26,8 @@ ALLOWED: dict[str, set[str]] = {
     "locks": set(),
     "ncp_functions": {"matrices", "expressions"},
     "temporary": {"errors", "locks"},
-    "kernel_cache": {"locks", "child_processes"},
+    "imports": set(),
+    "kernel_cache": {"locks", "imports", "child_processes"},
     "brackets": {"errors"},
     "toml_text": set(),
     "plain_text": set(),
@@ -46,8 +47,9 @@ ALLOWED: dict[str, set[str]] = {
     "report": BASE | {"formulations", "graph", "analysis"} | ROOMS,
     "testing": BASE | {"formulations", "graph", "checking", "generators"} | ROOMS,
     "certificates": BASE | {"formulations", "storage", "verification"},
+    "diagnosis": BASE | {"formulations", "facts", "graph", "bench"} | ROOMS,
     "api": BASE
-    | {"certificates"}
+    | {"certificates", "diagnosis"}
     | {"formulations", "facts", "graph", "checking", "testing", "bench", "analysis", "report", "generators"}
     | ROOMS,
     "advice": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
@@ -93,6 +95,7 @@ OPTIONAL = {
     "advice": {f"cli/{name}_command.py" for name in ("recommend", "tune", "history", "select")},
     "bundle": {f"cli/{name}_command.py" for name in ("bundle", "reproduce")},
     "certificates": {"api/certifying.py"},
+    "diagnosis": {"api/diagnosing.py"},
     "reduction": {f"cli/{name}_command.py" for name in ("reduce",)},
 }
 """Packages that could leave, and the files that stand on them."""
