@@ -8,7 +8,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
 BASE = {
     "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
-    "kernel_cache", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
+    "kernel_cache", "imports", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
     "ncp_functions", "frames",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
@@ -25,7 +25,8 @@ ALLOWED: dict[str, set[str]] = {
     "locks": set(),
     "ncp_functions": {"matrices", "expressions"},
     "temporary": {"errors", "locks"},
-    "kernel_cache": {"locks"},
+    "imports": set(),
+    "kernel_cache": {"locks", "imports"},
     "brackets": {"errors"},
     "toml_text": set(),
     "plain_text": set(),
