@@ -30,6 +30,7 @@ def command(
     plan_path: str | None,
     only_sets: tuple[str, ...],
     no_resume: bool,
+    certify: bool,
     no_report: bool,
     dry_run: bool,
     quiet: bool,
@@ -54,6 +55,10 @@ def command(
         raise click.UsageError("--rerun runs rows of an old file again, --no-resume refuses one: one of them")
     if no_report:
         given["report"] = None
+    if certify:
+        from cpbench.api.certifying import require_flint  # with the solvers, which other runs need not wait for
+
+        require_flint()
     values, tunings = ((file.top, file.sets), file.tunings) if file is not None else (({}, []), ())
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
     asked = run_plan.make(given, *values, only=only_sets, tunings=tunings, suite=suite)
@@ -63,7 +68,7 @@ def command(
         raise StoreError(f"{asked.results}: exists; remove it or leave --no-resume out to go on with it")
     display = Display(quiet, verbose, log)
     import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
-    planned, finished = partial(announce, asked, quiet, dry_run), partial(finish, asked)
+    planned, finished = partial(announce, asked, quiet, dry_run), partial(finish, asked, certify)
     words = shlex.join(["cpbench", *sys.argv[1:]])
     try:
         execute_plan(asked, builtin_folder, display, words, planned, finished, print_removed)

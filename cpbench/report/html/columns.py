@@ -40,8 +40,21 @@ KEPT = 4_000
 """Failures with all their facts on a page of more rows: the first ones of every solver and status."""
 ITERATES = 200_000
 """The most iterates of histories on a page."""
-TEXTS = ("route", "kind", "claim", "flags", "message", "counters", "parts", "version", "started", "origin")
-PLAIN = ("target_error", "verify", "wall", "repeats", "solve_iqr", "jobs", "code", "signal")
+TEXTS = (
+    "route",
+    "kind",
+    "claim",
+    "flags",
+    "message",
+    "counters",
+    "parts",
+    "version",
+    "started",
+    "origin",
+    "certainty",
+    "certificate",
+)
+PLAIN = ("target_error", "distance", "verify", "wall", "repeats", "solve_iqr", "jobs", "code", "signal")
 """Numbers of a row that are shown and not computed with."""
 
 
