@@ -44,12 +44,13 @@ _FAST = {"cache": True, "error_model": "numpy", "nogil": True}
 
 @njit(types.boolean(types.float64, types.float64), inline="always", **_FAST)
 def _lower(low, high):
-    """Whether an s has a lower side."""
+    """Return whether an s has a lower side."""
     return low > -np.inf and low < high
 
 
 @njit(types.boolean(types.float64, types.float64), inline="always", **_FAST)
 def _upper(low, high):
+    """Return whether an s has an upper side."""
     return high < np.inf and low < high
 
 
