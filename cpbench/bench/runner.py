@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import platform
 import queue
 import threading
@@ -71,7 +70,10 @@ class LocalExecutor:
     def outcomes(self, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
         if len(self._slots) > 1:
             return _side_by_side(self._slots, todo, on_event)
-        return _one_by_one(self._slots[0], todo, on_event)
+        slot, first = self._slots[0], todo[0].pairs[0]
+        slot.workers.begin(first.entry.solver, first.limits.memory)
+        slot.start([first.entry.solver], first.limits, on_event, patient=False)  # or it would disturb the reference
+        return _one_by_one(slot, todo, on_event)
 
 
 def execute(
@@ -108,9 +110,6 @@ def execute(
 
 def _one_by_one(slot: Slot, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
     """Block after block; what has to be compiled is put off, and waited for when nothing else is left."""
-    first = todo[0].pairs[0]
-    slot.workers.begin(first.entry.solver, first.limits.memory)
-    importlib.import_module("pandas")  # what is said at the end needs it, and here it costs nothing: the worker starts
     waiting = list(todo)
     while waiting:
         now, waiting, idle = waiting, list[Block](), True

@@ -14,6 +14,7 @@ import click
 from cpbench import __version__
 from cpbench.cli import ahead
 from cpbench.errors import CpbenchError, FormatError, SealError
+from cpbench.imports import uncollected
 from cpbench.plain_text import printable
 from cpbench.registry import PLUGIN_FILES
 
@@ -84,7 +85,8 @@ class LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = importlib.import_module(f"cpbench.cli.{cmd_name}_command").command
+        with uncollected():
+            command: click.Command = importlib.import_module(f"cpbench.cli.{cmd_name}_command").command
         if all(parameter.name != "plugin_files" for parameter in command.params):
             command.params.append(click.Option(["--plugin", "plugin_files"], **_PLUGIN))
         return command

@@ -37,11 +37,16 @@ def print_removed(store: Store) -> None:
     print_lines(run_text.removed(store), err=True)
 
 
-def finish(asked: RunPlan, store: Store, assembly: Assembly) -> None:
-    """Print the answer and the last lines, and write the report; exits with 1 where the run failed."""
-    from cpbench.cli.answer import print_answer  # with pandas, which the beginning of a run need not wait for
+def finish(asked: RunPlan, certify: bool, store: Store, assembly: Assembly) -> None:
+    """Certify answers where asked, print the answer and the last lines, and write the report; exits with 1 where the
+    run failed."""
+    from cpbench.cli.answer import print_answer
 
     print_lines(run_text.refused(assembly.refused), err=True)
+    if certify:
+        from cpbench.api.certifying import certify_rows
+
+        print_lines(certify_rows(store), err=True)
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):
         print_lines(run_text.absent(store), err=True)
