@@ -453,7 +453,8 @@ def test_one_compiled_call_solves_small_problems(kind: str, n: int) -> None:
     for seed in range(5):
         problem = planted.qp(np.random.default_rng(seed), n, n, n // 3, kind)[0]
         output = small(problem)
-        assert output is not None and output.claim is Claim.SOLVED
+        assert output is not None
+        assert output.claim is Claim.SOLVED
         assert problem.residuals(output.point).error <= 1e-9
 
 
@@ -461,6 +462,7 @@ def test_one_compiled_call_tells_what_is_not_convex_and_leaves_the_rest() -> Non
     """An indefinite Q, a zero row beside one that is not, a program without a point, one without a bound."""
     for Q in ([[1.0, 0.0], [0.0, -1.0]], [[1.0, 1.0], [1.0, 0.0]], [[1.0, 2.0], [2.0, 1.0]]):
         output = small(QP.build(np.array(Q), np.ones(2), lb=np.zeros(2), ub=np.ones(2)))
-        assert output is not None and output.claim is Claim.FAILED
+        assert output is not None
+        assert output.claim is Claim.FAILED
     assert small(QP.build(np.eye(1), np.ones(1), -np.eye(1), np.ones(1), lb=np.zeros(1))) is None
     assert small(QP.build(np.zeros((1, 1)), np.ones(1))) is None
