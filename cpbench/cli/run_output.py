@@ -20,12 +20,12 @@ def announce(asked: RunPlan, quiet: bool, dry_run: bool, assembly: Assembly) -> 
     print_lines(run_text.planned(assembly), err=True)
     if not quiet:
         print_lines(fitted(run_text.duration(asked, assembly)), err=True)
+    assembly.require_pairs()
     if dry_run:
         for line in dry_runs.lines(asked, assembly, planned_run.statuses(asked.results), width()):
             print_lines(folded(line))
         print_lines(run_text.refused(assembly.refused), err=True)
         return False
-    assembly.require_pairs()
     planned_run.require_answers(asked, assembly.pairs)
     if asked.report_folder is not None:
         require_folder(asked.report_folder)  # before hours of work
