@@ -155,21 +155,21 @@ def _answers(store: Store, rows: pd.DataFrame) -> dict[str, tuple[bytes, str, fl
     return found
 
 
-def paint(asked: Sequence[Sitter]) -> dict[str, Thumbnail]:
+def paint(sitters: Sequence[Sitter]) -> dict[str, Thumbnail]:
     """Draw the thumbnails and return them by fingerprint, or {"why": words}."""
-    found: dict[str, Thumbnail] = {one.fingerprint: {"why": SPENT} for one in asked}
+    found: dict[str, Thumbnail] = {one.fingerprint: {"why": SPENT} for one in sitters}
     spent = 0
-    for one, told in _read(asked[:MOST]):
-        spent += len(zlib.compress(json.dumps(told).encode()))
+    for one, picture in _read(sitters[:MOST]):
+        spent += len(zlib.compress(json.dumps(picture).encode()))
         if spent > BYTES:
             break
-        found[one.fingerprint] = told
+        found[one.fingerprint] = picture
     return found
 
 
-def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
+def _read(sitters: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
     """Yield each as it comes, until the time is over; after one that takes its process down, by another process."""
-    left, end = list(asked), math.inf
+    left, end = list(sitters), math.inf
     while left and time.monotonic() < end:
         try:
             child = Child(context(1), _main, ([astuple(one) for one in left],), memory=MEMORY)
@@ -181,9 +181,9 @@ def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
             child.receive(STARTUP)
             end = min(end, time.monotonic() + SECONDS)
             while left and not fatal and time.monotonic() < end:
-                told, fatal = _next(child)
+                picture, fatal = _next(child)
                 last = left.pop(0)
-                yield last, told
+                yield last, picture
         except (Died, TimedOut):
             yield from ((one, {"why": ALONE}) for one in left)
             return
@@ -215,48 +215,48 @@ def _source(one: Sitter) -> tuple[str, str]:
 # ------------------------------------------------------------------------------------- in the other process
 
 
-def _main(channel: Channel, asked: Sequence[tuple[Any, ...]]) -> None:
+def _main(channel: Channel, sitters: Sequence[tuple[Any, ...]]) -> None:
     """Send a message that the process is there, then one a problem."""
     limit_memory(MEMORY)
     warnings.simplefilter("ignore")
     channel.send_bytes(wire.pack({"ready": True}))
-    made: dict[str, dict[str, Problem]] = {}
-    for fields in asked:
+    families: dict[str, dict[str, Problem]] = {}
+    for fields in sitters:
         one = Sitter(*fields)
         try:
-            told = _told(one, made)
-            json.dumps(told, allow_nan=False)
+            picture = _picture(one, families)
+            json.dumps(picture, allow_nan=False)
         except Exception:  # whatever a file holds: the next one is read
-            told = {"why": UNREADABLE}
-        channel.send_bytes(wire.pack({"thumbnail": told}))
+            picture = {"why": UNREADABLE}
+        channel.send_bytes(wire.pack({"thumbnail": picture}))
 
 
-def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Thumbnail:
+def _picture(one: Sitter, families: dict[str, dict[str, Problem]]) -> Thumbnail:
     if one.place:
         problem = storage.load(one.place, format=one.format)
         if problem.fingerprint != one.fingerprint:
             return {"why": OTHER}
-    elif (generated := _generated(one.family, made).get(one.fingerprint)) is not None:
+    elif (generated := _generated(one.family, families).get(one.fingerprint)) is not None:
         problem = generated
     else:
         return {"why": ABSENT}
     about = _about(problem)
     if not one.answer:
         return {**thumbnail(problem), **about}
-    told = thumbnail(problem, problem.point_from_vector(unpack(one.answer)), one.tolerance)
-    return {**told, **about, "answer": {"label": one.label, "error": one.error}}
+    picture = thumbnail(problem, problem.point_from_vector(unpack(one.answer)), one.tolerance)
+    return {**picture, **about, "answer": {"label": one.label, "error": one.error}}
 
 
 def _about(problem: Problem) -> Thumbnail:
     """Return what the problem says of its licence and its source, cut to what a page has room for."""
     info = problem.info
-    told = {"licence": info.licence, "source": info.source, "citation": info.citation}
-    return {name: cut(text, ABOUT) for name, text in told.items() if text}
+    texts = {"licence": info.licence, "source": info.source, "citation": info.citation}
+    return {name: cut(text, ABOUT) for name, text in texts.items() if text}
 
 
-def _generated(family: str, made: dict[str, dict[str, Problem]]) -> dict[str, Problem]:
+def _generated(family: str, families: dict[str, dict[str, Problem]]) -> dict[str, Problem]:
     """Return the problems of the generator of that name, by fingerprint; none where there is no such generator."""
-    if family not in made:
+    if family not in families:
         instances = generators.get(family).instances() if family in generators else []
-        made[family] = {instance.problem.fingerprint: instance.problem for instance in instances}
-    return made[family]
+        families[family] = {instance.problem.fingerprint: instance.problem for instance in instances}
+    return families[family]

@@ -45,12 +45,12 @@ def command(
         raise click.UsageError("give --answer or --solver, not both")
     if output is not None:
         require_new(output, force)
-    asked = load(problem, format=file_format)
-    point = solve(asked, solver, tolerance=TOLERANCE) if answer is None else storage.load_answer(answer, asked)
-    certificate = certify(asked, point, seconds=timeout)
-    click.echo(f"{address_text(problem)}: error {number(verify(asked, point).error)}, {certificate.level}")
+    loaded = load(problem, format=file_format)
+    point = solve(loaded, solver, tolerance=TOLERANCE) if answer is None else storage.load_answer(answer, loaded)
+    certificate = certify(loaded, point, seconds=timeout)
+    click.echo(f"{address_text(problem)}: error {number(verify(loaded, point).error)}, {certificate.level}")
     print_lines(certificate_lines(certificate))
     if output is not None:
-        save_certificate(certificate, asked, output, force=force)
+        save_certificate(certificate, loaded, output, force=force)
     if not certificate:
         sys.exit(1)
