@@ -17,7 +17,6 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # what follows is found on first use, which a type checker does not see
-    from cpbench.advice.recommend import recommend as recommend
     from cpbench.api.certifying import certify as certify
     from cpbench.api.gallery import gallery as gallery
     from cpbench.api.problems import Converted as Converted
@@ -68,7 +67,6 @@ _HOMES = {
     "run": "api.runs",
     "Results": "api.results",
     "list_solvers": "api.solver_list",
-    "recommend": "advice.recommend",
     "gallery": "api.gallery",
     "Claim": "solvers.base",
     "Budget": "solvers.base",
