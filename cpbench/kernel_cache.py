@@ -23,6 +23,7 @@ from types import ModuleType
 from typing import Any
 
 from cpbench import locks
+from cpbench.imports import uncollected
 
 LOG = logging.getLogger(__name__)
 """Hears of every module that has to be compiled, before it is."""
@@ -78,7 +79,8 @@ def load(module: str) -> ModuleType:
     if _is_loaded(module):
         return sys.modules[module]
     directory = ensure_cache_dir()
-    importlib.import_module("numba")  # slow, and needs no lock
+    with uncollected():
+        importlib.import_module("numba")  # slow, and needs no lock
     for taken, path in _taken(module):  # before its own lock: nobody holds one and waits for another
         if _KEPT in path.read_text("utf-8"):
             load(taken)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,10 +15,13 @@ from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Point, Problem
 
 if TYPE_CHECKING:
+    from cpbench.bench.results.store import Store
     from cpbench.certificates.certificate import Certificate
 
 SECONDS = 60.0
 """Time for the search of a proof [s]."""
+ROW_SECONDS = 10.0
+"""The same for each answer of a run [s]."""
 TOLERANCE = 1e-8
 """What a solver is asked for where no answer is given: active sets are read off what it returns."""
 
@@ -45,12 +49,54 @@ def certify(
     >>> proved.level, proved.unique, round(proved.distance, 6)
     ('proved', 'P-matrix', 0.001429)
     """
-    if importlib.util.find_spec("flint") is None:
-        raise CpbenchError("certificates need python-flint: pip install 'cpbench[certify]'")
+    require_flint()
     from cpbench.certificates.certify import certify as certified
 
     given = solve(problem, tolerance=TOLERANCE) if answer is None else answer
     return certified(problem, point_of(problem, given), seconds)
+
+
+def require_flint() -> None:
+    """Raise CpbenchError without python-flint."""
+    if importlib.util.find_spec("flint") is None:
+        raise CpbenchError("certificates need python-flint: pip install 'cpbench[certify]'")
+
+
+def certify_rows(store: Store, seconds: float = ROW_SECONDS) -> Iterator[str]:
+    """Look for certificates of all kept answers of a results file that have none yet; yields a line for each.
+
+    The file is open for writing. `seconds` : limit of each search [s].
+
+    Raises CpbenchError without python-flint, or where a problem's file has changed since the run.
+    """
+    from cpbench import storage
+    from cpbench.bench.results import answers
+
+    formats = store.meta().get("formats", {})
+    loaded: tuple[str, Problem] | None = None
+    for row in sorted(store.rows(), key=lambda row: row.address):
+        blob = store.ending(row.key)[1] if row.certainty is None else None
+        if blob is None:
+            continue
+        if loaded is None or loaded[0] != row.address:
+            loaded = row.address, storage.load(row.address, format=formats.get(row.address))
+        problem = loaded[1]
+        if problem.fingerprint != row.fingerprint:
+            raise CpbenchError(f"{row.address}: is not the problem that was solved (its fingerprint changed)")
+        found = certify(problem, answers.unpack(blob), seconds=seconds)
+        distance = found.distance if math.isfinite(found.distance) else None
+        store.note_certificate(row.key, found.level, distance, summary(found))
+        yield f"{row.problem}  {row.label}: {found.level}" + ("" if distance is None else f", within {distance:.2g}")
+
+
+def summary(certificate: Certificate) -> str:
+    """Return what a certificate says beside its level and distance, in a line."""
+    parts = [
+        f"unique: {certificate.unique}" if certificate.unique else "",
+        f"no solution is within {certificate.excluded:.2g} of the answer's size" if certificate.excluded else "",
+        certificate.reason,
+    ]
+    return "; ".join(filter(None, parts))
 
 
 def save_certificate(certificate: Certificate, problem: Problem, path: str | Path, *, force: bool = False) -> None:

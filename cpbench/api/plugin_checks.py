@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.processes import wire
+from cpbench import frames
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
@@ -44,7 +44,7 @@ class PluginChecker:
             why = f"was not loaded within {START.floor:g} s"
         except Died as death:
             why = f"ends the process that loads it ({describe_exit(death)})"
-        except wire.WireError as noise:
+        except frames.FrameError as noise:
             why = f"sends what is no message while it is loaded ({noise})"
         self._close()
         raise CpbenchError(f"{self._plugin}: {why}")
@@ -70,7 +70,7 @@ class PluginChecker:
             why = f"still running after {seconds:g} s"
         except Died as death:
             why = f"the process ended: {describe_exit(death)}"
-        except (wire.WireError, KeyError) as noise:
+        except (frames.FrameError, KeyError) as noise:
             why = f"what came is no answer: {noise}"
         self._close()
         return Mark("failed", " ".join(why.split()))
@@ -79,8 +79,8 @@ class PluginChecker:
         if self._child is None:
             self._child = Child(self._context, _main, (self._plugin,))
         self._child.forget()
-        self._child.send(wire.pack(request))
-        answer, _ = wire.unpack(self._child.receive(seconds))
+        self._child.send(frames.pack(request))
+        answer, _ = frames.unpack(self._child.receive(seconds))
         if "refused" in answer:
             raise CpbenchError(str(answer["refused"]))
         return answer
@@ -96,21 +96,21 @@ def _main(channel: Channel, plugin: str) -> None:
     items: dict[tuple[str, str], Item] = {}
     while True:
         try:
-            request, _ = wire.unpack(channel.recv_bytes())
+            request, _ = frames.unpack(channel.recv_bytes())
         except EOFError:
             return
         if request["do"] == "items":
             try:
                 listed = registered_by(Path(plugin)) if is_file(plugin) else named(plugin)
             except CpbenchError as refusal:
-                channel.send_bytes(wire.pack({"refused": str(refusal)}))
+                channel.send_bytes(frames.pack({"refused": str(refusal)}))
                 continue
             items = {(item.kind, item.name): item for item in listed}
-            channel.send_bytes(wire.pack({"items": [[item.kind, item.name, item.nodes] for item in listed]}))
+            channel.send_bytes(frames.pack({"items": [[item.kind, item.name, item.nodes] for item in listed]}))
             continue
         item = items[request["kind"], request["name"]]
         mark = _ready(item) if request["do"] == "ready" else conduct(item, request["do"])
-        channel.send_bytes(wire.pack({"word": mark.word, "reason": mark.reason}))
+        channel.send_bytes(frames.pack({"word": mark.word, "reason": mark.reason}))
 
 
 def _ready(item: Item) -> Mark:

@@ -97,7 +97,7 @@ def _way_to(problem: Problem, name: str) -> Way:
 def _automatic(problem: Problem) -> Way:
     """Bring the problem to the nearest automatic choice that takes it; raises NoRoute."""
     refused: list[str] = []
-    for name in _nearest(problem.node):
+    for name in nearest_automatic(problem.node):
         chosen = solvers.get(name)
         try:
             way = _brought(problem, chosen, chosen.spec.options(), name)
@@ -114,7 +114,7 @@ def _automatic(problem: Problem) -> Way:
     )
 
 
-def _nearest(node: str) -> Iterator[str]:
+def nearest_automatic(node: str) -> Iterator[str]:
     """Yield the automatic choices that a path of conversions reaches from a formulation, cheapest first; then our
     other solvers of that formulation."""
     from cpbench import graph

@@ -11,7 +11,7 @@ import os
 from collections import deque
 from collections.abc import Sequence
 
-from cpbench.bench.processes import wire
+from cpbench import frames
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import Context
 from cpbench.bench.processes.process import Child, Died, TimedOut
@@ -68,14 +68,14 @@ class Compiler:
         try:
             if self._now is not None and self._child is not None:
                 with contextlib.suppress(TimedOut):
-                    told, _ = wire.unpack(self._child.receive(0.0))
+                    told, _ = frames.unpack(self._child.receive(0.0))
                     self._now = None if told.get("solver") == self._now else self._now
             if self._now is None and self._queue:
                 self._now = self._queue.popleft()
                 if self._child is None:
                     self._child = Child(self._context, main, (), cpus=self._cpus)
-                self._child.send(wire.pack({"solver": self._now}))
-        except (Died, TimedOut, wire.WireError):
+                self._child.send(frames.pack({"solver": self._now}))
+        except (Died, TimedOut, frames.FrameError):
             self._now = None
             self._drop()
 
@@ -91,9 +91,9 @@ def main(connection: Channel) -> None:
         os.nice(NICE)
     while True:
         try:
-            asked, _ = wire.unpack(connection.recv_bytes())
+            asked, _ = frames.unpack(connection.recv_bytes())
         except EOFError:
             return
         with contextlib.suppress(Exception):
             solvers.get(asked["solver"]).warmup()
-        connection.send_bytes(wire.pack(asked))
+        connection.send_bytes(frames.pack(asked))

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from cpbench import frames
 from cpbench.bench.messages import JudgeHistory, Recorded
-from cpbench.bench.processes import wire
 from cpbench.bench.results.rows import Outcome
 from cpbench.errors import PointError, StoreError
 from cpbench.formulations.base import Problem
@@ -190,13 +190,13 @@ class History:
     def pack(self) -> bytes:
         """Pack into one compressed blob."""
         header = {"flags": self.flags, "solve": self.solve, "cost": self.cost, "calls": self.calls}
-        return zlib.compress(wire.pack(header, {name: getattr(self, name) for name in COLUMNS}), 6)
+        return zlib.compress(frames.pack(header, {name: getattr(self, name) for name in COLUMNS}), 6)
 
     @classmethod
     def unpack(cls, blob: bytes) -> History:
         """Read a packed history; raises StoreError when the blob is none of ours."""
         try:
-            header, columns = wire.unpack(zlib.decompress(blob))
+            header, columns = frames.unpack(zlib.decompress(blob))
             return cls(
                 **{name: columns[name] for name in COLUMNS},
                 flags=tuple(map(str, header["flags"])),
@@ -204,7 +204,7 @@ class History:
                 cost=float(header["cost"]),
                 calls=int(header["calls"]),
             )
-        except (zlib.error, wire.WireError, KeyError, TypeError, ValueError) as cause:
+        except (zlib.error, frames.FrameError, KeyError, TypeError, ValueError) as cause:
             raise StoreError(f"a history of {len(blob)} bytes cannot be read: {cause}") from None
 
 
@@ -262,7 +262,7 @@ def derived_rows(row: Outcome, history: History, tolerances: Iterable[float]) ->
 
 OWN = (
     "target_error", "target_tolerance", "solve_min", "solve_iqr", "cpu", "peak", "wall", "verify", "signal", "code",
-    "loadavg", "attempts", "answer", "history", "proof",
+    "loadavg", "attempts", "answer", "history", "proof", "certainty", "distance", "certificate",
 )  # fmt: skip
 """Fields of an outcome that hold for the run that made it and for nothing that is read off its history."""
 

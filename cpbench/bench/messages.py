@@ -1,6 +1,6 @@
 """Messages between the runner, its referee and its workers: a frozen class each.
 
-On the wire (`processes.wire`) a message is a header, with the name of its class and its fields, followed by its
+A message is sent as a frame (`cpbench.frames`): a header with the name of its class and its fields, followed by its
 `vectors` as raw numbers. What is read is brought to the types of the fields or refused: a worker has run foreign code,
 and may say anything.
 """
@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, ClassVar, NewType, TypeAlias, cast, dataclass_transform, get_args, get_origin, get_type_hints
 
+from cpbench import frames
 from cpbench.bench.planning.plan import Pair, Request
-from cpbench.bench.processes import wire
-from cpbench.bench.processes.wire import WireError
+from cpbench.frames import FrameError
 
 Seconds = NewType("Seconds", float)
 """A duration, which is finite and not negative."""
@@ -305,20 +305,20 @@ def pack(message: Message) -> bytes:
     """
     fields = dict(vars(message))
     vectors: Vectors | None = fields.pop("vectors", None)
-    return wire.pack({"message": type(message).__name__, "fields": fields}, vectors)
+    return frames.pack({"message": type(message).__name__, "fields": fields}, vectors)
 
 
 def unpack(data: bytes, header_bytes: float = math.inf) -> Message:
-    """Return the message of bytes; raises WireError where they are none, or their header is longer than
+    """Return the message of bytes; raises FrameError where they are none, or their header is longer than
     `header_bytes`."""
-    header, vectors = wire.unpack(data, header_bytes)
+    header, vectors = frames.unpack(data, header_bytes)
     try:
         kind, values = Message.kinds[header["message"]], header["fields"]
         if "vectors" in kind.__annotations__:
             values["vectors"] = vectors
         return cast(Message, _read(kind, values))
     except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as cause:
-        raise WireError(f"{type(cause).__name__}: {cause}") from None
+        raise FrameError(f"{type(cause).__name__}: {cause}") from None
 
 
 def _read(kind: type, values: dict[str, Any]) -> Any:

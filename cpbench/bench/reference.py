@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-from cpbench.bench.processes import wire
+from cpbench import frames
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
@@ -50,8 +50,8 @@ class Reference:
             if self._child is None:
                 self._child = Child(context(self._setting.threads), main, (), cpus=self._setting.cpus)
                 self._child.receive(START.floor)
-            self._child.send(wire.pack({}), PATIENCE)
-            reply, _ = wire.unpack(self._child.receive(PATIENCE))
+            self._child.send(frames.pack({}), PATIENCE)
+            reply, _ = frames.unpack(self._child.receive(PATIENCE))
         except (TimedOut, Died):
             self._end()
             return float("nan"), load
@@ -68,13 +68,13 @@ def main(connection: Channel) -> None:
     rng = np.random.default_rng(0)
     A, b = rng.standard_normal((ORDER, ORDER)), rng.standard_normal(ORDER)
     np.linalg.solve(A, b)  # LAPACK is loaded
-    connection.send_bytes(wire.pack({"event": "ready"}))
+    connection.send_bytes(frames.pack({"event": "ready"}))
     while True:
         try:
             connection.recv_bytes()
         except EOFError:
             return
-        connection.send_bytes(wire.pack({"seconds": [_timed(A, b) for _ in range(REPEATS)]}))
+        connection.send_bytes(frames.pack({"seconds": [_timed(A, b) for _ in range(REPEATS)]}))
 
 
 def _timed(A: np.ndarray, b: np.ndarray) -> float:

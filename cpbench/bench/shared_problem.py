@@ -3,14 +3,12 @@
 No format of problems: nobody but the referee writes it, and a worker of the same run reads it at once, at the speed of
 memory. What solvers do not look at (info, provenance, geometry of contacts) stays behind.
 
-The file: 8 bytes with the length of a JSON header, the header, then the arrays, each from a multiple of 64 bytes on,
-so that compiled loops meet them as they meet arrays of NumPy's own.
+A file is one of `frames`, its arrays aligned, so that compiled loops meet them as they meet arrays of NumPy's own.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,7 +16,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
+from cpbench import frames, matrices
 from cpbench.expressions import Map
 from cpbench.formulations.base import Problem, formulations
 
@@ -29,8 +27,8 @@ LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 def write(problem: Problem, path: str | Path) -> None:
     """Write a problem to a file that solvers map; raises OSError."""
     data, maps = problem.data(), problem.maps()
-    arrays = [(name, array) for name, matrix in data.items() for array in _arrays(matrix)]
-    arrays += [(name, array) for name, F in maps.items() for array in F.arrays().values()]
+    parts = {name: list(_arrays(matrix)) for name, matrix in data.items()}
+    parts |= {name: list(F.arrays().values()) for name, F in maps.items()}
     others = {f.name for f in dataclasses.fields(problem)} - data.keys() - maps.keys() - LEFT_BEHIND
     header = {
         "node": problem.node,
@@ -38,28 +36,20 @@ def write(problem: Problem, path: str | Path) -> None:
         "fields": {name: getattr(problem, name) for name in sorted(others)},
         "shapes": {name: matrix.shape for name, matrix in data.items()},
         "inputs": {name: F.inputs for name, F in maps.items()},
-        "arrays": [(name, array.dtype.str, array.size) for name, array in arrays],
     }
-    head = json.dumps(header).encode()
+    arrays = {f"{name}.{k}": array for name, found in parts.items() for k, array in enumerate(found)}
     with open(path, "wb") as file:
-        file.write(len(head).to_bytes(8, "little") + head)
-        for _, array in arrays:
-            file.write(bytes(-file.tell() % ALIGNED))
-            file.write(np.ascontiguousarray(array).data)
+        file.writelines(frames.parts(header, arrays, ALIGNED))
 
 
 def read(path: str | Path) -> Problem:
     """Return the problem of a file that `write` made; raises OSError, and ValueError when it is none."""
     whole = np.fromfile(path, np.uint8)
     whole.flags.writeable = False
-    at = 8 + int.from_bytes(whole[:8].tobytes(), "little")
-    header = json.loads(whole[8:at].tobytes())
+    header, arrays = frames.unpack(whole, types=frames.NUMBERS, aligned=ALIGNED)
     found: dict[str, list[Any]] = {}
-    for name, kind, size in header["arrays"]:
-        at += -at % ALIGNED
-        end = at + size * np.dtype(kind).itemsize
-        found.setdefault(name, []).append(whole[at:end].view(kind))
-        at = end
+    for name, array in arrays.items():
+        found.setdefault(name.rpartition(".")[0], []).append(array)
     parts = {name: _matrix(found[name], tuple(shape)) for name, shape in header["shapes"].items()}
     parts |= {name: Map(inputs, *found[name]) for name, inputs in header["inputs"].items()}
     return formulations.get(header["node"])(name=header["name"], **parts, **header["fields"])

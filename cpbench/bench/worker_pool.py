@@ -1,4 +1,4 @@
-"""The processes of a lane: a referee, and one persistent worker a solver; replaced when they die, hang or are full."""
+"""The processes of a slot: a referee, and one persistent worker a solver; replaced when they die, hang or are full."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 
 import cpbench.bench.referee as referee_process
 import cpbench.bench.worker as worker_process
+from cpbench import frames
 from cpbench.bench import messages
-from cpbench.bench.processes import wire
 from cpbench.bench.processes.launch import Context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import START, WARM_UP
@@ -33,14 +33,14 @@ REFEREE_LEAST = 2 * 2**30
 
 @dataclass(frozen=True)
 class Setting:
-    """Settings that all processes of a lane have in common.
+    """Settings that all processes of a slot have in common.
 
     Attributes
     ----------
     threads : of every numerical library, set before it is imported. memory : the largest limit of any solve; the
     referee gets twice that. fresh : a new process for every solve. cpus : where workers run, () for anywhere;
     the referee runs elsewhere, for it would leave them cold caches.
-    lanes : how many work side by side; rows tell, for their times are not those of a quiet machine.
+    slots : how many work side by side; rows tell, for their times are not those of a quiet machine.
     single : one solve is all there will be: what it does not need is not loaded.
     """
 
@@ -48,7 +48,7 @@ class Setting:
     memory: int = 4 * 2**30
     fresh: bool = False
     cpus: tuple[int, ...] = ()
-    lanes: int = 1
+    slots: int = 1
     single: bool = False
 
     @property
@@ -99,7 +99,7 @@ class RefereeClient:
             reply = messages.Late(f"no reply within {seconds:g} s")
         except Died as death:
             reply = messages.OutOfMemory() if death.out_of_memory else messages.Gone(describe_exit(death))
-        except wire.WireError as noise:
+        except frames.FrameError as noise:
             reply = messages.Gone(str(noise))
         self.close()
         if isinstance(reply, messages.OutOfMemory):
@@ -234,7 +234,7 @@ class WorkerPool:
             told = messages.Late(f"{phase.name} not over after {phase.limit(timeout):g} s")
         except Died as death:
             told = messages.Gone(describe_exit(death))
-        except wire.WireError as noise:
+        except frames.FrameError as noise:
             told = messages.Failed(str(noise))
         self.drop(name)
         return told
@@ -249,8 +249,8 @@ class WorkerPool:
 
 
 def hear(worker: Child, seconds: float) -> messages.Message:
-    """Return the next message of a worker; raises as `Child.receive` does, and WireError."""
-    return messages.unpack(worker.receive(seconds), wire.HEADER)
+    """Return the next message of a worker; raises as `Child.receive` does, and FrameError."""
+    return messages.unpack(worker.receive(seconds), frames.UNTRUSTED_HEADER)
 
 
 def describe_exit(death: Died) -> str:

@@ -42,7 +42,7 @@ def candidates(P: Mixed, x: Vector) -> Iterator[tuple[States, Vector]]:
 
 
 def states_of(P: Mixed, x: Vector) -> States:
-    """Whether each unknown is nearer to a bound than its row is to 0, both by what they do to the sums of rows."""
+    """Return whether each unknown is nearer to a bound than its row is to 0, by what they do to sums of rows."""
     f = P.K @ x + P.c
     sizes = abs(P.K) @ np.abs(x) + np.abs(P.c)
     weights = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)

@@ -20,7 +20,7 @@ LARGEST = 1200
 
 @dataclass(frozen=True, eq=False)
 class Support:
-    """What determines an exact solution.
+    """The numbers that determine an exact solution.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ def exact_point(
 
 
 def _sides(P: Mixed, K: ExactRows, rows: Index, x: Sequence[Any]) -> list[Any]:
-    """−c − Kx of some rows; unknowns that are still to come are 0."""
+    """Return −c − Kx of some rows; unknowns that are still to come are 0."""
     sides: list[Any] = []
     for i in rows.tolist():
         total = -rational(float(P.c[i]))
@@ -110,7 +110,7 @@ def violations(P: Mixed, K: ExactRows, x: Sequence[Any]) -> list[tuple[int, int]
 
 
 def _beside(x: Any, low: float, high: float) -> int:
-    """−2 below the bounds, −1 at the lower, 0 between them, 1 at the upper, 2 above."""
+    """Return −2 below the bounds, −1 at the lower, 0 between them, 1 at the upper, 2 above."""
     if low > -np.inf:
         bound = rational(low)
         if x <= bound:
@@ -135,5 +135,5 @@ def _sign(total: Any, exponent: int, c: float, common: Any) -> int:
 
 
 def row_value(P: Mixed, K: ExactRows, i: int, x: Sequence[Any]) -> Any:
-    """(Kx + c)ᵢ."""
+    """Return (Kx + c)ᵢ."""
     return -_sides(P, K, np.array([i]), x)[0]

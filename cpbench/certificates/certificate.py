@@ -37,7 +37,7 @@ Evidence: TypeAlias = Mapping[str, NDArray[Any]]
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What is known for certain of an answer.
+    """Facts that are certain of an answer.
 
     Attributes
     ----------

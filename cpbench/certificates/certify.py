@@ -121,7 +121,7 @@ def _compared(problem: Problem, point: Any) -> Vector:
 
 
 def _distance(P: Mixed, answer: Vector, exact: Any) -> float:
-    """‖answer − S·exact‖∞/‖S·exact‖∞ (absolute where that is 0), rounded up."""
+    """Return ‖answer − S·exact‖∞/‖S·exact‖∞ (absolute where that is 0), rounded up."""
     away, size = rational(0.0), rational(0.0)
     rows: Any = P.answer
     for here, (a, b) in zip(answer.tolist(), pairwise(rows.indptr.tolist()), strict=True):

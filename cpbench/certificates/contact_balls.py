@@ -212,12 +212,12 @@ def _row(entries: Sequence[tuple[int, Any]], size: int) -> list[Any]:
 
 
 def square(balls: Sequence[Any]) -> Any:
-    """Σ a² of balls."""
+    """Return Σ a² of balls."""
     return sum((a * a for a in balls), arb(0))
 
 
 def norm(balls: Sequence[Any]) -> Any:
-    """√(a² + b²) of balls; no number where the balls hold 0."""
+    """Return √(a² + b²) of balls; no number where the balls hold 0."""
     return square(balls).sqrt()
 
 

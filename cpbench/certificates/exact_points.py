@@ -44,7 +44,7 @@ def affine(matrix: Sparse, constants: Vector, x: Sequence[Any]) -> list[Any]:
 
 
 def solves_contacts(scene: Scene, x: Vector) -> bool:
-    """Whether x meets all equations and Coulomb's law with Signorini's conditions, exactly.
+    """Return whether x meets all equations and Coulomb's law with Signorini's conditions, exactly.
 
     No root is needed: where u_T ≠ 0, r_T is opposite to it and ‖r_T‖² = μ²r_N².
     """

@@ -51,7 +51,7 @@ class ExactRows:
 
     @classmethod
     def of(cls, matrix: Sparse) -> ExactRows:
-        """Every stored number; raises nothing, for a problem's data are finite."""
+        """Return every stored number; raises nothing, for a problem's data are finite."""
         mantissas, exponents = np.frexp(matrix.data)
         whole = (mantissas * 2.0**53).astype(np.int64)
         exponents = exponents.astype(np.int64) - 53

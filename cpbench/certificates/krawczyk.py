@@ -48,7 +48,7 @@ class System(Protocol):
         ...
 
     def ball_jacobian(self, x: Sequence[Any]) -> list[list[Any]]:
-        """F′ on a box of balls, in balls of the precision at hand."""
+        """Return F′ on a box of balls, in balls of the precision at hand."""
         ...
 
 
@@ -178,7 +178,7 @@ def _none(reason: str) -> Box:
 
 
 def _tested(system: System, near: Sequence[Any], C: Dense, units: Vector) -> Box:
-    """Krawczyk's test, in units of the unknowns; the centre is rounded to sums of doubles first."""
+    """Apply Krawczyk's test, in units of the unknowns; the centre is rounded to sums of doubles first."""
     parts = sums_of_doubles(near)
     centre = balls(parts, np.zeros(len(near)))
     shift = _upper_product(C, system.residual(centre))

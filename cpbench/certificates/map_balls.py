@@ -24,7 +24,7 @@ DERIVATIVE_BITS = 80
 
 
 def values(F: Map, x: Sequence[Any]) -> list[Any]:
-    """F(x) in balls."""
+    """Return F(x) in balls."""
     known = _constants(F, x, arb)
     for head, a, b in _operations(F):
         known.append(_VALUES[Op(head)](known[a], known[b]) if b >= 0 else _VALUES[Op(head)](known[a], None))
@@ -32,7 +32,7 @@ def values(F: Map, x: Sequence[Any]) -> list[Any]:
 
 
 def exact_values(F: Map, x: Sequence[Any]) -> list[Any] | None:
-    """F(x) over the rationals; None where an operation leaves them."""
+    """Return F(x) over the rationals; None where an operation leaves them."""
     known = _constants(F, x, lambda v: fmpq(*v.as_integer_ratio()))
     for head, a, b in _operations(F):
         found = _rational(Op(head), known[a], known[b] if b >= 0 else None)
@@ -85,7 +85,7 @@ def _unknown() -> Any:
 
 
 def _choice(test: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """1 where a comparison is certain, 0 where its contrary is, else no number."""
+    """Return 1 where a comparison is certain, 0 where its contrary is, else no number."""
 
     def decided(a: Any, b: Any) -> Any:
         found = test(a, b)
@@ -205,7 +205,7 @@ _SMOOTH: Mapping[Op, Callable[[Any, Any], Any]] = {
 
 
 def _slopes(op: Op, a: Any, b: Any, f: Any) -> tuple[Any, Any]:
-    """∂f/∂a and ∂f/∂b, None where f does not depend on an argument."""
+    """Return ∂f/∂a and ∂f/∂b, None where f does not depend on an argument."""
     if op in _SMOOTH:
         return _SMOOTH[op](a, f), None
     if op in _STEPS:  # a jump within the box leaves the value open

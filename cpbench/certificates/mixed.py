@@ -84,7 +84,7 @@ _FORMS: dict[str, Callable[[Any, Any], tuple[Mixed, Vector]]] = {
 
 
 def _with_rows(P: Any, M: Any, q: Vector, point: Any) -> tuple[Mixed, Vector]:
-    """(z, λ, μ) beside Mz + q − Aᵀλ − Cᵀμ, Az − b, Cz − d; a row with an infinite side has λ = 0."""
+    """Return (z, λ, μ) beside Mz + q − Aᵀλ − Cᵀμ, Az − b, Cz − d; a row with an infinite side has λ = 0."""
     A, C = sp.csr_array(P.A), sp.csr_array(P.C)
     n, m, k = q.size, P.b.size, P.d.size
     there = P.b > -INFINITE

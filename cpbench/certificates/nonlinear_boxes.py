@@ -58,7 +58,7 @@ class BasicSystem:
     held: Vector
 
     def full(self, x: Sequence[Any]) -> list[Any]:
-        """All unknowns."""
+        """Return all unknowns."""
         every = [arb(v) for v in self.held.tolist()]
         for j, value in zip(self.basic.tolist(), x, strict=True):
             every[j] = value
@@ -173,7 +173,7 @@ def _broken(P: Bounded, states: States, x: Sequence[Any]) -> list[tuple[int, int
 
 
 def _states(P: Bounded, z: Vector) -> States:
-    """Whether each unknown is nearer to a bound than its row to 0, both over what the Jacobian says they do."""
+    """Return whether each unknown is nearer to a bound than its row to 0, both over what the Jacobian says they do."""
     f = P.F(z)
     sizes: Any = abs(P.F.jacobian(z))
     unit = np.asarray(sizes @ np.maximum(np.abs(z), 1e-12)).ravel()

@@ -54,7 +54,7 @@ class Reduced:
     held: Vector
 
     def full(self, x: Sequence[Any]) -> list[Any]:
-        """All unknowns."""
+        """Return all unknowns."""
         every = [arb(v) for v in self.held.tolist()]
         for j, value in zip(self.columns.tolist(), x, strict=True):
             every[j] = value

@@ -64,7 +64,7 @@ def _test(problem: Problem, point: Any) -> tuple[Callable[[Sequence[Any]], bool]
 
 
 def _bounds(lo: Vector, hi: Vector, x: Sequence[Any], f: Sequence[Any]) -> bool:
-    """Whether some unknown contradicts its bounds or its row."""
+    """Return whether some unknown contradicts its bounds or its row."""
     for v, row, low, high in zip(x, f, lo.tolist(), hi.tolist(), strict=True):
         above, below = low == -np.inf or v > low, high == np.inf or v < high
         if (low > -np.inf and v < low) or (high < np.inf and v > high):
@@ -75,7 +75,7 @@ def _bounds(lo: Vector, hi: Vector, x: Sequence[Any], f: Sequence[Any]) -> bool:
 
 
 def _contacts(scene: Scene, x: Sequence[Any]) -> bool:
-    """Whether some equation or contact contradicts its law."""
+    """Return whether some equation or contact contradicts its law."""
     if any(row > 0 or row < 0 for row in scene.equations(x)):
         return True
     u, r, d = scene.velocities(x), x[scene.k :], scene.q.size // max(scene.mu.size, 1)

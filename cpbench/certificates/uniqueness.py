@@ -30,7 +30,9 @@ def uniqueness(M: Sparse, *, box: bool) -> str:
 
 
 def dominant(M: Sparse) -> bool:
-    """Whether M is an H-matrix with positive diagonal, hence a P-matrix: Mᵢᵢwᵢ > Σ|Mᵢⱼ|wⱼ exactly, for some w > 0.
+    """Return whether M is an H-matrix with positive diagonal, hence a P-matrix.
+
+    Exactly: Mᵢᵢwᵢ > Σ|Mᵢⱼ|wⱼ for some w > 0.
 
     (Berman, Plemmons: Nonnegative Matrices in the Mathematical Sciences, 1994, chapter 6.)
     """
@@ -51,7 +53,7 @@ def dominant(M: Sparse) -> bool:
 
 
 def definite(M: Sparse) -> bool:
-    """Whether M + Mᵀ is positive definite: X(M + Mᵀ)Xᵀ is strictly diagonally dominant, exactly, for some X.
+    """Return whether M + Mᵀ is positive definite: X(M + Mᵀ)Xᵀ is strictly diagonally dominant, exactly, for some X.
 
     X is the inverse of a Cholesky factor in doubles (after Rump: Verification of positive definiteness, BIT 46, 2006).
     Were X singular, the product would be so too, which a dominant matrix is not.

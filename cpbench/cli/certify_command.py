@@ -8,9 +8,11 @@ from pathlib import Path
 import click
 
 from cpbench import storage
-from cpbench.api.certifying import TOLERANCE, certificate_lines, certify, save_certificate
+from cpbench.api.certifying import TOLERANCE, certificate_lines, certify, certify_rows, save_certificate
 from cpbench.api.problems import load, verify
+from cpbench.api.results import is_results_file
 from cpbench.api.solving import solve
+from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command, force_option, format_option, number, timeout_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH
@@ -19,7 +21,7 @@ from cpbench.storage.base import require_new
 
 
 @click.command(cls=Command)
-@click.argument("problem", type=ADDRESS)
+@click.argument("problem", metavar="PROBLEM|RESULTS", type=ADDRESS)
 @click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
 @click.option("-s", "--solver", metavar="NAME[opt=value]", help="Solver, where no answer is given (the automatic one).")
 @timeout_option
@@ -39,8 +41,15 @@ def command(
 
     Polyhedral problems are solved exactly (proved); for others a box is found that holds a solution (enclosed), or none
     (refuted). Else what stops a proof is named. The program in cpbench/certificates/checker proves a file again.
-    Ends with 1 unless a solution is proved or enclosed.
+    Ends with 1 unless a solution is proved or enclosed. With RESULTS all kept answers get their level and distance,
+    as by cpbench run --certify; cpbench report shows them.
     """
+    if is_results_file(problem):
+        if answer is not None or solver is not None or output is not None:
+            raise click.UsageError("with RESULTS no --answer, --solver or --output: all kept answers are looked at")
+        with Store(problem, create=True) as store:
+            print_lines(certify_rows(store, timeout))
+        return
     if answer is not None and solver is not None:
         raise click.UsageError("give --answer or --solver, not both")
     if output is not None:

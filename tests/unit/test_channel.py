@@ -12,7 +12,7 @@ import pytest
 
 from cpbench.bench.processes import channel
 from cpbench.bench.processes.channel import Channel
-from cpbench.bench.processes.wire import WireError
+from cpbench.frames import FrameError
 
 HEAD = "<4sIQ"
 
@@ -87,7 +87,7 @@ def test_answers_to_an_earlier_request_are_dropped(ends: tuple[Channel, Channel]
 def test_what_is_no_message_is_refused(ends: tuple[Channel, Channel], sent: bytes, told: str) -> None:
     ours, child = ends
     child._socket.sendall(sent)
-    with pytest.raises(WireError, match=told):
+    with pytest.raises(FrameError, match=told):
         ours.receive_nowait()
 
 

@@ -9,6 +9,7 @@ import pytest
 from tiers import some_by_day
 
 from cpbench import graph
+from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import plan
 from cpbench.conversions import make
 from cpbench.errors import NoRoute, NotApplicable
@@ -423,10 +424,10 @@ def test_a_run_that_names_no_solver_keeps_problems_of_matrices_with_solvers_of_m
     maps = nodes_of_maps()
     mapped = next(s.spec for s in solvers if s.spec.node in maps and s.spec.by_default)
     for node in ("lcp", mapped.node):
-        survey = {
-            "address": "a", "problem": "p", "fingerprint": "f", "node": node, "family": "", "sizes": {}, "format": None,
-            "sequence": None, "step": None, "nodes": {"exact": [node, mapped.node]},
-        }  # fmt: skip
+        survey = Surveyed(
+            address="a", format=None, problem="p", fingerprint="f", node=node, family="", sizes={}, features={},
+            nodes={"exact": [node, mapped.node]},
+        )  # fmt: skip
         for detours in (True, False):
             found = plan.pairs([survey], [plan.Entry(mapped.name)], [plan.exact()], 1e-6, detours=detours)
             assert bool(found) == (detours or node in maps)

@@ -19,8 +19,11 @@ from tiers import some_by_day
 
 from cpbench import storage
 from cpbench.api import run_log
-from cpbench.bench.planning import plan_file, quantities
+from cpbench.bench.events import Done
+from cpbench.bench.messages import Surveyed
+from cpbench.bench.planning import plan, plan_file, quantities
 from cpbench.bench.processes import guard
+from cpbench.bench.results.rows import Outcome
 from cpbench.cli import main
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations import LCP
@@ -126,12 +129,12 @@ def test_no_cell_is_a_formula_and_no_control_character_is_left(tmp_path: Path) -
 
 def test_messages_reach_no_terminal_raw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The line of an event, with what a solver may put into its message; the log has the same line."""
-    row = {"status": "error", "message": f"{ESC} half \ud800", "solver": "s"}
-
-    class Pair:
-        address, label = "p.h5", "s"
-
-    told = run_log.log_line("done", Pair(), row)  # type: ignore[arg-type]
+    survey = Surveyed(
+        address="p.h5", format=None, problem="p", fingerprint="f", node="lcp", family="", sizes={}, features={},
+        nodes={"exact": ["lcp"]},
+    )  # fmt: skip
+    (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6)
+    told = run_log.log_line(Done(pair, Outcome(status="error", message=f"{ESC} half \ud800")))
     assert told.endswith(r": \x1b]0;owned\x07 half \ud800")
     logger = run_log.run_log(True, tmp_path / "x.log")
     assert logger is not None

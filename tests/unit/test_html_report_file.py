@@ -18,7 +18,7 @@ from cpbench.analysis import metrics
 from cpbench.analysis import table as rows_of
 from cpbench.report.html import page as html_page
 from cpbench.report.html.columns import columns_of
-from cpbench.report.html.container import packed, unpacked
+from cpbench.report.html.embedded_data import packed, unpacked
 from cpbench.report.run import assembled
 
 

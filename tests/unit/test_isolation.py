@@ -17,8 +17,8 @@ from cpbench.bench.processes import cgroup, isolation
 from cpbench.bench.processes.cgroup import Cgroup
 from cpbench.bench.processes.launch import context, limit_memory
 from cpbench.bench.processes.process import Child, Died, TimedOut
-from cpbench.bench.processes.wire import WireError
 from cpbench.errors import CpbenchError, UnknownName
+from cpbench.frames import FrameError
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="does not apply: Linux only")
 WAYS = ["", "group", "spawn"] if sys.platform == "linux" else ["spawn"]
@@ -233,7 +233,7 @@ def test_only_empty_groups_of_the_dead_are_removed(tmp_path: Path) -> None:
 
 
 def test_noise_is_no_message(start: Start) -> None:
-    with pytest.raises(WireError):
+    with pytest.raises(FrameError):
         start(_noise).receive(30.0)
 
 

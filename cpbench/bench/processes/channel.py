@@ -11,6 +11,8 @@ import socket
 import struct
 import time
 
+from cpbench.frames import FrameError
+
 MOST = 2**30
 """Bytes of the largest message that is taken."""
 _HEAD = struct.Struct("<4sIQ")
@@ -18,10 +20,6 @@ _MARK = b"cpb1"
 _PART = 2**20
 _AT_ONCE = 16
 """Parts read in one go: who sends without end does not keep the reader from its clock."""
-
-
-class WireError(ValueError):
-    """A message is not one of ours."""
 
 
 class Channel:
@@ -59,7 +57,7 @@ class Channel:
     def receive_nowait(self) -> bytes | None:
         """Return a whole message if it has come and was not too much to read in one go, else None: ask again.
 
-        Raises EOFError when the other end is closed, WireError when what came is no message.
+        Raises EOFError when the other end is closed, FrameError when what came is no message.
         """
         message = self._taken()
         parts = 0
@@ -120,9 +118,9 @@ class Channel:
     def _head(self) -> tuple[int, int]:
         mark, turn, size = _HEAD.unpack_from(self._buffer)
         if mark != _MARK:
-            raise WireError(f"no message: it begins with {bytes(self._buffer[:16])!r}")
+            raise FrameError(f"no message: it begins with {bytes(self._buffer[:16])!r}")
         if size > self._most:
-            raise WireError(f"a message of {size} bytes, over the limit of {self._most}")
+            raise FrameError(f"a message of {size} bytes, over the limit of {self._most}")
         return turn, size
 
     def _taken(self) -> bytes | None:

@@ -102,7 +102,7 @@ class Scene:
         return F
 
     def lawful(self, states: list[int], box: list[Any]) -> bool:
-        """Whether what the equations leave open holds for certain."""
+        """Return whether what the equations leave open holds for certain."""
         _, u = self.apply(box, arb)
         for c, state in enumerate(states):
             v, r, mu = u[3 * c : 3 * c + 3], box[self.k + 3 * c : self.k + 3 * c + 3], arb(self.mu[c])
@@ -116,7 +116,7 @@ class Scene:
         return True
 
     def implied(self, states: list[int], dropped: list[int]) -> bool:
-        """Whether the equations that are dropped follow exactly from the others, by ranks over the rationals."""
+        """Return whether the equations that are dropped follow exactly from the others, by ranks over the rationals."""
         linear = [3 * c + i for c, s in enumerate(states) for i in range(3) if s == STICK or (s != OPEN and i == 0)]
         kept = [i for i in linear if self.k + i not in dropped]
         if not all(i - self.k in linear for i in dropped):

@@ -51,7 +51,7 @@ class Matrix:
         return Matrix(self.shape[::-1], rows)
 
     def digest(self) -> bytes:
-        """SHA-256 of its entries, as cpbench takes it."""
+        """Return the SHA-256 of its entries, as cpbench takes it."""
         ends = np.concatenate([[0], np.cumsum([len(row) for row in self.rows])]).astype(np.int64)
         h = hashlib.sha256(f"matrix {self.shape[0]} {self.shape[1]};".encode() + ends.tobytes())
         h.update(np.array([j for row in self.rows for j in row], dtype=np.int64).tobytes())
@@ -91,7 +91,7 @@ def map_digest(arrays: dict[str, Any]) -> bytes:
 
 
 def seal(group: Any) -> str:
-    """SHA-256 of everything in a group but its own attribute `seal`: whatever was changed by hand is seen."""
+    """Return the SHA-256 of everything in a group but its own attribute `seal`: a change by hand is seen."""
     h = hashlib.sha256()
 
     def add(name: str, item: Any) -> None:

@@ -64,7 +64,7 @@ def operations(F: dict[str, Any]) -> list[tuple[str, int, int]]:
 
 
 def duals(F: dict[str, Any], x: list[Dual]) -> list[Dual]:
-    """F(x) with derivatives; not finite where F may have a kink or be undefined."""
+    """Return F(x) with derivatives; not finite where F may have a kink or be undefined."""
     known = [*x, *(Dual(arb(v), {}) for v in F["constants"].tolist())]
     for name, a, b in operations(F):
         known.append(unary(name, known[a]) if b < 0 else binary(name, known[a], known[b]))
@@ -135,7 +135,7 @@ def power(v: Any, n: int) -> Any:
 
 
 def truth(v: Any) -> bool | None:
-    """Whether a ball is not 0, None where that is open."""
+    """Return whether a ball is not 0, None where that is open."""
     return False if v.is_zero() else True if v > 0 or v < 0 else None
 
 
@@ -151,7 +151,7 @@ def decided(name: str, v: Any, w: Any) -> bool | None:
 
 
 def rationals(F: dict[str, Any], x: list[Any]) -> list[Any]:
-    """F(x) over the rationals; raises KeyError where an operation leaves them."""
+    """Return F(x) over the rationals; raises KeyError where an operation leaves them."""
     known = [*x, *(exact(v) for v in F["constants"].tolist())]
     for name, i, j in operations(F):
         a, b = known[i], known[j] if j >= 0 else fmpq(0)

@@ -140,7 +140,7 @@ def polyhedral(own: dict[str, Any], data: dict[str, Any], answer: Any, evidence:
 
 
 def unique(fact: str, K: list[dict[int, float]], n: int) -> bool:
-    """Whether the leading block has the fact: by a witness in doubles that is checked over the rationals."""
+    """Return whether the leading block has the fact: by a witness in doubles that is checked over the rationals."""
     M = np.array([[K[i].get(j, 0.0) for j in range(n)] for i in range(n)])
     if fact == "P-matrix":
         M = np.where(np.eye(n) > 0, M, -np.abs(M))

@@ -38,7 +38,7 @@ def refutation(own: dict[str, Any], data: dict[str, Any], answer: Any) -> None:
 
 
 def misses(f: list[Any], box: list[Any], lo: Any, hi: Any) -> bool:
-    """Whether some unknown cannot be where its row wants it."""
+    """Return whether some unknown cannot be where its row wants it."""
     for v, row, low, high in zip(box, f, map(float, lo), map(float, hi), strict=True):
         if v < low or v > high or (low < high and ((row > 0 and v > low) or (row < 0 and v < high))):
             return True
@@ -46,7 +46,7 @@ def misses(f: list[Any], box: list[Any], lo: Any, hi: Any) -> bool:
 
 
 def contradicted(scene: Scene, x: list[Any]) -> bool:
-    """Whether some equation or contact cannot hold."""
+    """Return whether some equation or contact cannot hold."""
     equations, u = scene.apply(x, arb)
     if any(row > 0 or row < 0 for row in equations):
         return True

@@ -17,7 +17,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.errors import FormatError
 from cpbench.report.html import rankings, vega
 from cpbench.report.html.columns import columns_of
-from cpbench.report.html.container import packed
+from cpbench.report.html.embedded_data import packed
 from cpbench.report.html.sections import sections
 from cpbench.report.run import Run
 from cpbench.report.text import one_line

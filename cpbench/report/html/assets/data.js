@@ -1,7 +1,14 @@
 "use strict";
-/* The results of the page: base64 of gzip of [length of the header, header as JSON, columns of numbers]. */
+/* The results of the page: base64 of gzip of a frame (frames.py): the length of the header, the header as JSON, columns of numbers. */
 const Data = (() => {
-  const TYPES = { u8: Uint8Array, u16: Uint16Array, u32: Uint32Array, f32: Float32Array, f64: Float64Array };
+  const TYPES = {
+    "|u1": Uint8Array,
+    "<u2": Uint16Array,
+    "<u4": Uint32Array,
+    "<f4": Float32Array,
+    "<f8": Float64Array,
+  };
+  const ALIGNED = 8;
 
   /* Young browsers do this ten times as fast as a loop over the letters. */
   function bytesOf(text) {
@@ -18,8 +25,10 @@ const Data = (() => {
     const length = new DataView(bytes).getUint32(0, true);
     const header = JSON.parse(new TextDecoder().decode(new Uint8Array(bytes, 4, length)));
     const columns = {};
-    for (const [name, { type, at, count }] of Object.entries(header.columns)) {
-      columns[name] = new TYPES[type](bytes, at, count);
+    let at = 4 + length;
+    for (const [name, size, type] of header.vectors) {
+      columns[name] = new TYPES[type](bytes, at, size / TYPES[type].BYTES_PER_ELEMENT);
+      at += Math.ceil(size / ALIGNED) * ALIGNED;
     }
     return { facts: header.facts, columns };
   }

@@ -1,4 +1,4 @@
-"""Frictional contact by whichever of Gauss–Seidel, Newton and ADMM promises to be done first, from what they cost."""
+"""Frictional contact by Gauss–Seidel, Newton, ADMM and interior points in turns, by what they cost."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ from cpbench.solvers.native.contact.sweeps import (
 )
 from cpbench.solvers.options import fixed, searched
 
+KERNELS = "anderson", "block_layout", "contact_interior", "contact_newton", "contact_splitting", "gauss_seidel"
 WORDS = 12
 """Phases that the message tells of, the last ones."""
 
 
 @dataclass(frozen=True)
 class AutoContactOptions:
-    """Options of auto-fc. `sweeps` : in the first phase. `max_iterations` : sweeps, Newton steps and iterations of
-    ADMM together."""
+    """Options of auto-fc. `sweeps` : in the first phase. `max_iterations` : sweeps, Newton steps, steps of interior
+    points and iterations of ADMM together."""
 
     sweeps: int = searched(50, low=10, high=500, log=True)
     max_iterations: int = fixed(200_000)
@@ -46,7 +47,7 @@ class AutoContact(Solver):
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="auto-fc",
         node="fc",
-        summary="Gauss-Seidel with acceleration, Newton or ADMM, whichever promises to be done first",
+        summary="Gauss-Seidel with acceleration, Newton, interior points or ADMM, whichever promises to be done first",
         method="automatic choice",
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=AutoContactOptions,
@@ -56,7 +57,7 @@ class AutoContact(Solver):
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
-        load_all("solvers", ("anderson", "block_layout", "contact_splitting", "contact_newton"))
+        load_all("solvers", KERNELS)
 
     def solve(
         self,

@@ -31,7 +31,7 @@ class AutoQP(AutomaticChoice):
         "mprgp-qp",
         "augmented-lagrangian",
     )
-    kernels: ClassVar[tuple[str, ...]] = ("qp_dual", "qp_ldl", "mprgp")
+    kernels: ClassVar[tuple[str, ...]] = ("qp_dual", "qp_interior", "qp_sparse", "minimum_degree", "mprgp")
 
     def phases(self, problem: QP) -> Sequence[SolverPhase]:
         n, rows = problem.p.size, problem.b.size + problem.d.size

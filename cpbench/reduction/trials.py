@@ -1,0 +1,199 @@
+"""Candidates put to the test: each a file, solved in the processes of a run and judged, and none of them twice."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from cpbench import storage
+from cpbench.api.solving import nearest_automatic
+from cpbench.bench.planning import plan
+from cpbench.bench.results import answers
+from cpbench.bench.results.rows import Outcome
+from cpbench.bench.slot import Slot
+from cpbench.bench.worker_pool import Setting
+from cpbench.errors import CpbenchError, NoRoute, PointError
+from cpbench.formulations.base import Problem
+from cpbench.reduction.predicate import Predicate
+from cpbench.temporary import RUN, TemporaryHome
+from cpbench.verification import MET_TOLERANCE
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The failure that is looked at: by which solver, how it is reached, what its answers are asked for.
+
+    Attributes
+    ----------
+    solver : a name with options. predicate : the failure. tolerance : of the verdict. limits : of a solve.
+    via : conversions that are pinned. routes : exact, or all.
+    """
+
+    solver: str
+    predicate: Predicate
+    tolerance: float = 1e-6
+    limits: plan.Limits = field(default_factory=lambda: plan.Limits(seconds=2.0, repeats=1))
+    via: tuple[str, ...] = ()
+    routes: str = "exact"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of a candidate.
+
+    Attributes
+    ----------
+    holds : whether the solver fails. outcome : of the solver, None where it was remembered. other : of the solver that
+    solves the problem, None where it was not asked.
+    """
+
+    holds: bool
+    outcome: Outcome | None = None
+    other: Outcome | None = None
+
+
+class Trials:
+    """Solves candidates on one slot until a time is over. Use as a context manager.
+
+    Parameters
+    ----------
+    asked : the failure. end : on the clock of `time.monotonic`. journal : file of what was tried, which is added to;
+    what it has is not tried again. None: nothing is kept.
+    """
+
+    def __init__(self, asked: Asked, end: float, journal: Path | None = None) -> None:
+        self.asked, self.end = asked, end
+        self.tried, self.remembered = 0, 0
+        self.solvable = asked.predicate.needs_other
+        self._journal = journal
+        self._known: dict[str, bool] = _read(journal)
+        self._pairs: dict[tuple[str, str], plan.Pair] = {}
+        self._scratch = TemporaryHome(RUN)
+        self._slot = Slot(Setting(asked.limits.threads, asked.limits.memory))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
+        self._slot.close()
+        self._scratch.remove()
+
+    @property
+    def over(self) -> bool:
+        """Whether the time is over."""
+        return time.monotonic() > self.end
+
+    def other_of(self, node: str) -> str:
+        """Return the solver that has to solve what the failing one does not: the one that was named, or the first
+        automatic choice that is another solver; empty where there is none."""
+        named = self.asked.predicate.other
+        failing = plan.parse_entry(self.asked.solver).solver
+        return named or next((name for name in nearest_automatic(node) if name != failing), "")
+
+    def begin(self, problem: Problem) -> Trial:
+        """Try the problem as it was given: whether the solver fails, and whether another one solves it, which every
+        candidate has to allow from then on. Raises NoRoute."""
+        trial = self._tried(problem, ask_other=True)
+        self.solvable = self.solvable or (trial.other is not None and trial.other.status in MET_TOLERANCE)
+        if trial.holds:
+            self._remember(problem.fingerprint, True)
+        return trial
+
+    def holds(self, problem: Problem) -> bool:
+        """Return whether the failure is there on a candidate; False once the time is over."""
+        known = self._known.get(problem.fingerprint)
+        if known is not None:
+            self.remembered += 1
+            return known
+        if self.over:
+            return False
+        found = self._tried(problem).holds
+        self._remember(problem.fingerprint, found)
+        return found
+
+    def solution(self, problem: Problem) -> Any:
+        """Return the other solver's verified answer to the problem, None where there is none."""
+        name = self.other_of(problem.node) if self.solvable else ""
+        outcome = self._solved(problem, name) if name else None
+        if outcome is None or outcome.status not in MET_TOLERANCE or outcome.answer is None:
+            return None
+        try:
+            return problem.point_from_vector(answers.unpack(outcome.answer))
+        except PointError:
+            return None
+
+    def again(self, problem: Problem) -> Trial:
+        """Try a problem once more, whatever is remembered of it."""
+        return self._tried(problem, ask_other=True)
+
+    def _tried(self, problem: Problem, ask_other: bool = False) -> Trial:
+        self.tried += 1
+        predicate, outcome = self.asked.predicate, self._solved(problem, self.asked.solver)
+        fails = predicate.fails(outcome)
+        if not (ask_other or (fails and self.solvable)):
+            return Trial(fails, outcome)
+        name = self.other_of(problem.node)
+        other = self._solved(problem, name) if name else None
+        if self.solvable:
+            return Trial(fails and other is not None and predicate.holds(outcome, other), outcome, other)
+        return Trial(fails, outcome, other)
+
+    def _solved(self, problem: Problem, solver: str) -> Outcome:
+        """Solve a problem by a solver; raises NoRoute where no problem of this formulation reaches it."""
+        path = self._scratch.folder / f"candidate-{problem.fingerprint}.h5"
+        if not path.exists():
+            for old in self._scratch.folder.glob("candidate-*.h5"):
+                old.unlink()
+            storage.save(problem, path)
+        pair = self._pair(problem, solver, str(path))
+        prepared = self._slot.prepare(pair)
+        outcome = self._slot.run(pair, prepared)
+        return outcome
+
+    def _pair(self, problem: Problem, solver: str, address: str) -> plan.Pair:
+        known = self._pairs.get((problem.node, solver))
+        if known is None:
+            known = self._pairs[problem.node, solver] = self._planned(solver, address)
+        return replace(known, address=address, fingerprint=problem.fingerprint, sizes=problem.sizes())
+
+    def _planned(self, solver: str, address: str) -> plan.Pair:
+        asked, entry = self.asked, plan.parse_entry(solver)
+        failing = solver == asked.solver
+        if asked.via and failing:
+            requests: Sequence[plan.Request] = [plan.pinned(asked.via, {})]
+        else:
+            requests = plan.requests("all", ()) if asked.routes == "all" and failing else [plan.exact()]
+        survey = self._slot.survey(address, requests)
+        found = plan.pairs([survey], [entry], requests, asked.tolerance, asked.limits, relaxations=failing)
+        if not found:
+            raise NoRoute(f"no route from {survey.node} to {solver}; see: cpbench route FILE --explain")
+        return found[0]
+
+    def _remember(self, fingerprint: str, holds: bool) -> None:
+        self._known[fingerprint] = holds
+        if self._journal is not None:
+            with self._journal.open("a", encoding="utf-8") as file:
+                file.write(json.dumps([fingerprint, holds]) + "\n")
+
+
+def _read(journal: Path | None) -> dict[str, bool]:
+    """Read what was tried; a last line that was cut off is passed over."""
+    if journal is None or not journal.exists():
+        return {}
+    known: dict[str, bool] = {}
+    for line in journal.read_text(encoding="utf-8").splitlines():
+        try:
+            fingerprint, holds = json.loads(line)
+        except ValueError as cause:
+            if not line.startswith("["):
+                raise CpbenchError(
+                    f"{journal}: is no journal of cpbench reduce ({cause}); name another folder"
+                ) from None
+            continue
+        known[str(fingerprint)] = bool(holds)
+    return known

@@ -1,0 +1,267 @@
+"""Failures made small: what is left out and what stays, and the command from a failing solver to its report."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from command_line import cpbench as command
+from command_line import with_plugins
+from generated import instances
+
+import cpbench
+from cpbench.formulations import LCP, Problem
+from cpbench.generators import generators
+from cpbench.reduction import numbers
+from cpbench.reduction.forms import form
+from cpbench.reduction.minimize import minimized
+from cpbench.reduction.parts import TERMS, kinds, without
+from cpbench.reduction.predicate import parse_predicate, predicate_of
+from cpbench.reduction.snippets import snippets
+
+PLUGIN = """
+import os
+import numpy as np
+from cpbench.formulations import LCPPoint
+from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, register
+
+
+def solver(name, spoils):
+    def solve(self, prepared, budget, options, start=None, record=None):
+        z = np.linalg.solve(prepared.M, -prepared.q)
+        if ((prepared.M > 0.5) & ~np.eye(len(z), dtype=bool)).any():
+            z = spoils(z)
+        return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z=z))
+
+    spec = SolverSpec(name=name, node="lcp", summary="fails where M has a positive entry", method="fault")
+    register(type(name.title().replace("-", ""), (Solver,), {"spec": spec, "solve": solve}))
+
+
+solver("half-liar", lambda z: 2 * z)
+solver("half-crash", lambda z: os.abort())
+"""
+"""Solvers that fail exactly where M has an entry > 0.5 beside its diagonal: two unknowns are needed for that."""
+
+
+def hidden(n: int = 8) -> LCP:
+    """Diagonally dominant with one positive entry beside the diagonal; z = e solves it."""
+    rng = np.random.default_rng(0)
+    M = np.diag(np.full(n, 9.1)) - np.round(rng.uniform(0, 1, (n, n)), 4) * (1 - np.eye(n))
+    M[5, 2] = 0.7321
+    return LCP(M=M, q=-M @ np.ones(n), name="hidden")
+
+
+def test_the_shortest_list_is_found_and_asked_for_few_times() -> None:
+    asked: list[int] = []
+
+    def holds(some: Sequence[int]) -> bool:
+        asked.append(len(some))
+        return {3, 77, 200} <= set(some)
+
+    assert minimized(range(256), holds) == [3, 77, 200]
+    assert len(asked) < 100
+    assert minimized(range(5), lambda some: True) == []
+
+
+# ------------------------------------------------------------------------------------------- parts
+
+
+COLLECTIONS = [c.name for c in generators if c.node in TERMS and c.builtin]
+
+
+@pytest.mark.parametrize("collection", COLLECTIONS)
+def test_what_is_left_has_the_rest_of_a_solution(collection: str) -> None:
+    """A planted solution, restricted to what stays, is measured on what stays, for every kind of part by itself."""
+    rng = np.random.default_rng(1)
+    known = [i for i in instances(collection) if i.solution is not None and sum(i.problem.sizes().values()) < 200]
+    for instance in known[:3]:
+        problem, x = instance.problem, instance.solution
+        before = cpbench.verify(problem, x).error
+        for kind, parts in kinds(problem).items():
+            gone = [part for part in parts if rng.random() < 0.4][: len(parts) - 1]
+            rest = without(problem, gone, x)
+            kept = {symbol: np.ones(size, dtype=bool) for symbol, size in problem.sizes().items()}
+            for part in gone:
+                for symbol, where in part.places.items():
+                    kept[symbol][where] = False
+            point = {name: v[_mask(problem, name, v, kept)] for name, v in x.arrays().items()}
+            error = np.abs(_form_error(rest, rest.point_type(**point)))
+            assert error <= 1e-9 + 100 * before, (instance.name, kind)
+
+
+def _mask(problem: Problem, name: str, v: np.ndarray, kept: dict[str, np.ndarray]) -> np.ndarray:
+    """Which numbers of a part of the answer belong to what stays."""
+    symbols = {"z": "n", "u": "n", "v": "m" if problem.node == "mlcp" else "n", "x": "n", "r": "m", "y": "m", "nu": "n"}
+    symbols |= {"lam": "m" if problem.node in ("qp", "avi") else "p", "mu": "k"}
+    return kept.get(symbols[name], np.ones(v.size, dtype=bool))
+
+
+def _form_error(problem: Problem, point: object) -> float:
+    """The largest violation in units of the data, by the program that a reader gets."""
+    linear = form(problem)
+    if linear is None:
+        return cpbench.verify(problem, point).error
+    names: dict[str, object] = {"answers": {}}
+    text = snippets(linear, "", {"true": point})["snippet.py"].replace("raise SystemExit", "ended = ")
+    exec(compile(text, "snippet.py", "exec"), names)
+    scale = max(1.0, float(np.abs(linear.K).max(initial=0.0)) * float(np.abs(linear.vector(point)).max(initial=0.0)))
+    return float(names["errors"]["true"]) / scale  # type: ignore[index]
+
+
+def test_unknowns_of_a_map_are_left_out() -> None:
+    """F(z) of what stays is F of the whole with the others at their values."""
+    instance = instances("ncp-classics")[0]
+    problem, z = instance.problem, np.array([1.0, 0.5, 0.25, 2.0])
+    part = kinds(problem)["unknown of n"][1]
+    rest = without(problem, [part], problem.point_type(z=z))
+    kept = [0, 2, 3]
+    np.testing.assert_allclose(rest.F(z[kept]), problem.F(z)[kept], rtol=1e-15)
+
+
+# ------------------------------------------------------------------------------------------- numbers
+
+
+def test_entries_change_with_their_mirror_images() -> None:
+    M = sp.csr_array(np.array([[2.0, 0.3333], [0.3333, 2.0]]))
+    problem = LCP(M=M, q=[-1.0, 7.25])
+    found = {entry.field: entry for entry in numbers.entries(problem) if len(entry.places) == 2}
+    assert list(found) == ["M"]
+    changed = numbers.changed(problem, {found["M"]: -1.0})
+    assert changed.M.toarray().tolist() == [[2.0, -1.0], [-1.0, 2.0]]
+    assert numbers.digits(problem) == 4
+    assert numbers.digits(changed) == 3
+
+
+def test_every_way_with_all_numbers_gives_a_problem_with_fewer_digits() -> None:
+    problem = next(i.problem for i in instances("contact-planted-3d") if i.problem.nc == 1)
+    for change in numbers.wholesale(problem):
+        problem = change(problem)
+    assert numbers.digits(problem) == 1
+
+
+def test_what_is_no_failure_is_refused() -> None:
+    assert str(parse_predicate("slower:100:lemke")) == "slower:100:lemke"
+    assert str(predicate_of("max_iter")) == "disagrees"
+    for text in ("solved", "slower:1", "slower:fast", "wrong:lemke"):
+        with pytest.raises(cpbench.CpbenchError, match="is none of"):
+            parse_predicate(text)
+    with pytest.raises(cpbench.CpbenchError, match="no failure"):
+        predicate_of("solved")
+
+
+# ------------------------------------------------------------------------------------------- the command
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("reduce")
+    (place / "plugin.py").write_text(PLUGIN)
+    cpbench.save(hidden(), place / "hidden.h5")
+    return place
+
+
+@pytest.fixture(scope="module")
+def lies(folder: Path) -> Path:
+    """The folder of a liar's reduced failure."""
+    done = with_plugins(
+        folder, "--plugin", "plugin.py", "reduce", "hidden.h5", "-s", "half-liar", "--while", "wrong", "-o", "lies"
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder / "lies"
+
+
+def test_a_lie_is_reduced_to_the_entry_it_hangs_on(lies: Path) -> None:
+    """Two unknowns, one entry > 0.5 between them, and only ones elsewhere: nothing less makes the solver lie."""
+    problem = cpbench.load(lies / "problem.h5")
+    M = cpbench.matrices.dense(problem.M)
+    assert problem.q.size == 2
+    assert sorted(M[~np.eye(2, dtype=bool)].tolist()) == [0.0, 1.0]
+    assert numbers.digits(problem) == 1
+    assert set(np.abs([*np.diag(M), *problem.q])) <= {0.0, 1.0}
+
+
+def test_the_report_says_what_is_claimed_and_what_is_true(lies: Path) -> None:
+    text = (lies / "report.md").read_text()
+    assert text.startswith("# half-liar: wrong on a problem of n = 2 (lcp)")
+    assert "`cpbench solve problem.h5 -s half-liar -t 1e-06 --timeout 2s`" in text
+    assert "half-liar says `solved`" in text
+    assert "auto-lcp: solved with error" in text
+    assert len([line for line in text.splitlines() if line]) <= 11
+    assert (lies / "problem.svg").stat().st_size > 1000
+
+
+def test_the_programs_find_the_same(lies: Path) -> None:
+    """They end with 0 where the claimed answer is not one and the other one is: another program's measurement."""
+    commands = [[sys.executable, "snippet.py"]]
+    if shutil.which("gcc"):
+        subprocess.run(["gcc", "-Wall", "-Werror", "snippet.c", "-lm", "-o", "snippet"], cwd=lies, check=True)
+        commands.append(["./snippet"])
+    if shutil.which("julia"):
+        commands.append(["julia", "snippet.jl"])
+    for program in commands:
+        done = subprocess.run(program, cwd=lies, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+        claimed, true = (float(line.split()[-1]) for line in done.stdout.splitlines())
+        assert claimed > 1e-3
+        assert true < 1e-12
+
+
+def test_the_same_command_again_solves_nothing_anew(folder: Path, lies: Path) -> None:
+    """All candidates are in the journal; the first problem and the last are solved again, each by two solvers."""
+    shutil.copytree(lies, folder / "again")
+    before = (folder / "again/journal.jsonl").read_text()
+    done = with_plugins(
+        folder, "--plugin", "plugin.py", "reduce", "hidden.h5", "-s", "half-liar", "--while", "wrong", "-o", "again"
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "2 solves" in done.stdout
+    assert len(json.loads(f"[{','.join(before.split(chr(10))[:-1])}]")) > 10
+    one, other = (cpbench.load(folder / name / "problem.h5") for name in ("lies", "again"))
+    assert one.fingerprint == other.fingerprint
+
+
+def test_a_crash_of_a_row_is_reduced(folder: Path) -> None:
+    arguments = ("--plugin", "plugin.py")
+    done = with_plugins(
+        folder, *arguments, "run", "hidden.h5", "-s", "half-crash", "-o", "r.sqlite", "--no-report", "-q"
+    )
+    assert done.returncode == 0, done.stderr
+    done = with_plugins(
+        folder, *arguments, "reduce", "r.sqlite", "--pair", "hidden", "-s", "half-crash", "-o", "crash", "-q"
+    )
+    assert done.returncode == 0, done.stderr
+    assert cpbench.load(folder / "crash/problem.h5").q.size == 2
+    assert "says crash" in (folder / "crash/report.md").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("hidden.h5", "-s", "lemke", "--while", "wrong", "-o", "x"), "wrong: lemke does not do that here"),
+        (("hidden.h5", "-s", "lemke", "-o", "x"), "--while wrong"),
+        (("hidden.h5", "-s", "lemke", "--while", "wrong", "-o", "."), "folder of something else"),
+        (("hidden.h5", "-s", "lemka", "--while", "wrong", "-o", "x"), "lemka"),
+    ],
+)
+def test_what_cannot_be_reduced_is_refused_in_one_line(folder: Path, arguments: tuple[str, ...], words: str) -> None:
+    done = command(folder, "reduce", *arguments)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.nightly
+def test_a_real_lie_is_reduced(tmp_path: Path) -> None:
+    """CasADi's Newton claims success on iterates that are no numbers, where the Jacobian is singular."""
+    pytest.importorskip("casadi")
+    cpbench.save(LCP(M=np.diag([-1.0, 3.25, 2.5, -1.0]), q=[-1.0, -2.5, 1.5, -1.0]), tmp_path / "p.h5")
+    done = command(tmp_path, "reduce", "p.h5", "-s", "casadi-fischer-burmeister", "--while", "wrong", "-o", "r", "-q")
+    assert done.returncode == 0, done.stderr
+    assert cpbench.load(tmp_path / "r/problem.h5").q.size == 1
