@@ -44,7 +44,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Trial:
-    """What came of a candidate.
+    """Result of a candidate.
 
     Attributes
     ----------

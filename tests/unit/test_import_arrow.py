@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
 BASE = {
     "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
     "kernel_cache", "imports", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
-    "ncp_functions", "frames",
+    "ncp_functions", "frames", "child_processes",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
 ALLOWED: dict[str, set[str]] = {
@@ -22,11 +22,12 @@ ALLOWED: dict[str, set[str]] = {
     "product_cones": {"matrices", "cones"},
     "registry": {"errors"},
     "frames": set(),
+    "child_processes": set(),
     "locks": set(),
     "ncp_functions": {"matrices", "expressions"},
     "temporary": {"errors", "locks"},
     "imports": set(),
-    "kernel_cache": {"locks", "imports"},
+    "kernel_cache": {"locks", "imports", "child_processes"},
     "brackets": {"errors"},
     "toml_text": set(),
     "plain_text": set(),
