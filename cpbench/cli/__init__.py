@@ -26,6 +26,7 @@ COMMANDS = {
     "verify": "Measure an answer on a problem, or judge the kept answers of a results file again.",
     "certify": "Prove that a solution is near an answer, and how near.",
     "reduce": "Make a problem on which a solver fails as small and simple as the failure lets it be.",
+    "hunt": "Search for problems on which a solver lies, crashes or is slow, and another one does not.",
     "info": "Show what is in a problem file, and facts measured of its matrices.",
     "show": "Show a problem in numbers or as block structure, with its law; also as LaTeX.",
     "plot": "Draw a figure of a run (profile, pairs, scaling, ...) or of a problem (friction cone, contacts, ...).",

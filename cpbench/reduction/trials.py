@@ -44,7 +44,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Trial:
-    """What came of a candidate.
+    """The outcome of a candidate.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ class Trials:
     def solution(self, problem: Problem) -> Any:
         """Return the other solver's verified answer to the problem, None where there is none."""
         name = self.other_of(problem.node) if self.solvable else ""
-        outcome = self._solved(problem, name) if name else None
+        outcome = self.solve(problem, name) if name else None
         if outcome is None or outcome.status not in MET_TOLERANCE or outcome.answer is None:
             return None
         try:
@@ -133,27 +133,25 @@ class Trials:
 
     def _tried(self, problem: Problem, ask_other: bool = False) -> Trial:
         self.tried += 1
-        predicate, outcome = self.asked.predicate, self._solved(problem, self.asked.solver)
+        predicate, outcome = self.asked.predicate, self.solve(problem, self.asked.solver)
         fails = predicate.fails(outcome)
         if not (ask_other or (fails and self.solvable)):
             return Trial(fails, outcome)
         name = self.other_of(problem.node)
-        other = self._solved(problem, name) if name else None
+        other = self.solve(problem, name) if name else None
         if self.solvable:
             return Trial(fails and other is not None and predicate.holds(outcome, other), outcome, other)
         return Trial(fails, outcome, other)
 
-    def _solved(self, problem: Problem, solver: str) -> Outcome:
-        """Solve a problem by a solver; raises NoRoute where no problem of this formulation reaches it."""
+    def solve(self, problem: Problem, solver: str) -> Outcome:
+        """Solve a problem by a solver with its options; raises NoRoute where this formulation does not reach it."""
         path = self._scratch.folder / f"candidate-{problem.fingerprint}.h5"
         if not path.exists():
             for old in self._scratch.folder.glob("candidate-*.h5"):
                 old.unlink()
             storage.save(problem, path)
         pair = self._pair(problem, solver, str(path))
-        prepared = self._lane.prepare(pair)
-        outcome = self._lane.run(pair, prepared)
-        return outcome
+        return self._lane.run(pair, self._lane.prepare(pair))
 
     def _pair(self, problem: Problem, solver: str, address: str) -> plan.Pair:
         known = self._pairs.get((problem.node, solver))
