@@ -101,7 +101,6 @@ def _picture(problem: Problem, point: Any, folder: Path) -> Iterator[Path]:
 
 def _report(reduced: Reduced, asked: Asked, source: str, title: str, points: dict[str, Any]) -> Iterator[str]:
     problem, outcome, other = reduced.problem, reduced.last.outcome, reduced.last.other
-    assert outcome is not None
     ended = "" if reduced.complete else ", not to the end: the time was over"
     yield f"# {title}"
     yield ""
@@ -119,7 +118,7 @@ def _report(reduced: Reduced, asked: Asked, source: str, title: str, points: dic
     yield f"- Measured: {outcome.status}{error}{_seconds(outcome, 'solved in')}."
     if other is not None:
         error = "" if other.error is None else f" with error {other.error:.3g}"
-        yield f"- {reduced.other}: {other.status}{error}{_seconds(other, 'in')}{_answer(points.get('true'))}."
+        yield f"- {reduced.last.name}: {other.status}{error}{_seconds(other, 'in')}{_answer(points.get('true'))}."
 
 
 def _sizes(problem: Problem) -> str:
@@ -183,5 +182,5 @@ def _proofs(problem: Problem, points: dict[str, Any]) -> tuple[str, list[str]]:
         if found.excluded:
             lines.append(f"Proved of the claim: no solution is within {found.excluded:.3g} of its size from it.")
         elif found:
-            lines.append(f"A solution is {found.distance:.3g} away from the claimed answer ({found.level}).")
+            lines.append(f"A solution is {found.level}; it differs from the claim by {found.distance:.3g} of its size.")
     return level, lines

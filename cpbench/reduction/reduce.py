@@ -43,7 +43,6 @@ class Reduced:
     source: Problem
     first: Trial
     last: Trial
-    other: str
     tried: int
     complete: bool
 
@@ -61,10 +60,10 @@ def reduce(problem: Problem, trials: Trials, progress: Progress = lambda problem
     first = trials.begin(problem)
     if not first.holds:
         outcome, other = first.outcome, first.other
-        solved = "" if other is None else f", {trials.other_of(problem.node)} {other.status}"
+        solved = "" if other is None else f", {first.name} {other.status}"
         raise NoFailure(
             f"{trials.asked.predicate}: {trials.asked.solver} does not do that here: its status is "
-            f"{outcome.status if outcome else ''}{solved}"
+            f"{outcome.status}{solved}"
         )
     steps = _Steps(trials, problem, progress)
     steps.nearer()
@@ -74,7 +73,7 @@ def reduce(problem: Problem, trials: Trials, progress: Progress = lambda problem
         steps.fewer_parts()
         steps.simpler_numbers()
     last = trials.again(steps.best)
-    return Reduced(steps.best, problem, first, last, trials.other_of(steps.best.node), trials.tried, not trials.over)
+    return Reduced(steps.best, problem, first, last, trials.tried, not trials.over)
 
 
 def data_size(problem: Problem) -> int:
@@ -93,7 +92,7 @@ class _Steps:
 
     def __init__(self, trials: Trials, problem: Problem, progress: Progress) -> None:
         self.trials, self.best, self._progress = trials, problem, progress
-        self._definite = {name for name in numbers.OPERATORS if _semidefinite(problem, name)}
+        self._definite = {name for name in numbers.OPERATORS if semidefinite(problem, name)}
 
     def _accepts(self, make: Callable[[], Problem]) -> bool:
         """Return whether a candidate is a problem that the failure holds for; it is the best then."""
@@ -103,7 +102,7 @@ class _Steps:
             return False
         if not unknowns(candidate) or candidate.fingerprint == self.best.fingerprint:
             return False
-        if any(not _semidefinite(candidate, name) for name in self._definite if hasattr(candidate, name)):
+        if any(not semidefinite(candidate, name) for name in self._definite if hasattr(candidate, name)):
             return False
         if not self.trials.holds(candidate):
             return False
@@ -179,7 +178,7 @@ def _changed(problem: Problem, entry: numbers.Entry, value: float) -> Problem:
     return numbers.changed(problem, {entry: value})
 
 
-def _semidefinite(problem: Problem, name: str) -> bool:
+def semidefinite(problem: Problem, name: str) -> bool:
     """Return whether a matrix of the data is positive semidefinite, its symmetric part where it is not symmetric."""
     M: Any = problem.data().get(name)
     if M is None or M.shape[0] != M.shape[1]:

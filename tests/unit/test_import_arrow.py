@@ -51,7 +51,7 @@ ALLOWED: dict[str, set[str]] = {
     | ROOMS,
     "advice": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
     "bundle": BASE | {"formulations", "exchange", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
-    "reduction": BASE | {"formulations", "facts", "graph", "bench", "report", "generators", "api"} | ROOMS,
+    "reduction": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators", "api"} | ROOMS,
     "cli": BASE
     | {"formulations", "facts", "exchange", "graph", "checking", "testing", "bench", "analysis", "report", "generators"}
     | {"api", "advice", "bundle", "reduction"}
@@ -92,7 +92,7 @@ OPTIONAL = {
     "advice": {f"cli/{name}_command.py" for name in ("recommend", "tune", "history", "select")},
     "bundle": {f"cli/{name}_command.py" for name in ("bundle", "reproduce")},
     "certificates": {"api/certifying.py"},
-    "reduction": {f"cli/{name}_command.py" for name in ("reduce",)},
+    "reduction": {f"cli/{name}_command.py" for name in ("reduce", "hunt")},
 }
 """Packages that could leave, and the files that stand on them."""
 

@@ -16,6 +16,7 @@ from cpbench.formulations.base import Problem
 from cpbench.matrices import dense
 from cpbench.reduction.numbers import FIXED, FRICTION, OPERATORS, rounded
 from cpbench.reduction.parts import Part, bare, kinds, shapes_of, without
+from cpbench.reduction.reduce import semidefinite
 
 Rng = np.random.Generator
 Mutation = Callable[[Problem, Any, Rng], Problem]
@@ -36,6 +37,8 @@ def mutated(problem: Problem, solution: Any, rng: Rng) -> tuple[str, Problem]:
             changed = MUTATIONS[name](problem, solution, rng)
         except CpbenchError:
             continue
+        if any(semidefinite(problem, op) and not semidefinite(changed, op) for op in OPERATORS):
+            continue  # a monotone problem stays one
         if changed.fingerprint != problem.fingerprint and sum(changed.point_sizes.values()):
             return name, changed
     raise CpbenchError(f"no mutation of {problem.node} applies")
