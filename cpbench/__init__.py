@@ -16,9 +16,13 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+if TYPE_CHECKING:
+    from types import ModuleType
+
 if TYPE_CHECKING:  # what follows is found on first use, which a type checker does not see
     from cpbench.advice.recommend import recommend as recommend
     from cpbench.api.certifying import certify as certify
+    from cpbench.api.diagnosing import diagnose as diagnose
     from cpbench.api.gallery import gallery as gallery
     from cpbench.api.problems import Converted as Converted
     from cpbench.api.problems import convert as convert
@@ -65,6 +69,7 @@ _HOMES = {
     "explain": "api.problems",
     "verify": "api.problems",
     "certify": "api.certifying",
+    "diagnose": "api.diagnosing",
     "run": "api.runs",
     "Results": "api.results",
     "list_solvers": "api.solver_list",
@@ -86,7 +91,7 @@ _HOMES = {
 
 def __getattr__(name: str) -> Any:
     if name in _HOMES:
-        return getattr(importlib.import_module(f"cpbench.{_HOMES[name]}"), name)
+        return getattr(_module(_HOMES[name]), name)
     if name == "__all__":
         return ["__version__", *_HOMES, *sorted({*_own_formulations(), *_all_formulations()})]
     if name[0].isupper():  # a module that has this name is sought by Python itself
@@ -96,17 +101,24 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module 'cpbench' has no attribute '{name}'")
 
 
+def _module(name: str) -> ModuleType:
+    from cpbench.imports import uncollected
+
+    with uncollected():
+        return importlib.import_module(f"cpbench.{name}")
+
+
 def _own_formulations() -> dict[str, type]:
     """Return the classes of `cpbench.formulations`, by name."""
-    importlib.import_module("cpbench.api")  # problems show themselves in notebooks
-    home = importlib.import_module("cpbench.formulations")
+    _module("api")  # problems show themselves in notebooks
+    home = _module("formulations")
     named = {name: getattr(home, name) for name in home.__all__}
     return {name: value for name, value in named.items() if isinstance(value, type)}
 
 
 def _all_formulations() -> dict[str, type]:
     """Return every registered formulation and its point, by name; plugins among them."""
-    known = importlib.import_module("cpbench.formulations.base").formulations
+    known = _module("formulations.base").formulations
     return {cls.__name__: cls for node in known for cls in (node, node.point_type)}
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from cpbench import graph
 from cpbench.advice.recommendation import Advice
-from cpbench.bench import checkup
+from cpbench.bench import availability
 from cpbench.bench.planning import plan
 from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError, NoRoute
@@ -91,7 +91,7 @@ def examine(
         solver = solver_of(advice.label, asked)
         if solver is None:
             continue
-        seen = checkup.glance(solver)
+        seen = availability.glance(solver)
         if not seen.usable and not missing:
             yield Candidate(advice, obstacle=seen.line)
             continue

@@ -17,7 +17,6 @@ from cpbench.advice.tuning import record
 from cpbench.advice.tuning.search import Found, Search
 from cpbench.advice.tuning.space import space
 from cpbench.bench import machine
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan_file, plan_text
 from cpbench.bench.planning.assembly import Reading, assemble
 from cpbench.bench.planning.plan import Pair
@@ -25,7 +24,8 @@ from cpbench.bench.planning.quantities import duration
 from cpbench.bench.planning.run_plan import BUILTIN, ProblemSet, RunPlan
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
-from cpbench.bench.runner import Lanes, settings
+from cpbench.bench.runner import LocalExecutor, settings
+from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
@@ -79,7 +79,7 @@ def tune(
     ----------
     solver : a name, with options in brackets that are fixed or searched among several values. part : problems and
     limits. plan : the plan file to write. budget : wall time of the search [s]. configurations : the most to try.
-    seed : random seed of configurations and orders. jobs : lanes side by side. threads : BLAS threads of a solve.
+    seed : random seed of configurations and orders. jobs : slots side by side. threads : BLAS threads of a solve.
     trials : results file that keeps every solve. command : what that file says it was made by.
     reading : passes on the addresses of problems, to show progress. report : takes a line on the progress.
 
@@ -92,8 +92,8 @@ def tune(
         raise CpbenchError("--timeout none: a search needs a limit, which a solve that fails is charged")
     asked = RunPlan(sets=(part,), threads=threads, jobs=jobs, report=None, seed=seed)
     with ExitStack() as stack:
-        lanes = [stack.enter_context(Lane(one)) for one in settings(Setting(threads, part.memory), jobs)]
-        pairs = _one_a_problem(asked, lanes[0], reading)
+        slots = [stack.enter_context(Slot(one)) for one in settings(Setting(threads, part.memory), jobs)]
+        pairs = _one_a_problem(asked, slots[0], reading)
         store = stack.enter_context(Store(trials, create=True, keep="none")) if trials else None
         search = Search(
             pairs,
@@ -106,7 +106,7 @@ def tune(
         report(f"{counted(len(pairs), 'problem')}, {duration(budget)}, seed {seed}")
         interrupted = False
         try:
-            search.run(Lanes(lanes))
+            search.run(LocalExecutor(slots))
         except KeyboardInterrupt:
             interrupted = True
         if store is not None:
@@ -132,11 +132,11 @@ def _cautions(found: Found, problems: int) -> list[str]:
     return [*lines, f"{cost}, {found.seconds:.1f} s"]
 
 
-def _one_a_problem(plan: RunPlan, lane: Lane, reading: Reading) -> list[Pair]:
+def _one_a_problem(plan: RunPlan, slot: Slot, reading: Reading) -> list[Pair]:
     """Return a pair for each problem that a route leads from; raises CpbenchError, NoRoute where there is none."""
     from cpbench.generators.collection import builtin_folder
 
-    assembly = assemble(plan, lane, builtin_folder, reading)
+    assembly = assemble(plan, slot, builtin_folder, reading)
     assembly.require_pairs()
     first: dict[str, Pair] = {}
     for pair in assembly.pairs:

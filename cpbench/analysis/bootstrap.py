@@ -35,7 +35,6 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-from scipy.special import stdtrit
 
 from cpbench.analysis.best import virtual_best
 from cpbench.analysis.means import Array, logged, unlogged, values
@@ -202,6 +201,8 @@ def tail(level: float, families: int) -> float:
     plain = (1 - level) / 2
     if families < 2:
         return plain
+    from scipy.special import stdtrit  # a tenth of a second, for who needs it
+
     return NormalDist().cdf(math.sqrt(families / (families - 1)) * float(stdtrit(families - 1, plain)))
 
 

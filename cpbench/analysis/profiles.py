@@ -106,6 +106,11 @@ class Profile:
         """The largest finite ratio, 1 when there is none: every curve is flat beyond it."""
         return max((float(c.ratios[-1]) for c in self.curves if c.solved), default=1.0)
 
+    @property
+    def compares(self) -> bool:
+        """Whether more than one solver solved something; else the curves say no more than how many were solved."""
+        return sum(curve.solved > 0 for curve in self.curves) > 1
+
     def envelope(self, upto: float) -> tuple[Floats, Floats]:
         """Return corners (τ, ρ) on [1, upto] of the highest curve at each τ, whichever that is."""
         corners = np.unique(np.concatenate([np.empty(0), *(c.ratios for c in self.curves)]))

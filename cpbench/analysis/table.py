@@ -29,12 +29,12 @@ Matrix: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
 TEXT = (
     "key", "problem", "address", "fingerprint", "node", "family", "sizes", "solver", "label", "request", "options",
     "start", "set", "measure", "sequence", "status", "route", "kind", "claim", "flags", "message", "parts", "counters",
-    "version", "samples", "started", "host", "origin", "finished",
+    "version", "samples", "started", "host", "origin", "finished", "certainty", "certificate",
 )  # fmt: skip
 NUMBERS = (
     "tolerance", "threads", "seconds", "memory", "repeats_asked", "step", "error", "target_error", "target_tolerance",
     "load", "convert", "setup", "solve", "lift", "verify", "wall", "cpu", "peak", "repeats", "solve_min", "solve_iqr",
-    "signal", "code", "jobs", "attempts", "loadavg", "reported",
+    "signal", "code", "jobs", "attempts", "loadavg", "reported", "distance",
 )  # fmt: skip
 ROW = ("key", "problem", "fingerprint", "label")
 """What tells a row from all others."""

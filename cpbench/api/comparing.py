@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from cpbench.api.sides import base as base_side
 from cpbench.api.sides import side
 from cpbench.bench import rerun
-from cpbench.bench.execution import Audience
+from cpbench.bench.execution import RunObserver
 from cpbench.bench.results.store import Store
 from cpbench.plurals import counted
 
@@ -57,7 +57,7 @@ def confirm(
     *,
     others: Collection[str],
     statuses: Collection[str],
-    audience: Audience,
+    observer: RunObserver,
     report: Callable[[str], None] = lambda _: None,
 ) -> Comparison:
     """Return the first comparison, in which only what alarms a second time is an alarm.
@@ -66,7 +66,7 @@ def confirm(
     ----------
     results : the file whose rows are run again, in one run: of one file both sides of a pair, of two the new one.
     others : solvers or labels that are run again on the same problems, as they measure the noise. statuses : those
-    that are an alarm. compare : compares the second run as the first was. audience : is shown how the run goes.
+    that are an alarm. compare : compares the second run as the first was. observer : is shown how the run goes.
     report : takes a line on how much is run again.
     """
     from cpbench.analysis.comparison import confirmed, to_repeat
@@ -91,5 +91,5 @@ def confirm(
     with tempfile.TemporaryDirectory(prefix="cpbench-confirm-") as folder:
         asked = rerun.plan(results, keys, Path(folder, "again.sqlite"))
         command = "cpbench compare --confirm"
-        rerun.carry_out(asked, keys, command, str(results), builtin_folder, audience, audience.reading)
+        rerun.carry_out(asked, keys, command, str(results), builtin_folder, observer, observer.reading)
         return confirmed(first, compare(side(asked.results)), statuses)

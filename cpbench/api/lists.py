@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from cpbench import storage
 from cpbench.api import solver_tables
-from cpbench.bench import checkup
-from cpbench.bench.checkup import Checkup
+from cpbench.bench import availability
+from cpbench.bench.availability import SolverState
 from cpbench.bench.planning import grids
 from cpbench.conversions import conversions
 from cpbench.formulations import formulations
@@ -59,7 +59,7 @@ class SolverList:
     """
 
     shown: tuple[Solver, ...]
-    states: dict[str, Checkup]
+    states: dict[str, SolverState]
     named: bool
     unusable: int
     others: tuple[SolverSpec, ...]
@@ -117,7 +117,7 @@ def solver_list(
     named = [solvers.get(entry.solver) for entry in grids.entries(names)] if names else list(solvers)
     of_node = [solver for solver in named if node in (None, solver.spec.node)]
     chosen = [solver for solver in of_node if names or every or solver.spec.by_default]
-    states = {one.name: one for one in (checkup.examine(chosen) if check else map(checkup.glance, chosen))}
+    states = {one.name: one for one in (availability.examine(chosen) if check else map(availability.glance, chosen))}
     shown = [solver for solver in chosen if states[solver.spec.name].usable or not available]
     others = [solver.spec for solver in of_node if solver not in chosen]
     return SolverList(tuple(shown), states, bool(names), len(chosen) - len(shown), tuple(others))

@@ -128,9 +128,15 @@ def convert(
 
 
 def explain(problem: Problem, to: str) -> list[str]:
-    """Return what exact routes to a formulation there are: a line on each that refuses, and one on what leads there.
+    """Return in words why a problem does not get somewhere: to a formulation, or to an answer by a solver.
 
-    Raises UnknownName on an unknown formulation.
+    Parameters
+    ----------
+    to : a formulation: a line on each exact route that refuses, and one on what leads there. Or a solver: the first
+        cause of its failure, with what was tried against it, as `cpbench explain` says it (`cpbench.diagnose` returns
+        the same as data).
+
+    Raises UnknownName where it is neither.
 
     >>> import cpbench
     >>> for line in cpbench.explain(cpbench.LCP(M=[[2.0, 1.0], [0.0, 2.0]], q=[-5.0, -6.0]), "qp"):
@@ -139,9 +145,14 @@ def explain(problem: Problem, to: str) -> list[str]:
     lcp-avi > avi-qp: avi-qp refuses: M is not symmetric, asymmetry = 5.0e-01: it is no gradient; use avi-mlcp
     lcp-qp-nonsymmetric leads there (equivalent)
     """
-    from cpbench import graph
+    from cpbench import brackets, graph
     from cpbench.errors import NoRoute
+    from cpbench.solvers.base import solvers
 
+    if to not in graph.formulations and brackets.read("solver", to)[0] in solvers:
+        from cpbench.api.diagnosing import diagnose
+
+        return list(diagnose(problem, to).lines())
     graph.formulations.get(to)
     dead = [str(end) for end in graph.explain(problem, to)]
     try:

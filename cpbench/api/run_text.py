@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cpbench.bench import campaign
+from cpbench.bench import planned_run
 from cpbench.bench.planning import dry_run, quantities
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
@@ -42,7 +42,7 @@ def planned(assembly: Assembly) -> Iterator[str]:
 
 def duration(asked: RunPlan, assembly: Assembly) -> Iterator[str]:
     """Yield the expected and the longest duration of a run that is not short."""
-    todo = dry_run.to_run(assembly.pairs, campaign.statuses(asked.results), asked.rerun)
+    todo = dry_run.to_run(assembly.pairs, planned_run.statuses(asked.results), asked.rerun)
     if len(todo) >= MANY:
         from cpbench.api.estimate import estimate
 
@@ -96,10 +96,10 @@ def ending(asked: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame
         lines.append(f"wrong answers by {', '.join(f'{label} ({count})' for label, count in wrong.items())}")
     lines += [*map(printable, remarks(table)), f"results: {asked.results}"]
     failures: list[str] = []
-    gaps = campaign.gaps(store, assembly)
+    gaps = planned_run.gaps(store, assembly)
     if gaps:
         failures.append(f"rows are missing: {', '.join(gaps)}; the same command goes on")
-    listed = campaign.failures(store, asked, assembly.pairs)
+    listed = planned_run.failures(store, asked, assembly.pairs)
     if listed:
         failures.append(f"{summary(listed)} (--fail-on)")
     broken = len(store.opened.broken)

@@ -13,8 +13,8 @@ from typing import Any
 
 from cpbench import storage
 from cpbench.api.results import Results
-from cpbench.bench import campaign
-from cpbench.bench.execution import Silent, execute_plan
+from cpbench.bench import planned_run
+from cpbench.bench.execution import SilentObserver, execute_plan
 from cpbench.bench.planning import plan_file, run_plan
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS
@@ -91,15 +91,15 @@ def run(
 
     def planned(assembly: Assembly) -> bool:
         assembly.require_pairs()
-        campaign.require_answers(asked, assembly.pairs)
+        planned_run.require_answers(asked, assembly.pairs)
         remarks.extend(_remarks(assembly))
         return True
 
     def finished(store: Store, assembly: Assembly) -> None:
-        remarks.extend(f"rows are missing: {gap}; the same call goes on" for gap in campaign.gaps(store, assembly))
+        remarks.extend(f"rows are missing: {gap}; the same call goes on" for gap in planned_run.gaps(store, assembly))
 
     with _environment_kept():
-        execute_plan(asked, builtin_folder, Silent(), "cpbench.run from Python", planned, finished)
+        execute_plan(asked, builtin_folder, SilentObserver(), "cpbench.run from Python", planned, finished)
     return Results(path, remarks=remarks)
 
 

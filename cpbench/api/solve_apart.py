@@ -11,12 +11,12 @@ from typing import Any
 
 from cpbench import storage
 from cpbench.bench import starts
-from cpbench.bench.events import Notice, silent
-from cpbench.bench.lane import Lane
+from cpbench.bench.events import EventHandler, ignore_event
 from cpbench.bench.planning import plan
 from cpbench.bench.results import answers
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.schema import MEASURED
+from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.plain_text import printable
@@ -95,7 +95,7 @@ def solve_apart(
     tolerance: float = 1e-6,
     limits: plan.Limits,
     format: str | None = None,
-    notice: Notice = silent,
+    on_event: EventHandler = ignore_event,
 ) -> SolvedApart:
     """Solve a problem of a file by one solver, in a process that is stopped at the limits.
 
@@ -104,7 +104,7 @@ def solve_apart(
     address : the file, or ``FILE::NAME``. solver : a name with options. via : conversions to go through.
     facets : for conversions of `via` that have them. routes : exact, or all. start : where the solver begins.
     tolerance : the largest error of an answer that counts as solved. limits : seconds, bytes and threads of a solve.
-    notice : called with the events of the run.
+    on_event : called with the events of the run.
 
     Raises NoRoute where no route leads to the solver, UnknownName, CpbenchError on a start that needs several solves.
     """
@@ -121,18 +121,18 @@ def solve_apart(
     else:
         asked = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
     asked = [replace(request, nodes=_only(entry, request)) for request in asked]
-    with Lane(Setting(limits.threads, limits.memory, single=True)) as lane:
-        lane.workers.begin(entry.solver, limits.memory)
-        survey = lane.survey(address, asked, format, limits.seconds)
+    with Slot(Setting(limits.threads, limits.memory, single=True)) as slot:
+        slot.workers.begin(entry.solver, limits.memory)
+        survey = slot.survey(address, asked, format, limits.seconds)
         relaxed = routes == "all" or not via
         pairs = plan.pairs([survey], [entry], asked, tolerance, limits, relaxations=relaxed, start=str(policy))
         if not pairs:
             raise NoRoute(
                 f"no {routes} route from {survey.node} to {solver}; see: cpbench route {shlex.quote(address)} --explain"
             )
-        prepared = lane.prepare(pairs[0])
-        lane.start([entry.solver], limits, notice)
-        outcome = lane.run(pairs[0], prepared)
+        prepared = slot.prepare(pairs[0])
+        slot.start([entry.solver], limits, on_event)
+        outcome = slot.run(pairs[0], prepared)
     return SolvedApart(pairs[0], outcome)
 
 

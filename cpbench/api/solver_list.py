@@ -41,10 +41,10 @@ def list_solvers(node: str | Problem | None = None, *, available: bool = True) -
     >>> "lemke" in cpbench.list_solvers("lcp").names
     True
     """
-    from cpbench.bench import checkup
+    from cpbench.bench import availability
 
     wanted = node.node if isinstance(node, Problem) else node
     if wanted is not None:
         formulations.get(wanted)
     chosen = [solver for solver in solvers if wanted in (None, solver.spec.node)]
-    return SolverSpecs(solver.spec for solver in chosen if not available or checkup.glance(solver).usable)
+    return SolverSpecs(solver.spec for solver in chosen if not available or availability.glance(solver).usable)

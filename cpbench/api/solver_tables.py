@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-from cpbench.bench.checkup import Checkup
+from cpbench.bench.availability import SolverState
 from cpbench.plain_text import columns
 from cpbench.solvers.base import Solver, SolverSpec, solvers
 from cpbench.solvers.options import domains, written
@@ -25,7 +25,7 @@ GLANCED = {
 """The meaning of a state that was read without importing anything."""
 
 
-def cells(spec: SolverSpec, seen: Checkup) -> tuple[str, ...]:
+def cells(spec: SolverSpec, seen: SolverState) -> tuple[str, ...]:
     """Return name, node, kind of method, version and licence; * marks figures whose publishing is restricted."""
     licence = spec.licence if len(spec.licence) <= LICENCE else f"{spec.licence[: LICENCE - 1]}…"
     return spec.name, spec.node, spec.method, seen.version or "-", licence + ("*" if spec.publishing else "")
@@ -58,7 +58,7 @@ def folded_names(names: Sequence[str], width: int = WIDTH) -> list[str]:
     return textwrap.wrap(text, width, initial_indent="      ", subsequent_indent="      ", break_on_hyphens=False)
 
 
-def sheet(solver: Solver, seen: Checkup, width: int = WIDTH) -> Iterator[str]:
+def sheet(solver: Solver, seen: SolverState, width: int = WIDTH) -> Iterator[str]:
     """Yield everything known of one solver, in lines of at most `width` characters."""
     spec = solver.spec
     yield f"{spec.name} {seen.version}".rstrip()
@@ -82,7 +82,7 @@ def sheet(solver: Solver, seen: Checkup, width: int = WIDTH) -> Iterator[str]:
             yield from _folded(f"    {check}: ", reason, width)
 
 
-def as_data(solver: Solver, seen: Checkup) -> dict[str, Any]:
+def as_data(solver: Solver, seen: SolverState) -> dict[str, Any]:
     """Return everything known of one solver as data for programs."""
     spec = solver.spec
     where = domains(spec.options)

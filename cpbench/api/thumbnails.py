@@ -12,30 +12,27 @@ import math
 import os
 import threading
 import time
-import warnings
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from cpbench import frames, storage
+from cpbench import frames
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.thumbnails import Thumbnail, thumbnail
-from cpbench.bench.processes.channel import Channel
-from cpbench.bench.processes.launch import context, limit_memory
+from cpbench.api import thumbnail_process
+from cpbench.api.thumbnail_process import MEMORY, UNREADABLE, Sitter
+from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
-from cpbench.bench.results.answers import unpack
 from cpbench.errors import FormatError
-from cpbench.formulations.base import Problem, formulations
+from cpbench.formulations.base import formulations
 from cpbench.formulations.contact import ContactProblem
-from cpbench.generators import generators
-from cpbench.report.text import cut
 from cpbench.storage.base import split_address
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from cpbench.analysis.thumbnails import Thumbnail
     from cpbench.bench.results.store import Store
 
 SECONDS = 5.0
@@ -44,47 +41,19 @@ PATIENCE = 1.0
 """Seconds that one may take."""
 STARTUP = 20.0
 """Seconds within which the process is there; they pass while the rest of the report is made."""
-MEMORY = 2 * 2**30
-"""Bytes that the process may take."""
 BYTES = 400_000
 """What the pictures of a page may take, compressed."""
 COLUMNS = ("address", "family", "tolerance", "node", "status", "error")
 """What is asked of the rows, beside what tells them apart."""
-ABOUT = 400
-"""Characters of a licence or a source."""
 MOST = 4000
 """Problems that are asked for."""
 
-ABSENT = "No file is at the problem's address here, and no generator of this installation makes it."
-OTHER = "What is at its address now is another problem than the one that was run."
-UNREADABLE = "Its file cannot be read here."
 SLOW = f"Reading its file, or making it, took more than {PATIENCE:g} s."
 SPENT = (
     f"The pictures of a page may take {SECONDS:g} s and {BYTES // 1000} kB, problems in small files first: "
     "the others took them."
 )
 ALONE = "No process could be started here to read it in."
-
-
-@dataclass(frozen=True)
-class Sitter:
-    """A problem that is to be portrayed.
-
-    Attributes
-    ----------
-    place : its address here, '' where there is no file. format : that it was read by, None for whichever fits.
-    answer : as kept, b"" of none; with its label and its error.
-    """
-
-    fingerprint: str
-    place: str
-    format: str | None
-    family: str
-    size: int
-    tolerance: float
-    answer: bytes = b""
-    label: str = ""
-    error: float = 0.0
 
 
 class Thumbnails:
@@ -171,7 +140,7 @@ def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
     left, end = list(asked), math.inf
     while left and time.monotonic() < end:
         try:
-            child = Child(context(1), _main, ([astuple(one) for one in left],), memory=MEMORY)
+            child = Child(context(1), thumbnail_process.main, ([astuple(one) for one in left],), memory=MEMORY)
         except Died:
             yield from ((one, {"why": ALONE}) for one in left)
             return
@@ -209,53 +178,3 @@ def _next(child: Child) -> tuple[Thumbnail, str]:
 
 def _source(one: Sitter) -> tuple[str, str]:
     return ("", one.family) if not one.place else (str(split_address(one.place)[0]), "")
-
-
-# ------------------------------------------------------------------------------------- in the other process
-
-
-def _main(channel: Channel, asked: Sequence[tuple[Any, ...]]) -> None:
-    """Send a message that the process is there, then one a problem."""
-    limit_memory(MEMORY)
-    warnings.simplefilter("ignore")
-    channel.send_bytes(frames.pack({"ready": True}))
-    made: dict[str, dict[str, Problem]] = {}
-    for fields in asked:
-        one = Sitter(*fields)
-        try:
-            told = _told(one, made)
-            json.dumps(told, allow_nan=False)
-        except Exception:  # whatever a file holds: the next one is read
-            told = {"why": UNREADABLE}
-        channel.send_bytes(frames.pack({"thumbnail": told}))
-
-
-def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Thumbnail:
-    if one.place:
-        problem = storage.load(one.place, format=one.format)
-        if problem.fingerprint != one.fingerprint:
-            return {"why": OTHER}
-    elif (generated := _generated(one.family, made).get(one.fingerprint)) is not None:
-        problem = generated
-    else:
-        return {"why": ABSENT}
-    about = _about(problem)
-    if not one.answer:
-        return {**thumbnail(problem), **about}
-    told = thumbnail(problem, problem.point_from_vector(unpack(one.answer)), one.tolerance)
-    return {**told, **about, "answer": {"label": one.label, "error": one.error}}
-
-
-def _about(problem: Problem) -> Thumbnail:
-    """Return what the problem says of its licence and its source, cut to what a page has room for."""
-    info = problem.info
-    told = {"licence": info.licence, "source": info.source, "citation": info.citation}
-    return {name: cut(text, ABOUT) for name, text in told.items() if text}
-
-
-def _generated(family: str, made: dict[str, dict[str, Problem]]) -> dict[str, Problem]:
-    """Return the problems of the generator of that name, by fingerprint; none where there is no such generator."""
-    if family not in made:
-        instances = generators.get(family).instances() if family in generators else []
-        made[family] = {instance.problem.fingerprint: instance.problem for instance in instances}
-    return made[family]

@@ -1,6 +1,6 @@
-"""What one lane does in one go: all pairs of a problem, or all steps of a sequence.
+"""What one slot does in one go: all pairs of a problem, or all steps of a sequence.
 
-A block is data, and running it needs nothing but a lane: here, in a thread beside others, or on another machine.
+A block is data, and running it needs nothing but a slot: here, in a thread beside others, or on another machine.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
-from cpbench.bench.events import Notice, Solving, silent
+from cpbench.bench.events import EventHandler, Solving, ignore_event
 from cpbench.bench.history import History, derived_rows
-from cpbench.bench.lane import Lane
 from cpbench.bench.messages import Prepared
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
+from cpbench.bench.slot import Slot
 
 Ending: TypeAlias = tuple[str, bytes | None]
 """Status and kept answer of a row."""
@@ -93,19 +93,19 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
         todo = tuple(p for p in members if p.key in pending)
         if todo:
             keys = {p.key for p in todo}
-            before = {key: pair for key, pair in befores(members).items() if key in keys}
+            before = {key: pair for key, pair in predecessors(members).items() if key in keys}
             known = {p.key: ending(p.key) for p in before.values() if p.key not in keys}
             made.append(Block(todo, before, known))
     return made
 
 
 def block_name(pair: Pair) -> str:
-    """Return pairs of one name are run in one go, by one lane."""
+    """Return pairs of one name are run in one go, by one slot."""
     return f"sequence {pair.scene}" if pair.scene else f"problem {pair.address} {pair.format or ''}"
 
 
 def run(
-    lane: Lane, block: Block, notice: Notice = silent, put_off: list[Block] | None = None
+    slot: Slot, block: Block, on_event: EventHandler = ignore_event, put_off: list[Block] | None = None
 ) -> Iterator[tuple[Pair, Outcome]]:
     """Yield the outcome of every pair of the block, one after the other. A worker is started, and waited for, before
     the first pair that needs it.
@@ -120,7 +120,7 @@ def run(
     for pair in block.pairs:
         name = pair.entry.solver
         if name not in waiting:
-            waiting[name] = bool(lane.start([name], pair.limits, notice, patient=put_off is None))
+            waiting[name] = bool(slot.start([name], pair.limits, on_event, patient=put_off is None))
         if waiting[name]:
             later.append(pair)
             continue
@@ -129,11 +129,11 @@ def run(
         where = (pair.request.name, pair.target, pair.tolerance, pair.limits.seconds)
         outcome = derived.pop(pair.key, None)
         if outcome is None and where not in prepared:
-            prepared[where] = lane.prepare(pair)
-        notice(Solving(pair))
+            prepared[where] = slot.prepare(pair)
+        on_event(Solving(pair))
         if outcome is None:
             before = block.before.get(pair.key)
-            outcome = lane.run(pair, prepared[where], before and (before, *endings[before.key]))
+            outcome = slot.run(pair, prepared[where], before and (before, *endings[before.key]))
             derived |= _looser(pair, outcome, block.pairs)
         endings[pair.key] = (outcome.status, outcome.answer)
         yield pair, outcome
@@ -159,7 +159,7 @@ def variant(pair: Pair) -> tuple[Any, ...]:
     return (pair.set, pair.address, pair.label, pair.start, pair.measure)
 
 
-def befores(members: Sequence[Pair]) -> dict[str, Pair]:
+def predecessors(members: Sequence[Pair]) -> dict[str, Pair]:
     """Return the pair of the step before with the same solver, options, request and tolerance, by key; steps are
     sorted."""
     last: dict[tuple[Any, ...], Pair] = {}

@@ -40,8 +40,8 @@ class Done:
 
 
 Event: TypeAlias = Starting | Compiling | Solving | Done
-Notice: TypeAlias = Callable[[Event], None]
+EventHandler: TypeAlias = Callable[[Event], None]
 
 
-def silent(event: Event) -> None:
+def ignore_event(event: Event) -> None:
     """Ignore an event."""

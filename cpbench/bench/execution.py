@@ -1,4 +1,4 @@
-"""A run from its plan to its results: lanes are opened, pairs planned, entered and worked off, whoever asks for it."""
+"""A run from its plan to its results: slots are opened, pairs planned, entered and worked off, whoever asks for it."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
-from cpbench.bench import campaign
-from cpbench.bench.lane import Lane
+from cpbench.bench import planned_run
 from cpbench.bench.planning.assembly import Assembly, assemble
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import settings
+from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 
 if TYPE_CHECKING:
-    from cpbench.bench.cluster.crew import Cluster
+    from cpbench.bench.cluster.executor import DaskExecutor
 
 T = TypeVar("T")
 
 
-class Audience(campaign.Watcher, Protocol):
+class RunObserver(planned_run.RoundObserver, Protocol):
     """An observer of how a run goes, from reading the problems on."""
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
@@ -29,8 +29,8 @@ class Audience(campaign.Watcher, Protocol):
         ...
 
 
-class Silent:
-    """An audience that shows nothing."""
+class SilentObserver:
+    """An observer that shows nothing."""
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
         yield from addresses
@@ -45,7 +45,7 @@ class Silent:
 def execute_plan(
     asked: RunPlan,
     builtin: Callable[[], Path],
-    audience: Audience,
+    observer: RunObserver,
     command: str,
     planned: Callable[[Assembly], bool],
     finished: Callable[[Store, Assembly], T],
@@ -64,21 +64,21 @@ def execute_plan(
     with ExitStack() as stack:
         common = Setting(asked.threads, asked.memory, fresh=asked.isolate == "fresh")
         own = 1 if asked.dask or asked.cluster else asked.jobs  # it reads the problems, others solve them
-        lanes = [stack.enter_context(Lane(s)) for s in settings(common, own, pin=asked.affinity)]
-        assembly = assemble(asked, lanes[0], builtin, audience.reading)
+        slots = [stack.enter_context(Slot(s)) for s in settings(common, own, pin=asked.affinity)]
+        assembly = assemble(asked, slots[0], builtin, observer.reading)
         if not planned(assembly):
             return None
-        crew = stack.enter_context(_cluster(asked, common)) if asked.dask or asked.cluster else lanes
+        executor = stack.enter_context(_cluster(asked, common)) if asked.dask or asked.cluster else slots
         store = stack.enter_context(Store(asked.results, create=True, keep=asked.keep, expel=True))
         opened(store)
-        pairs = campaign.enter(store, asked, assembly, command)
-        campaign.work(crew, store, asked, pairs, audience, assembly.absent)
+        pairs = planned_run.enter_pairs(store, asked, assembly, command)
+        planned_run.run_pending(executor, store, asked, pairs, observer, assembly.absent)
         return finished(store, assembly)
 
 
-def _cluster(asked: RunPlan, common: Setting) -> AbstractContextManager[Cluster]:
-    from cpbench.bench.cluster import lenders
+def _cluster(asked: RunPlan, common: Setting) -> AbstractContextManager[DaskExecutor]:
+    from cpbench.bench.cluster import connect
 
     if asked.dask:
-        return lenders.connect(asked.dask, common)
-    return lenders.start(asked.cluster or "", common, asked.jobs if asked.jobs > 1 else None)
+        return connect.to_scheduler(asked.dask, common)
+    return connect.start(asked.cluster or "", common, asked.jobs if asked.jobs > 1 else None)

@@ -262,7 +262,7 @@ def derived_rows(row: Outcome, history: History, tolerances: Iterable[float]) ->
 
 OWN = (
     "target_error", "target_tolerance", "solve_min", "solve_iqr", "cpu", "peak", "wall", "verify", "signal", "code",
-    "loadavg", "attempts", "answer", "history", "proof",
+    "loadavg", "attempts", "answer", "history", "proof", "certainty", "distance", "certificate",
 )  # fmt: skip
 """Fields of an outcome that hold for the run that made it and for nothing that is read off its history."""
 

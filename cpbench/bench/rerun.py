@@ -8,14 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench import campaign
-from cpbench.bench.campaign import Watcher
-from cpbench.bench.lane import Lane
+from cpbench.bench import planned_run
+from cpbench.bench.planned_run import RoundObserver
 from cpbench.bench.planning import plan_file, run_plan
 from cpbench.bench.planning.assembly import Assembly, Reading, assemble
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import settings
+from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, StoreError
 
@@ -55,15 +55,15 @@ def carry_out(
     command: str,
     name: str,
     builtin: Callable[[], Path],
-    watcher: Watcher,
+    observer: RoundObserver,
     reading: Reading,
 ) -> Assembly:
     """Run the pairs of a plan whose keys are wanted, and the steps of their scenes; the same call goes on with a run
     that was interrupted. Raises CpbenchError where none of them can be run here; `name` is whose they are."""
     with ExitStack() as stack:
         common = Setting(asked.threads, asked.memory, fresh=asked.isolate == "fresh")
-        lanes = [stack.enter_context(Lane(s)) for s in settings(common, asked.jobs, pin=asked.affinity)]
-        found = assemble(asked, lanes[0], builtin, reading)
+        slots = [stack.enter_context(Slot(s)) for s in settings(common, asked.jobs, pin=asked.affinity)]
+        found = assemble(asked, slots[0], builtin, reading)
         scenes = {(pair.scene, pair.label) for pair in found.pairs if pair.scene and pair.key in wanted}
         kept = [pair for pair in found.pairs if pair.key in wanted or (pair.scene, pair.label) in scenes]
         if not kept:
@@ -71,8 +71,8 @@ def carry_out(
             raise CpbenchError(f"{name}: none of its pairs can be run here{why}")
         found = replace(found, pairs=kept)
         again = stack.enter_context(Store(asked.results, create=True, keep=asked.keep))
-        campaign.enter(again, asked, found, command)
-        campaign.work(lanes, again, asked, found.pairs, watcher)
+        planned_run.enter_pairs(again, asked, found, command)
+        planned_run.run_pending(slots, again, asked, found.pairs, observer)
     return found
 
 

@@ -1,8 +1,7 @@
-"""Runs a plan: a crew works blocks of pairs off, and every pair becomes a row in the store."""
+"""Runs a plan: an executor runs blocks of pairs, and every pair becomes a row in the store."""
 
 from __future__ import annotations
 
-import importlib
 import platform
 import queue
 import threading
@@ -14,12 +13,12 @@ from typing import Any, Protocol
 from cpbench.bench import block as blocks
 from cpbench.bench import machine
 from cpbench.bench.block import Block
-from cpbench.bench.events import Done, Event, Notice, silent
-from cpbench.bench.lane import Lane
+from cpbench.bench.events import Done, Event, EventHandler, ignore_event
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.reference import Reference
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
+from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 
 REFERENCE_EVERY = 100
@@ -27,7 +26,7 @@ REFERENCE_EVERY = 100
 
 
 def settings(common: Setting, jobs: int = 1, *, pin: bool = True) -> list[Setting]:
-    """Return one setting a lane; with `pin`, each with cores of its own, where there are enough of them.
+    """Return one setting a slot; with `pin`, each with cores of its own, where there are enough of them.
 
     The first cores of the machine, where interrupts and the runner are at home, are given away last.
     """
@@ -36,11 +35,11 @@ def settings(common: Setting, jobs: int = 1, *, pin: bool = True) -> list[Settin
     taken = [
         allowed[len(allowed) - (i + 1) * common.threads :][: common.threads] if enough else () for i in range(jobs)
     ]
-    return [replace(common, cpus=tuple(cpus), lanes=jobs) for cpus in taken]
+    return [replace(common, cpus=tuple(cpus), slots=jobs) for cpus in taken]
 
 
-class Crew(Protocol):
-    """An executor of blocks: lanes of this machine, or the machines of a cluster."""
+class Executor(Protocol):
+    """An executor of blocks: slots of this machine, or the machines of a cluster."""
 
     @property
     def reference(self) -> Setting | None:
@@ -52,30 +51,37 @@ class Crew(Protocol):
         """What each machine is, by host, before the first outcome from there."""
         ...
 
-    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
+    def outcomes(self, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
         """Yield what comes of every pair, with the host that it was run on. Closing the generator stops the work."""
         ...
 
 
-class Lanes:
-    """The crew of this machine: one lane at work in this thread, or several in threads of their own."""
+class LocalExecutor:
+    """The executor of this machine: one slot at work in this thread, or several in threads of their own."""
 
-    def __init__(self, lanes: Sequence[Lane]) -> None:
-        self._lanes = lanes
+    def __init__(self, slots: Sequence[Slot]) -> None:
+        self._slots = slots
         self.machines = {platform.node(): machine.describe()}
 
     @property
     def reference(self) -> Setting:
-        return self._lanes[0].setting
+        return self._slots[0].setting
 
-    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
-        if len(self._lanes) > 1:
-            return _side_by_side(self._lanes, todo, notice)
-        return _one_by_one(self._lanes[0], todo, notice)
+    def outcomes(self, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
+        if len(self._slots) > 1:
+            return _side_by_side(self._slots, todo, on_event)
+        slot, first = self._slots[0], todo[0].pairs[0]
+        slot.workers.begin(first.entry.solver, first.limits.memory)
+        slot.start([first.entry.solver], first.limits, on_event, patient=False)  # or it would disturb the reference
+        return _one_by_one(slot, todo, on_event)
 
 
 def execute(
-    crew: Crew | Sequence[Lane], store: Store, planned: Sequence[Pair], seed: int = 0, notice: Notice = silent
+    executor: Executor | Sequence[Slot],
+    store: Store,
+    planned: Sequence[Pair],
+    seed: int = 0,
+    on_event: EventHandler = ignore_event,
 ) -> None:
     """Run every planned pair that the store has not run yet.
 
@@ -84,53 +90,51 @@ def execute(
     todo = blocks.blocks(planned, store.pending(), seed, store.ending)
     if not todo:
         return
-    crew = Lanes(crew) if isinstance(crew, Sequence) else crew
+    executor = LocalExecutor(executor) if isinstance(executor, Sequence) else executor
     pairs = sum(len(block.pairs) for block in todo)
     hosts = set[str]()
     with ExitStack() as stack:
-        reference = stack.enter_context(Reference(crew.reference)) if crew.reference else None
-        outcomes = stack.enter_context(closing(crew.outcomes(todo, notice)))
+        reference = stack.enter_context(Reference(executor.reference)) if executor.reference else None
+        outcomes = stack.enter_context(closing(executor.outcomes(todo, on_event)))
         if reference:
             store.add_reference(0, *reference.measure())
         for done, (pair, outcome) in enumerate(outcomes, 1):
-            host = str(outcome.host)
-            if host not in hosts:
-                store.note_machine(host, crew.machines[host])
-                hosts.add(host)
+            if outcome.host and outcome.host not in hosts:
+                store.note_machine(outcome.host, executor.machines[outcome.host])
+                hosts.add(outcome.host)
             store.finish(pair.key, outcome)
-            notice(Done(pair, outcome))
+            on_event(Done(pair, outcome))
             if reference and (done % REFERENCE_EVERY == 0 or done == pairs):
                 store.add_reference(done, *reference.measure())
 
 
-def _one_by_one(lane: Lane, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
+def _one_by_one(slot: Slot, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
     """Block after block; what has to be compiled is put off, and waited for when nothing else is left."""
-    first = todo[0].pairs[0]
-    lane.workers.begin(first.entry.solver, first.limits.memory)
-    importlib.import_module("pandas")  # what is said at the end needs it, and here it costs nothing: the worker starts
     waiting = list(todo)
     while waiting:
         now, waiting, idle = waiting, list[Block](), True
         for block in now:
-            for ended in blocks.run(lane, block, notice, waiting):
+            for ended in blocks.run(slot, block, on_event, waiting):
                 idle = False
                 yield ended
         if idle:
-            lane.compiler.give_back()
+            slot.compiler.give_back()
 
 
-def _side_by_side(lanes: Sequence[Lane], todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
-    """Yield a thread a lane: it waits for processes nearly all the time. Whoever stops listening stops the lanes."""
+def _side_by_side(
+    slots: Sequence[Slot], todo: Sequence[Block], on_event: EventHandler
+) -> Generator[tuple[Pair, Outcome]]:
+    """Yield a thread a slot: it waits for processes nearly all the time. Whoever stops listening stops the slots."""
     waiting: queue.SimpleQueue[Block | None] = queue.SimpleQueue()
     events: queue.SimpleQueue[Event | BaseException | None] = queue.SimpleQueue()
     stopped = threading.Event()
-    for block in (*todo, *(None for _ in lanes)):
+    for block in (*todo, *(None for _ in slots)):
         waiting.put(block)
 
-    def work(lane: Lane) -> None:
+    def work(slot: Slot) -> None:
         try:
             while (block := waiting.get()) is not None and not stopped.is_set():
-                for ended in blocks.run(lane, block, events.put):
+                for ended in blocks.run(slot, block, events.put):
                     if stopped.is_set():
                         return
                     events.put(Done(*ended))
@@ -139,7 +143,7 @@ def _side_by_side(lanes: Sequence[Lane], todo: Sequence[Block], notice: Notice) 
         finally:
             events.put(None)
 
-    threads = [threading.Thread(target=work, args=(lane,), daemon=True) for lane in lanes]
+    threads = [threading.Thread(target=work, args=(slot,), daemon=True) for slot in slots]
     try:
         for thread in threads:
             thread.start()
@@ -153,10 +157,10 @@ def _side_by_side(lanes: Sequence[Lane], todo: Sequence[Block], notice: Notice) 
             elif isinstance(event, Done):
                 yield event.pair, event.outcome
             else:
-                notice(event)
+                on_event(event)
     finally:
         stopped.set()
-        for lane in lanes:
-            lane.interrupt()
+        for slot in slots:
+            slot.interrupt()
         for thread in threads:
             thread.join(10.0)

@@ -37,7 +37,7 @@ class Phase:
 START = Phase("start", 60.0, "imports of a solver's packages, hello of its program")
 """Julia says hello after 5 to 20 s; a package is imported from a cold network disk in as many."""
 WARM_UP = Phase("warm-up", 300.0, "compiling, once a machine; the warm-up of a program")
-"""What compiles longest takes 25 s alone on a slow machine, and shares it with other lanes."""
+"""What compiles longest takes 25 s alone on a slow machine, and shares it with other slots."""
 LOAD = Phase("load", 30.0, "reading the converted problem, `obstacle`, handing over to a program")
 """A gigabyte is read in 10 s from a slow disk."""
 REFEREE = Phase("conversion", 120.0, "reading a file, converting, lifting, judging")

@@ -26,8 +26,8 @@ from cpbench import kernel_cache
 from cpbench.bench import messages, shared_problem
 from cpbench.bench.history import recorded
 from cpbench.bench.processes import guard
-from cpbench.bench.processes.apart import apart
 from cpbench.bench.processes.channel import Channel
+from cpbench.bench.processes.forked import run_forked
 from cpbench.bench.processes.launch import confine, forks, limit_memory
 from cpbench.bench.processes.meter import Meter, checksum
 from cpbench.errors import Ended, NotApplicable, Unavailable
@@ -79,7 +79,7 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
         except EOFError:
             return
         assert isinstance(asked, messages.Solve), "the runner asks a worker for nothing else"
-        bench.serve(asked, apart if forked else _here)
+        bench.serve(asked, run_forked if forked else _here)
         if fresh and not forked:
             return
 

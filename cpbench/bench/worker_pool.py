@@ -1,4 +1,4 @@
-"""The processes of a lane: a referee, and one persistent worker a solver; replaced when they die, hang or are full."""
+"""The processes of a slot: a referee, and one persistent worker a solver; replaced when they die, hang or are full."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ REFEREE_LEAST = 2 * 2**30
 
 @dataclass(frozen=True)
 class Setting:
-    """Settings that all processes of a lane have in common.
+    """Settings that all processes of a slot have in common.
 
     Attributes
     ----------
     threads : of every numerical library, set before it is imported. memory : the largest limit of any solve; the
     referee gets twice that. fresh : a new process for every solve. cpus : where workers run, () for anywhere;
     the referee runs elsewhere, for it would leave them cold caches.
-    lanes : how many work side by side; rows tell, for their times are not those of a quiet machine.
+    slots : how many work side by side; rows tell, for their times are not those of a quiet machine.
     single : one solve is all there will be: what it does not need is not loaded.
     """
 
@@ -48,7 +48,7 @@ class Setting:
     memory: int = 4 * 2**30
     fresh: bool = False
     cpus: tuple[int, ...] = ()
-    lanes: int = 1
+    slots: int = 1
     single: bool = False
 
     @property

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.bench import rerun
-from cpbench.bench.campaign import Watcher
+from cpbench.bench.planned_run import RoundObserver
 from cpbench.bench.planning import plan_file, run_plan
 from cpbench.bench.planning.assembly import Assembly, Reading
 from cpbench.bench.planning.run_plan import BUILTIN, RunPlan
@@ -179,13 +179,15 @@ def _addresses(bundle: Bundle, texts: Any) -> tuple[str, ...]:
     return tuple(found)
 
 
-def run(bundle: Bundle, asked: RunPlan, builtin: Callable[[], Path], watcher: Watcher, reading: Reading) -> Assembly:
+def run(
+    bundle: Bundle, asked: RunPlan, builtin: Callable[[], Path], observer: RoundObserver, reading: Reading
+) -> Assembly:
     """Run the pairs of the plan that the bundle has results of, into its folder; the same call goes on with a run that
     was interrupted. Raises CpbenchError where no pair of them can be run here."""
     with Store(bundle.results) as store:
         wanted = {row.key for row in store.rows() if row.status != "not_run" and not row.origin}
     return rerun.carry_out(
-        asked, wanted, f"cpbench reproduce {bundle.path.name}", str(bundle.path), builtin, watcher, reading
+        asked, wanted, f"cpbench reproduce {bundle.path.name}", str(bundle.path), builtin, observer, reading
     )
 
 

@@ -14,6 +14,7 @@ import click
 from cpbench import __version__
 from cpbench.cli import ahead
 from cpbench.errors import CpbenchError, FormatError, SealError
+from cpbench.imports import uncollected
 from cpbench.plain_text import printable
 from cpbench.registry import PLUGIN_FILES
 
@@ -25,6 +26,7 @@ COMMANDS = {
     "lift": "Carry an answer to a converted problem back to its source.",
     "verify": "Measure an answer on a problem, or judge the kept answers of a results file again.",
     "certify": "Prove that a solution is near an answer, and how near.",
+    "explain": "Say why a solver fails on a problem, and which remedy works.",
     "reduce": "Make a problem on which a solver fails as small and simple as the failure lets it be.",
     "hunt": "Search for problems on which a solver lies, crashes or is slow, and another one does not.",
     "info": "Show what is in a problem file, and facts measured of its matrices.",
@@ -84,7 +86,8 @@ class LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
-        command: click.Command = importlib.import_module(f"cpbench.cli.{cmd_name}_command").command
+        with uncollected():
+            command: click.Command = importlib.import_module(f"cpbench.cli.{cmd_name}_command").command
         if all(parameter.name != "plugin_files" for parameter in command.params):
             command.params.append(click.Option(["--plugin", "plugin_files"], **_PLUGIN))
         return command

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
 from cpbench import storage
-from cpbench.api.certifying import TOLERANCE, certificate_lines, certify, save_certificate
+from cpbench.api.certifying import TOLERANCE, certificate_lines, certify, certify_first, certify_rows, save_certificate
 from cpbench.api.problems import load, verify
+from cpbench.api.results import is_results_file
 from cpbench.api.solving import solve
+from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command, force_option, format_option, number, timeout_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH
@@ -19,9 +22,9 @@ from cpbench.storage.base import require_new
 
 
 @click.command(cls=Command)
-@click.argument("problem", type=ADDRESS)
+@click.argument("problem", metavar="PROBLEM|RESULTS", type=ADDRESS)
 @click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
-@click.option("-s", "--solver", metavar="NAME[opt=value]", help="Solver, where no answer is given (the automatic one).")
+@click.option("-s", "--solver", metavar="NAME[opt=value]", help="Solver, where no answer is given; default: several.")
 @timeout_option
 @click.option("-o", "--output", type=PATH, help="Output file of the certificate (.h5).")
 @format_option
@@ -39,15 +42,26 @@ def command(
 
     Polyhedral problems are solved exactly (proved); for others a box is found that holds a solution (enclosed), or none
     (refuted). Else what stops a proof is named. The program in cpbench/certificates/checker proves a file again.
-    Ends with 1 unless a solution is proved or enclosed.
+    Ends with 1 unless a solution is proved or enclosed. With RESULTS all kept answers get their level and distance,
+    as by cpbench run --certify; cpbench report shows them.
     """
+    if is_results_file(problem):
+        if answer is not None or solver is not None or output is not None:
+            raise click.UsageError("with RESULTS no --answer, --solver or --output: all kept answers are looked at")
+        with Store(problem, create=True) as store:
+            print_lines(certify_rows(store, timeout))
+        return
     if answer is not None and solver is not None:
         raise click.UsageError("give --answer or --solver, not both")
     if output is not None:
         require_new(output, force)
     asked = load(problem, format=file_format)
-    point = solve(asked, solver, tolerance=TOLERANCE) if answer is None else storage.load_answer(answer, asked)
-    certificate = certify(asked, point, seconds=timeout)
+    point: Any
+    if answer is None and solver is None:
+        point, certificate = certify_first(asked, timeout)
+    else:
+        point = storage.load_answer(answer, asked) if answer else solve(asked, solver, tolerance=TOLERANCE)
+        certificate = certify(asked, point, seconds=timeout)
     click.echo(f"{address_text(problem)}: error {number(verify(asked, point).error)}, {certificate.level}")
     print_lines(certificate_lines(certificate))
     if output is not None:

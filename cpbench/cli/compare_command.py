@@ -89,7 +89,7 @@ def command(
         comparing.confirm,
         others=noise or (),
         statuses=[name for name in fail_on if name not in WHOLE],
-        audience=Display(quiet=True),
+        observer=Display(quiet=True),
         report=lambda line: click.echo(line, err=True),
     )
     labels = first or "", second or ""

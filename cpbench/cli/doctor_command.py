@@ -8,9 +8,9 @@ from collections.abc import Iterable
 import click
 
 from cpbench import kernel_cache
-from cpbench.api.checkup_text import checkup_lines
-from cpbench.bench import checkup, machine, time_limits
-from cpbench.bench.checkup import Checkup
+from cpbench.api.availability_text import checkup_lines
+from cpbench.bench import availability, machine, time_limits
+from cpbench.bench.availability import SolverState
 from cpbench.bench.processes import isolation
 from cpbench.cli.options import Command
 from cpbench.cli.terminal import fitted, folded, print_lines, reading_width
@@ -33,12 +33,12 @@ def command(warm: bool) -> None:
     click.echo("limits       killed with all it started half a second later at most")
     _print_facts(time_limits.told())
     chosen = list(solvers)
-    seen: dict[str, Checkup] = {}
+    seen: dict[str, SolverState] = {}
     if warm:
         click.echo("compiling what is not in the cache yet, minutes the first time", err=True)
         for module in kernel_cache.modules("expressions", "conversions"):
             kernel_cache.load(module)
-    for one in checkup.examine(chosen, warm):
+    for one in availability.examine(chosen, warm):
         seen[one.name] = one
         _progress(len(seen), len(chosen), one.name, warm)
     if sys.stderr.isatty():

@@ -18,6 +18,7 @@ from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from
 from cpbench.cli.run_output import announce, finish, print_removed
 from cpbench.errors import StoreError
 from cpbench.generators.collection import builtin_folder, quick_problems
+from cpbench.imports import import_ahead
 
 
 @click.command(cls=Sections, sections=SECTIONS, examples=EXAMPLES)
@@ -29,6 +30,7 @@ def command(
     plan_path: str | None,
     only_sets: tuple[str, ...],
     no_resume: bool,
+    certify: bool,
     no_report: bool,
     dry_run: bool,
     quiet: bool,
@@ -53,6 +55,10 @@ def command(
         raise click.UsageError("--rerun runs rows of an old file again, --no-resume refuses one: one of them")
     if no_report:
         given["report"] = None
+    if certify:
+        from cpbench.api.certifying import require_flint  # with the solvers, which other runs need not wait for
+
+        require_flint()
     values, tunings = ((file.top, file.sets), file.tunings) if file is not None else (({}, []), ())
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
     asked = run_plan.make(given, *values, only=only_sets, tunings=tunings, suite=suite)
@@ -61,7 +67,8 @@ def command(
     if no_resume and asked.results.exists():
         raise StoreError(f"{asked.results}: exists; remove it or leave --no-resume out to go on with it")
     display = Display(quiet, verbose, log)
-    planned, finished = partial(announce, asked, quiet, dry_run), partial(finish, asked)
+    import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
+    planned, finished = partial(announce, asked, quiet, dry_run), partial(finish, asked, certify)
     words = shlex.join(["cpbench", *sys.argv[1:]])
     try:
         execute_plan(asked, builtin_folder, display, words, planned, finished, print_removed)

@@ -34,7 +34,7 @@ SECTIONS = {
     "Accuracy": ["tolerance", "measure", "history"],
     "Limits": ["timeout", "memory", "threads", "repeats", "isolate"],
     "Order and machines": ["seed", "jobs", "affinity", "dask", "cluster"],
-    "Results": ["output", "no_resume", "rerun", "retry", "keep", "report", "no_report", "fail_on"],
+    "Results": ["output", "no_resume", "rerun", "retry", "keep", "certify", "report", "no_report", "fail_on"],
     "Output": ["dry_run", "quiet", "verbose", "log", "help"],
 }
 EXAMPLES = (
@@ -138,6 +138,7 @@ run_options = chained(
         help="Number of times that a crash, timeout or memout is run again.",
     ),
     click.option("--keep", type=click.Choice(KEEP), default="all", show_default=True, help="Answers to keep."),
+    click.option("--certify", is_flag=True, help="Look for proofs about all kept answers, as cpbench certify does."),
     click.option("--report", type=click.Path(file_okay=False), help="Folder of the report."),
     click.option("--no-report", is_flag=True, help="Write no report."),
     fail_on_option("Statuses with which the command ends with 1: wrong,crash,..."),

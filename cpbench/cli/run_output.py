@@ -6,7 +6,7 @@ import sys
 
 from cpbench.api import run_text
 from cpbench.api.folders import require_folder
-from cpbench.bench import campaign
+from cpbench.bench import planned_run
 from cpbench.bench.planning import dry_run as dry_runs
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
@@ -21,12 +21,12 @@ def announce(asked: RunPlan, quiet: bool, dry_run: bool, assembly: Assembly) -> 
     if not quiet:
         print_lines(fitted(run_text.duration(asked, assembly)), err=True)
     if dry_run:
-        for line in dry_runs.lines(asked, assembly, campaign.statuses(asked.results), width()):
+        for line in dry_runs.lines(asked, assembly, planned_run.statuses(asked.results), width()):
             print_lines(folded(line))
         print_lines(run_text.refused(assembly.refused), err=True)
         return False
     assembly.require_pairs()
-    campaign.require_answers(asked, assembly.pairs)
+    planned_run.require_answers(asked, assembly.pairs)
     if asked.report_folder is not None:
         require_folder(asked.report_folder)  # before hours of work
     return True
@@ -37,11 +37,16 @@ def print_removed(store: Store) -> None:
     print_lines(run_text.removed(store), err=True)
 
 
-def finish(asked: RunPlan, store: Store, assembly: Assembly) -> None:
-    """Print the answer and the last lines, and write the report; exits with 1 where the run failed."""
-    from cpbench.cli.answer import print_answer  # with pandas, which the beginning of a run need not wait for
+def finish(asked: RunPlan, certify: bool, store: Store, assembly: Assembly) -> None:
+    """Certify answers where asked, print the answer and the last lines, and write the report; exits with 1 where the
+    run failed."""
+    from cpbench.cli.answer import print_answer
 
     print_lines(run_text.refused(assembly.refused), err=True)
+    if certify:
+        from cpbench.api.certifying import certify_rows
+
+        print_lines(certify_rows(store), err=True)
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):
         print_lines(run_text.absent(store), err=True)

@@ -83,7 +83,7 @@ def command(
         tolerance=tolerance,
         limits=Limits(timeout, memory, threads, repeats=1),
         format=file_format,
-        notice=_notice,
+        on_event=_on_event,
     )
     print_lines([json.dumps(solved.record())] if as_json else solved.lines())
     if output is not None and solved.outcome.answer is None:
@@ -96,6 +96,6 @@ def command(
         sys.exit(1)
 
 
-def _notice(event: Event) -> None:
+def _on_event(event: Event) -> None:
     if isinstance(event, Compiling):
         click.echo(compiling(event.solver), err=True)

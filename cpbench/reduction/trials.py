@@ -12,10 +12,10 @@ from typing import Any, Self
 
 from cpbench import storage
 from cpbench.api.solving import nearest_automatic
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.results import answers
 from cpbench.bench.results.rows import Outcome
+from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, NoRoute, PointError
 from cpbench.formulations.base import Problem
@@ -62,7 +62,7 @@ class Trial:
 
 
 class Trials:
-    """Solves candidates on one lane until a time is over. Use as a context manager.
+    """Solves candidates on one slot until a time is over. Use as a context manager.
 
     Parameters
     ----------
@@ -79,13 +79,13 @@ class Trials:
         self._beside_by_node: dict[str, str] = {}
         self._pairs: dict[tuple[str, str], plan.Pair] = {}
         self._scratch = TemporaryHome(RUN)
-        self._lane = Lane(Setting(asked.limits.threads, asked.limits.memory))
+        self._slot = Slot(Setting(asked.limits.threads, asked.limits.memory))
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
-        self._lane.close()
+        self._slot.close()
         self._scratch.remove()
 
     @property
@@ -167,7 +167,7 @@ class Trials:
                 old.unlink()
             storage.save(problem, path)
         pair = self._pair(problem, solver, str(path))
-        return self._lane.run(pair, self._lane.prepare(pair))
+        return self._slot.run(pair, self._slot.prepare(pair))
 
     def _pair(self, problem: Problem, solver: str, address: str) -> plan.Pair:
         known = self._pairs.get((problem.node, solver))
@@ -182,7 +182,7 @@ class Trials:
             requests: Sequence[plan.Request] = [plan.pinned(asked.via, {})]
         else:
             requests = plan.requests("all", ()) if asked.routes == "all" and failing else [plan.exact()]
-        survey = self._lane.survey(address, requests)
+        survey = self._slot.survey(address, requests)
         found = plan.pairs([survey], [entry], requests, asked.tolerance, asked.limits, relaxations=failing)
         if not found:
             raise NoRoute(f"no route from {survey.node} to {solver}; see: cpbench route FILE --explain")

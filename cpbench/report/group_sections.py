@@ -106,14 +106,16 @@ def _figures(run: Run, group: ResultGroup, rows: pd.DataFrame, times: pd.DataFra
     most = rows_of.limit(rows)
     limit = f"limit {most:g} s" if math.isfinite(most) else "no limit"
     title = f"{group.node}: {counted(profile.problems, 'problem')}, tolerance {group.tolerance:g}, {limit}"
-    yield "### Performance profile"
-    name = f"profile-{slug}"
-    figures.save(figures.profile_figure(profile, title, kinds, run.looks), run.folder, name)
-    yield f"[![Performance profile, {plain(title)}]({name}.png)]({name}.svg)"
-    yield (
-        f"*{figures.profile_guide(profile.problems)} Times below {seconds(profile.floor)} are set to that. "
-        f"Dashed: routes that promise less than an answer ({', '.join(f'{m} {k}' for k, m in figures.MARKS.items())}).*"
-    )
+    if profile.compares:
+        yield "### Performance profile"
+        name = f"profile-{slug}"
+        figures.save(figures.profile_figure(profile, title, kinds, run.looks), run.folder, name)
+        yield f"[![Performance profile, {plain(title)}]({name}.png)]({name}.svg)"
+        marks = ", ".join(f"{mark} {kind}" for kind, mark in figures.MARKS.items())
+        yield (
+            f"*{figures.profile_guide(profile.problems)} Times below {seconds(profile.floor)} are set to that. "
+            f"Dashed: routes that promise less than an answer ({marks}).*"
+        )
     swapped = pairwise.reversals(times, profile.leading(figures.EMPHASISED))
     if swapped:
         yield "*Caution.* At τ = 2 these are in this order only because of the other solvers; pairwise, it reverses:"

@@ -44,7 +44,8 @@ class Panel:
 
 
 def draw(run: Run, rankings: Sequence[Ranking]) -> tuple[str, str]:
-    """Draw the figure into the folder of the run; gives its name and how to read it, ('', '') where nothing was solved.
+    """Draw the figure into the folder of the run; gives its name and how to read it, ('', '') where no two solvers
+    solved something that they could be compared on.
 
     Of one formulation it is the profile that its details have.
     """
@@ -66,10 +67,9 @@ def draw(run: Run, rankings: Sequence[Ranking]) -> tuple[str, str]:
 
 
 def chosen(rankings: Sequence[Ranking]) -> list[Ranking]:
-    """Return the rankings that get a panel, in their order: of several solvers where there are such."""
-    compared = [r for r in rankings if sum(row.solved > 0 for row in r.rows) > 1]  # a curve alone says nothing
-    solved = compared or [r for r in rankings if r.rows[0].solved]
-    most = sorted(solved, key=lambda r: (-r.problems, -sum(row.solved for row in r.rows)))[:PANELS]
+    """Return the rankings that get a panel, in their order: those of several solvers. A curve alone says nothing."""
+    compared = [r for r in rankings if sum(row.solved > 0 for row in r.rows) > 1]
+    most = sorted(compared, key=lambda r: (-r.problems, -sum(row.solved for row in r.rows)))[:PANELS]
     return [r for r in rankings if r in most]
 
 
@@ -78,9 +78,9 @@ def _panel(ranking: Ranking, rows: pd.DataFrame) -> Panel | None:
     if not len(times.columns):
         return None
     profile = performance_profile(times)
-    leading = profile.leading(NAMED)
-    if not leading:
+    if not profile.compares:
         return None
+    leading = profile.leading(NAMED)
     named = tuple(row.solver for row in ranking.rows if row.solver in leading)
     return Panel(ranking.formulation, profile, rows_of.label_kinds(rows), named)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.analysis import failures, reliability, starts
+from cpbench.report.certainty_section import certainties
 from cpbench.report.imported_section import imported
 from cpbench.report.methods import LOSSES
 from cpbench.report.multi_start_section import multi_start
@@ -28,6 +29,7 @@ def run_sections(run: Run) -> Iterator[str]:
     """Yield all of them, in order."""
     sections: Sequence[Callable[[Run], Iterator[str]]] = (
         false_claims,
+        certainties,
         _directions,
         _inexact,
         _losses,

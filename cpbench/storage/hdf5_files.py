@@ -29,12 +29,14 @@ def members_of(root: Tree) -> list[str]:
         return [""]
     if side_by_side:
         return side_by_side
-    return [name for name in root.names() if root.is_group(name) and _is_problem(root.child(name))]
+    return [name for name in root.names() if _is_member(root, name)]
 
 
 def locate(root: Tree, member: str) -> tuple[Tree, str]:
     """Group of the problem `member`, and its FCLIB group ("" for a native one); raises FormatError."""
-    found = members_of(root)
+    # one of many is looked for by its name: who reads all of them would list them as often
+    direct = member and "/" not in member and not _is_problem(root) and member in root and _is_member(root, member)
+    found = [member] if direct else members_of(root)
     if not found:
         raise root.error("", _nothing(root))
     if not member:
@@ -171,6 +173,10 @@ def write_problem(group: h5py.Group, problem: Problem, *, compress: bool) -> Non
         native.write(group, problem, compress=compress)
     except OverflowError as cause:
         raise FormatError(problem.name or problem.node, "", str(cause)) from None
+
+
+def _is_member(root: Tree, name: str) -> bool:
+    return root.is_group(name) and _is_problem(root.child(name))
 
 
 def _is_problem(tree: Tree) -> bool:

@@ -63,32 +63,32 @@ def small(solver: Any, folder: Path) -> str:
 
 
 def warm(names: list[str], repeats: int) -> Iterator[tuple[str, float, str]]:
-    from cpbench.bench.lane import Lane
     from cpbench.bench.planning import plan
+    from cpbench.bench.slot import Slot
     from cpbench.bench.worker_pool import Setting
 
     solvers = chosen(names)
-    with tempfile.TemporaryDirectory() as folder, Lane(Setting()) as lane:
+    with tempfile.TemporaryDirectory() as folder, Slot(Setting()) as slot:
         files = {solver.spec.name: small(solver, Path(folder)) for solver in solvers}
         asked = [plan.exact()]
         before = time.perf_counter()
-        surveys = {file: lane.survey(file, asked) for file in dict.fromkeys(files.values())}
+        surveys = {file: slot.survey(file, asked) for file in dict.fromkeys(files.values())}
         print(f"# forkserver, referee and {len(surveys)} files: {time.perf_counter() - before:.2f} s", flush=True)
         for name, file in files.items():
             (pair,) = plan.pairs(
                 [surveys[file]], [plan.parse_entry(name)], asked, 1e-6, plan.Limits(20.0, 4 * 2**30, 1, repeats=1)
             )
-            prepared, least = lane.prepare(pair), (float("inf"), "")
+            prepared, least = slot.prepare(pair), (float("inf"), "")
             for _ in range(repeats):
-                lane.workers.drop(name)
+                slot.workers.drop(name)
                 before = time.perf_counter()
-                lane.workers.get(name, pair.limits.memory, pair.limits.seconds)
+                slot.workers.get(name, pair.limits.memory, pair.limits.seconds)
                 ready = time.perf_counter() - before
-                row = lane.run(pair, prepared)
+                row = slot.run(pair, prepared)
                 total = time.perf_counter() - before
                 told = f"{ready:6.3f} ready, solve {row.solve or 0:9.6f}, {row.status}"
                 least = min(least, (total, told))
-            lane.workers.drop(name)
+            slot.workers.drop(name)
             yield name, *least
 
 

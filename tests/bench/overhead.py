@@ -39,12 +39,12 @@ from overhead_qps import BACKENDS
 from cpbench import storage
 from cpbench.bench import machine
 from cpbench.bench.events import Done, Event
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
+from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.formulations import LCP
 
@@ -84,12 +84,12 @@ class Clock:
         ]
 
     def parts(self) -> dict[str, float]:
-        """Medians of what a row tells [s]; `wall` is the lane's part, what is left of a pair is the store's."""
+        """Medians of what a row tells [s]; `wall` is the slot's part, what is left of a pair is the store's."""
         told = {name: statistics.median(getattr(row, name) for row in self.rows) for name in (*PARTS, "wall")}
         return {**told, "pair": statistics.median(self.passed)}
 
 
-def tiny_lcps(folder: Path, lane: Lane, count: int, seed: int) -> list[Pair]:
+def tiny_lcps(folder: Path, slot: Slot, count: int, seed: int) -> list[Pair]:
     """Pairs of strictly monotone LCPs of ten unknowns with every entry."""
     rng = np.random.default_rng(seed)
     surveys: list[dict[str, Any]] = []
@@ -97,15 +97,15 @@ def tiny_lcps(folder: Path, lane: Lane, count: int, seed: int) -> list[Pair]:
         A = rng.standard_normal((10, 10))
         path = folder / f"lcp-{seed}-{i}.h5"
         storage.save(LCP(M=A @ A.T + 10 * np.eye(10), q=rng.standard_normal(10), name=path.stem), path)
-        surveys.append(lane.survey(str(path), [plan.exact()]))
+        surveys.append(slot.survey(str(path), [plan.exact()]))
     return plan.pairs(surveys, ENTRIES, [plan.exact()], 1e-6, LIMITS)
 
 
-def run(lane: Lane, path: Path, planned: Sequence[Pair]) -> Clock:
+def run(slot: Slot, path: Path, planned: Sequence[Pair]) -> Clock:
     clock = Clock()
     with Store(path, create=True) as store:
         store.plan(planned)
-        execute([lane], store, planned, notice=clock)
+        execute([slot], store, planned, on_event=clock)
     return clock
 
 
@@ -127,9 +127,9 @@ def fill(path: Path, rows: int) -> None:
 
 def warm(folder: Path, pairs: int) -> float:
     """Prints the overhead in a warm worker and where a pair's time goes; the median [s]."""
-    with Lane() as lane:
-        planned = tiny_lcps(folder, lane, pairs // len(ENTRIES), seed=0)
-        clock = run(lane, folder / "warm.sqlite", planned)
+    with Slot() as slot:
+        planned = tiny_lcps(folder, slot, pairs // len(ENTRIES), seed=0)
+        clock = run(slot, folder / "warm.sqlite", planned)
     median = _table("1. warm worker", clock.overheads())
     told = ", ".join(f"{name} {seconds * 1e3:.3f}" for name, seconds in clock.parts().items())
     print(f"   medians of a pair [ms]: {told}")
@@ -139,14 +139,14 @@ def warm(folder: Path, pairs: int) -> float:
 def growth(folder: Path, pairs: int, tries: int) -> None:
     """Prints the overhead into files that hold rows already."""
     medians: dict[int, float] = dict.fromkeys(ROWS, float("inf"))
-    with Lane() as lane:
-        first = tiny_lcps(folder, lane, 1, seed=1)
+    with Slot() as slot:
+        first = tiny_lcps(folder, slot, 1, seed=1)
         for rows in ROWS:
-            run(lane, folder / f"{rows}.sqlite", first)
+            run(slot, folder / f"{rows}.sqlite", first)
             fill(folder / f"{rows}.sqlite", rows)
         for i, rows in itertools.product(range(ROUNDS * tries), ROWS):
-            planned = tiny_lcps(folder, lane, pairs // len(ENTRIES) // 20, seed=ROWS.index(rows) + 10 * (i + 1))
-            over = run(lane, folder / f"{rows}.sqlite", planned).overheads()
+            planned = tiny_lcps(folder, slot, pairs // len(ENTRIES) // 20, seed=ROWS.index(rows) + 10 * (i + 1))
+            over = run(slot, folder / f"{rows}.sqlite", planned).overheads()
             medians[rows] = min(medians[rows], statistics.median(over))
     print(f"2. rows there before         {''.join(f'{rows:9,d}' for rows in ROWS)}")
     print(f"   least median [ms]         {_ms(*medians.values())}")
@@ -155,9 +155,9 @@ def growth(folder: Path, pairs: int, tries: int) -> None:
 
 def fresh(folder: Path) -> None:
     """Prints the overhead with a process for every pair."""
-    with Lane(Setting(fresh=True)) as lane:
-        planned = tiny_lcps(folder, lane, FRESH_PAIRS // len(ENTRIES), seed=2)
-        _table("3. fresh process", run(lane, folder / "fresh.sqlite", planned).overheads())
+    with Slot(Setting(fresh=True)) as slot:
+        planned = tiny_lcps(folder, slot, FRESH_PAIRS // len(ENTRIES), seed=2)
+        _table("3. fresh process", run(slot, folder / "fresh.sqlite", planned).overheads())
 
 
 def beside(folder: Path, problems: Sequence[int], tries: int) -> None:

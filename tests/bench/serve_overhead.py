@@ -27,8 +27,8 @@ import overhead
 
 from cpbench import storage
 from cpbench.bench import machine
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
+from cpbench.bench.slot import Slot
 from cpbench.formulations import LCP
 from cpbench.registry import DECLARED
 from cpbench.solvers.base import Budget, solvers
@@ -73,12 +73,12 @@ def runs(folder: Path, problems: int) -> float:
     for i, path in enumerate(paths):
         storage.save(tiny(i), path)
     clocks: dict[str, list[overhead.Clock]] = {"pgs": [], "cpp-pgs": []}
-    with Lane() as lane:
-        surveys = [lane.survey(str(path), [plan.exact()]) for path in paths]
+    with Slot() as slot:
+        surveys = [slot.survey(str(path), [plan.exact()]) for path in paths]
         for turn in range(TURNS):
             for name, found in clocks.items():
                 planned = plan.pairs(surveys, [plan.Entry(name)], [plan.exact()], 1e-6, plan.Limits(repeats=1))
-                found.append(overhead.run(lane, folder / f"{name}-{turn}.sqlite", planned))
+                found.append(overhead.run(slot, folder / f"{name}-{turn}.sqlite", planned))
     medians: dict[str, float] = {}
     for name, found in clocks.items():
         over = [seconds for clock in found for seconds in clock.overheads()]

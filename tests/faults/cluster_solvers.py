@@ -24,9 +24,9 @@ def _above(what):
 
 
 def dask_worker():
-    """The station's parent is the Dask worker, under a nanny or not."""
-    station = _above("cpbench.bench.cluster.station")
-    return station and station.parent()
+    """The parent of the remote worker is the Dask worker, under a nanny or not."""
+    remote_worker = _above("cpbench.bench.cluster.remote_worker")
+    return remote_worker and remote_worker.parent()
 
 
 @register
@@ -58,13 +58,13 @@ class KillsWorker(Solver):
 
 
 @register
-class KillsStation(Solver):
-    """Kills the process with its lane, on problems of order 5."""
+class KillsRemoteWorker(Solver):
+    """Kills the process with its slot, on problems of order 5."""
 
-    spec = SolverSpec(name="kills-station", node="lcp", summary="kills", method="test")
+    spec = SolverSpec(name="kills-remote-worker", node="lcp", summary="kills", method="test")
 
     def solve(self, prepared, budget, options, start=None, record=None):
         if prepared.q.size == 5:
-            os.kill(_above("cpbench.bench.cluster.station").pid, signal.SIGKILL)
+            os.kill(_above("cpbench.bench.cluster.remote_worker").pid, signal.SIGKILL)
             time.sleep(60)
         return _answer(prepared)

@@ -19,15 +19,17 @@ import pytest
 
 import cpbench
 from cpbench import frames, storage
-from cpbench.bench.cluster import backlog, keeper, lenders
-from cpbench.bench.cluster.crew import Cluster
-from cpbench.bench.cluster.parcel import pack_blocks
-from cpbench.bench.cluster.post import opening
-from cpbench.bench.lane import Lane
+from cpbench.bench import messages
+from cpbench.bench.block import Block
+from cpbench.bench.cluster import connect, executor
+from cpbench.bench.cluster.dask_worker import RemoteWorker
+from cpbench.bench.cluster.executor import DaskExecutor
+from cpbench.bench.cluster.messages import RunBlock
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.results.store import Store
-from cpbench.bench.runner import Crew, execute
+from cpbench.bench.runner import Executor, execute
+from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.formulations import LCP
@@ -118,13 +120,13 @@ def _results(path: Path) -> tuple[dict[str, dict[str, object]], dict[str, bytes]
         return {row.key: vars(row) for row in store.rows()}, dict(store.answers())
 
 
-def _stations(**wanted: object) -> list[psutil.Process]:
-    """Stations that live, by their folder (`cwd`) or their parent (`ppid`)."""
+def _remote_workers(**wanted: object) -> list[psutil.Process]:
+    """Remote workers that live, by their folder (`cwd`) or their parent (`ppid`)."""
     found: list[psutil.Process] = []
     for process in psutil.process_iter(["cmdline", "status", "cwd", "ppid"]):
         info = process.info
         living = (
-            "cpbench.bench.cluster.station" in " ".join(info["cmdline"] or ())
+            "cpbench.bench.cluster.remote_worker" in " ".join(info["cmdline"] or ())
             and info["status"] != psutil.STATUS_ZOMBIE
         )
         if living and all(info[name] == value for name, value in wanted.items()):
@@ -154,7 +156,7 @@ def test_a_worker_dies_and_one_comes_late(loopback: Loopback) -> None:
     told = running.communicate(timeout=600)[1]
     assert running.returncode == 0, told
     assert "a Dask worker was lost" in told
-    until(lambda: not _stations(cwd=str(loopback.folder)))
+    until(lambda: not _remote_workers(cwd=str(loopback.folder)))
 
     assert loopback.run(*chosen, "-o", "local.sqlite").returncode == 0
     (there, answers), (here, expected) = (_results(loopback.folder / f"{name}.sqlite") for name in ("dask", "local"))
@@ -166,7 +168,7 @@ def test_a_worker_dies_and_one_comes_late(loopback: Loopback) -> None:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("name", ["kills-worker", "kills-station"])
+@pytest.mark.parametrize("name", ["kills-worker", "kills-remote-worker"])
 def test_a_pair_that_kills_twice_has_its_row(loopback: Loopback, name: str) -> None:
     """It is tried once more, alone; those that were at work beside it lose nothing."""
     _problems(loopback.folder / "p", range(2, 10))
@@ -192,7 +194,29 @@ def test_interrupted_runs_go_on(loopback: Loopback) -> None:
     told = running.communicate(timeout=600)[1]
     assert running.returncode == 130, told
     assert told.count("\n") == 1, told
-    until(lambda: not _stations(cwd=str(loopback.folder)))
+    until(lambda: not _remote_workers(cwd=str(loopback.folder)))
+    (loopback.folder / "open").touch()
+    again = loopback.run(*chosen)
+    assert again.returncode == 0, again.stderr
+    rows, answers = _results(loopback.folder / "r.sqlite")
+    assert [row["status"] for row in rows.values()] == ["solved"] * 12
+    assert answers.keys() == rows.keys()
+
+
+@pytest.mark.nightly
+def test_a_run_whose_scheduler_dies_goes_on_without_it(loopback: Loopback) -> None:
+    """One line and exit 2; what was finished is kept, nothing solves any more, and the same pairs can be run here."""
+    _problems(loopback.folder / "p", range(2, 8))
+    loopback.worker()
+    chosen = ["p", "-s", "lemke", "-s", "gate", "-o", "r.sqlite"]
+    running = subprocess.Popen(
+        loopback.command(*chosen, "--dask", loopback.address), cwd=loopback.folder, stderr=subprocess.PIPE, text=True
+    )
+    until(lambda: [*loopback.folder.glob("entered-*")])
+    loopback.processes[0].kill()
+    told = running.communicate(timeout=600)[1]
+    assert running.returncode == 2, told
+    assert "the Dask scheduler does not answer any more" in told
     (loopback.folder / "open").touch()
     again = loopback.run(*chosen)
     assert again.returncode == 0, again.stderr
@@ -202,30 +226,30 @@ def test_interrupted_runs_go_on(loopback: Loopback) -> None:
 
 
 @pytest.fixture(scope="module")
-def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskExecutor]:
     """Two processes, as a file describes them."""
     file = tmp_path_factory.mktemp("local") / "cluster.toml"
     file.write_text('cluster = "local"\njobs = 2\n[arguments]\nhost = "127.0.0.1"\n')
-    with lenders.start(str(file), Setting()) as crew:
-        yield crew
+    with connect.start(str(file), Setting()) as started:
+        yield started
 
 
 @pytest.mark.nightly
 def test_a_sequence_over_machines_that_do_not_see_its_file(
-    local: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    local: DaskExecutor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The pack lies behind a descriptor that only this process has open: copies of it go to whoever needs them. Tasks
     end every 50 ms, so that steps follow answers that were found in another task."""
-    monkeypatch.setattr(backlog, "TASK", 0.05)
+    monkeypatch.setattr(executor, "TASK", 0.05)
     (tmp_path / "scene").mkdir()
     list(write_collections(tmp_path / "scene", ("contact-sequence",)))
     limits = Limits(seconds=30.0, repeats=1)
-    with Lane() as lane:
+    with Slot() as slot:
         addresses = storage.problem_files([tmp_path / "scene"])
-        surveys = [lane.survey(address, [plan.exact()]) for address in addresses]
+        surveys = [slot.survey(address, [plan.exact()]) for address in addresses]
         asked = (surveys, [plan.Entry("nsgs")], [plan.exact()], 1e-6, limits)
         planned = [pair for start in ("previous", "cold") for pair in plan.pairs(*asked, start=start)]
-        expected, answers = _executed([lane], planned, tmp_path / "here.sqlite")
+        expected, answers = _executed([slot], planned, tmp_path / "here.sqlite")
     folder = os.open(tmp_path / "scene", os.O_RDONLY)
     try:
         hidden = f"/proc/self/fd/{folder}"
@@ -239,12 +263,12 @@ def test_a_sequence_over_machines_that_do_not_see_its_file(
     assert {str(row["started"]).partition(":")[0] for row in rows.values()} == {"cold", "previous"}
 
 
-def test_a_run_over_two_processes_is_as_one_here(local: Cluster, tmp_path: Path) -> None:
+def test_a_run_over_two_processes_is_as_one_here(local: DaskExecutor, tmp_path: Path) -> None:
     _problems(tmp_path / "p", range(2, 6))
-    with Lane() as lane:
-        surveys = [lane.survey(str(path), [plan.exact()]) for path in sorted((tmp_path / "p").iterdir())]
+    with Slot() as slot:
+        surveys = [slot.survey(str(path), [plan.exact()]) for path in sorted((tmp_path / "p").iterdir())]
         planned = plan.pairs(surveys, [plan.Entry("lemke")], [plan.exact()], 1e-6, Limits(seconds=60.0, repeats=1))
-        expected, answers = _executed([lane], planned, tmp_path / "here.sqlite")
+        expected, answers = _executed([slot], planned, tmp_path / "here.sqlite")
     rows, found = _executed(local, planned, tmp_path / "there.sqlite")
     assert [row["status"] for row in rows.values()] == ["solved"] * 4
     assert _alike(rows) == _alike(expected)
@@ -252,22 +276,22 @@ def test_a_run_over_two_processes_is_as_one_here(local: Cluster, tmp_path: Path)
 
 
 def test_workers_of_another_version_are_refused(
-    local: Cluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    local: DaskExecutor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cpbench, "__version__", "99")
-    crew = Cluster(local._client, Setting())
+    other = DaskExecutor(local._client, Setting())
     _problems(tmp_path / "p", range(2, 3))
-    with Lane() as lane:
-        survey = lane.survey(str(tmp_path / "p" / "p2.h5"), [plan.exact()])
+    with Slot() as slot:
+        survey = slot.survey(str(tmp_path / "p" / "p2.h5"), [plan.exact()])
     planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6)
     with pytest.raises(CpbenchError, match=r"has cpbench 0\.[\d.]+, and the run is of 99"):
-        _executed(crew, planned, tmp_path / "r.sqlite")
+        _executed(other, planned, tmp_path / "r.sqlite")
 
 
-def _executed(crew: Crew | list[Lane], planned: list[Pair], path: Path) -> tuple[dict, dict]:
+def _executed(on: Executor | list[Slot], planned: list[Pair], path: Path) -> tuple[dict, dict]:
     with Store(path, create=True) as store:
         store.plan(planned)
-        execute(crew, store, planned)
+        execute(on, store, planned)
     return _results(path)
 
 
@@ -289,18 +313,18 @@ def _alike(rows: dict[str, dict[str, object]]) -> dict[str, list[object]]:
 def test_descriptions_that_cannot_be_used(tmp_path: Path, name: str, text: str, error: type, told: str) -> None:
     (tmp_path / name).write_text(text)
     with pytest.raises(error, match=told) as refusal:
-        lenders.start(str(tmp_path / name), Setting())
+        connect.start(str(tmp_path / name), Setting())
     assert "\n" not in str(refusal.value)
 
 
 def test_an_address_that_is_none() -> None:
     with pytest.raises(CpbenchError, match="'localhost' is no address of a Dask scheduler"):
-        lenders.connect("localhost", Setting())
+        connect.to_scheduler("localhost", Setting())
 
 
 def test_a_cluster_of_no_known_kind() -> None:
     with pytest.raises(UnknownName, match=r"slurn.*slurm"):
-        lenders.start("slurn", Setting())
+        connect.start("slurn", Setting())
 
 
 @pytest.mark.nightly
@@ -312,24 +336,23 @@ def test_a_batch_system_that_is_not_configured(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_a_station_that_nobody_asks_ends_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A client that was killed says no goodbye; one that is only slow finds its station again."""
-    monkeypatch.setattr(keeper, "IDLE", 0.5)
-    identity, greeting = keeper.greet("run", opening(Setting()))
-    nothing = pack_blocks([], places={}, copies=[], seconds=1.0)
+def test_a_remote_worker_that_nobody_asks_ends_and_comes_back() -> None:
+    """A client that was killed removes no plugin; one that is only slow finds a worker again."""
+    nothing = messages.pack(RunBlock.of(Block(()), 1.0))
+    remote = RemoteWorker(executor._terms(Setting()), idle=0.5)
     try:
-        assert frames.unpack(greeting)[0]["event"] == "ready"
-        until(lambda: not _stations(ppid=os.getpid()))
-        assert keeper.work("run", identity, nothing) == []
-        assert frames.unpack(keeper.work("run", "of a process before", nothing)[0])[0]["event"] == "stranger"
+        for _ in range(2):
+            result = remote.ask("here", nothing, {})
+            assert (result.replies, result.died, result.failed) == ((), "", "")
+            assert "host" in frames.unpack(result.greeting)[0]
+            until(lambda: not _remote_workers(ppid=os.getpid()))
     finally:
-        keeper.stop("run")
-    until(lambda: not _stations(ppid=os.getpid()))
+        remote.end()
 
 
 def test_dask_is_imported_by_who_asks_for_it() -> None:
     loaded = (
-        "import cpbench.cli.run_command, sys; print({'distributed', 'cpbench.bench.cluster.crew'} & {*sys.modules})"
+        "import cpbench.cli.run_command, sys; print({'distributed', 'cpbench.bench.cluster.executor'} & {*sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"

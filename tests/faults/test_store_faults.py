@@ -22,11 +22,11 @@ import numpy as np
 import pytest
 
 from cpbench import storage
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store, read_results
+from cpbench.bench.slot import Slot
 from cpbench.errors import StoreError
 from cpbench.formulations import LCP
 
@@ -201,11 +201,11 @@ def test_temporary_files_that_cannot_be_written_are_nobodys_refusal(tmp_path: Pa
     """The folder of a run's temporary files vanishes: an error, where `unsupported` would be said of the solver."""
     path = tmp_path / "p.h5"
     storage.save(LCP(M=np.eye(3), q=-np.ones(3), name="p"), path)
-    with Lane() as lane:
-        survey = lane.survey(str(path), [plan.exact()])
+    with Slot() as slot:
+        survey = slot.survey(str(path), [plan.exact()])
         (planned,) = plan.pairs([survey], [Entry("lemke")], [plan.exact()], 1e-6)
-        lane._scratch.remove()
-        outcome = lane.run(planned, lane.prepare(planned))
+        slot._scratch.remove()
+        outcome = slot.run(planned, slot.prepare(planned))
     assert outcome.status == "error"
     assert "cannot be written" in str(outcome.message)
 

@@ -51,6 +51,9 @@ def row(problem: str, label: str, status: str, solve: float = math.nan, **given:
         "error": errors.get(status, math.inf),
         "target_error": math.nan,  # the solver was given the problem itself
         "target_tolerance": math.nan,
+        "certainty": None,
+        "distance": math.nan,
+        "certificate": None,
         "flags": "" if answered else None,
         "message": None,
         "parts": "{}",

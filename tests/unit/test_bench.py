@@ -16,9 +16,8 @@ import pytest
 from tiers import some_by_day
 
 from cpbench import frames, graph, storage
-from cpbench.bench import lane as lanes
 from cpbench.bench import messages, shared_problem
-from cpbench.bench.lane import Lane
+from cpbench.bench import slot as slots
 from cpbench.bench.messages import RefereeCase, Survey
 from cpbench.bench.planning import plan
 from cpbench.bench.problem_cache import Charged, ProblemCache
@@ -26,6 +25,7 @@ from cpbench.bench.referee import Referee
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
+from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.conversions.base import make
 from cpbench.errors import StoreError, UnknownName
@@ -37,9 +37,9 @@ LIMITS = plan.Limits(seconds=20.0, repeats=1)
 
 
 @pytest.fixture(scope="module")
-def lane() -> Iterator[Lane]:
-    with Lane() as lane:
-        yield lane
+def slot() -> Iterator[Slot]:
+    with Slot() as slot:
+        yield slot
 
 
 def _contact(folder: Path) -> Path:
@@ -98,8 +98,8 @@ def test_solver_options_are_typed_and_named() -> None:
         plan.parse_entry("psor[omega=fast]")
 
 
-def test_keys_tell_apart_what_must_not_be_mixed(lane: Lane, tmp_path: Path) -> None:
-    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+def test_keys_tell_apart_what_must_not_be_mixed(slot: Slot, tmp_path: Path) -> None:
+    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
 
     def key(solver: str = "lemke", tolerance: float = 1e-6, threads: int = 1) -> str:
         entries, limits = [plan.parse_entry(solver)], plan.Limits(threads=threads)
@@ -112,15 +112,15 @@ def test_keys_tell_apart_what_must_not_be_mixed(lane: Lane, tmp_path: Path) -> N
 
 
 @pytest.mark.nightly
-def test_a_relaxation_runs_on_request_only_and_says_what_it_is(lane: Lane, tmp_path: Path) -> None:
+def test_a_relaxation_runs_on_request_only_and_says_what_it_is(slot: Slot, tmp_path: Path) -> None:
     """A sliding contact: the relaxation's answer dilates, and its row says `relaxation`, never `equivalent`.
 
     Nobody has the problem that the solver solves, so that nothing is charged to it."""
     asked, entries = [plan.exact()], [plan.parse_entry("cvxpy-relaxation")]
-    survey = lane.survey(str(_contact(tmp_path)), asked)
+    survey = slot.survey(str(_contact(tmp_path)), asked)
     assert plan.pairs([survey], entries, asked, 1e-6, LIMITS) == []
     (pair,) = plan.pairs([survey], entries, asked, 1e-6, LIMITS, relaxations=True)
-    row = lane.run(pair, lane.prepare(pair))
+    row = slot.run(pair, slot.prepare(pair))
     assert row.kind == "relaxation"
     assert (row.claim, row.status, row.target_error) == ("solved", "approximate", None)
 
@@ -176,9 +176,9 @@ def test_two_ways_to_one_problem_keep_their_own_steps(tmp_path: Path) -> None:
         assert steps[0].conversion == way
 
 
-def test_facet_requests_lead_to_lcp_and_mlcp_solvers_only(lane: Lane, tmp_path: Path) -> None:
+def test_facet_requests_lead_to_lcp_and_mlcp_solvers_only(slot: Slot, tmp_path: Path) -> None:
     asked = plan.requests("all", (8, 16))
-    survey = lane.survey(str(_contact(tmp_path)), asked)
+    survey = slot.survey(str(_contact(tmp_path)), asked)
     everything = [plan.Entry(name) for name in ("lemke", "daqp", "nsgs")]
     labels = {p.label for p in plan.pairs([survey], everything, asked, 1e-6, LIMITS)}
     assert "nsgs" in labels
@@ -186,33 +186,33 @@ def test_facet_requests_lead_to_lcp_and_mlcp_solvers_only(lane: Lane, tmp_path: 
     assert not any(label.startswith("daqp@") and "necessary" not in label for label in labels)
 
 
-def test_a_finished_row_stays(lane: Lane, tmp_path: Path) -> None:
-    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+def test_a_finished_row_stays(slot: Slot, tmp_path: Path) -> None:
+    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     store = Store(tmp_path / "r.sqlite", create=True)
     store.plan(planned)
     assert store.counts() == {"not_run": 1}
-    execute([lane], store, planned, seed=0)
+    execute([slot], store, planned, seed=0)
     before = store.row(planned[0].key)
     store.plan(planned)
-    execute([lane], store, planned, seed=0)
+    execute([slot], store, planned, seed=0)
     assert store.row(planned[0].key) == before
     store.close()
 
 
 @pytest.mark.parametrize(("keep", "kept"), [("none", 0), ("wrong", 0), ("all", 1)])
-def test_answers_are_kept_as_asked(lane: Lane, tmp_path: Path, keep: str, kept: int) -> None:
-    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+def test_answers_are_kept_as_asked(slot: Slot, tmp_path: Path, keep: str, kept: int) -> None:
+    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     store = Store(tmp_path / "r.sqlite", create=True, keep=keep)
     store.plan(planned)
-    execute([lane], store, planned, seed=0)
+    execute([slot], store, planned, seed=0)
     assert len(list(store.answers())) == kept
     store.close()
 
 
-def test_a_row_and_its_answer_come_together_or_not_at_all(lane: Lane, tmp_path: Path) -> None:
-    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+def test_a_row_and_its_answer_come_together_or_not_at_all(slot: Slot, tmp_path: Path) -> None:
+    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     store = Store(tmp_path / "r.sqlite", create=True)
     store.plan(planned)
@@ -240,29 +240,29 @@ def test_files_that_are_no_results_are_refused(tmp_path: Path) -> None:
         Store(tmp_path / "absent.sqlite")
 
 
-def test_a_referee_that_dies_is_replaced(lane: Lane, tmp_path: Path) -> None:
+def test_a_referee_that_dies_is_replaced(slot: Slot, tmp_path: Path) -> None:
     """Its process is killed between two pairs; the next pair is judged by a new one."""
-    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
-    prepared = lane.prepare(pair)
-    assert lane.run(pair, prepared).status == "solved"
-    assert lane.referee.child is not None
-    lane.referee.child.kill()
-    assert lane.run(pair, prepared).status == "solved"
+    prepared = slot.prepare(pair)
+    assert slot.run(pair, prepared).status == "solved"
+    assert slot.referee.child is not None
+    slot.referee.child.kill()
+    assert slot.run(pair, prepared).status == "solved"
 
 
-def test_a_file_that_changed_after_planning_is_refused(lane: Lane, tmp_path: Path) -> None:
+def test_a_file_that_changed_after_planning_is_refused(slot: Slot, tmp_path: Path) -> None:
     """Its rows must not be filled with answers to another problem: neither before a solve nor at the verdict."""
     path = _lcp(tmp_path)
-    survey = lane.survey(str(path), [plan.exact()])
+    survey = slot.survey(str(path), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
-    prepared = lane.prepare(pair)
-    assert lane.referee.child is not None
-    lane.referee.child.kill()
+    prepared = slot.prepare(pair)
+    assert slot.referee.child is not None
+    slot.referee.child.kill()
     changed = LCP(M=3.0 * np.eye(3), q=-np.ones(3), name="p")
     storage.save(changed, path, force=True)
-    late = lane.run(pair, prepared)
-    early = lane.run(pair, lane.prepare(pair))
+    late = slot.run(pair, prepared)
+    early = slot.run(pair, slot.prepare(pair))
     for row, beginning in ((early, "loading: "), (late, "the answer could not be judged: ")):
         assert row.status == "error"
         assert row.message.startswith(beginning)
@@ -270,12 +270,12 @@ def test_a_file_that_changed_after_planning_is_refused(lane: Lane, tmp_path: Pat
         assert changed.fingerprint in row.message
 
 
-def test_a_file_that_is_gone_after_planning_is_an_error(lane: Lane, tmp_path: Path) -> None:
-    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+def test_a_file_that_is_gone_after_planning_is_an_error(slot: Slot, tmp_path: Path) -> None:
+    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
-    lane.survey(str(_lcp(tmp_path, "other")), [plan.exact()])
+    slot.survey(str(_lcp(tmp_path, "other")), [plan.exact()])
     (tmp_path / "p.h5").unlink()
-    row = lane.run(pair, lane.prepare(pair))
+    row = slot.run(pair, slot.prepare(pair))
     assert row.status == "error"
     assert row.message.startswith("loading: ")
 
@@ -288,40 +288,40 @@ def _hanging(path: Path) -> Path:
 
 @pytest.mark.nightly
 def test_a_referee_that_loads_too_slowly_is_no_timeout_of_a_solver(
-    lane: Lane, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    slot: Slot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
-    lane.survey(str(_lcp(tmp_path, "other")), [plan.exact()])  # the referee holds one problem
+    slot.survey(str(_lcp(tmp_path, "other")), [plan.exact()])  # the referee holds one problem
     address = tmp_path / "p.h5"
     address.unlink()
     _lcp(tmp_path, n=4000)  # 128 MB, for which 20 ms are not enough
-    monkeypatch.setattr(lanes, "REFEREE", replace(lanes.REFEREE, floor=0.02))
+    monkeypatch.setattr(slots, "REFEREE", replace(slots.REFEREE, floor=0.02))
     quick = replace(pair, limits=replace(LIMITS, seconds=0.02))
-    row = lane.run(quick, lane.prepare(quick))
+    row = slot.run(quick, slot.prepare(quick))
     assert (row.status, row.message) == ("error", "loading: no reply within 0.02 s")
     monkeypatch.undo()
     address.unlink()
     _lcp(tmp_path)
-    assert lane.run(pair, lane.prepare(pair)).status == "solved"
+    assert slot.run(pair, slot.prepare(pair)).status == "solved"
 
 
 @pytest.mark.nightly
 def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
-    lane: Lane, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    slot: Slot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
-    prepared = lane.prepare(pair)
-    lane.start(["lemke"], LIMITS)
-    monkeypatch.setattr(lanes, "LOAD", replace(lanes.LOAD, floor=0.3))
+    prepared = slot.prepare(pair)
+    slot.start(["lemke"], LIMITS)
+    monkeypatch.setattr(slots, "LOAD", replace(slots.LOAD, floor=0.3))
     quick = replace(pair, limits=replace(LIMITS, seconds=0.2))
-    row = lane.run(quick, replace(prepared, path=str(_hanging(tmp_path / "hanging.h5"))))
+    row = slot.run(quick, replace(prepared, path=str(_hanging(tmp_path / "hanging.h5"))))
     assert row.status == "error"
     assert row.message.startswith("loading: ")
     assert row.solve is None
     monkeypatch.undo()
-    assert lane.run(pair, prepared).status == "solved"
+    assert slot.run(pair, prepared).status == "solved"
 
 
 def test_a_conversion_that_is_too_large_is_a_memout(tmp_path: Path) -> None:
@@ -331,7 +331,7 @@ def test_a_conversion_that_is_too_large_is_a_memout(tmp_path: Path) -> None:
     problem = FrictionContact(W=np.eye(n) + 1.0 / n, q=np.ones(n), mu=np.full(60, 0.5), dimension=3, name="contacts")
     storage.save(problem, path)
     asked = [plan.exact(), *plan.facets("inner", 400)]
-    with Lane(Setting(memory=2**29)) as small:
+    with Slot(Setting(memory=2**29)) as small:
         survey = small.survey(str(path), asked)
         pairs = plan.pairs(
             [survey], [plan.Entry("nsgs"), plan.Entry("lemke")], asked, 1e-6, plan.Limits(20.0, 2**29, repeats=1)
@@ -344,20 +344,20 @@ def test_a_conversion_that_is_too_large_is_a_memout(tmp_path: Path) -> None:
         assert small.run(second, small.prepare(second)).status == "solved"
 
 
-def test_a_worker_never_meets_a_dead_referees_file(lane: Lane, tmp_path: Path) -> None:
+def test_a_worker_never_meets_a_dead_referees_file(slot: Slot, tmp_path: Path) -> None:
     """Solve A, kill the referee, solve B, then A again: names of converted problems are not used twice."""
     asked, entries = [plan.exact()], [plan.Entry("lemke")]
     pairs = []
     for name, n in (("a", 3), ("b", 5)):
-        survey = lane.survey(str(_lcp(tmp_path, name, n)), asked)
+        survey = slot.survey(str(_lcp(tmp_path, name, n)), asked)
         pairs += plan.pairs([survey], entries, asked, 1e-6, LIMITS)
-    first = lane.prepare(pairs[0])
-    assert lane.run(pairs[0], first).status == "solved"
-    assert lane.referee.child is not None
-    lane.referee.child.kill()
-    second = lane.prepare(pairs[1])
+    first = slot.prepare(pairs[0])
+    assert slot.run(pairs[0], first).status == "solved"
+    assert slot.referee.child is not None
+    slot.referee.child.kill()
+    second = slot.prepare(pairs[1])
     assert second.path != first.path
-    assert lane.run(pairs[1], second).status == "solved"
+    assert slot.run(pairs[1], second).status == "solved"
 
 
 def test_loading_a_compiled_kernel_is_no_part_of_a_conversion(monkeypatch):
@@ -451,12 +451,12 @@ def test_a_file_is_read_anew_for_another_format(tmp_path: Path) -> None:
     assert cache.open(str(tmp_path / "p.h5"), "native") is not first
 
 
-def test_a_scratch_file_that_a_solver_changed_is_not_solved(lane: Lane, tmp_path: Path) -> None:
+def test_a_scratch_file_that_a_solver_changed_is_not_solved(slot: Slot, tmp_path: Path) -> None:
     """The worker compares what it reads with what the referee wrote."""
-    survey = lane.survey(str(_lcp(tmp_path)), [plan.exact()])
+    survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("bpp")], [plan.exact()], 1e-6, LIMITS)
-    prepared = lane.prepare(pair)
+    prepared = slot.prepare(pair)
     shared_problem.write(LCP(M=3.0 * np.eye(3), q=-np.ones(3), name="p"), prepared.path)
-    row = lane.run(pair, prepared)
+    row = slot.run(pair, prepared)
     assert row.status == "error"
     assert "is not what the referee wrote" in row.message

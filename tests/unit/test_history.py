@@ -14,11 +14,11 @@ import pytest
 from cpbench import graph, storage
 from cpbench.bench import history as histories
 from cpbench.bench.history import History, IterateRecorder, coarse_to_fine, derived_rows, recorded
-from cpbench.bench.lane import Lane
 from cpbench.bench.messages import JudgeHistory, Recorded, RefereeCase
 from cpbench.bench.planning import plan
 from cpbench.bench.referee import Referee
 from cpbench.bench.results.rows import Outcome
+from cpbench.bench.slot import Slot
 from cpbench.errors import PointError, StoreError
 from cpbench.formulations import LCP, FrictionContact, LCPPoint
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
@@ -365,11 +365,11 @@ def test_a_lane_returns_the_history_of_a_solver_that_records(tmp_path: Path, rng
     path = tmp_path / "p.h5"
     storage.save(problem, path)
     limits = plan.Limits(seconds=20.0, repeats=2, history=True)
-    with Lane() as lane:
-        survey = lane.survey(str(path), [plan.exact()])
+    with Slot() as slot:
+        survey = slot.survey(str(path), [plan.exact()])
         entries = [plan.Entry("pgs"), plan.Entry("lemke")]
         outcomes = {
-            pair.entry.solver: lane.run(pair, lane.prepare(pair))
+            pair.entry.solver: slot.run(pair, slot.prepare(pair))
             for pair in plan.pairs([survey], entries, [plan.exact()], 1e-10, limits, relaxations=False)
         }
     assert {solver: outcome.status for solver, outcome in outcomes.items()} == {

@@ -8,8 +8,8 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
 BASE = {
     "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
-    "kernel_cache", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
-    "ncp_functions", "frames",
+    "kernel_cache", "imports", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
+    "ncp_functions", "frames", "child_processes",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
 ALLOWED: dict[str, set[str]] = {
@@ -22,10 +22,12 @@ ALLOWED: dict[str, set[str]] = {
     "product_cones": {"matrices", "cones"},
     "registry": {"errors"},
     "frames": set(),
+    "child_processes": set(),
     "locks": set(),
     "ncp_functions": {"matrices", "expressions"},
     "temporary": {"errors", "locks"},
-    "kernel_cache": {"locks"},
+    "imports": set(),
+    "kernel_cache": {"locks", "imports", "child_processes"},
     "brackets": {"errors"},
     "toml_text": set(),
     "plain_text": set(),
@@ -45,8 +47,9 @@ ALLOWED: dict[str, set[str]] = {
     "report": BASE | {"formulations", "graph", "analysis"} | ROOMS,
     "testing": BASE | {"formulations", "graph", "checking", "generators"} | ROOMS,
     "certificates": BASE | {"formulations", "storage", "verification"},
+    "diagnosis": BASE | {"formulations", "facts", "graph", "bench"} | ROOMS,
     "api": BASE
-    | {"certificates"}
+    | {"certificates", "diagnosis"}
     | {"formulations", "facts", "graph", "checking", "testing", "bench", "analysis", "report", "generators"}
     | ROOMS,
     "advice": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
@@ -92,6 +95,7 @@ OPTIONAL = {
     "advice": {f"cli/{name}_command.py" for name in ("recommend", "tune", "history", "select")},
     "bundle": {f"cli/{name}_command.py" for name in ("bundle", "reproduce")},
     "certificates": {"api/certifying.py"},
+    "diagnosis": {"api/diagnosing.py"},
     "reduction": {f"cli/{name}_command.py" for name in ("reduce", "hunt")},
 }
 """Packages that could leave, and the files that stand on them."""

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from one_row import row_of
 
-from cpbench.bench.lane import Lane
+from cpbench.bench.slot import Slot
 from cpbench.formulations import LCP, QP
 from cpbench.solvers import solvers
 
@@ -22,34 +22,34 @@ UNSOLVABLE = LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1.0, -1
 
 
 @pytest.fixture(scope="module")
-def lane() -> Iterator[Lane]:
-    with Lane() as lane:
-        yield lane
+def slot() -> Iterator[Slot]:
+    with Slot() as slot:
+        yield slot
 
 
 @pytest.mark.nightly
-def test_success_of_moby_where_there_is_no_solution(lane: Lane, tmp_path: Path) -> None:
+def test_success_of_moby_where_there_is_no_solution(slot: Slot, tmp_path: Path) -> None:
     """Drake's Moby says kSolutionFound; the natural residual of what it found is 1."""
-    row = row_of(lane, UNSOLVABLE, "drake-moby", tmp_path)
+    row = row_of(slot, UNSOLVABLE, "drake-moby", tmp_path)
     assert (row.status, row.claim, row.message) == ("wrong", "solved", "kSolutionFound")
     assert row.error == pytest.approx(1.0)
 
 
 @pytest.mark.nightly
-def test_the_other_lemkes_do_not_claim_it(lane: Lane, tmp_path: Path) -> None:
+def test_the_other_lemkes_do_not_claim_it(slot: Slot, tmp_path: Path) -> None:
     for solver in ("drake-lemke", "quantecon-lemke"):
-        assert row_of(lane, UNSOLVABLE, solver, tmp_path).status == "failed"
+        assert row_of(slot, UNSOLVABLE, solver, tmp_path).status == "failed"
 
 
-def test_success_of_casadi_on_what_is_not_a_number(lane: Lane, tmp_path: Path) -> None:
+def test_success_of_casadi_on_what_is_not_a_number(slot: Slot, tmp_path: Path) -> None:
     """w = −z − 1 < 0: Newton's Jacobian is singular, its iterates are NaN, its status is success."""
-    row = row_of(lane, LCP(M=-np.eye(2), q=-np.ones(2)), "casadi-fischer-burmeister", tmp_path)
+    row = row_of(slot, LCP(M=-np.eye(2), q=-np.ones(2)), "casadi-fischer-burmeister", tmp_path)
     assert (row.claim, row.message) == ("solved", "newton: success")
     assert row.status == "wrong"
 
 
 @pytest.mark.nightly
-def test_a_convex_program_that_highs_calls_unbounded(lane: Lane, tmp_path: Path) -> None:
+def test_a_convex_program_that_highs_calls_unbounded(slot: Slot, tmp_path: Path) -> None:
     """min ½zᵀMz + qᵀz, z ≥ 0, for an LCP with a planted solution, M of rank 20 of 60: its minimum is there."""
     rng = np.random.default_rng(3)
     F = rng.normal(size=(60, 20))
@@ -57,18 +57,18 @@ def test_a_convex_program_that_highs_calls_unbounded(lane: Lane, tmp_path: Path)
     z = np.where(rng.random(60) < 0.5, rng.random(60), 0.0)
     w = np.where(z > 0, 0.0, rng.random(60))
     program = QP.build(Q=M, p=w - M @ z, lb=np.zeros(60))
-    row = row_of(lane, program, "highs", tmp_path)
+    row = row_of(slot, program, "highs", tmp_path)
     assert (row.status, row.claim) == ("failed", "unbounded")
     assert "Unbounded" in row.message
-    assert row_of(lane, program, "clarabel", tmp_path).status == "solved"
+    assert row_of(slot, program, "clarabel", tmp_path).status == "solved"
 
 
 @pytest.mark.nightly
-def test_gams_beside_a_worker_is_no_child_of_a_solve(lane: Lane, tmp_path: Path) -> None:
+def test_gams_beside_a_worker_is_no_child_of_a_solve(slot: Slot, tmp_path: Path) -> None:
     """Its process and the threads of gamspy are there since the warm-up."""
     if solvers.get("gams-path").availability().state == "licence":
         pytest.skip("does not apply: the licence of GAMS ran out")
-    row = row_of(lane, LCP(M=np.eye(3), q=-np.ones(3)), "gams-path", tmp_path)
+    row = row_of(slot, LCP(M=np.eye(3), q=-np.ones(3)), "gams-path", tmp_path)
     assert (row.status, row.flags) == ("solved", "")
     assert row.reported is None, "GAMS counts the launch of PATH, which is not PATH's own time"
 
@@ -109,7 +109,7 @@ LATER = """
 import sys
 import numpy as np
 from cpbench import storage
-from cpbench.bench.lane import Lane
+from cpbench.bench.slot import Slot
 from cpbench.bench.planning import plan
 from cpbench.errors import Unavailable
 from cpbench.formulations import LCP
@@ -117,11 +117,11 @@ from cpbench.solvers import solvers
 
 problem = LCP(M=np.eye(2), q=-np.ones(2))
 storage.save(problem, sys.argv[1])
-with Lane() as lane:
+with Slot() as slot:
     asked = [plan.exact()]
-    survey = lane.survey(sys.argv[1], asked)
+    survey = slot.survey(sys.argv[1], asked)
     (pair,) = plan.pairs([survey], [plan.Entry("gams-path")], asked, 1e-6, plan.Limits(seconds=20.0, repeats=1))
-    row = lane.run(pair, lane.prepare(pair))
+    row = slot.run(pair, slot.prepare(pair))
 print("row:", row.status, row.message)
 try:
     solvers.get("gams-path").hand_over(problem)

@@ -11,7 +11,7 @@ import time
 import pytest
 from tiers import some_by_day
 
-from cpbench.bench import checkup
+from cpbench.bench import availability
 from cpbench.plain_text import columns
 from cpbench.solvers.base import solvers
 
@@ -133,9 +133,9 @@ def test_the_sheet_of_a_solver_shows_its_options(plugged: dict[str, str]) -> Non
 
 @pytest.mark.nightly
 def test_a_guest_that_hangs_is_broken(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checkup, "PATIENCE", 0.5)
-    monkeypatch.setattr(checkup, "_main", _sleep)
-    found = list(checkup.examine([solvers.get("osqp"), solvers.get("lemke")]))
+    monkeypatch.setattr(availability, "PATIENCE", 0.5)
+    monkeypatch.setattr(availability, "_main", _sleep)
+    found = list(availability.examine([solvers.get("osqp"), solvers.get("lemke")]))
     assert {one.name: one.state for one in found} == {"osqp": "broken", "lemke": "ok"}
     assert "within 0.5 s" in next(one.detail for one in found if one.name == "osqp")
 

@@ -14,9 +14,9 @@ from written_reports import write_html, write_report
 from cpbench.analysis import multi_start
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.ranking import rankings
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning.assembly import assemble
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
+from cpbench.bench.slot import Slot
 from cpbench.bench.starts import each_start, parse_start
 from cpbench.errors import CpbenchError
 from cpbench.generators.collection import builtin_folder
@@ -89,8 +89,8 @@ def test_a_plan_has_a_pair_for_each_start_of_a_file() -> None:
     """The file of Kojima and Shindo's problem has 8 starting points."""
     place = f"{builtin_folder()}/ncp/ncp-classics.h5::kojima-shindo"
     asked = ProblemSet(problems=(place,), solvers=("path-search",), start=("cold", "file:all"))
-    with Lane() as lane:
-        found = assemble(RunPlan(sets=(asked,)), lane, builtin_folder)
+    with Slot() as slot:
+        found = assemble(RunPlan(sets=(asked,)), slot, builtin_folder)
     starts = [pair.start for pair in found.pairs]
     assert starts == ["cold", "file", *(f"file:{k}" for k in range(2, 9))]
 

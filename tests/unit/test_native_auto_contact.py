@@ -13,47 +13,38 @@ from tiers import some_by_day
 from cpbench import kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.contact.policy import NextMethod, PolicyState, policy
+from cpbench.solvers.native.contact.policy import SweepProgress, next_method
 from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows
 from cpbench.testing import planted
 
-NEW = PolicyState(error=1.0, sweeps=0, sweep=1e4, step=1e7, iteration=1e6)
-
-
-def test_sweeps_come_first() -> None:
-    assert policy(replace(NEW, step=0.0, iteration=0.0), 1e-8) is NextMethod.SWEEPS
+DUE = {"newton": 1e8, "admm": 3e8}
+"""Ten thousand and thirty thousand sweeps of 10 us."""
 
 
 @pytest.mark.parametrize(
-    ("standing", "expected"),
+    ("sweeps", "expected"),
     [
-        (replace(NEW, sweeps=1000, error=1e-6), NextMethod.SWEEPS),  # 333 more are expected: 3 ms
-        (replace(NEW, sweeps=100_000, error=1e-6), NextMethod.NEWTON),
-        (replace(NEW, sweeps=100_000, error=1e-6, newton_failures=2), NextMethod.ADMM),
-        (replace(NEW, sweeps=100_000, error=1e-6, newton_failures=3, admm_failures=1), NextMethod.SWEEPS),
-        (replace(NEW, sweeps=10, error=2.0), NextMethod.NEWTON),  # nothing gained: no rate to go on at
+        (SweepProgress(1e4, next=2000, spent=1000, sweeps=1000, error=1e-6), None),  # 333 more are expected: 3 ms
+        (SweepProgress(1e4, next=20_000, spent=10_000, sweeps=10_000, error=1e-6), "newton"),
+        (SweepProgress(1e4, next=20, spent=10, sweeps=10, error=2.0), None),  # nothing gained, but twenty cost little
+        (SweepProgress(1e4, next=20_000, spent=10, sweeps=10, error=2.0), "newton"),
     ],
 )
-def test_the_method_that_is_expected_to_be_done_first(standing: PolicyState, expected: NextMethod) -> None:
-    assert policy(standing, 1e-8) is expected
+def test_the_method_that_is_expected_to_be_done_first(sweeps: SweepProgress, expected: str | None) -> None:
+    assert next_method(sweeps.due(1e-8), DUE) == expected
 
 
-def test_whatever_fails_sweeps_and_newton_and_admm_all_come_again() -> None:
-    """Without any progress all three go on in turn, each with about as much work as the others."""
-    now, work = replace(NEW, error=1e-3), dict.fromkeys(NextMethod, 0.0)
+def test_whatever_fails_all_come_again() -> None:
+    """Without any progress all go on in turn, each with about as much work as the others."""
+    sweeps, due, work = SweepProgress(1e4, next=50), dict(DUE), dict.fromkeys(("sweeps", *DUE), 0.0)
     for _ in range(60):
-        match policy(now, 1e-8):
-            case NextMethod.SWEEPS:
-                count = max(50, now.sweeps)
-                work[NextMethod.SWEEPS] += count * now.sweep
-                now = replace(now, sweeps=now.sweeps + count)
-            case NextMethod.NEWTON:
-                work[NextMethod.NEWTON] += 10 * now.step * 3.0**now.newton_failures
-                now = replace(now, newton_failures=now.newton_failures + 1)
-            case NextMethod.ADMM:
-                work[NextMethod.ADMM] += 300 * now.iteration * 3.0**now.admm_failures
-                now = replace(now, admm_failures=now.admm_failures + 1)
-    assert max(work.values()) < 10 * min(work.values())
+        name = next_method(sweeps.due(1e-8), due)
+        if name is None:
+            sweeps = replace(sweeps, spent=sweeps.spent + sweeps.next, next=2 * sweeps.next)
+            work["sweeps"] = sweeps.spent * sweeps.cost
+        else:
+            work[name], due[name] = due[name], 2 * due[name]
+    assert max(work.values()) < 4 * min(work.values())
 
 
 def plain(rows: BlockRows, sweeps: int) -> np.ndarray:
@@ -117,13 +108,6 @@ FILES = [
     ("Capsules-i101-404.dat", 2000),  # 10179 sweeps
     ("mj_boxes300_mu04-nc935.hdf5", 15_000),  # plain Newton steps in place of proximal points: 3e-7 after 200000
 ]
-
-
-def test_sweeps_that_stand_still_are_expected_to_go_on_standing() -> None:
-    near = PolicyState(error=1.01e-8, sweeps=1000, sweep=2e4, step=3e6, iteration=1e9)
-    assert policy(near, 1e-8) is NextMethod.SWEEPS
-    assert policy(replace(near, idle_sweeps=900), 1e-8) is NextMethod.SWEEPS
-    assert policy(replace(near, idle_sweeps=5000), 1e-8) is NextMethod.NEWTON
 
 
 @pytest.mark.parametrize(("name", "most"), some_by_day(FILES, 2))

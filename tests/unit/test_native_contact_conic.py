@@ -10,16 +10,16 @@ import pytest
 import scipy.sparse as sp
 from claims import assert_own_measure
 
-from cpbench import storage
+from cpbench import kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact, Kind
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
-from cpbench.solvers.native.cone.lorentz import RowScaling, longest
 from cpbench.testing import planted
 from cpbench.verification import judge
 
 EXACT = ("interior-point-fc", "facets-lemke")
 INTERIOR = ("interior-point-fc", "interior-point-relaxation")
+KERNEL = kernel_cache.load("cpbench.solvers.kernels.contact_interior")
 
 
 def inside(rng: np.random.Generator, count: int, d: int) -> np.ndarray:
@@ -28,11 +28,31 @@ def inside(rng: np.random.Generator, count: int, d: int) -> np.ndarray:
     return x
 
 
+def prepared(y: np.ndarray, w: np.ndarray) -> dict[str, np.ndarray]:
+    """What the kernel makes of y and w without De Saxcé's term, and a residual of 0; `blocks` is Θ."""
+    nc, d = y.shape
+    found = {"scaling": np.empty((nc, 2 * d + 1)), "slope": np.empty((nc, d)), "residual": np.empty(nc * d)}
+    found["blocks"] = np.empty((nc, d, d))
+    KERNEL.prepare(y, w, w, np.zeros(nc * d), 0.1, False, *found.values())
+    assert not found["residual"].any()
+    return found
+
+
+def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Jordan's."""
+    return np.column_stack([np.einsum("ci,ci->c", a, b), a[:, :1] * b[:, 1:] + b[:, :1] * a[:, 1:]])
+
+
+def depth(x: np.ndarray) -> float:
+    """How far the row that is least so lies inside its cone."""
+    return float((x[:, 0] - np.linalg.norm(x[:, 1:], axis=1)).min())
+
+
 @pytest.mark.parametrize("d", [2, 3])
 def test_the_scaling_is_nesterovs_and_todds(rng: np.random.Generator, d: int) -> None:
     """Θ is symmetric, positive definite, an automorphism of the cone, and Θy = w."""
     y, w = inside(rng, 20, d), inside(rng, 20, d)
-    theta = RowScaling(y, w).theta
+    theta = prepared(y, w)["blocks"]
     np.testing.assert_allclose(np.einsum("cij,cj->ci", theta, y), w, rtol=1e-8)
     np.testing.assert_allclose(theta, theta.swapaxes(1, 2), rtol=1e-12)
     assert (np.linalg.eigvalsh(theta) > 0).all()
@@ -42,24 +62,74 @@ def test_the_scaling_is_nesterovs_and_todds(rng: np.random.Generator, d: int) ->
 
 
 @pytest.mark.parametrize("d", [2, 3])
-def test_the_right_side_is_that_of_the_scaled_newton_equation(rng: np.random.Generator, d: int) -> None:
-    """Without prediction and target, Θdy + dw = −w: the affine step of every scaling."""
-    y, w = inside(rng, 20, d), inside(rng, 20, d)
-    np.testing.assert_allclose(RowScaling(y, w).right_hand_side(None, 0.0), -w, rtol=1e-8)
+def test_de_saxces_term_is_in_the_residual_and_with_its_slope_in_the_blocks(rng: np.random.Generator, d: int) -> None:
+    y, w, q, Wy = inside(rng, 20, d), inside(rng, 20, d), rng.standard_normal((20, d)), rng.standard_normal(20 * d)
+    scaling, slope, residual = np.empty((20, 2 * d + 1)), np.empty((20, d)), np.empty(20 * d)
+    blocks, epsilon = np.empty((20, d, d)), 0.3
+    KERNEL.prepare(y, w, q, Wy, epsilon, True, scaling, slope, residual, blocks)
+    phi = np.sqrt((w[:, 1:] ** 2).sum(1) + epsilon**2)
+    expected = Wy.reshape(20, d) + q - w
+    expected[:, 0] += phi
+    np.testing.assert_allclose(residual.reshape(20, d), expected, rtol=1e-12, atol=1e-13)
+    gradient = np.column_stack([np.zeros(20), w[:, 1:] / phi[:, None]])
+    reduced = np.eye(d) - np.einsum("i,cj->cij", np.eye(d)[0], gradient)
+    np.testing.assert_allclose(blocks, reduced @ prepared(y, w)["blocks"], rtol=1e-9, atol=1e-11)
 
 
 @pytest.mark.parametrize("d", [2, 3])
-def test_the_longest_step_ends_on_the_boundary(rng: np.random.Generator, d: int) -> None:
+def test_the_corrector_is_mehrotras(rng: np.random.Generator, d: int) -> None:
+    """λ∘(Θ^½dy + Θ^-½dw) = σγe − λ∘λ − (Θ^½dy′)∘(Θ^-½dw′) with the predictor (dy′, dw′), roots by eigenvectors."""
+    y, w, predicted = inside(rng, 20, d), inside(rng, 20, d), rng.standard_normal((20, d))
+    found = prepared(y, w)
+    scaling, slope, residual, theta = found.values()
+    c, right = np.empty((20, d)), np.empty(20 * d)
+    KERNEL.predict(w, scaling, slope, residual, c, right)
+    np.testing.assert_allclose(right.reshape(20, d), -w)
+    gap = float((y * w).sum()) / 20
+    KERNEL.correct(y, w, scaling, slope, residual, predicted.ravel(), gap, c, right)
+    dw = -w - np.einsum("cij,cj->ci", theta, predicted)
+    lengths = np.linspace(0, 1, 200_001)  # by trial: the last one with all rows inside
+    low, high = 0, len(lengths)
+    while high - low > 1:
+        t = lengths[middle := (low + high) // 2]
+        inner = depth(y + t * predicted) >= 0 and depth(w + t * dw) >= 0
+        low, high = (middle, high) if inner else (low, middle)
+    ahead = float(((y + lengths[low] * predicted) * (w + lengths[low] * dw)).sum()) / 20
+    sigma = min(max(ahead / gap, 0.0), 1.0) ** 3
+    values, vectors = np.linalg.eigh(theta)
+    root = vectors * np.sqrt(values)[:, None, :] @ vectors.swapaxes(1, 2)
+    inverse = np.linalg.inv(root)
+    apply = lambda P, x: np.einsum("cij,cj->ci", P, x)  # noqa: E731
+    lam = apply(root, y)
+    wanted = -product(lam, lam) - product(apply(root, predicted), apply(inverse, dw))
+    wanted[:, 0] += sigma * gap
+    np.testing.assert_allclose(product(lam, apply(inverse, c)), wanted, rtol=1e-4, atol=1e-4 * abs(wanted).max())
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_step_of_all_the_way_ends_on_the_boundary(rng: np.random.Generator, d: int) -> None:
+    short = 0
     for _ in range(50):
-        x, dx = inside(rng, 1, d), rng.standard_normal((1, d))
-        t = longest(x, dx)
-        if np.isinf(t):
-            assert dx[0, 0] >= np.linalg.norm(dx[0, 1:]) - 1e-12
-            continue
-        end = (x + t * dx)[0]
-        assert end[0] == pytest.approx(np.linalg.norm(end[1:]), abs=1e-8 * (1 + t))
-        middle = (x + 0.999 * t * dx)[0]
-        assert middle[0] > np.linalg.norm(middle[1:])
+        y, w, c = inside(rng, 3, d), inside(rng, 3, d), rng.standard_normal((3, d))
+        scaling, dy = prepared(y, w)["scaling"], rng.standard_normal((3, d))
+        dw = c - np.einsum("cij,cj->ci", prepared(y, w)["blocks"], dy)
+        new_y, new_w = y.copy(), w.copy()
+        length = KERNEL.move(new_y, new_w, scaling, c, dy.ravel(), 1.0, 1e-8)
+        np.testing.assert_allclose(new_y, y + length * dy, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(new_w, w + length * dw, rtol=1e-6, atol=1e-9)
+        size = 1e-6 * (1 + abs(new_w).max())
+        assert min(depth(new_y), depth(new_w)) >= -size
+        if length < 1.0:
+            short += 1
+            assert min(depth(new_y), depth(new_w)) <= size
+    assert short > 10, "most steps would leave the cones"
+
+
+def test_a_step_that_is_not_finite_is_not_taken(rng: np.random.Generator) -> None:
+    y, w = inside(rng, 3, 3), inside(rng, 3, 3)
+    before, step = y.copy(), np.full(9, np.nan)
+    assert np.isnan(KERNEL.move(y, w, prepared(y, w)["scaling"], -w, step, 0.9, 1e-8))
+    assert (y == before).all()
 
 
 @pytest.mark.parametrize("sparse", [False, True])

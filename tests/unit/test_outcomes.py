@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from cpbench import graph, storage
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.results.rows import Outcome
+from cpbench.bench.slot import Slot
 from cpbench.conversions import make
 from cpbench.errors import NoRoute
 from cpbench.formulations import LCP
@@ -21,54 +21,54 @@ LIMITS = plan.Limits(seconds=20.0, repeats=1)
 
 
 @pytest.fixture(scope="module")
-def lane() -> Iterator[Lane]:
-    with Lane() as lane:
-        yield lane
+def slot() -> Iterator[Slot]:
+    with Slot() as slot:
+        yield slot
 
 
-def outcome(lane: Lane, address: Path, solver: str, tolerance: float = 1e-6) -> Outcome:
+def outcome(slot: Slot, address: Path, solver: str, tolerance: float = 1e-6) -> Outcome:
     asked = [plan.exact()]
-    survey = lane.survey(str(address), asked)
+    survey = slot.survey(str(address), asked)
     (pair,) = plan.pairs([survey], [plan.Entry(solver)], asked, tolerance, LIMITS)
-    ended = lane.run(pair, lane.prepare(pair))
+    ended = slot.run(pair, slot.prepare(pair))
     if ended.status in ("solved", "wrong", "inaccurate"):
         assert ended.answer is not None
     return ended
 
 
 @pytest.mark.nightly
-def test_bimatrix_game(lane: Lane, shared_data: Path) -> None:
+def test_bimatrix_game(slot: Slot, shared_data: Path) -> None:
     """lcp_CPS_3, Cottle, Pang and Stone 4.4.23: Lemke ends in a ray and says so; the game has three equilibria."""
     path = shared_data / "lcp" / "lcp_CPS_3.dat"
-    by_lemke = outcome(lane, path, "lemke")
+    by_lemke = outcome(slot, path, "lemke")
     assert by_lemke.status == "failed"
     assert "ray" in by_lemke.message
-    assert outcome(lane, path, "newton-min").status == "solved"
+    assert outcome(slot, path, "newton-min").status == "solved"
 
 
-def test_infeasible(lane: Lane, tmp_path: Path) -> None:
+def test_infeasible(slot: Slot, tmp_path: Path) -> None:
     """Pang's isolated solution, perturbed: w₁ = −z₂ − z₃ − 1e-4 < 0. Lemke proves it, bpp through Lemke, and nobody
     claims to solve it."""
     path = tmp_path / "pang.h5"
     storage.save(LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1e-4, -1, 1]), path)
     for solver in ("lemke", "bpp"):
-        assert outcome(lane, path, solver).status == "infeasible"
-    row = outcome(lane, path, "newton-min")
+        assert outcome(slot, path, solver).status == "infeasible"
+    row = outcome(slot, path, "newton-min")
     assert row.status in ("failed", "max_iter")
     assert row.claim != "solved"
 
 
-def test_singular_equality_block(lane: Lane, shared_data: Path) -> None:
+def test_singular_equality_block(slot: Slot, shared_data: Path) -> None:
     """diodeBridge: A has rank 2 of 3, so that no Schur complement exists; split, it is solved by Lemke."""
     path = shared_data / "mlcp" / "diodeBridge_mlcp.dat"
-    row = outcome(lane, path, "lemke")
+    row = outcome(slot, path, "lemke")
     assert (row.status, row.route) == ("solved", "mlcp-lcp-split")
     with pytest.raises(NoRoute, match="rank 2"):
         graph.arrive(storage.load(path), "lcp", via=[make("mlcp-lcp-schur")])
 
 
 @pytest.mark.nightly
-def test_nonsymmetric_delassus(lane: Lane, shared_data: Path) -> None:
+def test_nonsymmetric_delassus(slot: Slot, shared_data: Path) -> None:
     """Capsules-i125-1213: W is not symmetric; a Gauss–Seidel that symmetrises its blocks stalls at 4e-6.
 
     Here it does not. The contacts are 36 parts of very different loads, and the verdict measures each by itself: an
@@ -77,16 +77,16 @@ def test_nonsymmetric_delassus(lane: Lane, shared_data: Path) -> None:
     path = shared_data / "fc3d_local" / "Capsules-i125-1213.hdf5"
     problem = storage.load(path)
     assert np.abs(problem.W - problem.W.T).max() > 1e-4 * np.abs(problem.W).max()
-    row = outcome(lane, path, "nsgs", 1e-8)
+    row = outcome(slot, path, "nsgs", 1e-8)
     assert row.claim == "solved"
     assert json.loads(row.parts)["energy"] <= 1e-8
     assert row.status in ("solved", "inaccurate")
 
 
 @pytest.mark.parametrize("solver", ["nsgs", "lemke"])
-def test_no_contact(lane: Lane, shared_data: Path, solver: str) -> None:
+def test_no_contact(slot: Slot, shared_data: Path, solver: str) -> None:
     """A global problem without contacts has the free motion for its answer: v = M⁻¹f."""
     path = shared_data / "fc2d_global" / "gfc2d_granularflowonwall_00000_00117.dat"
-    row = outcome(lane, path, solver, 1e-12)
+    row = outcome(slot, path, solver, 1e-12)
     assert row.status == "solved"
     assert row.route.startswith("gfc-fc")

@@ -11,10 +11,10 @@ from edited_results import seal_anew
 
 from cpbench import storage
 from cpbench.analysis import baseline
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.grids import entries
 from cpbench.bench.results.store import Store
+from cpbench.bench.slot import Slot
 from cpbench.errors import DuplicateName
 from cpbench.formulations import LCP
 from cpbench.registry import Registry
@@ -65,10 +65,10 @@ def test_results_written_under_an_old_name_are_read_and_resumed_under_the_new_on
     """The names are put back in a file of today, with its seals, as an older cpbench would have written it."""
     storage.save(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-5.0, -6.0])), tmp_path / "p.h5")
     asked = [plan.exact()]
-    with Lane() as lane:
-        survey = lane.survey(str(tmp_path / "p.h5"), asked)
+    with Slot() as slot:
+        survey = slot.survey(str(tmp_path / "p.h5"), asked)
         (pair,) = plan.pairs([survey], entries([NEW]), asked, 1e-6, LIMITS)
-        outcome = lane.run(pair, lane.prepare(pair))
+        outcome = slot.run(pair, slot.prepare(pair))
     path = tmp_path / "old.sqlite"
     with Store(path, create=True) as store:
         store.plan([pair])

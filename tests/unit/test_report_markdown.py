@@ -87,7 +87,7 @@ def test_the_same_data_give_the_same_bytes(tmp_path: Path) -> None:
     report(rows, one, drawn=True)
     report(rows.sample(frac=1.0, random_state=1), two, drawn=True)
     names = sorted(p.name for p in one.iterdir())
-    figures = [f"profile-lcp{part}.{kind}" for part in ("-each", "") for kind in ("pdf", "png", "svg")]
+    figures = [f"profile-lcp{part}.{kind}" for part in ("-each", "") for kind in ("png", "svg")]
     assert names == ["details-lcp.md", "details.md", *figures, "report.md", "results.csv"]
     for name in names:
         assert (one / name).read_bytes() == (two / name).read_bytes(), name
@@ -195,6 +195,7 @@ def test_settings_are_reported_apart(tmp_path: Path) -> None:
         table(
             row("p", "s", "solved", 1.0),
             row("p", "s", "wrong", 1.0, tolerance=1e-8, key="2"),
+            *(row("p", other, "solved", 2.0, tolerance=1e-8, key=other) for other in ("t", "u")),
             row("q", "s", "solved", 1.0, node="qp"),
         ),
         tmp_path,
@@ -203,6 +204,13 @@ def test_settings_are_reported_apart(tmp_path: Path) -> None:
     for heading in ("# A title: lcp, tolerance 1e-08", "# A title: lcp, tolerance 1e-06", "# A title: qp"):
         assert f"\n{heading}\n" in text
     assert "(profile-lcp-1e-08-cold-1.png)" in text
+
+
+def test_one_solver_alone_has_no_profile(tmp_path: Path) -> None:
+    text = report(suite(6, 1), tmp_path, drawn=True)
+    check_whole(text)
+    assert "profile" not in text.partition("## Methods")[0]
+    assert not list(tmp_path.glob("*.svg"))
 
 
 def test_many_problems_have_no_matrix(tmp_path: Path) -> None:

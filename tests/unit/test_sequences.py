@@ -17,16 +17,16 @@ from command_line import cpbench
 from cpbench import storage
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.starts import paired
-from cpbench.bench import campaign
-from cpbench.bench.block import befores, block_name, variant
+from cpbench.bench import planned_run
+from cpbench.bench.block import block_name, predecessors, variant
 from cpbench.bench.events import Done, Event
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results import answers
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
+from cpbench.bench.slot import Slot
 from cpbench.generators.collection import write_collections
 
 LIMITS = plan.Limits(seconds=30.0, repeats=1)
@@ -41,18 +41,18 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def _plan(lane: Lane, scene: Path, starts: tuple[str, ...], solvers: tuple[str, ...] = ("nsgs",)) -> list[Pair]:
+def _plan(slot: Slot, scene: Path, starts: tuple[str, ...], solvers: tuple[str, ...] = ("nsgs",)) -> list[Pair]:
     asked = [plan.exact()]
-    surveys = [lane.survey(address, asked) for address in storage.problem_files([str(scene)])]
+    surveys = [slot.survey(address, asked) for address in storage.problem_files([str(scene)])]
     entries = [plan.Entry(name) for name in solvers]
     return [p for start in starts for p in plan.pairs(surveys, entries, asked, 1e-6, LIMITS, start=start)]
 
 
 def _run(scene: Path, output: Path, starts: tuple[str, ...], solvers: tuple[str, ...] = ("nsgs",)) -> pd.DataFrame:
-    with Lane() as lane, Store(output, create=True) as store:
-        planned = _plan(lane, scene, starts, solvers)
+    with Slot() as slot, Store(output, create=True) as store:
+        planned = _plan(slot, scene, starts, solvers)
         store.plan(planned)
-        execute([lane], store, planned)
+        execute([slot], store, planned)
         return rows_of.normalised(store.table())
 
 
@@ -64,16 +64,16 @@ def _run_and_die(scene: Path, output: Path, after: int) -> None:
     """The runner kills itself, -9, after so many rows."""
     done = 0
 
-    def notice(event: Event) -> None:
+    def on_event(event: Event) -> None:
         nonlocal done
         done += isinstance(event, Done)
         if done == after:
             os.kill(os.getpid(), signal.SIGKILL)
 
-    with Lane() as lane, Store(output, create=True) as store:
-        planned = _plan(lane, scene, ("previous",))
+    with Slot() as slot, Store(output, create=True) as store:
+        planned = _plan(slot, scene, ("previous",))
         store.plan(planned)
-        execute([lane], store, planned, notice=notice)
+        execute([slot], store, planned, on_event=on_event)
 
 
 @pytest.fixture(scope="module")
@@ -122,14 +122,14 @@ def test_a_run_that_is_killed_goes_on_from_the_kept_answer(scene: Path, both: pd
 
 def test_a_step_whose_predecessor_failed_starts_cold_and_says_so(scene: Path, tmp_path: Path) -> None:
     """One iteration is not enough for the first step; the second has nothing to start from, nor has the third."""
-    with Lane() as lane, Store(tmp_path / "r.sqlite", create=True) as store:
+    with Slot() as slot, Store(tmp_path / "r.sqlite", create=True) as store:
         asked = [plan.exact()]
         addresses = storage.problem_files([str(scene)])[:3]
-        surveys = [lane.survey(address, asked) for address in addresses]
+        surveys = [slot.survey(address, asked) for address in addresses]
         entries = [plan.parse_entry("nsgs[max_iterations=1]")]
         planned = plan.pairs(surveys, entries, asked, 1e-6, LIMITS, start="previous")
         store.plan(planned)
-        execute([lane], store, planned)
+        execute([slot], store, planned)
         rows = store.table().sort_values("step")
     assert list(rows["status"]) == ["max_iter"] * 3
     assert list(rows["started"]) == ["cold: first step"] + ["cold: the step before was max_iter"] * 2
@@ -137,12 +137,12 @@ def test_a_step_whose_predecessor_failed_starts_cold_and_says_so(scene: Path, tm
 
 @pytest.mark.nightly
 def test_a_solver_that_takes_no_start_is_unsupported(scene: Path, tmp_path: Path) -> None:
-    with Lane() as lane, Store(tmp_path / "r.sqlite", create=True) as store:
+    with Slot() as slot, Store(tmp_path / "r.sqlite", create=True) as store:
         asked = [plan.exact(), *plan.facets("inner", 8)]
-        survey = lane.survey(storage.problem_files([str(scene)])[0], asked)
+        survey = slot.survey(storage.problem_files([str(scene)])[0], asked)
         planned = plan.pairs([survey], [plan.Entry("enumeration-lcp")], asked, 1e-6, LIMITS, start="previous")
         store.plan(planned)
-        execute([lane], store, planned)
+        execute([slot], store, planned)
         rows = store.table()
     assert set(rows["status"]) == {"unsupported"}
     assert rows["message"].str.contains("takes no starting point").all()
@@ -174,7 +174,7 @@ def test_scenes_of_one_name_in_two_places_are_two() -> None:
     members = [*_steps("a/{}.h5", 3), *_steps("b/{}.h5", 3)]
     assert len({pair.key for pair in members}) == 6
     assert len({block_name(pair) for pair in members}) == 2
-    found = befores(sorted(members, key=lambda pair: pair.step))
+    found = predecessors(sorted(members, key=lambda pair: pair.step))
     assert {p.address: found[p.key].address for p in members if p.key in found} == {
         **{f"a/{k}.h5": f"a/{k - 1}.h5" for k in (1, 2)},
         **{f"b/{k}.h5": f"b/{k - 1}.h5" for k in (1, 2)},
@@ -191,14 +191,14 @@ def test_a_step_that_follows_is_not_read_off_a_history() -> None:
 @pytest.mark.nightly
 def test_followers_of_a_step_that_is_run_again_are_run_again(scene: Path, tmp_path: Path) -> None:
     """Step 0 had crashed and step 1 begun cold: when 0 is reset, so is 1, and 2, which had an answer, is not."""
-    with Lane() as lane, Store(tmp_path / "r.sqlite", create=True) as store:
-        planned = sorted(_plan(lane, scene, ("previous",)), key=lambda pair: pair.step)[:3]
+    with Slot() as slot, Store(tmp_path / "r.sqlite", create=True) as store:
+        planned = sorted(_plan(slot, scene, ("previous",)), key=lambda pair: pair.step)[:3]
         store.plan(planned)
         store.finish(planned[0].key, Outcome(status="crash", started="cold: first step"))
         store.finish(planned[1].key, Outcome(status="solved", started="cold: the step before was crash"))
         store.finish(planned[2].key, Outcome(status="solved", started="previous"))
         store.reset(("crash",), [pair.key for pair in planned])
-        campaign._reset_followers(store, planned)
+        planned_run._reset_followers(store, planned)
         assert store.pending() == {planned[0].key, planned[1].key}
 
 

@@ -16,8 +16,8 @@ import pytest
 from tiers import some_by_day
 
 from cpbench import matrices
-from cpbench.bench.lane import Lane
 from cpbench.bench.planning import plan
+from cpbench.bench.slot import Slot
 from cpbench.errors import Ended
 from cpbench.formulations import FrictionContact
 from cpbench.solvers import solvers
@@ -94,13 +94,13 @@ def test_one_worker_and_one_interpreter_serve_a_whole_run(tmp_path: Path) -> Non
         problem, _ = planted.fc(np.random.default_rng(k), 20, 3, "positive definite")
         save(problem, path)
     workers, guests, rows = set[int](), set[int](), list[Mapping[str, Any]]()
-    with Lane() as lane:
-        surveys = [lane.survey(path, [plan.exact()]) for path in paths]
+    with Slot() as slot:
+        surveys = [slot.survey(path, [plan.exact()]) for path in paths]
         limits = plan.Limits(20.0, 2**32, 1, repeats=3)
         for pair in plan.pairs(surveys, [plan.parse_entry(name)], [plan.exact()], 1e-6, limits):
-            lane.start([name], limits, lambda *event: started.append(event))
-            rows.append(lane.run(pair, lane.prepare(pair)))
-            family = psutil.Process(lane.workers.children[0].pid).children(recursive=True)
+            slot.start([name], limits, lambda *event: started.append(event))
+            rows.append(slot.run(pair, slot.prepare(pair)))
+            family = psutil.Process(slot.workers.children[0].pid).children(recursive=True)
             workers |= {family[0].pid}
             guests |= {family[1].pid}
     assert [row.status for row in rows] == ["solved"] * 5

@@ -68,6 +68,13 @@ def test_a_first_solve_costs_at_most_twice_what_its_libraries_take_to_load(probl
     assert min(solve for solve, _ in pairs) <= 2 * min(libraries for _, libraries in pairs)
 
 
+def test_the_answer_and_the_report_of_a_run_load_what_they_need_only() -> None:
+    """What draws, optimises or integrates takes a quarter of a second, of which a run of one pair needs nothing."""
+    slow = ("matplotlib", "scipy.optimize", "scipy.special", "scipy.spatial", "numba")
+    code = f"import sys, cpbench.cli.answer, cpbench.api.reports; print([m for m in {slow!r} if m in sys.modules])"
+    assert _said(code) == "[]"
+
+
 def test_what_is_loaded_during_a_solve_is_not_in_its_time() -> None:
     """Lemke's method ends in a ray here; the linear program that looks for a proof is imported then."""
     code = (

@@ -15,7 +15,7 @@ from click.testing import CliRunner
 
 from cpbench import graph, storage
 from cpbench.analysis.participation import left_out_lines
-from cpbench.bench import left_out
+from cpbench.bench import skipped
 from cpbench.bench.planning import grids, run_plan, suites
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.results.rows import Outcome
@@ -130,7 +130,7 @@ def _settled(path: Path, pairs: list[Pair], outcomes: list[tuple[str, str]], abs
         store.plan(pairs)
         for pair, (status, message) in zip(pairs, outcomes, strict=True):
             store.finish(pair.key, Outcome(status=status, message=message))
-        left_out.settle(store, pairs, absent)
+        skipped.settle(store, pairs, absent)
         store.require_unchanged()
 
 
@@ -154,8 +154,8 @@ def test_what_cannot_be_run_has_a_row_only_where_it_was_named(tmp_path: Path) ->
             "not installed: gone (pip install gone)",
             "no route from lcp to guest, 2 pairs: M is not symmetric (0.3)",
         ]
-        assert set(left_out.statuses(store).values()) == {"unsupported", "unavailable"}
-        again = {rerun: [p.key for p in left_out.planned(store, pairs, rerun)] for rerun in ("", "failed", "all")}
+        assert set(skipped.statuses(store).values()) == {"unsupported", "unavailable"}
+        again = {rerun: [p.key for p in skipped.planned(store, pairs, rerun)] for rerun in ("", "failed", "all")}
     assert again[""] == [pairs[k].key for k in (0, 1, 5)]
     assert again["failed"] == [pairs[k].key for k in (0, 1, 4, 5)]
     assert again["all"] == [pair.key for pair in pairs]
@@ -165,11 +165,11 @@ def test_a_pair_that_is_named_now_is_planned_again(tmp_path: Path) -> None:
     pair = _pair("guest", "a", named=False)
     _settled(tmp_path / "r.sqlite", [pair], [("unsupported", "solver: no")], {})
     with Store(tmp_path / "r.sqlite", create=True) as store:
-        assert left_out.planned(store, [pair], "") == []
+        assert skipped.planned(store, [pair], "") == []
         asked = replace(pair, named=True)
-        assert left_out.planned(store, [asked], "") == [asked]
+        assert skipped.planned(store, [asked], "") == [asked]
         store.plan([asked])
-        left_out.settle(store, [asked], {})
+        skipped.settle(store, [asked], {})
         assert store.meta()["left_out"] == []
 
 

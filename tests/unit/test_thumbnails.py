@@ -17,7 +17,7 @@ from synthetic_results import meta, results_file, row, table
 from cpbench import storage
 from cpbench.analysis.contact_states import contact_states
 from cpbench.analysis.thumbnails import CELLS, CONTACTS, LEAST, thumbnail
-from cpbench.api import thumbnails
+from cpbench.api import thumbnail_process, thumbnails
 from cpbench.bench.results.answers import pack
 from cpbench.bench.results.store import Store
 from cpbench.errors import PointError
@@ -163,9 +163,9 @@ def test_what_is_gone_changed_or_hostile_gets_words_and_the_others_their_picture
     found = asked(tmp_path, line("good", one, "good.h5"), *rows)  # an address beside the results
     assert found[one.fingerprint] == thumbnail(one)
     why = {name: found[problem.fingerprint]["why"] for name, problem in problems.items()}
-    assert {why[name] for name in ("gone", "pipe", "zero", "broken")} == {thumbnails.ABSENT}
-    assert why["changed"] == thumbnails.OTHER
-    assert {why[name] for name in ("cut", "noise", "text")} == {thumbnails.UNREADABLE}
+    assert {why[name] for name in ("gone", "pipe", "zero", "broken")} == {thumbnail_process.ABSENT}
+    assert why["changed"] == thumbnail_process.OTHER
+    assert {why[name] for name in ("cut", "noise", "text")} == {thumbnail_process.UNREADABLE}
 
 
 @pytest.mark.nightly

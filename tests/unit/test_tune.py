@@ -21,7 +21,7 @@ from cpbench.advice.tuning import record
 from cpbench.advice.tuning.search import Found, Search, rungs
 from cpbench.advice.tuning.space import space
 from cpbench.bench.block import Block
-from cpbench.bench.events import Notice
+from cpbench.bench.events import EventHandler
 from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import plan_file
 from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
@@ -84,7 +84,7 @@ def planned(count: int) -> list[Pair]:
 
 
 class Formula:
-    """A crew for which ω = 1.7 is best: how long a solve takes is a formula, a pair takes `each` seconds."""
+    """An executor for which ω = 1.7 is best: how long a solve takes is a formula, a pair takes `each` seconds."""
 
     reference = None
     machines: Mapping[str, Mapping[str, Any]] = {}
@@ -93,7 +93,7 @@ class Formula:
         self.solved: list[tuple[str, str]] = []
         self._each, self._stop_after = each, stop_after
 
-    def outcomes(self, todo: Sequence[Block], notice: Notice) -> Generator[tuple[Pair, Outcome]]:
+    def outcomes(self, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
         for pair in (pair for block in todo for pair in block.pairs):
             if len(self.solved) == self._stop_after:
                 raise KeyboardInterrupt
@@ -103,17 +103,17 @@ class Formula:
             yield pair, Outcome(status="solved" if took < 0.5 else "max_iter", solve=took, host="here")
 
 
-def searched(crew: Formula, problems: int = 9, budget: float = 60.0, configurations: int = 82) -> Found:
+def searched(executor: Formula, problems: int = 9, budget: float = 60.0, configurations: int = 82) -> Found:
     entries = itertools.islice(space("psor").configurations(0), configurations)
     search = Search(planned(problems), entries, budget)
     with contextlib.suppress(KeyboardInterrupt):
-        search.run(crew)
+        search.run(executor)
     return search.found
 
 
 def test_the_best_of_all_is_found_with_a_share_of_the_solves() -> None:
-    crew = Formula()
-    found = searched(crew, 27)
+    executor = Formula()
+    found = searched(executor, 27)
     best = min(
         itertools.islice(space("psor").configurations(0), 82),
         key=lambda entry: abs(entry.options.get("omega", 1.3) - 1.7),
@@ -123,15 +123,15 @@ def test_the_best_of_all_is_found_with_a_share_of_the_solves() -> None:
     assert found.whole
     assert found.final
     assert found.configurations == 82
-    assert found.solves == len(crew.solved) < 0.35 * 82 * 27
+    assert found.solves == len(executor.solved) < 0.35 * 82 * 27
     assert found.problems == tuple(sorted(f"f{i}" for i in range(27)))
 
 
 def test_rungs_are_the_same_problems_for_all() -> None:
-    crew = Formula()
-    searched(crew, 9, configurations=10)
+    executor = Formula()
+    searched(executor, 9, configurations=10)
     tried: dict[str, list[str]] = {}
-    for problem, label in crew.solved:
+    for problem, label in executor.solved:
         tried.setdefault(label, []).append(problem)
     assert rungs(9) == [3, 9]
     sizes = sorted(len(set(problems)) for problems in tried.values())

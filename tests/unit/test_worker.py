@@ -18,7 +18,7 @@ from tiers import some_by_day
 
 from cpbench.bench import messages, shared_problem, worker
 from cpbench.bench.processes import meter
-from cpbench.bench.processes.apart import apart
+from cpbench.bench.processes.forked import run_forked
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.meter import Meter, checksum
 from cpbench.bench.processes.process import Child, Died
@@ -241,12 +241,12 @@ def test_counters_are_few_short_and_of_64_bits() -> None:
 
 def _forks(connection, how: str) -> None:
     """Several pieces of work in processes of their own; the last one ends as told."""
-    pids = [apart(lambda: {"pid": os.getpid(), "parent": os.getppid()}) for _ in range(3)]
+    pids = [run_forked(lambda: {"pid": os.getpid(), "parent": os.getppid()}) for _ in range(3)]
     assert len({p["pid"] for p in pids}) == 3
     assert {p["parent"] for p in pids} == {os.getpid()}
     connection.send_bytes(b"three")
     ends = {"abort": os.abort, "exit": lambda: sys.exit(7), "exit-0": sys.exit, "children": _leave_children}
-    apart(ends[how])
+    run_forked(ends[how])
     connection.send_bytes(repr(len(meter.descendants())).encode())
 
 

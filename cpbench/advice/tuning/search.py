@@ -22,10 +22,10 @@ from dataclasses import dataclass, field, replace
 
 from cpbench.advice.tuning.score import Score, score, seconds
 from cpbench.bench.block import Block
-from cpbench.bench.events import Notice, silent
+from cpbench.bench.events import EventHandler, ignore_event
 from cpbench.bench.planning.plan import Entry, Pair
 from cpbench.bench.results.rows import Outcome
-from cpbench.bench.runner import Crew
+from cpbench.bench.runner import Executor
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
 
@@ -105,11 +105,11 @@ class Search:
         *,
         told: Callable[[str], None] = lambda _: None,
         keep: Callable[[Pair, Outcome], None] = lambda *_: None,
-        notice: Notice = silent,
+        on_event: EventHandler = ignore_event,
     ) -> None:
         self._problems = sorted(planned, key=lambda pair: _draw(seed, pair.fingerprint))
         self._entries, self._seed = entries, seed
-        self._told, self._keep, self._notice = told, keep, notice
+        self._told, self._keep, self._on_event = told, keep, on_event
         self._default = Trial(next(entries))
         self._trials = [self._default]
         self._final: list[Trial] = []
@@ -119,16 +119,16 @@ class Search:
         self._solves = 0
         self._limit = planned[0].limits.seconds
 
-    def run(self, crew: Crew) -> None:
+    def run(self, executor: Executor) -> None:
         """Search until the budget is spent or nothing new is left to try."""
         try:
             sizes = rungs(len(self._problems))
             for bracket in itertools.count(1):
                 fresh = [Trial(entry) for entry in itertools.islice(self._entries, ETA ** (len(sizes) - 1))]
                 self._trials += fresh
-                if not fresh or not self._bracket(crew, bracket, fresh, sizes):
+                if not fresh or not self._bracket(executor, bracket, fresh, sizes):
                     break
-            self._meet(crew)
+            self._meet(executor)
         finally:
             self._ended = time.monotonic()
 
@@ -166,10 +166,10 @@ class Search:
         most = max((len(trial.times) for trial in others), default=0)
         return [self._default, *(trial for trial in others if len(trial.times) == most > 0)]
 
-    def _bracket(self, crew: Crew, number: int, alive: list[Trial], sizes: Sequence[int]) -> bool:
+    def _bracket(self, executor: Executor, number: int, alive: list[Trial], sizes: Sequence[int]) -> bool:
         """Return whether time is left after it."""
         for rung, size in enumerate(sizes, 1):
-            done = self._rung(crew, [self._default, *alive], self._problems[:size])
+            done = self._rung(executor, [self._default, *alive], self._problems[:size])
             names = {pair.fingerprint for pair in self._problems[:size]}
             if not done:
                 return False
@@ -180,11 +180,11 @@ class Search:
             alive = alive[: math.ceil(len(alive) / ETA)] if rung < len(sizes) else alive
         return True
 
-    def _meet(self, crew: Crew) -> None:
+    def _meet(self, executor: Executor) -> None:
         """Run the final; do nothing where the budget does not last for all of it."""
         rivals = sorted(self._whole[1:], key=lambda trial: self._score(trial, set(trial.times)))
         again = [Trial(trial.entry) for trial in (self._default, *rivals[:FINALISTS])]
-        if rivals and self._rung(crew, again, self._problems, final=True):
+        if rivals and self._rung(executor, again, self._problems, final=True):
             self._final = again
 
     def _tell(self, line: str) -> None:
@@ -199,7 +199,9 @@ class Search:
         final_takes = MARGIN * (1 + FINALISTS) * len(self._problems) * spent / max(self._solves, 1)
         return spent < self._budget - (0.0 if final else min(final_takes, RESERVE * self._budget))
 
-    def _rung(self, crew: Crew, trials: Sequence[Trial], problems: Sequence[Pair], *, final: bool = False) -> bool:
+    def _rung(
+        self, executor: Executor, trials: Sequence[Trial], problems: Sequence[Pair], *, final: bool = False
+    ) -> bool:
         """Run what has not been run; False when the time was over before."""
         owners: dict[str, Trial] = {}
         todo: list[Block] = []
@@ -215,7 +217,7 @@ class Search:
             return True
         if not self._left(final):
             return False
-        with closing(crew.outcomes(todo, self._notice)) as outcomes:
+        with closing(executor.outcomes(todo, self._on_event)) as outcomes:
             for pair, outcome in outcomes:
                 self._solves += 1
                 if outcome.status == "unavailable":

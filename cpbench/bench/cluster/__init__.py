@@ -1,1 +1,1 @@
-"""Many machines: lanes elsewhere, lent by Dask."""
+"""Runs on many machines, by Dask."""

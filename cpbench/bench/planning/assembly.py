@@ -7,11 +7,11 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from cpbench.bench.lane import Lane, Unread
 from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import grids, plan, selection, tunings
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
+from cpbench.bench.slot import Slot, Unread
 from cpbench.bench.starts import EVERY, each_start, parse_start
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.solvers.base import missing, solvers
@@ -80,7 +80,7 @@ class Assembly:
         )
 
 
-def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: Reading = list) -> Assembly:
+def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: Reading = list) -> Assembly:
     """Return the pairs of a plan; `builtin` is called for the folder of the built-in problems if a set names it.
 
     Raises CpbenchError when the sets contradict each other, or name what is not there.
@@ -96,8 +96,11 @@ def assemble(asked: RunPlan, lane: Lane, builtin: Callable[[], Path], reading: R
     for part, asks, addresses in zip(asked.sets, requests, places, strict=True):
         for address in addresses:
             wanted.setdefault((address, part.format), {}).update({request.name: request for request in asks})
+    alone = {entry.solver for kept in entries for entry in kept}
+    if len(alone) == 1 and not (asked.dask or asked.cluster):  # else who is first depends on the problems
+        slot.workers.begin(alone.pop(), asked.memory)
     guesses = any(parse_start(start).guess == EVERY for part in asked.sets for start in part.start)
-    surveys, refused, unread = _survey(lane, wanted, max(part.timeout for part in asked.sets), reading, guesses)
+    surveys, refused, unread = _survey(slot, wanted, max(part.timeout for part in asked.sets), reading, guesses)
     parts: list[PlannedSet] = []
     planned: dict[str, Pair] = {}
     for part, solvers_, said, asks, addresses in zip(asked.sets, entries, named, requests, places, strict=True):
@@ -175,7 +178,7 @@ def _started(part: ProblemSet, chosen: Sequence[Surveyed]) -> dict[str, list[Sur
 
 
 def _survey(
-    lane: Lane,
+    slot: Slot,
     wanted: Mapping[tuple[str, str | None], Mapping[str, Request]],
     timeout: float,
     reading: Reading,
@@ -191,7 +194,7 @@ def _survey(
         for format in formats[address]:
             try:
                 requests = list(wanted[address, format].values())
-                found[address, format] = lane.survey(address, requests, format, timeout, guesses=guesses)
+                found[address, format] = slot.survey(address, requests, format, timeout, guesses=guesses)
             except CpbenchError as reason:
                 refused.append((address, str(reason)))
                 if isinstance(reason, Unread):

@@ -127,9 +127,9 @@ def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
         parts.append(f"{duration(again)} for histories")
     if asked.retry:
         parts.append(f"{counted(asked.retry, 'retry', 'retries')}, as much again each")
-    lanes = f" on {asked.jobs} lanes" if asked.jobs > 1 else ""
+    slots = f" on {asked.jobs} slots" if asked.jobs > 1 else ""
     return (
-        f"worst case {duration(longest(todo, asked))}{lanes} ({'; '.join(parts)}); conversions and judging come on top"
+        f"worst case {duration(longest(todo, asked))}{slots} ({'; '.join(parts)}); conversions and judging come on top"
     )
 
 

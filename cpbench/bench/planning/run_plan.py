@@ -88,7 +88,7 @@ class RunPlan:
     ----------
     sets : the parts. output : results file. report : folder of the report, empty for one named after the results,
     None for no report. keep : answers to keep. seed : of the random order. threads : of every library.
-    jobs : lanes side by side. isolate : worker or fresh. affinity : whether lanes get cores of their own.
+    jobs : slots side by side. isolate : worker or fresh. affinity : whether slots get cores of their own.
     dask, cluster : other machines. shard : (i, n), the i-th of n parts of all blocks. rerun : what is run again of
     an old file (empty: nothing). retry : times a pair that crashed or ran out of time is run again.
     fail_on : statuses that make the command end with 1. tunings : how options of its solvers were found.

@@ -1,7 +1,6 @@
 """What the forkserver has loaded before anybody asks: every process forked from it starts with that.
 
-It is what referee and workers have in common; for a run of many solvers what `preload_everything` adds. Nothing of it
-is garbage, so none is collected meanwhile, which would take a tenth of the time, nor by anybody forked from here.
+It is what referee and workers have in common; for a run of many solvers what `preload_everything` adds.
 """
 
 from __future__ import annotations
@@ -10,6 +9,8 @@ import contextlib
 import gc
 import importlib
 import os
+
+from cpbench.imports import uncollected
 
 MODULES = (
     "numpy",
@@ -27,13 +28,12 @@ MODULES = (
 
 def preload() -> None:
     """Import them; what cannot be imported is left to whoever needs it, who will say why."""
-    gc.disable()
-    for module in MODULES:
-        with contextlib.suppress(Exception):
-            importlib.import_module(module)
+    with uncollected():
+        for module in MODULES:
+            with contextlib.suppress(Exception):
+                importlib.import_module(module)
     os.environ.pop("PYTHONSAFEPATH", None)  # was for this process alone (`launch`)
-    gc.freeze()
-    gc.enable()
+    gc.freeze()  # nor by anybody forked from here
 
 
 preload()

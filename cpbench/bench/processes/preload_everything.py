@@ -11,24 +11,24 @@ import contextlib
 import gc
 
 from cpbench import conversions, formulations, kernel_cache, solvers, storage
+from cpbench.imports import uncollected
 from cpbench.solvers.base import package_version
 from cpbench.solvers.native import linear_program
 
 
 def preload() -> None:
     """Load them; what cannot be loaded is left to whoever needs it, who will say why."""
-    gc.disable()
-    for registry in (formulations.formulations, storage.formats, conversions.conversions, solvers.solvers):
-        with contextlib.suppress(Exception):
-            registry.discover()
-    for module in kernel_cache.modules("expressions", "conversions", "solvers"):
-        with contextlib.suppress(Exception):
-            if kernel_cache.is_compiled(module):
-                kernel_cache.load(module)
-    linear_program.load()
-    package_version("numpy")  # reads what is installed, once for all
-    gc.freeze()
-    gc.enable()
+    with uncollected():
+        for registry in (formulations.formulations, storage.formats, conversions.conversions, solvers.solvers):
+            with contextlib.suppress(Exception):
+                registry.discover()
+        for module in kernel_cache.modules("expressions", "conversions", "solvers"):
+            with contextlib.suppress(Exception):
+                if kernel_cache.is_compiled(module):
+                    kernel_cache.load(module)
+        linear_program.load()
+        package_version("numpy")  # reads what is installed, once for all
+    gc.freeze()  # nor by anybody forked from here
 
 
 preload()

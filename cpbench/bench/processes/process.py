@@ -180,7 +180,7 @@ class Child:
         if self._log is not None:
             self._log.forget()
 
-    def strike(self) -> None:
+    def kill_all(self) -> None:
         """SIGKILL to the child and all that it started, until nobody is left.
 
         Whoever waits for its messages learns of the death. A guard is given a moment to bury the dead, who would
@@ -203,7 +203,7 @@ class Child:
 
     def kill(self) -> None:
         """Kill it (`strike`) and wait for its end."""
-        self.strike()
+        self.kill_all()
         self._join(LOOK)
         self._release()
 
@@ -255,10 +255,10 @@ class Child:
             return
         self._looked = now
         if self._ceiling and self._resident() > self._ceiling:
-            self.strike()
+            self.kill_all()
             raise Died(None, self.output(), reason=f"over {self._memory} bytes", out_of_memory=True)
         if self._processes and guard.count_below(self.pid) > self._processes:
-            self.strike()
+            self.kill_all()
             raise Died(None, self.output(), reason=crowded(self._processes))
 
     def _resident(self) -> int:
@@ -277,7 +277,7 @@ class Child:
         self._join(LAST_WORDS if self._isolation.forks else LAST_WORDS_SPAWNED)
         reason = "closed its connection" if self.alive and self._family() else ""
         if reason:
-            self.strike()
+            self.kill_all()
         self._join(guard.PATIENCE)  # a guard that is about to say how its worker ended
         full = self._cgroup is not None and self._cgroup.out_of_memory
         return Died(None if reason else self._process.exitcode, self.output(), reason=reason, out_of_memory=full)

@@ -88,7 +88,8 @@ class Measured:
     for there. parts, counters : JSON objects. samples : JSON list of the seconds of all solves. wall to cpu [s],
     solve_min, solve_iqr [s]. peak : bytes. started : where the solver did start. attempts : how often the pair was run.
     jobs : solves side by side. reported : seconds by the solver's own account. origin : where an imported answer was
-    made, empty for what was solved here.
+    made, empty for what was solved here. certainty : level of the certificate of the answer, where one was sought.
+    distance : a bound on its distance from a solution, over the size of that. certificate : what else it says.
     """
 
     status: str = "not_run"
@@ -126,6 +127,9 @@ class Measured:
     origin: str | None = None
     finished: str | None = None
     target_tolerance: float | None = None
+    certainty: str | None = None
+    distance: float | None = None
+    certificate: str | None = None
 
     def changed(self, **values: Any) -> Self:
         """Return a copy with other values; as `dataclasses.replace`, which takes ten times as long, and a pair needs

@@ -2,7 +2,8 @@
 
 Version 1 had one set of limits a file, in `meta`; since version 2 they are columns of every row, and histories,
 reference solves and machines have tables of their own. Version 3 keeps the features of the problems, version 4
-certificates of what has no solution, seals of the rows, and the tolerance that a solver was asked for.
+certificates of what has no solution, seals of the rows, and the tolerance that a solver was asked for, version 5 how
+certain the answers are.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import sqlite3
 
 from cpbench.bench.results.rows import Measured, Planned, columns
 
-SCHEMA = 4
+SCHEMA = 5
 SEALED_SINCE = 4
 
 PLANNED, MEASURED = columns(Planned), columns(Measured)
@@ -106,5 +107,13 @@ def _from_3(db: sqlite3.Connection) -> None:
         db.execute('ALTER TABLE rows ADD COLUMN "target_tolerance" REAL')
 
 
-_STEPS = (_from_1, _from_2, _from_3)
+def _from_4(db: sqlite3.Connection) -> None:
+    """Answers of older rows have no certificates; seals do not count columns without a value."""
+    there = {name for _, name, *_ in db.execute("PRAGMA table_info(rows)")}
+    for name, kind in (("certainty", "TEXT"), ("distance", "REAL"), ("certificate", "TEXT")):
+        if name not in there:
+            db.execute(f'ALTER TABLE rows ADD COLUMN "{name}" {kind}')
+
+
+_STEPS = (_from_1, _from_2, _from_3, _from_4)
 """From version 1 to 2, from 2 to 3, ..."""

@@ -277,6 +277,15 @@ class Store:
         if answer is not None:
             self._kept += len(answer)
 
+    def note_certificate(self, key: str, certainty: str, distance: float | None, words: str) -> None:
+        """Put down how certain the answer of a row is."""
+        with self._database.transaction() as db:
+            values = (certainty, distance, _text(words), key)
+            done = db.execute("UPDATE rows SET certainty = ?, distance = ?, certificate = ? WHERE key = ?", values)
+            if done.rowcount != 1:
+                raise StoreError(f"{self.path}: no row {key}")
+            self._seal(db, [key])
+
     def _wants(self, status: str) -> bool:
         if self._keep == "wrong":
             return status in (*FALSE_CLAIMS, *CHARGED_TO_ROUTE, str(Status.UNRESOLVABLE))

@@ -13,7 +13,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -24,7 +24,6 @@ from cpbench.analysis.bootstrap import families_of
 from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.table import CHARGED, ResultGroup
-from cpbench.analysis.thumbnails import Thumbnail
 from cpbench.analysis.tolerances import Ladders, ladders
 from cpbench.report.html.embedded_data import Column
 from cpbench.report.matrix import SYMBOLS
@@ -32,14 +31,30 @@ from cpbench.report.run import Run, group_name_text, tunings
 from cpbench.report.text import one_line, solve_command
 from cpbench.verification import INACCURATE_FACTOR, VERIFIED
 
+if TYPE_CHECKING:
+    from cpbench.analysis.thumbnails import Thumbnail
+
 WHOLE = 20_000
 """Rows up to which a page has every pair with all its facts."""
 KEPT = 4_000
 """Failures with all their facts on a page of more rows: the first ones of every solver and status."""
 ITERATES = 200_000
 """The most iterates of histories on a page."""
-TEXTS = ("route", "kind", "claim", "flags", "message", "counters", "parts", "version", "started", "origin")
-PLAIN = ("target_error", "verify", "wall", "repeats", "solve_iqr", "jobs", "code", "signal")
+TEXTS = (
+    "route",
+    "kind",
+    "claim",
+    "flags",
+    "message",
+    "counters",
+    "parts",
+    "version",
+    "started",
+    "origin",
+    "certainty",
+    "certificate",
+)
+PLAIN = ("target_error", "distance", "verify", "wall", "repeats", "solve_iqr", "jobs", "code", "signal")
 """Numbers of a row that are shown and not computed with."""
 
 

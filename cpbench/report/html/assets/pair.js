@@ -96,6 +96,11 @@ const Pair = (() => {
           ? `${Dom.number(value("target_error"))} on the solver's own problem`
           : "",
       ],
+      ["certainty", [text("certainty"), text("certificate")].filter(Boolean).join(": ")],
+      [
+        "from a solution",
+        Number.isFinite(value("distance")) ? `at most ${Dom.number(value("distance"))} of its size` : "",
+      ],
       ["slip angle", slip(text("parts"))],
       [
         "route",

@@ -1,4 +1,4 @@
-"""Frictional contact by whichever of Gauss–Seidel, Newton and ADMM promises to be done first, from what they cost."""
+"""Frictional contact by Gauss–Seidel, Newton, ADMM and interior points in turns, by what they cost."""
 
 from __future__ import annotations
 
@@ -23,14 +23,15 @@ from cpbench.solvers.native.contact.sweeps import (
 )
 from cpbench.solvers.options import fixed, searched
 
+KERNELS = "anderson", "block_layout", "contact_interior", "contact_newton", "contact_splitting", "gauss_seidel"
 WORDS = 12
 """Phases that the message tells of, the last ones."""
 
 
 @dataclass(frozen=True)
 class AutoContactOptions:
-    """Options of auto-fc. `sweeps` : in the first phase. `max_iterations` : sweeps, Newton steps and iterations of
-    ADMM together."""
+    """Options of auto-fc. `sweeps` : in the first phase. `max_iterations` : sweeps, Newton steps, steps of interior
+    points and iterations of ADMM together."""
 
     sweeps: int = searched(50, low=10, high=500, log=True)
     max_iterations: int = fixed(200_000)
@@ -46,7 +47,7 @@ class AutoContact(Solver):
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="auto-fc",
         node="fc",
-        summary="Gauss-Seidel with acceleration, Newton or ADMM, whichever promises to be done first",
+        summary="Gauss-Seidel with acceleration, Newton, interior points or ADMM, whichever promises to be done first",
         method="automatic choice",
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=AutoContactOptions,
@@ -56,7 +57,7 @@ class AutoContact(Solver):
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
-        load_all("solvers", ("anderson", "block_layout", "contact_splitting", "contact_newton"))
+        load_all("solvers", KERNELS)
 
     def solve(
         self,
@@ -71,7 +72,7 @@ class AutoContact(Solver):
         sweeps = AcceleratedSweeps(rows, None if start is None else start.r)
         look = None
         if record is not None:
-            begin = np.zeros(prepared.q.size) if start is None else start.r
+            begin = np.zeros(rows.problem.q.size) if start is None else start.r
             record(0, rows.judged_error(begin), lambda: FCPoint(begin))
             look = partial(_tell, record, sweeps)
         sweeps.sweep(min(options.sweeps, limit), budget.tolerance, look)
@@ -79,7 +80,7 @@ class AutoContact(Solver):
         if sweeps.error <= budget.tolerance:
             made = counters(sweeps.done)
             return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, made)
-        begin = np.zeros(prepared.q.size) if start is None else start.r
+        begin = np.zeros(rows.problem.q.size) if start is None else start.r
         run = Phases(prepared, budget, begin, sweeps, limit, deadline, record)
         claim, message = Claim.MAX_ITER, f"{limit} iterations"
         while not run.error <= budget.tolerance and run.iterations < limit:

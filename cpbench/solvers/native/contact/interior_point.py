@@ -15,22 +15,24 @@ program for W ⪰ 0; with it, it is the law, not convex, and convergence is a ma
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias, cast
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.linalg import lapack
 
 from cpbench.cones import Coulomb
-from cpbench.errors import ProblemError
-from cpbench.factorization import Factorization
+from cpbench.factorization import DENSE_LIMIT, sparse_lu
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint, contact_residuals
-from cpbench.matrices import Dense, Matrix, Vector, max_abs, scaled_both
+from cpbench.matrices import Dense, Matrix, Vector, dense, max_abs, scaled_both
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
-from cpbench.solvers.native.cone.lorentz import RowScaling, longest
+from cpbench.solvers.native.contact.newton_equation import DENSE_FROM
 from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, contact_spec, finish, iterate
-from cpbench.solvers.native.contact.sweeps import ScaledContacts
+from cpbench.solvers.native.contact.sweeps import ScaledContacts, kernel
 from cpbench.solvers.options import fixed, searched
 
 SHORTEST = 1e-8
@@ -48,8 +50,8 @@ class ContactInteriorPointOptions:
     stall_window: int = fixed(30)
 
 
-class _InteriorPoint(ContactMethod):
-    """Base of the interior-point methods. `shifted` : whether De Saxcé's term is there."""
+class InteriorPoint(ContactMethod):
+    """Interior points of one problem, step by step. `shifted` : whether De Saxcé's term is there."""
 
     shifted: ClassVar[bool] = True
 
@@ -61,11 +63,17 @@ class _InteriorPoint(ContactMethod):
         T = np.ones((problem.nc, self._d))
         T[:, 1:] = problem.mu[:, None]
         self._unit, self._start, self._begun = contacts.s * T.ravel(), start, False
-        self._W = _with_diagonal(scaled_both(contacts.W, T.ravel()), np.where(T.ravel() == 0.0, 1.0, 0.0))
-        self._q = (T * contacts.q.reshape(T.shape)).reshape(T.shape)
+        self._matrix = _matrix(
+            _with_diagonal(scaled_both(contacts.W, T.ravel()), np.where(T.ravel() == 0.0, 1.0, 0.0)), *T.shape
+        )
+        self._q = np.ascontiguousarray(T * contacts.q.reshape(T.shape))
         self._size = max_abs(self._q) or 1.0
         self.y, self.w = np.zeros(T.shape), np.zeros(T.shape)
         self.y[:, 0] = self.w[:, 0] = self._size
+        nc, d = T.shape
+        self._kernel = kernel("contact_interior")
+        self._scaling, self._slope, self._c = np.empty((nc, 2 * d + 1)), np.empty((nc, d)), np.empty((nc, d))
+        self._residual, self._right, self._blocks = np.empty(nc * d), np.empty(nc * d), np.empty((nc, d, d))
         self.counters = {"factorizations": 0}
 
     @property
@@ -74,55 +82,27 @@ class _InteriorPoint(ContactMethod):
 
     def step(self, many: int, error: float, seconds: float) -> str | None:
         self._begun = True
-        y, w = self.y, self.w
-        gap = float(np.einsum("ci,ci->", y, w)) / self._nc
+        y, w, kernel, scaling, slope, c = self.y, self.w, self._kernel, self._scaling, self._slope, self._c
+        residual, right, matrix = self._residual, self._right, self._matrix
+        gap = float(np.vdot(y, w)) / self._nc
         if not gap > 0.0:
             return "the iterates have left the cones"
         epsilon = self._options.smoothing * gap / self._size
-        phi, slope = self._term(w, epsilon)
-        residual = (self._W @ y.ravel()).reshape(y.shape) + self._q - w
-        residual[:, 0] += phi
-        scaling = RowScaling(y, w)
-        # (I − e_N φ′)Θ: the first row less a combination of the others
-        theta = scaling.theta
-        blocks = theta.copy()
-        blocks[:, 0, :] -= np.einsum("ci,cij->cj", slope, theta)
+        Wy = matrix.W @ y.ravel()
+        kernel.prepare(y, w, self._q, Wy, epsilon, self.shifted, scaling, slope, residual, self._blocks)
         self.counters["factorizations"] += 1
-        factors = Factorization(_plus_blocks(self._W, blocks))
-
-        def direction(c: Dense) -> tuple[Dense, Dense]:
-            right = c - residual
-            right[:, 0] -= np.einsum("ci,ci->c", slope, c)
-            dy = np.asarray(factors.solve(right.ravel())).reshape(y.shape)
-            return dy, c - np.einsum("cij,cj->ci", theta, dy)
-
-        try:
-            dy, dw = direction(scaling.right_hand_side(None, 0.0))
-            length = min(longest(y, dy), longest(w, dw), 1.0)
-            ahead = float(np.einsum("ci,ci->", y + length * dy, w + length * dw)) / self._nc
-            sigma = min(max(ahead / gap, 0.0), 1.0) ** 3
-            dy, dw = direction(scaling.right_hand_side((dy, dw), sigma * gap))
-        except ProblemError:
+        solve = matrix.factors(self._blocks)
+        if solve is None:
             return "the linear system is singular"
-        if not (np.isfinite(dy).all() and np.isfinite(dw).all()):
+        kernel.predict(w, scaling, slope, residual, c, right)
+        kernel.correct(y, w, scaling, slope, residual, solve(right), gap, c, right)
+        length = kernel.move(y, w, scaling, c, solve(right), self._options.boundary, SHORTEST)
+        if np.isnan(length):
             return "the linear system is singular"
-        length = min(self._options.boundary * min(longest(y, dy), longest(w, dw)), 1.0)
-        if length < SHORTEST:
-            return f"steps of length {length:.0e}"
-        self.y, self.w = y + length * dy, w + length * dw
-        return None
-
-    def _term(self, w: Dense, epsilon: float) -> tuple[Vector, Dense]:
-        """Return φ and φ′, shapes (nc,) and (nc, d)."""
-        slope = np.zeros_like(w)
-        if not self.shifted:
-            return np.zeros(self._nc), slope
-        phi = np.sqrt(np.einsum("ci,ci->c", w[:, 1:], w[:, 1:]) + epsilon**2)
-        slope[:, 1:] = w[:, 1:] / phi[:, None]
-        return phi, slope
+        return None if length >= SHORTEST else f"steps of length {length:.0e}"
 
 
-class _Relaxed(_InteriorPoint):
+class _Relaxed(InteriorPoint):
     shifted: ClassVar[bool] = False
 
 
@@ -130,14 +110,62 @@ def _with_diagonal(W: Matrix, diagonal: Vector) -> Matrix:
     return sp.csr_array(W + sp.diags_array(diagonal)) if sp.issparse(W) else np.asarray(W + np.diag(diagonal))
 
 
-def _plus_blocks(W: Matrix, blocks: Dense) -> Matrix:
-    nc, d, _ = blocks.shape
-    c = np.arange(nc)
-    if sp.issparse(W):
-        return sp.csr_array(W + sp.csr_array(sp.bsr_array((blocks, c, np.arange(nc + 1)), shape=W.shape)))
-    whole = np.array(W).reshape(nc, d, nc, d)
-    whole[c, :, c, :] += blocks
-    return whole.reshape(W.shape)
+Solve: TypeAlias = Callable[[Vector], Vector]
+
+
+@dataclass(frozen=True)
+class _DenseMatrix:
+    """W, dense, to which blocks on the diagonal are added."""
+
+    W: Dense
+
+    def factors(self, blocks: Dense) -> Solve | None:
+        """Return what solves with W + blocks, None where that is singular."""
+        nc, d, _ = blocks.shape
+        whole, c = np.array(self.W), np.arange(nc)
+        whole.reshape(nc, d, nc, d)[c, :, c, :] += blocks
+        # the transpose of what lies by rows lies by columns, as LAPACK wants it
+        lu, pivots, info = cast(Any, lapack.dgetrf)(whole.T, overwrite_a=True)
+        return None if info > 0 else lambda b: cast(Any, lapack.dgetrs)(lu, pivots, b, trans=1)[0]
+
+
+@dataclass(frozen=True)
+class _SparseMatrix:
+    """W by columns, with all entries of its diagonal blocks, and where these lie in its data: `place` (nc, d, d)."""
+
+    W: sp.csc_array
+    place: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, W: Matrix, nc: int, d: int) -> _SparseMatrix:
+        blocks = sp.kron(sp.eye_array(nc), np.ones((d, d)), format="coo")
+        whole = sp.coo_array(W)
+        places = (np.concatenate([own, more]) for own, more in zip(whole.coords, blocks.coords, strict=True))
+        # stored zeros stay
+        row, column = places
+        csc = sp.csc_array((np.concatenate([whole.data, np.zeros(blocks.nnz)]), (row, column)), shape=W.shape)
+        csc.sum_duplicates()
+        row, column = csc.indices, np.repeat(np.arange(nc * d), np.diff(csc.indptr))
+        inside = np.flatnonzero(row // d == column // d)
+        place = np.empty((nc, d, d), np.int64)
+        place[row[inside] // d, row[inside] % d, column[inside] % d] = inside
+        return cls(csc, place)
+
+    def factors(self, blocks: Dense) -> Solve | None:
+        """Return what solves with W + blocks, None where that is singular."""
+        data = self.W.data.copy()
+        data[self.place] += blocks
+        lu = sparse_lu(
+            sp.csc_array((data, self.W.indices, self.W.indptr), shape=self.W.shape), symmetric_structure=True
+        )
+        return None if lu is None else lu.solve
+
+
+def _matrix(W: Matrix, nc: int, d: int) -> _DenseMatrix | _SparseMatrix:
+    n = W.shape[0]
+    if sp.issparse(W) and n > DENSE_LIMIT and W.nnz <= DENSE_FROM * n * n:
+        return _SparseMatrix.of(W, nc, d)
+    return _DenseMatrix(np.ascontiguousarray(dense(W)))
 
 
 class _Associated(Coulomb):
@@ -159,7 +187,7 @@ class InteriorPointContact(ContactSolver):
         "Acary, Armand, Nguyen and Shpakovych 2024; Nesterov and Todd 1998; Mehrotra 1992",
         ContactInteriorPointOptions,
     )
-    method: ClassVar[Any] = _InteriorPoint
+    method: ClassVar[Any] = InteriorPoint
 
 
 @register

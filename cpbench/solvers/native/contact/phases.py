@@ -1,7 +1,7 @@
-"""The phases of the automatic choice on frictional contact: sweeps, Newton steps to proximal points, ADMM.
+"""The phases of the automatic choice on contact: sweeps, Newton steps, proximal points, ADMM, interior points.
 
-Each begins at the best point so far and ends when it has had what was expected of it; `policy` says which is
-next. Beside them the methods of `hedges` have their share of the work.
+Sweeps begin at the best point so far, the other methods (`members`) go their own ways; each goes on until it has had
+what was expected of it. `policy` says which is next.
 """
 
 from __future__ import annotations
@@ -14,26 +14,13 @@ import numpy as np
 from cpbench.formulations.contact import FCPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Record
-from cpbench.solvers.native.contact.admm import ADMMContactOptions, ContactSplitting
-from cpbench.solvers.native.contact.hedges import Hedge, NewtonHedge, ProximalHedge
-from cpbench.solvers.native.contact.policy import (
-    HARDER,
-    ITERATION,
-    ITERATIONS,
-    PER_FACTOR_ENTRY,
-    SOLVE_SHARE,
-    STEPS,
-    NextMethod,
-    PolicyState,
-    policy,
-    step_work,
-    sweep_work,
-)
-from cpbench.solvers.native.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
+from cpbench.solvers.native.contact.members import ADMMMember, InteriorMember, Member, NewtonMember, ProximalMember
+from cpbench.solvers.native.contact.newton_equation import ContactFunction
+from cpbench.solvers.native.contact.policy import SweepProgress, next_method, sweep_work
 from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, ScaledContacts
 
 GAINED = 0.1
-"""A method that took the error below this times what it was has not failed."""
+"""A method that took the error below this times what it was has not failed; from so much nearer what failed may not."""
 SHORTER = 8
 """Sweeps are so many times fewer again where another method has come much nearer."""
 PIECE = 2_000
@@ -42,7 +29,8 @@ PIECE = 2_000
 
 def counters(sweeps: int) -> dict[str, int]:
     """Return the counters after so many sweeps and nothing else."""
-    return {"iterations": sweeps, "sweeps": sweeps, "newton_steps": 0, "admm_iterations": 0, "factorizations": 0}
+    others = dict.fromkeys(("newton_steps", "admm_iterations", "interior_steps", "factorizations"), 0)
+    return {"iterations": sweeps, "sweeps": sweeps, **others}
 
 
 class Phases:
@@ -66,40 +54,57 @@ class Phases:
         self._first, self._starts = max(sweeps.done, 1), 0
         self._count = 2 * self._first
         self._sweeps: AcceleratedSweeps | None = sweeps
-        self._proximal: ProximalSteps | None = None
-        self._drifted: Vector | None = None
         self._mark = self.error
-        self._start, self._swept = start, sweeps.best.copy()
-        self._hedges: tuple[Hedge, ...] | None = None
-        step = step_work(contacts.rows.problem.W)
-        self._standing = PolicyState(self.error, sweeps.done, sweep_work(contacts.rows), step, SOLVE_SHARE * step)
+        cost = sweep_work(contacts.rows)
+        self._progress = SweepProgress(cost, self._count, sweeps.done, sweeps.done, 1.0, self.error)
+        self._ahead: str | None = None
+        self._members: dict[str, Member] = {
+            "interior": InteriorMember(contacts),
+            "newton": NewtonMember(contacts, start, ContactFunction.ALART_CURNIER),
+            "natural": NewtonMember(contacts, start, ContactFunction.NATURAL_MAP),
+            "proximal": ProximalMember(contacts),
+            "admm": ADMMMember(contacts),
+        }
 
     def phase(self) -> None:
-        """Do what the policy says, until it is done or has had what was expected of it; then what is due beside it."""
-        self._policy_phase()
-        now, made = self._standing, self.counters
-        hedged = sum(hedge.steps for hedge in self._hedges or ())
-        newton, admm = made["newton_steps"] - hedged, made["admm_iterations"]
-        work = made["sweeps"] * now.sweep + newton * now.step + admm * now.iteration
-        if self._hedges is None and STEPS * now.step <= work:
-            self._hedges = NewtonHedge(self._contacts, self._start), ProximalHedge(self._contacts, self._swept)
-        for hedge in self._hedges or ():
-            self._catch_up(hedge, work)
+        """Advance the method whose turn it is until the problem is solved or it has had what was expected of it.
 
-    def _catch_up(self, hedge: Hedge, work: float) -> None:
-        """Advance a method beside the policy until it has had its share of its work."""
-        steps = hedge.steps
-        while hedge.due(work):
-            end = hedge.spent + STEPS * self._standing.step
-            while hedge.spent < end and not hedge.over and not self._over:
-                before = hedge.steps
-                hedge.advance(self.deadline)
-                self._made("newton_steps", hedge.steps - before)
-                self._seen(hedge.r, self._contacts.rows.judged_error(hedge.r))
-            if self._over:
-                break
-        if hedge.steps > steps:
-            self.messages.append(f"{hedge.steps - steps} {hedge.unit} to {self.error:.1e}")
+        A method that has just come much nearer has the next turn too.
+        """
+        before = self.error
+        due = {name: member.due for name, member in self._members.items()}
+        name = self._ahead or next_method(self._progress.due(self._budget.tolerance), due)
+        if name is None:
+            done, unit = self._sweep(), "sweeps"
+        else:
+            done, unit = self._advance(self._members[name]), self._members[name].unit
+        self.messages.append(f"{done} {unit} to {self.error:.1e}")
+        gained = self.error <= GAINED * before
+        if name is None:
+            self._swept(done)
+        elif self._sweeps is not None and self.error <= GAINED * self._sweeps.error:
+            self._sweeps, self._starts = None, 0
+        if self.error <= GAINED * self._mark:
+            self._mark = self.error
+            if name is not None:
+                self._count = max(self._count // SHORTER, self._first)
+            for member in self._members.values():
+                member.turns, member.spent = 0, 0.0
+            self._progress = replace(self._progress, spent=0)
+        if self._sweeps is None:
+            self._progress = SweepProgress(self._progress.cost, self._count, self._progress.spent)
+        self._ahead = name if gained and not (name and self._members[name].over) else None
+
+    def _swept(self, done: int) -> None:
+        """Note what a turn of sweeps came to; those that gained nothing in it do not go on."""
+        sweeps, old = self._sweeps, self._progress
+        assert sweeps is not None
+        if sweeps.error < old.error:
+            spent = old.spent + done
+            self._progress = replace(old, next=self._count, spent=spent, sweeps=sweeps.done, error=sweeps.error)
+        else:
+            self._progress = replace(old, spent=old.spent + done)
+            self._sweeps, self._starts = None, self._starts + 1
 
     @property
     def _over(self) -> bool:
@@ -107,40 +112,29 @@ class Phases:
         spent = self.iterations >= self.limit or time.monotonic() > self.deadline
         return self.error <= self._budget.tolerance or spent
 
-    def _policy_phase(self) -> None:
-        before, method = self.error, policy(self._standing, self._budget.tolerance)
-        match method:
-            case NextMethod.SWEEPS:
-                done, unit = self._sweep(), "sweeps"
-            case NextMethod.NEWTON:
-                done, unit = self._proximal_points(), "Newton steps to proximal points"
-            case _:
-                done, unit = self._admm(), "ADMM iterations"
-        self.messages.append(f"{done} {unit} to {self.error:.1e}")
-        if self.error <= self._budget.tolerance:
-            return
-        failed = not self.error <= GAINED * before
-        nearer = self.error <= GAINED * self._mark
-        if (
-            method is not NextMethod.SWEEPS
-        ):  # sweeps stood still before: others go on, or the same ones from much nearer
-            self._sweeps, self._starts = None, self._starts + 1 if failed else 0
-        now = replace(self._standing, error=self.error, sweeps=self.counters["sweeps"])
-        if nearer:  # from so much nearer, what failed may not
-            self._mark = self.error
-            if method is not NextMethod.SWEEPS:
-                self._count = max(self._count // SHORTER, self._first)
-            self._standing = replace(now, newton_failures=0, admm_failures=0, idle_sweeps=0)
-        elif method is NextMethod.NEWTON:
-            self._standing = replace(now, newton_failures=now.newton_failures + 1)
-        elif method is NextMethod.ADMM:
-            self._standing = replace(now, admm_failures=now.admm_failures + 1)
-        else:  # sweeps gain in jumps: only who gained nothing has failed
-            idle = now.idle_sweeps + done if self.error == before else 0
-            self._standing = replace(now, idle_sweeps=idle)
+    def _advance(self, member: Member) -> int:
+        """Give a method its turn."""
+        first, due = member.steps, member.due
+        if np.isinf(member.level) or (member.takes_start and self.error <= GAINED * member.level):
+            member.begin(self.best)
+            member.level = self.error
+        made = member.factorizations
+        while member.spent < due and not member.over and not self._over:
+            steps = member.steps
+            member.advance(self.limit - self.iterations, self.deadline)
+            self._made(member.counter, member.steps - steps)
+            r = member.r
+            error = self._contacts.rows.judged_error(r)
+            member.level = min(member.level, error)
+            self._seen(r, error)
+        member.turns += 1
+        self.counters["factorizations"] += member.factorizations - made
+        return member.steps - first
 
     def _sweep(self) -> int:
-        sweeps = self._sweeps = self._sweeps or self._started()
+        if self._sweeps is None:
+            self._sweeps = self._started()
+        sweeps = self._sweeps
         before, end = sweeps.done, self._budget.tolerance
         until = before + min(self._count, self.limit - self.iterations)
         self._count = 2 * self._count
@@ -162,47 +156,14 @@ class Phases:
         """Start from the best point; after a failure without acceleration, after the next from nothing in a drawn
         order."""
         rows, times = self._contacts.rows, self._starts
+        begun = 1.0 if times and times % 2 == 0 else self.error
+        self._progress = replace(self._progress, sweeps=0, begun=begun, error=begun)
         if times == 0:
             return AcceleratedSweeps(rows, self.best)
         if times % 2 == 1:
             return AcceleratedSweeps(rows, self.best, rows.plain)
         order = np.random.default_rng(self._budget.seed + times).permutation(rows.problem.nc)
         return AcceleratedSweeps(rows, None, rows.sweeping(order))
-
-    def _proximal_points(self) -> int:
-        """Take Newton steps to proximal points. Those before go on, unless a better point was found since:
-        their errors rise and fall again, and a new beginning would lose the way that they have gone."""
-        if self._proximal is None or self._drifted is not self.best:
-            self._proximal = ProximalSteps(self._contacts, ProximalNewtonOptions(), self.best)
-        proximal = self._proximal
-        made, steps = proximal.factorizations, proximal.newton_steps
-        end = steps + 3 * STEPS * HARDER**self._standing.newton_failures
-        while proximal.newton_steps < end and self.iterations < self.limit and time.monotonic() < self.deadline:
-            before = proximal.newton_steps
-            if not proximal.step(self.limit - self.iterations, self.deadline):
-                break
-            self._made("newton_steps", max(proximal.newton_steps - before, 1))
-            self._seen(proximal.r, self._contacts.rows.judged_error(proximal.r))
-            if self.error <= self._budget.tolerance:
-                break
-        self._drifted = self.best
-        self.counters["factorizations"] += proximal.factorizations - made
-        return proximal.newton_steps - steps
-
-    def _admm(self) -> int:
-        splitting = ContactSplitting(self._contacts, ADMMContactOptions(), self.best)
-        most = int(ITERATIONS * HARDER**self._standing.admm_failures)
-        while splitting.iterations < most and self.iterations < self.limit and time.monotonic() < self.deadline:
-            if not splitting.step():
-                break
-            self._made("admm_iterations", 1)
-            r = splitting.r
-            self._seen(r, self._contacts.rows.judged_error(r))
-            if self.error <= self._budget.tolerance:
-                break
-        self.counters["factorizations"] += splitting.factorizations
-        self._standing = replace(self._standing, iteration=ITERATION + PER_FACTOR_ENTRY * splitting.entries)
-        return splitting.iterations
 
     def _made(self, name: str, count: int) -> None:
         self.iterations += count

@@ -22,7 +22,7 @@ from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, infeasible, unbounded
-from cpbench.solvers.native.qp.kkt_system import KKT, DenseKKT, SparseKKT
+from cpbench.solvers.native.qp.kkt_system import KKT, entries
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
 from cpbench.solvers.options import fixed, searched
 
@@ -116,7 +116,7 @@ class _Multipliers(Solver):
         n, equal = form.g.size, form.lower == form.upper
         x, y = (np.zeros(n), np.zeros(equal.size)) if start is None else form.start(start)
         counters = {"iterations": 0, "multiplier_steps": 0, "factorizations": 0}
-        kkt = _system(form)
+        kkt, Gt = KKT(entries(form.H), entries(form.G), REGULARIZATION), matrices.transpose(form.G)
         deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
         limit = budget.iterations or options.max_iterations
         rho = options.proximal * (max_abs(form.H) or 1.0)
@@ -135,7 +135,7 @@ class _Multipliers(Solver):
             trouble = progress.trouble(done, error)
             if trouble is not None:
                 return measure.conclude(budget, counters, Claim.FAILED, trouble)
-            sub = Subproblem(form, kkt.Gt, x0, y0, theta, rho)
+            sub = Subproblem(form, Gt, x0, y0, theta, rho)
             y = sub.multipliers(s)
             gradient = sub.gradient(x, Hx, y)
             if max_abs(gradient) <= inner:
@@ -148,7 +148,7 @@ class _Multipliers(Solver):
                 met, inner = min(met, violation), max(0.1 * min(inner, violation or inner), 1e-14)
                 x0, y0 = x, y
                 counters["multiplier_steps"] += 1
-                sub = Subproblem(form, kkt.Gt, x0, y0, theta, rho)
+                sub = Subproblem(form, Gt, x0, y0, theta, rho)
                 y = sub.multipliers(s)
                 gradient = sub.gradient(x, Hx, y)
             active = y != 0.0
@@ -172,13 +172,6 @@ class _Multipliers(Solver):
         rows = dy[n:] * form.E
         found = infeasible(problem, rows[:m], rows[m:], counters) if max_abs(dy) > 1.0 else None
         return found or (unbounded(problem, form.D * dx, counters) if max_abs(dx) > 1.0 else None)
-
-
-def _system(form: ScaledQP) -> KKT:
-    if matrices.is_sparse(form.H):
-        return SparseKKT(form.H, form.G, REGULARIZATION)
-    r = form.E.size
-    return DenseKKT(matrices.dense(form.H), matrices.dense(form.G), np.zeros(r, dtype=bool), REGULARIZATION)
 
 
 def _spec(name: str, summary: str, citation: str, options: type, *, by_default: bool = True) -> SolverSpec:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import partial
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from cpbench.kernel_cache import load
 from cpbench.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench.solvers.native.lcp.claims import CLOSE
+from cpbench.solvers.native.qp.kkt_system import entries
 
 DENSE_BYTES = 1e9
 """The most memory that the matrices of a dense solver may take."""
@@ -26,6 +27,7 @@ DECISIVE = 1e-7
 RESTORED = 1_000_000
 """Entries of the largest matrix of a least-squares problem that completes a proof."""
 KERNEL = "cpbench.solvers.kernels.qp_dense"
+SPARSE_KERNEL = "cpbench.solvers.kernels.qp_sparse"
 
 
 Parts: TypeAlias = tuple[Vector, Vector, Vector, Vector]
@@ -33,28 +35,26 @@ Parts: TypeAlias = tuple[Vector, Vector, Vector, Vector]
 
 
 class ErrorMeasure:
-    """The judged error of answers to one problem, compiled where its matrices are dense; it tells who records.
+    """The judged error of answers to one problem, for whoever records as well.
 
     best : the parts of the answer with the least error of those that were seen, but not merely in passing: those are
     seen only where somebody records. least : that error.
     """
 
     def __init__(self, problem: QP, record: Record | None = None) -> None:
-        self._problem, self._record, self._recorded = problem, record, -1
-        self._compiled: Any | None = None
+        self._record, self._recorded = record, -1
         self.best: Parts | None = None
         self.least = math.inf
-        if not any(matrices.is_sparse(M) for M in (problem.Q, problem.A, problem.C)):
-            self._compiled, self._work = load(KERNEL).judged_error, np.empty(2 * problem.p.size)
+        P, blocks = problem, (problem.Q, problem.A, problem.C)
+        if any(matrices.is_sparse(M) for M in blocks):
+            self._judged, (Q, A, C), work = load(SPARSE_KERNEL).judged_error, map(entries, blocks), ()
+        else:
+            self._judged, (Q, A, C), work = load(KERNEL).judged_error, blocks, (np.empty(2 * P.p.size),)
+        self._data, self._work = (Q, P.p, A, P.b, C, P.d, P.lb, P.ub), work
 
     def error(self, answer: Parts) -> float:
         """Return `QP.residuals(...).error`, infinite for an answer that is not finite."""
-        P = self._problem
-        if self._compiled is not None:
-            return self._compiled(P.Q, P.p, P.A, P.b, P.C, P.d, P.lb, P.ub, *answer, self._work)
-        if not all(np.isfinite(part).all() for part in answer):
-            return math.inf
-        return P.residuals(QPPoint(*answer)).error
+        return self._judged(*self._data, *answer, *self._work)
 
     def see(self, iteration: int, answer: Parts, *, passing: bool = False) -> float:
         """Return the error, recorded where nothing was recorded of that iteration."""

@@ -1,184 +1,117 @@
-"""The linear systems of the interior point method for QPs: [[H + diag(w), Gᵀ], [G, −diag(θ)]] with ever new w, θ ≥ 0.
+"""The linear systems of methods for QPs: [[H + diag(w), Gᵀ], [G, −diag(θ)]] with ever new w, θ ≥ 0.
 
 Static regularization makes the matrix quasi-definite, so that every order of pivots is stable enough for refinement,
-which takes it out again (Vanderbei 1995, SIAM J. Optim. 5:100).
+which takes it out again (Vanderbei 1995, SIAM J. Optim. 5:100). The pattern is analysed once: an order by minimum
+degree, the factor's columns by the elimination tree.
 """
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-import scipy.sparse as sp
-import scipy.sparse.linalg as spla
-from scipy.linalg import blas, lapack
-from scipy.sparse import csgraph
+from numpy.typing import NDArray
 
 from cpbench import matrices
 from cpbench.kernel_cache import load
-from cpbench.matrices import Dense, Matrix, Vector, max_abs
+from cpbench.matrices import Matrix, Vector
 
-REFINEMENTS = 4
-ACCURATE = 1e-9
-"""What is left of a right-hand side, relative to it, that needs no further refinement."""
-DENSE_SHARE = 0.6
-"""A column of the factor that has this share of all rows below it begins the dense rest."""
-CHEAP = 3e6
-"""So many operations of a factorization are less than what it takes to find a better order than Cuthill and McKee's."""
-LEAST_TAIL = 80
-"""Rows that are worth a dense rest."""
+Entries: TypeAlias = tuple[NDArray[np.int32], NDArray[np.int32], Vector]
+"""Row pointers, columns and numbers of a sparse matrix."""
+LEAST_TAIL, MOST_TAIL = 80, 6000
+"""Rows that are worth a dense rest, and those that fit into memory."""
+BLAS = 8.0
+"""So many operations of dense matrices take the time of one of a sparse factor."""
+FULL = 0.25
+"""With this share of entries that are not 0 the system is dense without further thought."""
 
 
-class KKT(ABC):
-    """H (n, n), G (r, n); `delta` : the regularization."""
+def entries(M: Matrix) -> Entries:
+    """Return a matrix as the kernels take it."""
+    if matrices.is_sparse(M):
+        S: Any = M
+        indptr, indices = (np.ascontiguousarray(part, dtype=np.int32) for part in (S.indptr, S.indices))
+        return indptr, indices, np.ascontiguousarray(S.data)
+    return load("cpbench.solvers.kernels.qp_sparse").rows_of(np.ascontiguousarray(M))
 
-    def __init__(self, H: Matrix, G: Matrix, delta: float) -> None:
-        self.H, self.G, self.delta = H, G, delta
-        self.Gt: Matrix = matrices.transpose(G)
-        self.n = H.shape[0]
+
+class KKT:
+    """The system of H (n, n) and G (r, n) with the regularization `delta`.
+
+    equal : rows that have θ = 0 in every system, none by default. Dense where that takes less time.
+    """
+
+    def __init__(self, H: Entries, G: Entries, delta: float, equal: NDArray[np.bool_] | None = None) -> None:
+        self._H, self._G, self._delta = H, G, delta
+        self._kernel = load("cpbench.solvers.kernels.qp_system")
+        n, r = H[0].size - 1, G[0].size - 1
+        self.n, self._r = n, r
+        zero = np.zeros(r, dtype=bool) if equal is None else equal
+        self._rest, self._equal = np.flatnonzero(~zero), np.flatnonzero(zero)
+        m, k = self._rest.size, self._equal.size
+        last = np.empty(m), np.zeros(5 * (n + r))
+        if H[2].size + G[2].size < FULL * n * (n + r):
+            count, pattern = self._analysed()
+            # operations for every number of columns that are eliminated as sparse ones
+            work = np.concatenate([[0.0], np.cumsum(count.astype(float) ** 2)])
+            work += np.arange(n + r, -1, -1) ** 3.0 / (3.0 * BLAS)
+            first = max(n + r - MOST_TAIL, 0)
+            tail = first + int(np.argmin(work[first:]))
+            tail = tail if n + r - tail >= LEAST_TAIL else n + r
+            if work[tail] <= (m * n * n + (n + k) ** 3 / 3.0) / BLAS:
+                self.system = (*self._sparse(count[:tail], pattern), *last)
+                return
+        self.system = (*self._dense(m, k), *last)
+
+    def _dense(self, m: int, k: int) -> tuple[Any, ...]:
+        none, index, nothing = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32), np.empty(0)
+        A, at, G = np.zeros((m, self.n)), np.full(self._r, -1), self._G
+        at[self._rest] = np.arange(m)
+        rows = np.repeat(at, np.diff(G[0]))
+        A[rows[rows >= 0], G[1][rows >= 0]] = G[2][rows >= 0]
+        pattern = none, index, index, nothing, nothing, none, none
+        factor = np.empty(0, dtype=np.uint32), nothing, nothing, np.zeros((self.n + k, self.n + k))
+        return np.array([-1]), *pattern, *factor, self._rest, self._equal, A
+
+    def _analysed(self) -> tuple[Any, tuple[Any, ...]]:
+        """Return entries below the diagonal of each column of the factor, and the matrix in the order of
+        elimination."""
+        ldl, H, G = load("cpbench.solvers.kernels.qp_ldl"), self._H, self._G
+        N = self.n + self._r
+        size = H[2].size + 2 * G[2].size
+        work, indptr, indices = np.empty(N, dtype=np.int64), np.empty(N + 1, dtype=np.int32), np.empty(size, np.int32)
+        ldl.adjacency(H, G, work, indptr, indices)
+        order, place = np.empty((2, N), dtype=np.int64)
+        load("cpbench.solvers.kernels.minimum_degree").minimum_degree(indptr, indices[: indptr[-1]], order)
+        place[order] = np.arange(N)
+        indptr, indices = np.empty(N + 1, dtype=np.int32), np.empty(H[2].size + G[2].size, dtype=np.int32)
+        data, diagonal = np.empty(indices.size), np.empty(N)
+        ldl.permuted(H, G, place, work, np.empty(N, dtype=np.int64), indptr, indices, data, diagonal)
+        parent, count = np.empty((2, N), dtype=np.int64)
+        ldl.tree(indptr, indices, parent, count)
+        return count, (order, indptr, indices, data, diagonal, parent)
+
+    def _sparse(self, count: Any, pattern: tuple[Any, ...]) -> tuple[Any, ...]:
+        tail, rest = count.size, self.n + self._r - count.size
+        starts = np.concatenate([[0], np.cumsum(count)])
+        factor = np.empty(starts[-1], dtype=np.uint32), np.empty(starts[-1]), np.empty(tail), np.zeros((rest, rest))
+        none = np.empty(0, dtype=np.int64)
+        return np.array([tail]), *pattern, starts, *factor, none, none, np.empty((0, self.n))
 
     def factor(self, w: Vector, theta: Vector) -> bool:
         """Factor; return False where it breaks down."""
-        self.w, self.theta = w, theta
-        return bool(np.isfinite(w).all() and np.isfinite(theta).all()) and self._factor()
+        self._w, self._theta = np.ascontiguousarray(w, dtype=float), np.ascontiguousarray(theta, dtype=float)
+        finite = bool(np.isfinite(w).all() and np.isfinite(theta).all())
+        return finite and self._kernel.factor_system(self._H, self._G, self.system, self._w, self._theta, self._delta)
 
-    @abstractmethod
-    def _factor(self) -> bool: ...
-
-    @abstractmethod
     def apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
         """Return (dx, v) of the regularized system."""
+        x, v = np.empty(self.n), np.empty(self._r)
+        self._kernel.apply(self.system, a, b, x, v)
+        return x, v
 
     def solve(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
         """Return (dx, v), refined while that helps."""
-        size = max(max_abs(a), max_abs(b))
-        x, v = self.apply(a, b)
-        left = self._left(a, b, x, v)
-        error = max(max_abs(left[0]), max_abs(left[1]))
-        for _ in range(REFINEMENTS):
-            if not error > ACCURATE * size:
-                break
-            dx, dv = self.apply(*left)
-            better = x + dx, v + dv
-            left = self._left(a, b, *better)
-            now = max(max_abs(left[0]), max_abs(left[1]))
-            if not now < error:
-                break
-            (x, v), error = better, now
+        x, v = np.empty(self.n), np.empty(self._r)
+        self._kernel.solve_system(self._H, self._G, self.system, self._w, self._theta, a, b, x, v)
         return x, v
-
-    def _left(self, a: Vector, b: Vector, x: Vector, v: Vector) -> tuple[Vector, Vector]:
-        return a - self.H @ x - self.w * x - self.Gt @ v, b - self.G @ x + self.theta * v
-
-
-class DenseKKT(KKT):
-    """Cholesky of H + diag(w) + G_Iᵀ diag(1/θ) G_I, rows with θ = 0 by the Schur complement."""
-
-    def __init__(self, H: Dense, G: Dense, equal: Any, delta: float) -> None:
-        super().__init__(H, G, delta)
-        self.equal, self.rest = np.flatnonzero(equal), np.flatnonzero(~equal)
-        self.C, self.A = G[self.equal], G[self.rest]
-
-    def _factor(self) -> bool:
-        self.by = 1.0 / (self.theta[self.rest] + self.delta)
-        rows = self.A * np.sqrt(self.by)[:, None]
-        M: Any = np.array(self.H).T
-        if rows.size:
-            M = blas.dsyrk(1.0, rows.T, 1.0, M, lower=1, overwrite_c=1)
-        M.T.flat[:: self.n + 1] += self.w + self.delta
-        self.L, info = lapack.dpotrf(M, lower=1, clean=0, overwrite_a=1)
-        if info != 0:
-            return False
-        if self.equal.size:
-            self.half = blas.dtrsm(1.0, self.L, self.C.T, lower=1)
-            S: Any = blas.dsyrk(1.0, self.half, trans=1, lower=1)
-            S.T.flat[:: self.equal.size + 1] += self.delta
-            self.S, info = lapack.dpotrf(S, lower=1, overwrite_a=1)
-        return info == 0
-
-    def apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
-        right = a + self.A.T @ (self.by * b[self.rest]) if self.rest.size else a
-        v = np.empty(b.size)
-        if self.equal.size:
-            y = blas.dtrsv(self.L, right, lower=1)
-            v[self.equal] = lapack.dpotrs(self.S, self.half.T @ y - b[self.equal], lower=1)[0]
-            x = blas.dtrsv(self.L, y - self.half @ v[self.equal], lower=1, trans=1)
-        else:
-            x = lapack.dpotrs(self.L, right, lower=1)[0]
-        v[self.rest] = self.by * (self.A @ x - b[self.rest])
-        return x, v
-
-
-class SparseKKT(KKT):
-    """LDLᵀ of the whole, in an order that leaves it sparse; the dense rest by LAPACK."""
-
-    def __init__(self, H: Matrix, G: Matrix, delta: float) -> None:
-        super().__init__(sp.csr_array(H), sp.csr_array(G), delta)
-        self._kernel = load("cpbench.solvers.kernels.qp_ldl")
-        r = self.G.shape[0]
-        whole = sp.block_array([[self.H + sp.eye_array(self.n), self.Gt], [self.G, -sp.eye_array(r)]])
-        upper = sp.coo_array(sp.triu(sp.block_array([[self.H, self.Gt], [None, sp.csr_array((r, r))]])))
-        count = self._take(upper, csgraph.reverse_cuthill_mckee(sp.csr_array(whole), symmetric_mode=True))
-        if float(count @ count) > CHEAP:
-            count = self._take(upper, _minimum_degree(sp.csc_array(whole)))
-        N = count.size
-        dense = np.flatnonzero(count >= DENSE_SHARE * np.arange(N - 1, -1, -1))
-        self._tail = int(dense[0]) if dense.size and N - dense[0] >= LEAST_TAIL else N
-        count = count[: self._tail]
-        self._starts = np.concatenate([[0], np.cumsum(count)])
-        self._rows = np.empty(self._starts[-1], dtype=np.uint32)
-        self._L, self._D = np.empty(self._starts[-1]), np.empty(self._tail)
-        self._S = np.empty((N - self._tail, N - self._tail))
-
-    def _take(self, upper: Any, order: Any) -> Any:
-        """Bring the matrix into an order of elimination; entries below the diagonal of each column of its factor."""
-        N = order.size
-        place = np.empty(N, dtype=np.int64)
-        place[order] = np.arange(N)
-        i, j = (place[part] for part in upper.coords)
-        i, j = np.concatenate([np.minimum(i, j), np.arange(N)]), np.concatenate([np.maximum(i, j), np.arange(N)])
-        matrix = sp.csc_array((np.concatenate([upper.data, np.zeros(N)]), (i, j)), shape=(N, N))
-        matrix.sum_duplicates()
-        self._indptr, self._indices = matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32)
-        self._base, self._diagonal, self._order = matrix.data, self._indptr[1:] - 1, order
-        self._parent, count = np.empty((2, N), dtype=np.int64)
-        self._kernel.tree(self._indptr, self._indices, self._parent, count)
-        return count
-
-    def _factor(self) -> bool:
-        data = self._base.copy()
-        data[self._diagonal] += np.concatenate([self.w + self.delta, -self.theta - self.delta])[self._order]
-        if not self._kernel.factor(
-            self._indptr,
-            self._indices,
-            data,
-            self._parent,
-            self._starts,
-            self._rows,
-            self._L,
-            self._D,
-            self._S,
-            self._tail,
-        ):
-            return False
-        if not self._S.size:
-            return True
-        self._lu, self._pivots, info = lapack.dgetrf(self._S.T)
-        return info == 0
-
-    def apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
-        x = np.concatenate([a, b])[self._order]
-        self._kernel.forward(self._starts, self._rows, self._L, x, self._tail)
-        if self._S.size:
-            x[self._tail :] = lapack.dgetrs(self._lu, self._pivots, x[self._tail :])[0]
-        self._kernel.backward(self._starts, self._rows, self._L, self._D, x, self._tail)
-        found = np.empty_like(x)
-        found[self._order] = x
-        return found[: self.n], found[self.n :]
-
-
-def _minimum_degree(K: Any) -> Any:
-    """Return SuperLU's order of the columns of K, from an incomplete factorization that keeps next to nothing."""
-    how: Any = {"drop_tol": 0.99, "fill_factor": 1, "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
-    return np.argsort(spla.spilu(K, permc_spec="MMD_AT_PLUS_A", **how).perm_c)

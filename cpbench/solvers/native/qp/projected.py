@@ -21,7 +21,7 @@ from cpbench.matrices import Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, definite_obstacle, infeasible, unbounded
-from cpbench.solvers.native.qp.kkt_system import KKT, DenseKKT, SparseKKT
+from cpbench.solvers.native.qp.kkt_system import KKT, entries
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
 from cpbench.solvers.options import fixed, searched
 
@@ -101,13 +101,7 @@ class Dual(ProjectedSide):
     def __init__(self, form: ScaledQP) -> None:
         super().__init__(form)
         n = form.g.size
-        none = np.zeros((0, n))
-        sparse = matrices.is_sparse(form.H)
-        self._kkt: KKT = (
-            SparseKKT(form.H, matrices.sparse(none), REGULARIZATION)
-            if sparse
-            else DenseKKT(matrices.dense(form.H), none, np.zeros(0, dtype=bool), REGULARIZATION)
-        )
+        self._kkt = KKT(entries(form.H), entries(np.zeros((0, n))), REGULARIZATION)
         self.regular = self._kkt.factor(np.zeros(n), np.zeros(0))
         self._none = np.zeros(0)
         self._Gt = matrices.transpose(form.G)

@@ -16,19 +16,18 @@ from cpbench.formulations.qp import QP, QPPoint
 from cpbench.kernel_cache import load
 from cpbench.matrices import Dense, Matrix, Vector, max_abs
 from cpbench.solvers.native.qp.claims import KERNEL
+from cpbench.solvers.native.qp.kkt_system import Entries, entries
 
 PASSES = 4
 """Of equilibration; every one takes the root of what is left."""
 
 
 @dataclass(frozen=True, eq=False)
-class ScaledQP:
-    """problem : what was asked. H (n, n), g (n,), G (r, n), lower, upper (n + r,). D (n,), E (r,), c : the scales."""
+class Scales:
+    """problem : what was asked. g (n,), lower, upper (n + r,). D (n,), E (r,), c : the scales."""
 
     problem: QP
-    H: Matrix
     g: Vector
-    G: Matrix
     lower: Vector
     upper: Vector
     D: Vector
@@ -49,6 +48,14 @@ class ScaledQP:
         return point.z / self.D, self.c * np.concatenate([point.nu * self.D, rows / self.E])
 
 
+@dataclass(frozen=True, eq=False)
+class ScaledQP(Scales):
+    """H (n, n), G (r, n), and what scales them."""
+
+    H: Matrix
+    G: Matrix
+
+
 def stacked(problem: QP) -> tuple[Vector, Vector, Dense]:
     """Return bounds of z and then of the rows [A; C], which come dense."""
     rows = [matrices.dense(M) for M in (problem.A, problem.C) if M.shape[0]]
@@ -65,39 +72,34 @@ def limits(problem: QP) -> tuple[Vector, Vector]:
 def scaled(problem: QP, *, keep_sparse: bool = False) -> ScaledQP:
     """Return the scaled problem, dense unless `keep_sparse` and some of its matrices are sparse."""
     n, r = problem.p.size, problem.b.size + problem.d.size
-    D, E = np.ones(n), np.ones(r)
-    lower, upper = limits(problem)
     if keep_sparse and any(matrices.is_sparse(M) for M in (problem.Q, problem.A, problem.C)):
-        H, G = sp.csr_array(problem.Q), sp.csr_array(sp.vstack([problem.A, problem.C], format="csr"))
-        H, G = _sparse_equilibrated(H, G, D, E)
-    else:
-        _, _, G = stacked(problem)
-        H, G = np.array(matrices.dense(problem.Q)), np.array(G)
-        load(KERNEL).equilibrate(H, G, D, E, PASSES)
-    g = D * problem.p
-    c = 2.0 ** -np.round(np.log2(max(max_abs(H), max_abs(g)) or 1.0))
-    by = np.concatenate([1.0 / D, E])
-    return ScaledQP(problem, c * H, c * g, G, lower * by, upper * by, D, E, float(c))
+        scales, H, G = sparse_scaled(problem)
+        return ScaledQP(
+            **vars(scales),
+            H=sp.csr_array((H[2], H[1], H[0]), shape=(n, n)),
+            G=sp.csr_array((G[2], G[1], G[0]), shape=(r, n)),
+        )
+    D, E = np.ones(n), np.ones(r)
+    H, G = np.array(matrices.dense(problem.Q)), np.array(stacked(problem)[2])
+    load(KERNEL).equilibrate(H, G, D, E, PASSES)
+    scales = _scales(problem, D, E, max_abs(H))
+    return ScaledQP(**vars(scales), H=scales.c * H, G=G)
 
 
-def _sparse_equilibrated(H: sp.csr_array, G: sp.csr_array, D: Vector, E: Vector) -> tuple[Matrix, Matrix]:
-    """Equilibrate as the kernel `equilibrate` does, entries of sparse matrices."""
-    H, G = H.copy(), G.copy()
-    h_rows = np.repeat(np.arange(H.shape[0]), np.diff(H.indptr))
-    g_rows = np.repeat(np.arange(G.shape[0]), np.diff(G.indptr))
-    for _ in range(PASSES):
-        column, row = np.zeros(D.size), np.zeros(E.size)
-        np.maximum.at(column, H.indices, abs(H.data))
-        np.maximum.at(column, G.indices, abs(G.data))
-        np.maximum.at(row, g_rows, abs(G.data))
-        column, row = _root(column), _root(row)
-        H.data *= column[h_rows] * column[H.indices]
-        G.data *= row[g_rows] * column[G.indices]
-        D *= column
-        E *= row
-    return H, G
+def sparse_scaled(problem: QP) -> tuple[Scales, Entries, Entries]:
+    """Return the scales, and H and G as the kernels take sparse matrices."""
+    kernel = load("cpbench.solvers.kernels.qp_sparse")
+    indptr, indices, data = entries(problem.Q)
+    H, G = (indptr.copy(), indices.copy(), data.copy()), kernel.stacked(entries(problem.A), entries(problem.C))
+    D, E = np.ones(problem.p.size), np.ones(problem.b.size + problem.d.size)
+    kernel.equilibrate(H, G, D, E, PASSES)
+    scales = _scales(problem, D, E, max_abs(H[2]))
+    H[2][:] *= scales.c
+    return scales, H, G
 
 
-def _root(size: Vector) -> Vector:
-    """Return powers of two near size^-½, 1 where the size is 0."""
-    return 2.0 ** np.round(-0.5 * np.log2(np.where(size > 0.0, size, 1.0)))
+def _scales(problem: QP, D: Vector, E: Vector, top: float) -> Scales:
+    """top : of the scaled Q."""
+    g, by, (lower, upper) = D * problem.p, np.concatenate([1.0 / D, E]), limits(problem)
+    c = float(2.0 ** -np.round(np.log2(max(top, max_abs(g)) or 1.0)))
+    return Scales(problem, c * g, lower * by, upper * by, D, E, c)

@@ -1,0 +1,73 @@
+"""How certain answers are: levels of their certificates by solver, and what is known of each problem's solution."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from cpbench.analysis import table as rows_of
+from cpbench.verification import FALSE_CLAIMS
+
+LEVELS = ("proved", "enclosed", "measured", "refuted")
+"""Levels of certificates, the most certain that there is a solution first."""
+AWAY = 10.0
+"""How many tolerances an answer is away from the only solution for its claim to be disproved."""
+FAR = 1e-2
+"""Distance from the proved solution from which an answer that passes is listed."""
+
+
+def sought(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows for whose answers a certificate was sought."""
+    return table[table["certainty"].isin(LEVELS)]
+
+
+def by_label(table: pd.DataFrame) -> pd.DataFrame:
+    """Count levels and distances of verified answers, and what became of the false claims, a row a label.
+
+    Columns: `verified`, each of LEVELS among them, `median` and `largest` distance of those that are proved or enclosed
+    (NaN without), `false` claims and how many of these are `disproved`: refuted, or far from the only solution.
+    """
+    rows = sought(table)
+    met = rows_of.met(rows)
+    lies = rows["status"].isin(FALSE_CLAIMS)
+    found: list[dict[str, object]] = []
+    for label, own in rows.groupby("label", sort=True):
+        good, bad = own[met[own.index]], own[lies[own.index]]
+        distances = good["distance"].dropna()
+        counts = {level: int((good["certainty"] == level).sum()) for level in LEVELS}
+        found.append(
+            {
+                "label": label,
+                "verified": len(good),
+                **counts,
+                "median": float(distances.median()) if len(distances) else np.nan,
+                "largest": float(distances.max()) if len(distances) else np.nan,
+                "false": len(bad),
+                "disproved": int(disproved(bad).sum()),
+            }
+        )
+    return pd.DataFrame(found)
+
+
+def disproved(table: pd.DataFrame) -> pd.Series:
+    """Return whether a proof says that no solution is where the answer is: in a box around it, or because the only one
+    is elsewhere."""
+    excluded = table["certificate"].str.contains("no solution is within", regex=False)
+    only = table["certificate"].str.contains("unique", regex=False)
+    elsewhere = only & (table["distance"] > AWAY * table["tolerance"])
+    return (table["certainty"] == "refuted") | excluded | elsewhere
+
+
+def by_problem(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the best level that is known of each problem's answers, a row a problem, with one reason where it is not
+    proved: columns `problem`, `node`, `level`, `reason`."""
+    rows = sought(table)
+    order = rows.assign(rank=rows["certainty"].map(LEVELS.index)).sort_values("rank", kind="stable")
+    best = order.groupby(["node", "problem"], sort=True).first().reset_index()
+    return best.rename(columns={"certainty": "level", "certificate": "reason"})[["problem", "node", "level", "reason"]]
+
+
+def far(table: pd.DataFrame) -> pd.DataFrame:
+    """Return accepted answers that are at least FAR from the solution that is known, the farthest first."""
+    rows = sought(table)
+    return rows[rows_of.met(rows) & (rows["distance"] >= FAR)].sort_values("distance", ascending=False, kind="stable")

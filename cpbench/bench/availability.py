@@ -1,0 +1,174 @@
+"""Whether solvers can run here: told at a glance by what is installed, or tried by importing it, each guest apart.
+
+The import of a guest takes seconds, and may crash or hang: it happens in a process of its own that has a time limit.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import traceback
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from itertools import groupby
+
+from cpbench import frames
+from cpbench.bench.processes.channel import Channel
+from cpbench.bench.processes.launch import Context, context
+from cpbench.bench.processes.process import Child, Died, TimedOut
+from cpbench.bench.time_limits import START, WARM_UP
+from cpbench.bench.worker_pool import describe_exit
+from cpbench.solvers.base import Solver, package_version, solvers
+
+PATIENCE = START.floor
+"""Seconds that a guest may take to be imported, and to say that it can run."""
+SIDE_BY_SIDE = 2
+STATES = ("ok", "installed", "untried", "licence", "broken", "missing")
+"""What may be said of a solver, the best first: `installed` and `untried` only at a glance."""
+
+
+@dataclass(frozen=True)
+class SolverState:
+    """A finding on one solver.
+
+    Attributes
+    ----------
+    state : ok, missing, broken or licence, as in `Availability`; at a glance also installed (its packages are there,
+    and were not imported) or untried (it runs in another program, which was not asked).
+    detail : how to get it, the traceback, what it said. version : of its package, '' where it is not known.
+    """
+
+    name: str
+    state: str
+    detail: str = ""
+    version: str = ""
+
+    @property
+    def usable(self) -> bool:
+        """Whether it can run, as far as was looked."""
+        return self.state in ("ok", "installed", "untried")
+
+    @property
+    def line(self) -> str:
+        """The state and its reason in one line; of a traceback the last."""
+        said = self.detail.strip().splitlines()
+        return f"{self.state}: {said[-1].strip()}" if said else self.state
+
+
+def glance(solver: Solver) -> SolverState:
+    """Return what can be told of a solver without importing anything."""
+    spec = solver.spec
+    for package in spec.requires:
+        if find_spec(package.partition(".")[0]) is None:
+            return SolverState(spec.name, "missing", spec.install or f"pip install {package}")
+    if spec.requires:
+        return SolverState(spec.name, "installed", version=package_version(spec.requires[-1]))
+    if type(solver).availability is not Solver.availability:
+        return SolverState(spec.name, "untried")
+    return SolverState(spec.name, "ok", version=solver.version())
+
+
+def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[SolverState]:
+    """Yield what happens when the solvers are made ready, as it becomes known: those of one guest in one process, two
+    processes at a time. With `warm` they are warmed up, too: compiled, and in the cache for the first run."""
+    waiting: queue.SimpleQueue[list[str]] = queue.SimpleQueue()
+    found: queue.SimpleQueue[SolverState | BaseException] = queue.SimpleQueue()
+    left = 0
+    for _, members in groupby(sorted(chosen, key=_guest), key=_guest):
+        glances = [(solver, glance(solver)) for solver in members]
+        told = [seen for _, seen in glances if seen.state == "missing" or (seen.state == "ok" and not warm)]
+        yield from told
+        names = [seen.name for _, seen in glances if seen not in told]
+        if names:
+            waiting.put(names)
+            left += len(names)
+    slots = [_Slot(context(1), waiting, found, warm) for _ in range(min(SIDE_BY_SIDE, waiting.qsize()))]
+    try:
+        for slot in slots:
+            slot.start()
+        for _ in range(left):
+            one = found.get()
+            if isinstance(one, BaseException):
+                raise one
+            yield one
+    finally:
+        for slot in slots:
+            slot.stop()
+
+
+def _guest(solver: Solver) -> tuple[str, tuple[str, ...]]:
+    return type(solver).__module__, solver.spec.requires
+
+
+class _Slot(threading.Thread):
+    """Waits for one process after the other."""
+
+    def __init__(
+        self,
+        means: Context,
+        waiting: queue.SimpleQueue[list[str]],
+        found: queue.SimpleQueue[SolverState | BaseException],
+        warm: bool,
+    ) -> None:
+        super().__init__(daemon=True)
+        self._means, self._waiting, self._found, self._warm = means, waiting, found, warm
+        self._child: Child | None = None
+        self._stopped = False
+
+    def run(self) -> None:
+        try:
+            while not self._stopped:
+                names = self._waiting.get_nowait()
+                while names and not self._stopped:  # who takes its process down leaves the others another one
+                    names = names[self._answered(names) :]
+        except queue.Empty:
+            return
+        except BaseException as error:
+            self._found.put(error)
+
+    def stop(self) -> None:
+        self._stopped = True
+        if self._child is not None:
+            self._child.kill_all()
+
+    def _answered(self, names: Sequence[str]) -> int:
+        """Return how many of the solvers something is known of now: all up to the one that ended the process."""
+        child = None
+        seconds = PATIENCE + (WARM_UP.floor if self._warm else 0.0)
+        for i, name in enumerate(names):
+            try:
+                if child is None:
+                    child = self._child = Child(self._means, _main, (list(names), self._warm))
+                header, _ = frames.unpack(child.receive(seconds))
+                seen = SolverState(name, str(header["state"]), str(header["detail"]), str(header["version"]))
+            except TimedOut:
+                seen = SolverState(name, "broken", f"said nothing within {seconds:g} s")
+            except Died as death:
+                seen = SolverState(name, "broken", f"{death.output}\n{describe_exit(death)}".strip())
+            except (frames.FrameError, KeyError) as noise:
+                seen = SolverState(name, "broken", f"sent no valid message: {noise}")
+            else:
+                self._found.put(seen)
+                continue
+            self._found.put(seen)
+            names = names[: i + 1]
+            break
+        if child is not None:
+            self._child = None
+            child.kill()
+        return len(names)
+
+
+def _main(channel: Channel, names: Sequence[str], warm: bool) -> None:
+    """Send a message a solver; runs in the process."""
+    for name in names:
+        solver = solvers.get(name)
+        try:
+            state = solver.availability()
+            said = {"state": state.state, "detail": state.detail, "version": solver.version() if state.ok else ""}
+            if state.ok and warm:
+                solver.warmup()
+        except Exception:
+            said = {"state": "broken", "detail": traceback.format_exc(limit=5), "version": ""}
+        channel.send_bytes(frames.pack(said))

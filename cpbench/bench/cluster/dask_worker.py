@@ -1,0 +1,167 @@
+"""The part of a run that is executed inside a Dask worker: it keeps a process that solves (`remote_worker`), and passes
+messages on.
+
+The plugin is installed in every worker, those that join later too. A worker that can take part offers one unit of a
+resource named after the run; Dask then gives it one block at a time. The process ends with the Dask worker, whatever
+ends that (the pipe between them is closed), at the end of its run, and when nothing was asked for a while (a client
+that was killed removes no plugin).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import subprocess
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+from multiprocessing import Pipe
+from typing import Any
+
+from distributed import Event, Worker, WorkerPlugin, get_worker
+
+import cpbench
+from cpbench import frames
+from cpbench.bench.cluster.remote_worker import MESSAGE
+from cpbench.child_processes import start_python
+
+IDLE = 300.0
+"""Seconds after which a remote worker ends that nothing was asked of."""
+CLOSING = 5.0
+"""Seconds in which a remote worker that was told to end may do so by itself."""
+_MAIN = "from cpbench.bench.cluster.remote_worker import main; main()"
+_solving = threading.Lock()
+"""One solve at a time in this process, whatever runs it serves."""
+
+
+@dataclass(frozen=True)
+class TaskResult:
+    """The result of a task.
+
+    Attributes
+    ----------
+    worker : address of the Dask worker. greeting : what its remote worker says of itself. replies : messages. died :
+    how the remote worker ended that was to answer. failed : why this machine can take no further block.
+    """
+
+    worker: str
+    greeting: bytes
+    replies: tuple[bytes, ...]
+    died: str = ""
+    failed: str = ""
+
+
+class RemoteWorkerPlugin(WorkerPlugin):
+    """A remote worker in every Dask worker that has the cpbench of the run.
+
+    name : of the run, and of its resource. terms : the first message for every remote worker.
+    """
+
+    def __init__(self, name: str, terms: bytes) -> None:
+        self.name, self._terms, self._version = name, terms, cpbench.__version__
+
+    async def setup(self, worker: Worker) -> None:
+        """Offer the resource; raises RuntimeError where the machine has another cpbench."""
+        if cpbench.__version__ != self._version:
+            raise RuntimeError(
+                f"{worker.address}: has cpbench {cpbench.__version__}, and the run is of {self._version}"
+            )
+        self.process = RemoteWorker(self._terms)
+        await worker.set_resources(**{self.name: 1})
+
+    async def teardown(self, worker: Worker) -> None:
+        """End the remote worker, in the middle of a solve if need be."""
+        self.process.end()
+        await worker.set_resources(**{self.name: 0})
+
+
+def run_block(run: str, task: str, message: bytes, copies: Mapping[str, bytes]) -> TaskResult | None:
+    """Return what the remote worker of a run answers to a request; `copies` are of files that it may lack.
+
+    None where the task was begun before: Dask repeats what a lost worker was doing, but what kills a worker is not to
+    kill all of them one after the other. The client decides.
+    """
+    worker: Any = get_worker()
+    begun = Event(task)
+    with _solving:
+        if begun.is_set():
+            return None
+        begun.set()
+        result = worker.plugins[run].process.ask(worker.address, message, copies)
+    if result.failed:
+        worker.loop.add_callback(worker.set_resources, **{run: 0})
+    begun.clear()
+    return result
+
+
+class RemoteWorker:
+    """The process of `remote_worker` and the pipe to it; started when it is needed."""
+
+    def __init__(self, terms: bytes, idle: float = IDLE) -> None:
+        self._terms, self._idle = terms, idle
+        self._lock = threading.RLock()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._pipe: Any = None
+        self._greeting = b""
+        self._copied = set[str]()
+
+    def ask(self, worker: str, message: bytes, copies: Mapping[str, bytes]) -> TaskResult:
+        """Return all that the process answers."""
+        try:
+            self._start()
+        except (EOFError, OSError) as cause:
+            return TaskResult(worker, b"", (), failed=f"no process could be started ({self._exit() or cause})")
+        replies: list[bytes] = []
+        try:
+            for file, content in copies.items():
+                if file not in self._copied:
+                    self._copied.add(file)
+                    self._pipe.send_bytes(content)
+            self._pipe.send_bytes(message)
+            while (reply := self._pipe.recv_bytes())[:1] == MESSAGE:
+                replies.append(reply[1:])
+            return TaskResult(worker, self._greeting, tuple(replies), failed=reply[1:].decode())
+        except (EOFError, OSError):
+            return TaskResult(worker, self._greeting, tuple(replies), died=self._exit() or "it was ended")
+
+    def end(self) -> None:
+        """Tell the process to end, and wait for that in a thread."""
+        with self._lock:
+            process, self._process = self._process, None
+        if process is not None:
+            process.terminate()
+            threading.Thread(target=_exit_code, args=(process,), daemon=True).start()
+
+    def _start(self) -> None:
+        with self._lock:
+            if self._process is not None and self._process.poll() is None:
+                return
+            self._copied.clear()
+            self._pipe, theirs = Pipe()
+            self._process = start_python(
+                _MAIN,
+                str(theirs.fileno()),
+                str(self._idle),
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C in a terminal is for the client
+            )
+            theirs.close()
+        self._pipe.send_bytes(self._terms)
+        self._greeting = self._pipe.recv_bytes()
+
+    def _exit(self) -> str:
+        with self._lock:
+            process, self._process = self._process, None
+        return f"it ended with code {_exit_code(process)}" if process is not None else ""
+
+
+def _exit_code(process: subprocess.Popen[bytes]) -> int:
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        return process.wait(CLOSING)
+    process.kill()
+    return process.wait()
+
+
+def terms(setting: Mapping[str, Any], plugins: Mapping[str, bytes], solvers: str) -> bytes:
+    """Return the first message for a remote worker: the setting of its slot, the plugin files, the declared solvers."""
+    return frames.pack({"setting": dict(setting), "plugins": list(plugins), "solvers": solvers}, plugins)

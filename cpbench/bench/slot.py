@@ -1,0 +1,378 @@
+"""One place where solves happen, one at a time: a referee, and one persistent worker a solver, with hard limits.
+
+Whatever a solver, a conversion or a file does, `Slot.run` returns a row. A run has one slot, or several side by side.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import statistics
+import time
+from collections.abc import Iterable, Sequence
+from functools import partial
+from typing import TypeAlias
+
+import cpbench.bench.worker as worker_process
+from cpbench import frames
+from cpbench.bench import machine, messages
+from cpbench.bench.compiler import Compiler
+from cpbench.bench.events import Compiling, EventHandler, Starting, ignore_event
+from cpbench.bench.outcome import iqr, marks, remembered, told, unprepared
+from cpbench.bench.planning.plan import PREVIOUS, Limits, Pair, Request
+from cpbench.bench.processes.launch import context
+from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
+from cpbench.bench.referee import HISTORY_SECONDS, PROOF_SECONDS
+from cpbench.bench.results.rows import Outcome
+from cpbench.bench.time_limits import GRACE, LOAD, REFEREE
+from cpbench.bench.worker_pool import RefereeClient, Reply, Setting, WorkerPool, describe_exit, hear
+from cpbench.errors import CpbenchError, NotApplicable
+from cpbench.formulations.base import Kind
+from cpbench.solvers.base import Trait, solvers
+from cpbench.solvers.external import folder
+from cpbench.temporary import RUN, TemporaryHome
+from cpbench.verification import MET_TOLERANCE, PROVEN
+
+Before: TypeAlias = tuple[Pair, str, bytes | None]
+"""The pair of the step before in a sequence: its status, and its kept answer."""
+FELL_BACK = "cold: the step before was"
+"""How `started` begins where a step had no answer to start from."""
+NOTHING = Outcome()
+"""What is known of a pair before it is run."""
+FULL = 0.25
+"""Share of the memory limit a worker may hold after a solve; beyond it, the next solve gets a fresh worker."""
+
+
+class Refused(CpbenchError):
+    """A file is no problem that a plan could take: it says why."""
+
+
+class Unread(CpbenchError):
+    """Nobody could say what a file holds: whoever read it died, ran out of time or of memory."""
+
+
+class NoStart(Exception):
+    """The lack of a point to start from; message and status become the row's."""
+
+    def __init__(self, message: str, status: str = "unsupported") -> None:
+        self.status = status
+        super().__init__(message)
+
+
+class Slot:
+    """The processes of one slot. Use as a context manager; leaving it kills them all."""
+
+    def __init__(self, setting: Setting | None = None) -> None:
+        self.setting = setting = setting or Setting()
+        self._scratch = TemporaryHome(RUN)
+        means = context(setting.threads, few=setting.single)
+        self.referee = RefereeClient(means, setting, self._scratch.folder)
+        self.workers = WorkerPool(means, setting, self._scratch.folder)
+        idle = sorted({*machine.cores()} - {*setting.cpus}) if setting.cpus and setting.slots == 1 else []
+        self.compiler = Compiler(means, idle)
+
+    def __enter__(self) -> Slot:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Kill every process and remove the temporary files; harmless when done before."""
+        self.compiler.close()
+        self.workers.close()
+        self.referee.close()
+        self._scratch.remove()
+        folder.remove_abandoned()  # what killed workers had handed to programs of their own
+
+    def interrupt(self) -> None:
+        """Kill what is at work, from another thread than the slot's, which then meets the dead."""
+        for child in (*self.workers.children, self.referee.child):
+            if child is not None:
+                child.kill_all()
+
+    def survey(
+        self,
+        address: str,
+        requests: Sequence[Request],
+        format: str | None = None,
+        timeout: float = 0.0,
+        *,
+        guesses: bool = False,
+    ) -> messages.Surveyed:
+        """Return facts of a problem for the plan; raises Refused, Unread. `timeout` : of a solve. `guesses` : whether
+        the starting points of its file are counted, too."""
+        asked = messages.Survey(address, format, tuple(requests), guesses)
+        reply = self.referee.ask(REFEREE.limit(timeout), asked, messages.Surveyed)
+        if isinstance(reply, messages.Declined):
+            raise Refused(reply.message)
+        if isinstance(reply, messages.Failure):
+            raise Unread(f"{address}: {told(reply)}")
+        return reply
+
+    def start(
+        self,
+        names: Iterable[str],
+        limits: Limits,
+        on_event: EventHandler = ignore_event,
+        *,
+        patient: bool = True,
+    ) -> set[str]:
+        """Start the workers and wait until every one has warmed up, so that none disturbs a measurement.
+
+        limits : of the solves to come. patient : whether those are waited for whose kernels are not in the cache yet;
+        else they are compiled where nothing is timed, if there is such a core, and their solvers are returned.
+        """
+        waiting = set[str]()
+        for name in names:
+            if self.compiler.waits(name) and not patient:
+                waiting.add(name)
+                continue
+            wait = patient or not self.compiler.takes(name)
+            if not self.workers.ready(name, limits.memory):
+                on_event(Starting(name))
+            told = lambda name=name: on_event(Compiling(name))  # noqa: E731
+            worker = self.workers.get(name, limits.memory, limits.seconds, told, patient=wait)
+            if worker is None and name not in self.workers.unavailable:
+                self.compiler.add(name)
+                waiting.add(name)
+        return waiting
+
+    def prepare(self, pair: Pair) -> messages.Prepared | Outcome:
+        """Bring the pair's problem to its solver's node, or say what comes of the pair where that cannot be.
+
+        A problem that cannot be loaded, or is not the one that was planned, is told apart by its message.
+        """
+        seconds = REFEREE.limit(pair.limits.seconds)
+        opened = self.referee.ask(seconds, messages.Open(pair.address, pair.format, pair.fingerprint), messages.Opened)
+        if isinstance(opened, messages.Failure):
+            return unprepared(opened, loading=True)
+        reply = self.referee.ask(seconds, messages.Prepare(messages.RefereeCase.of(pair)), messages.Prepared)
+        return unprepared(reply, loading=False) if isinstance(reply, messages.Failure) else reply
+
+    def run(self, pair: Pair, prepared: messages.Prepared | Outcome, before: Before | None = None) -> Outcome:
+        """Return the outcome of one pair. Never raises for anything that a solver, a conversion or a file does.
+
+        `prepared` : by `prepare`. `before` : the step before, where the pair starts from it.
+        """
+        begun = time.perf_counter()
+        outcome = prepared if isinstance(prepared, Outcome) else self._run(pair, prepared, before)
+        self.workers.served(pair.entry.solver)
+        return outcome.changed(
+            wall=time.perf_counter() - begun,
+            jobs=self.setting.slots,
+            loadavg=os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+            host=platform.node(),
+            finished=time.strftime("%Y-%m-%dT%H:%M:%S"),
+        )
+
+    def _run(self, pair: Pair, prepared: messages.Prepared, before: Before | None) -> Outcome:
+        """Return the outcome of a pair whose problem was converted."""
+        name = pair.entry.solver
+        known = partial(
+            NOTHING.changed,
+            route=prepared.route,
+            kind=str(max(Kind(prepared.kind), solvers.get(name).spec.kind, key=lambda kind: kind.rank)),
+            convert=prepared.convert,
+            target_tolerance=prepared.tolerance,
+        )
+        try:
+            start, started = self._start_of(pair, before)
+            known = partial(known, started=started)
+            worker = self.workers.get(name, pair.limits.memory, pair.limits.seconds)
+            if worker is None:
+                why = self.workers.unavailable[name]
+                return known(status="unavailable", message=f"{why.state}: {why.message}")
+            known = partial(known, version=self.workers.versions[name])
+            return self._solved(pair, prepared, start, worker, known)
+        except NoStart as why:
+            return known(status=why.status, message=str(why))
+        except Exception as noise:  # a worker may say anything, and fail us in ways that nobody thought of
+            self.workers.drop(name)
+            message = f"the worker sent no valid message: {type(noise).__name__}: {noise}"[:500]
+            return known(status="error", message=message)
+
+    def _solved(
+        self, pair: Pair, prepared: messages.Prepared, start: messages.Vectors, worker: Child, known: partial[Outcome]
+    ) -> Outcome:
+        """Return the outcome of a pair whose worker is ready; `known` is what of it is known before. Raises
+        FrameError."""
+        name, limit = pair.entry.solver, pair.limits.seconds
+        asked = messages.Solve(
+            path=prepared.path,
+            tolerance=prepared.tolerance,
+            seconds=limit,
+            options=dict(pair.entry.options),
+            repeats=pair.limits.repeats,
+            history=pair.limits.history and Trait.HISTORY in solvers.get(name).spec.traits,
+            held=self.workers.holds(name, prepared.path),
+            checksum=prepared.checksum,
+            vectors=start,
+        )
+        loaded = False
+        try:
+            worker.forget()
+            over = time.monotonic() + LOAD.limit(limit)
+            worker.send(messages.pack(asked), LOAD.limit(limit))
+            reply = messages.ProblemLoaded(messages.Seconds(0.0))
+            if not asked.held:
+                reply = hear(worker, over - time.monotonic())
+            if isinstance(reply, messages.ProblemLoaded):
+                known, loaded = partial(known, load=reply.load), True
+                self.workers.loaded(name, prepared.path)
+                begun = time.perf_counter()
+                reply = hear(worker, limit + GRACE)
+                if isinstance(reply, messages.Result):
+                    if reply.children > self.setting.processes:
+                        raise Died(None, worker.output(), reason=crowded(self.setting.processes))
+                    waited = time.perf_counter() - begun
+                    return self._answered(pair, known, worker, reply, waited, asked.history)
+        except TimedOut:
+            self.workers.drop(name)
+            if loaded:
+                return known(status="timeout", message=f"killed after {limit:g} s", solve=limit)
+            message = f"loading: not over after {LOAD.limit(limit):g} s ({LOAD.what})"
+            return known(status="error", message=message)
+        except Died as death:
+            self.workers.drop(name)
+            status = "memout" if death.out_of_memory else "crash"
+            return known(status=status, message=describe_exit(death), signal=death.signal, code=death.code)
+        if isinstance(reply, messages.OutOfMemory):
+            self.workers.drop(name)  # what is left of its memory is not worth trusting
+            return known(status="memout", message=f"over {pair.limits.memory} bytes")
+        status = "error"
+        if isinstance(reply, messages.ProblemUnsupported):
+            status = "unsupported"
+        elif isinstance(reply, messages.SolverUnavailable):
+            status = "unavailable"
+        else:
+            self.workers.drop(name)  # nobody has looked at what it left behind
+        return known(status=status, message=told(reply)[: worker_process.WORDS])
+
+    def _start_of(self, pair: Pair, before: Before | None) -> tuple[messages.Vectors, str]:
+        """Vectors of the point to start from, none for a cold start, and what the row tells of it; raises NoStart."""
+        if pair.start == "cold":
+            return {}, "cold"
+        spec = solvers.get(pair.entry.solver).spec
+        if Trait.WARM_START not in spec.traits:
+            raise NoStart(f"{spec.name} takes no starting point, and a cold start is not what was asked for")
+        if pair.start == PREVIOUS and pair.scene is None:
+            raise NoStart("start previous: the problem is no step of a sequence (cpbench pack --sequence makes one)")
+        earlier, status, answer = before or (None, "", None)
+        verified = answer if status in MET_TOLERANCE else None
+        if pair.start == PREVIOUS and verified is None:
+            return {}, f"{FELL_BACK} {status}" if earlier else "cold: first step"
+        case, vectors = earlier and messages.RefereeCase.of(earlier), {} if verified is None else {"answer": verified}
+        asked = messages.FindStart(messages.RefereeCase.of(pair), pair.start, case, vectors)
+        reply = self.referee.ask(REFEREE.limit(pair.limits.seconds), asked, messages.StartFound)
+        if isinstance(reply, messages.StartFound):
+            return reply.vectors, reply.told
+        if isinstance(reply, messages.Declined) and reply.cause == NotApplicable.__name__:
+            raise NoStart(reply.message)
+        raise NoStart(f"start: {told(reply)}", "memout" if isinstance(reply, messages.OutOfMemory) else "error")
+
+    def _answered(
+        self, pair: Pair, known: partial[Outcome], worker: Child, result: messages.Result, waited: float, recorded: bool
+    ) -> Outcome:
+        """Return the outcome of a pair whose worker returned, `waited` seconds later: repeats, the history, the
+        verdict."""
+        setups, solves, lost = self._repeated(pair, result, worker)
+        trail: messages.Recorded | None = None
+        if recorded and not lost:
+            trail, lost = self._next(worker, pair, messages.Recorded, pair.limits.seconds + GRACE, "history")
+        if (
+            result.children
+            or result.wrote
+            or result.threads > pair.limits.threads
+            or 0 < pair.limits.memory * FULL < result.grown
+        ):
+            self.workers.drop(pair.entry.solver)  # what one problem left behind must not count against the next
+        once = remembered(solves)
+        flags = marks(result, waited, pair.limits.threads)
+        flags += [flag for flag, holds in (("repeat", bool(lost)), ("remembered", once)) if holds]
+        case, seconds = messages.RefereeCase.of(pair), REFEREE.limit(pair.limits.seconds)
+        asked = messages.Judge(
+            case,
+            claim=result.claim,
+            answered=result.answered,
+            promise=str(solvers.get(pair.entry.solver).spec.kind),
+            proof_seconds=min(pair.limits.seconds / 2, PROOF_SECONDS),
+            vectors=result.vectors,
+        )
+        judged = self.referee.ask(seconds, asked, messages.Judged)
+        timed = partial(
+            known,
+            claim=result.claim,
+            counters=json.dumps(result.counters),
+            setup=statistics.median(setups),
+            solve=solves[0] if once else statistics.median(solves),
+            cpu=result.cpu,
+            peak=result.peak,
+            reported=result.reported,
+            repeats=len(solves),
+            samples=json.dumps([float(f"{s:.6g}") for s in solves]),
+            solve_min=min(solves),
+            solve_iqr=iqr(solves),
+        )
+        if isinstance(judged, messages.Failure):
+            message = f"the answer could not be judged: {told(judged)}"
+            return timed(flags=",".join(flags), status="error", message="; ".join(filter(None, (message, lost))))
+        status, message = judged.status, "; ".join(filter(None, (judged.message, result.message, lost)))
+        if result.setup + result.solve > pair.limits.seconds:
+            status, message = "timeout", f"answered after the limit of {pair.limits.seconds:g} s"
+        history = None
+        if trail is not None:
+            again = messages.JudgeHistory(case, HISTORY_SECONDS, **vars(trail))
+            measured = self.referee.ask(seconds, again, messages.HistoryJudged)
+            history = measured.vectors.get("history") if isinstance(measured, messages.HistoryJudged) else None
+        return timed(
+            status=status,
+            message=message,
+            error=judged.error,
+            target_error=judged.target_error,
+            flags=",".join([*judged.flags, *flags]),
+            parts=json.dumps(judged.parts),
+            lift=judged.lift,
+            verify=judged.verify,
+            answer=judged.vectors.get("answer"),
+            history=history,
+            proof=judged.vectors.get("proof") if status in PROVEN else None,
+        )
+
+    def _repeated(self, pair: Pair, result: messages.Result, worker: Child) -> tuple[list[float], list[float], str]:
+        """Return setup and solve times of the first solve and its repeats, and what became of repeats that failed.
+
+        The first answer stands whatever happens to a repeat, with its own times. It is judged after the repeats:
+        the referee at work beside them would spoil the times.
+        """
+        setups, solves = [float(result.setup)], [float(result.solve)]
+        more = pair.limits.repeats - 1
+        if more < 1 or result.wrote or result.setup + result.solve >= worker_process.SHORT:
+            return setups, solves, ""
+        repeats, lost = self._next(worker, pair, messages.Repeats, more * (pair.limits.seconds + GRACE), "repeat")
+        if repeats is not None and len(repeats.times) > more:
+            self.workers.drop(pair.entry.solver)
+            return setups, solves, f"a repeat failed: {len(repeats.times)} repeats, {more} were asked for"
+        if repeats is not None:
+            setups += [setup for setup, _ in repeats.times]
+            solves += [solve for _, solve in repeats.times]
+        return setups, solves, lost
+
+    def _next(
+        self, worker: Child, pair: Pair, expected: type[Reply], patience: float, what: str
+    ) -> tuple[Reply | None, str]:
+        """Return one more message of a worker that has answered; what it did instead does not cost the answer."""
+        try:
+            reply = hear(worker, patience)
+            if isinstance(reply, expected):
+                return reply, ""
+            lost = f"over {pair.limits.memory} bytes" if isinstance(reply, messages.OutOfMemory) else told(reply)
+        except TimedOut:
+            lost = f"killed after {patience:g} s"
+        except Died as death:
+            lost = describe_exit(death)
+        except frames.FrameError as noise:
+            lost = f"no valid message: {noise}"
+        self.workers.drop(pair.entry.solver)
+        return None, f"a {what} failed: {lost}"

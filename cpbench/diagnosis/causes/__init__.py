@@ -1,0 +1,48 @@
+"""Causes of failures, a detector in each file: a function of a case that returns the cause, or None.
+
+The order is that in which they are looked for: what the problem or the question excludes, what the solver was not
+allowed, what the problem lacks, what the iterates show, and last what a solver merely says.
+"""
+
+from collections.abc import Callable
+
+from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.causes.cone import wrong_cone
+from cpbench.diagnosis.causes.cycling import cycling
+from cpbench.diagnosis.causes.degenerate import degenerate
+from cpbench.diagnosis.causes.diverging import diverging
+from cpbench.diagnosis.causes.hyperstatic import hyperstatic
+from cpbench.diagnosis.causes.infeasible import infeasible
+from cpbench.diagnosis.causes.interior import no_interior
+from cpbench.diagnosis.causes.iterations import iterations
+from cpbench.diagnosis.causes.lost import lost
+from cpbench.diagnosis.causes.nonmonotone import nonmonotone
+from cpbench.diagnosis.causes.refused import refused
+from cpbench.diagnosis.causes.rounding import rounding
+from cpbench.diagnosis.causes.scale import scale
+from cpbench.diagnosis.causes.singular import singular
+from cpbench.diagnosis.causes.start import start
+from cpbench.diagnosis.causes.time import time_limit
+from cpbench.diagnosis.causes.unbounded import unbounded
+
+DETECTORS: tuple[Callable[[Case], Cause | None], ...] = (
+    infeasible,
+    unbounded,
+    rounding,
+    wrong_cone,
+    lost,
+    iterations,
+    time_limit,
+    start,
+    scale,
+    hyperstatic,
+    nonmonotone,
+    singular,
+    no_interior,
+    cycling,
+    diverging,
+    degenerate,
+    refused,
+)
+
+__all__ = ["DETECTORS"]

@@ -1,0 +1,28 @@
+"""The problem has no solution."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cpbench import verification
+from cpbench.diagnosis.case import Case, Cause
+from cpbench.plurals import counted
+from cpbench.verification.certificates import Infeasible
+
+SECONDS = 5.0
+
+
+def infeasible(case: Case) -> Cause | None:
+    """Look for multipliers that contradict the problem's linear conditions, in rational arithmetic (Farkas)."""
+    proof = verification.prove(case.problem, Infeasible.kind, seconds=min(SECONDS, case.trial.seconds)).proof
+    if not isinstance(proof, Infeasible):
+        return None
+    rows = np.flatnonzero([v != 0 for v in proof.multipliers])
+    named = ", ".join(str(i + 1) for i in rows[:6]) + (", …" if rows.size > 6 else "")
+    evidence = f"no point meets its linear conditions: {counted(rows.size, 'row')} ({named}) contradict each other"
+    return Cause(
+        kind="infeasible",
+        evidence=f"{evidence}, proved in rational arithmetic",
+        numbers={"rows": rows.size},
+        proved=True,
+    )

@@ -1,0 +1,172 @@
+"""Methods that the automatic choice on frictional contact advances in turns, each on its own way, their work counted.
+
+A method goes on from where it was: a new beginning from a slightly better point loses the way that was gone. Only where
+another has come much nearer it begins again from there, if it takes a start at all.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
+import numpy as np
+
+from cpbench.matrices import Vector
+from cpbench.solvers.base import Budget
+from cpbench.solvers.native.contact.admm import ADMMContactOptions, ContactSplitting
+from cpbench.solvers.native.contact.interior_point import ContactInteriorPointOptions, InteriorPoint
+from cpbench.solvers.native.contact.newton_equation import ContactFunction
+from cpbench.solvers.native.contact.policy import iteration_work, point_work, step_work, sweep_work
+from cpbench.solvers.native.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
+from cpbench.solvers.native.contact.semismooth_newton import ContactNewtonOptions, NewtonPhase
+from cpbench.solvers.native.contact.sweeps import ScaledContacts, Sweeps
+
+
+class Member(ABC):
+    """One method, in steps.
+
+    Attributes
+    ----------
+    unit, counter : of its steps, for messages and among the counters. expected : steps that it is expected to need.
+    cost : of a step [ns]. spent : counted work since `turns` was 0 [ns]. turns : how often it has had its turn in vain.
+    level : the least error that it began at or has seen. over : it cannot go on. steps, factorizations : so far.
+    """
+
+    unit: ClassVar[str]
+    counter: ClassVar[str]
+    expected: ClassVar[int]
+    takes_start: ClassVar[bool] = False
+
+    def __init__(self, contacts: ScaledContacts, cost: float) -> None:
+        self._contacts, self.cost = contacts, cost
+        self.spent, self.turns, self.level, self.over = 0.0, 0, math.inf, False
+        self.steps = self.factorizations = 0
+
+    @property
+    def due(self) -> float:
+        """Work that it will have had after its next turn [ns]: twice as much every time."""
+        return math.inf if self.over else self.expected * self.cost * 2.0**self.turns
+
+    @property
+    @abstractmethod
+    def r(self) -> Vector:
+        """Present reactions, shape (nc·d,)."""
+
+    @abstractmethod
+    def begin(self, r: Vector) -> None:
+        """Begin at r, or wherever it begins."""
+
+    @abstractmethod
+    def advance(self, most: int, deadline: float) -> None:
+        """Make a step, or a few that belong together, at most `most`."""
+
+
+class NewtonMember(Member):
+    """Newton's method on one function after a few plain sweeps; twice as many wherever it stands still."""
+
+    unit, counter, expected = "Newton steps", "newton_steps", 20
+
+    def __init__(self, contacts: ScaledContacts, start: Vector, function: ContactFunction) -> None:
+        super().__init__(contacts, step_work(contacts.rows.problem.W))
+        self._sweep, self._start, self._function = sweep_work(contacts.rows), start, function
+        self._count = ContactNewtonOptions().sweeps
+
+    @property
+    def r(self) -> Vector:
+        return self._newton.r
+
+    def begin(self, r: Vector) -> None:
+        self._newton = NewtonPhase(self._contacts, ContactNewtonOptions(), self._function)
+        self._sweeps = Sweeps(self._contacts.rows)
+        self._from(self._start.copy())
+
+    def advance(self, most: int, deadline: float) -> None:
+        before = self._newton.factorizations
+        if self._newton.step():
+            self.steps += 1
+        else:
+            self._from(self._newton.r)
+        made = self._newton.factorizations - before
+        self.factorizations += made
+        self.spent += max(made, 1) * self.cost
+
+    def _from(self, r: Vector) -> None:
+        """Begin after sweeps from r, which is changed."""
+        self._sweeps.sweep(r, self._count, 0.0)
+        self.spent += self._count * self._sweep
+        self._count *= 2
+        self._newton.begin(r)
+
+
+class ProximalMember(Member):
+    """Proximal points, over-relaxed, by Newton steps."""
+
+    unit, counter, expected = "Newton steps to proximal points", "newton_steps", 60
+    takes_start = True
+
+    def __init__(self, contacts: ScaledContacts) -> None:
+        super().__init__(contacts, step_work(contacts.rows.problem.W))
+
+    @property
+    def r(self) -> Vector:
+        return self._points.r
+
+    def begin(self, r: Vector) -> None:
+        self._points = ProximalSteps(self._contacts, ProximalNewtonOptions(), r)
+
+    def advance(self, most: int, deadline: float) -> None:
+        points = self._points
+        steps, before = points.newton_steps, points.factorizations
+        self.over = not points.step(most, deadline)
+        self.steps += points.newton_steps - steps
+        self.factorizations += points.factorizations - before
+        self.spent += max(points.factorizations - before, 1) * self.cost
+
+
+class ADMMMember(Member):
+    """ADMM, one factorization for every penalty."""
+
+    unit, counter, expected = "ADMM iterations", "admm_iterations", 600
+
+    def __init__(self, contacts: ScaledContacts) -> None:
+        super().__init__(contacts, iteration_work(contacts.rows.problem.W, 0))
+
+    @property
+    def r(self) -> Vector:
+        return self._splitting.r
+
+    def begin(self, r: Vector) -> None:
+        self._splitting = ContactSplitting(self._contacts, ADMMContactOptions(), None)
+
+    def advance(self, most: int, deadline: float) -> None:
+        splitting, before = self._splitting, self._splitting.factorizations
+        self.over = not splitting.step()
+        if splitting.factorizations > before:
+            self.factorizations += splitting.factorizations - before
+            self.cost = iteration_work(self._contacts.rows.problem.W, splitting.entries)
+        self.steps += 1
+        self.spent += self.cost
+
+
+class InteriorMember(Member):
+    """Interior points: a way that no first point and no active set decides, of a few dozen steps where it succeeds."""
+
+    unit, counter, expected = "interior-point steps", "interior_steps", 35
+
+    def __init__(self, contacts: ScaledContacts) -> None:
+        super().__init__(contacts, point_work(contacts.rows.problem.W))
+
+    @property
+    def r(self) -> Vector:
+        return self._points.r
+
+    def begin(self, r: Vector) -> None:
+        nothing = np.zeros(r.size)
+        self._points = InteriorPoint(self._contacts, ContactInteriorPointOptions(), nothing, Budget())
+
+    def advance(self, most: int, deadline: float) -> None:
+        self.over = self._points.step(1, 0.0, 0.0) is not None
+        self.steps += 1
+        self.factorizations += 1
+        self.spent += self.cost

@@ -1,0 +1,115 @@
+"""Certificates of the answers of a run: levels, distances, seals, the section of the report, older files."""
+
+from __future__ import annotations
+
+import sqlite3
+from pathlib import Path
+
+import numpy as np
+import pytest
+import synthetic_results as synthetic
+from command_line import cpbench as command
+
+import cpbench as cp
+from cpbench.analysis import certainty
+from cpbench.analysis.table import normalised
+from cpbench.api.certifying import certify_first
+from cpbench.bench.results import schema
+from cpbench.bench.results.store import Store
+
+pytest.importorskip("flint")
+EXACT = np.array([1.5, 2.0])
+
+
+@pytest.fixture
+def results(tmp_path: Path) -> Path:
+    """A run of two solvers on a problem whose solution is (3/2, 2)."""
+    M = np.array([[2.0, 1.0], [1.0, 2.0]])
+    cp.save(cp.LCP(M=M, q=-M @ EXACT, name="two"), tmp_path / "two.h5")
+    ended = command(
+        tmp_path,
+        "run",
+        "two.h5",
+        "-s",
+        "lemke,psor",
+        "--repeats",
+        "1",
+        "-o",
+        "r.sqlite",
+        "--certify",
+        "--report",
+        "rep",
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert "two  psor: proved, within" in ended.stderr
+    return tmp_path / "r.sqlite"
+
+
+def test_rows_have_the_distance_from_the_exact_solution(results: Path) -> None:
+    with Store(results) as store:
+        store.require_unchanged()
+        rows = {row.label: row for row in store.rows()}
+        for row in rows.values():
+            assert (row.certainty, row.certificate) == ("proved", "unique: P-matrix")
+    answer = cp.solve(cp.load(results.parent / "two.h5"), "psor")
+    assert answer.x is not None
+    measured = np.abs(answer.x - EXACT).max() / 2.0
+    assert rows["psor"].distance == pytest.approx(measured, rel=1e-6)
+    text = (results.parent / "rep" / "details.md").read_text()
+    assert "Of 1 problems the solution is proved for 1" in text
+
+
+def test_what_is_certified_stays_and_what_runs_again_does_not(results: Path) -> None:
+    folder = results.parent
+    assert command(folder, "certify", "r.sqlite").stdout == ""
+    assert command(folder, "run", "two.h5", "-s", "lemke,psor", "--repeats", "1", "-o", "r.sqlite", "--no-report",
+                   "--rerun", "all").returncode == 0  # fmt: skip
+    assert [row.certainty for row in Store(results).rows()] == [None, None]
+    assert command(folder, "certify", "r.sqlite").stdout.count("proved") == 2
+    assert command(folder, "certify", "r.sqlite", "-s", "lemke").returncode == 2
+
+
+def test_a_file_of_the_version_before_gets_the_columns_and_keeps_its_seals(results: Path) -> None:
+    with Store(results, create=True) as store:
+        for row in list(store.rows()):
+            store.note_certificate(row.key, None, None, None)  # type: ignore[arg-type]
+    with sqlite3.connect(results) as db:
+        for name in ("certainty", "distance", "certificate"):
+            db.execute(f"ALTER TABLE rows DROP COLUMN {name}")
+        db.execute("PRAGMA user_version = 4")
+    with Store(results) as reading:
+        assert {row.certainty for row in reading.rows()} == {None}
+    with Store(results, create=True) as store:
+        assert not store.opened.broken
+        assert {row.certainty for row in store.rows()} == {None}
+    with sqlite3.connect(results) as db:
+        assert db.execute("PRAGMA user_version").fetchone()[0] == schema.SCHEMA
+
+
+def test_levels_are_counted_by_solver_and_problem() -> None:
+    sealed = {"certificate": "unique: P-matrix"}
+    table = normalised(
+        synthetic.table(
+            synthetic.row("a-1", "s", "solved", 1.0, certainty="proved", distance=1e-9, certificate=""),
+            synthetic.row("a-2", "s", "solved", 1.0, certainty="enclosed", distance=0.5, certificate=""),
+            synthetic.row("a-3", "s", "wrong", 1.0, certainty="refuted", certificate="no solution is within 0.1"),
+            synthetic.row("a-1", "t", "wrong", 1.0, certainty="proved", distance=0.1, **sealed),
+            synthetic.row("a-2", "t", "inaccurate", 1.0, certainty="proved", distance=2e-6, **sealed),
+            synthetic.row("a-3", "t", "solved", 1.0),
+        )
+    )
+    found = certainty.by_label(table).set_index("label")
+    assert found.loc["s", ["verified", "proved", "enclosed", "false", "disproved"]].tolist() == [2, 1, 1, 1, 1]
+    assert found.loc["t", ["verified", "false", "disproved"]].tolist() == [0, 2, 1]  # 2e-6 is not ten tolerances
+    levels = certainty.by_problem(table).set_index("problem")["level"]
+    assert levels.to_dict() == {"a-1": "proved", "a-2": "proved", "a-3": "refuted"}
+    assert certainty.far(table)["problem"].tolist() == ["a-2"]
+
+
+def test_several_answers_are_looked_at_until_one_is_proved() -> None:
+    """The automatic choice's answer to this market is near a solution, and its system is singular there."""
+    market = cp.load("builtin/ncp/walras.h5::cobb-douglas-4-3")
+    solution, found = certify_first(market)
+    assert cp.verify(market, solution).solved
+    assert found.level == "proved"
+    assert cp.certify(market).level == "proved"
