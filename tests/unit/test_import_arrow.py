@@ -111,7 +111,7 @@ def test_only_their_own_files_import_optional_packages() -> None:
 def test_the_command_line_is_thin() -> None:
     """It reads options and prints; what decides lies below it, where scripts reach it too."""
     lines = {path.name: path.read_text().count("\n") for path in (PACKAGE / "cli").glob("*.py")}
-    assert sum(lines.values()) <= 3750
+    assert sum(lines.values()) <= 3900
     assert max(lines.values()) <= 250
 
 
