@@ -39,7 +39,6 @@ COMMANDS = {
     "report": "Write the report of a results file: HTML, Markdown and figures, or LaTeX.",
     "compare": "Compare two results files, or two builds: report regressions, and differences too small to call.",
     "baseline": "Keep the outcomes of a run as text for version control, and show what a later run changes.",
-    "recommend": "Say which solver suits a problem, by what was measured on problems like it.",
     "history": "Show how solvers did over time, from several results files.",
     "select": "Select problems for short runs, as in CI, from results of all of them.",
     "import": "Judge answers that were made elsewhere, and put them into a results file.",

@@ -466,7 +466,7 @@ def test_answers_from_two_starts_are_exported(monkeypatch, tmp_path) -> None:
             np.testing.assert_allclose(answer[:], [4 / 3, 7 / 3], rtol=1e-5)
 
 
-def test_outputs_are_asked_for_before_the_work(monkeypatch, capsys, lcp, tmp_path) -> None:
+def test_outputs_are_environment_before_the_work(monkeypatch, capsys, lcp, tmp_path) -> None:
     """What is there, a folder that is not there, and one that cannot be made: one line, exit code 2, nothing done."""
     monkeypatch.chdir(tmp_path)
     there = tmp_path / "there.h5"

@@ -58,7 +58,7 @@ def hidden(n: int = 8) -> LCP:
     return LCP(M=M, q=-M @ np.ones(n), name="hidden")
 
 
-def test_the_shortest_list_is_found_and_asked_for_few_times() -> None:
+def test_the_shortest_list_is_found_and_environment_few_times() -> None:
     asked: list[int] = []
 
     def holds(some: Sequence[int]) -> bool:

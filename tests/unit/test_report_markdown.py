@@ -321,7 +321,7 @@ def test_what_does_not_compare_has_a_mark_in_the_table_of_times(tmp_path: Path) 
     assert "‡ Fell back to a cold start: s 1 of 2." in text
 
 
-def test_stationary_has_a_column_and_is_counted_where_that_is_asked_for(tmp_path: Path) -> None:
+def test_stationary_has_a_column_and_is_counted_where_that_is_environment(tmp_path: Path) -> None:
     rows = table(
         row("a-1", "lemke", "solved", 1e-3),
         row("a-2", "lemke", "stationary", 1e-3, claim="solved", flags="stationary"),
