@@ -1,14 +1,15 @@
 """The regret of the automatic choices on problems that nobody has seen: their time over that of the best solver.
 
     python tests/bench/unseen.py [--seed now|NUMBER] [--minutes 20] [--families GLOB ...] [--solvers GLOB ...]
-        [--seconds 2] [--largest 120] [--tolerance 1e-8] [-o FOLDER]
+        [--seconds 2] [--largest 120] [--tolerance 1e-8] [--batch 5] [-o FOLDER]
 
 Draws problems of every family (`FAMILIES`) at random, the seed from the clock unless it is given, writes them to files
 and has every native solver of their formulation and every installed rival run on them as `cpbench run` does: in a
-process of its own, each answer judged. Rounds of five problems a family until the minutes are over; with `-o` the same
-command with the same seed goes on where it was cut.
+process of its own, each answer judged. Rounds of `--batch` problems a family until the minutes are over; with `-o` the
+same command with the same seed goes on where it was cut.
 
-Members are the native solvers of the formulation, rivals all others. Printed are, a formulation: problems that a member
+Members are the native solvers of the formulation, rivals all others. Times are those of `setup` and `solve`
+together. Printed are, a formulation: problems that a member
 or rival solves and `auto` does not, each by name; the regret (time of `auto` over that of the best member, known only
 afterwards): median, 95 % quantile, worst; the speed against the best rival: geometric mean, share of problems above
 10 µs on which `auto` is at least as fast; then the ten worst of all.
@@ -34,8 +35,6 @@ from cpbench.formulations import Problem
 from cpbench.solvers import solvers
 from cpbench.verification import VERIFIED
 
-BATCH = 5
-"""Problems of a family in a round."""
 SHORTEST = 1e-5
 """Rivals' times below [s] are those of a call rather than of a method."""
 
@@ -84,13 +83,13 @@ FAMILIES: dict[str, Callable[[Rng, int], Problem]] = {
 }
 
 
-def draw(seed: int, batch: int, families: list[str], largest: int, folder: Path) -> Iterator[Path]:
-    """Write the problems of one round, sizes uniform in their logarithm, and yield their files."""
+def draw(seed: int, batch: int, many: int, families: list[str], largest: int, folder: Path) -> Iterator[Path]:
+    """Write the problems of one round, `many` a family, sizes uniform in their logarithm, and yield their files."""
     for family in families:
-        for k in range(BATCH):
-            path = folder / f"{family}-{batch * BATCH + k}.h5"
+        for k in range(batch * many, (batch + 1) * many):
+            path = folder / f"{family}-{k}.h5"
             if not path.exists():
-                rng = np.random.default_rng([seed, zlib.crc32(family.encode()), batch, k])
+                rng = np.random.default_rng([seed, zlib.crc32(family.encode()), k])
                 cpbench.save(FAMILIES[family](rng, int(np.exp(rng.uniform(0, np.log(largest))) + 0.5)), path)
             yield path
 
@@ -120,6 +119,7 @@ def measured(files: list[Path], globs: list[str], options: argparse.Namespace, o
 
 def regrets(rows: pd.DataFrame) -> pd.DataFrame:
     """Return a row a problem: times of `auto`, of the best member and of the best rival [s], NaN where not verified."""
+    rows = rows.assign(time=rows["setup"] + rows["solve"])
     rows = rows.assign(verified=rows["status"].isin(VERIFIED), short=rows["solver"].str.partition("[")[0])
     native = {name: solvers.get(name).spec.licence == "Apache-2.0" and _is_native(name) for name in set(rows["short"])}
     rows["native"] = rows["short"].map(native)
@@ -127,7 +127,7 @@ def regrets(rows: pd.DataFrame) -> pd.DataFrame:
     table = []
     for problem, group in rows.groupby("problem"):
         good = group[group["verified"]]
-        auto = good[good["auto"]]["solve"].min()
+        auto = good[good["auto"]]["time"].min()
         members, rivals = good[good["native"] & ~good["auto"]], good[~good["native"]]
         best, rival = _fastest(members), _fastest(rivals)
         asked = group[group["auto"]]
@@ -141,7 +141,7 @@ def regrets(rows: pd.DataFrame) -> pd.DataFrame:
                 "rival": rival[0],
                 "best rival": rival[1],
                 "status": asked["status"].iloc[0] if len(asked) else "",
-                "spent": asked["solve"].iloc[0] if len(asked) else np.nan,
+                "spent": asked["time"].iloc[0] if len(asked) else np.nan,
             }
         )
     return pd.DataFrame(table)
@@ -154,8 +154,8 @@ def _is_native(name: str) -> bool:
 def _fastest(rows: pd.DataFrame) -> tuple[float, str]:
     if rows.empty:
         return np.nan, ""
-    first = rows.loc[rows["solve"].idxmin()]
-    return float(first["solve"]), str(first["solver"])
+    first = rows.loc[rows["time"].idxmin()]
+    return float(first["time"]), str(first["solver"])
 
 
 def report(table: pd.DataFrame) -> str:
@@ -203,6 +203,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=2.0)
     parser.add_argument("--largest", type=int, default=120)
     parser.add_argument("--tolerance", type=float, default=1e-8)
+    parser.add_argument("--batch", type=int, default=5)
     parser.add_argument("-o", "--out")
     options = parser.parse_args()
     seed = time.time_ns() % 2**32 if options.seed == "now" else int(options.seed)
@@ -215,7 +216,7 @@ def main() -> None:
         files: list[Path] = []
         batch = 0
         while True:
-            files += draw(seed, batch, families, options.largest, out)
+            files += draw(seed, batch, options.batch, families, options.largest, out)
             table = regrets(measured(files, options.solvers, options, out))
             batch += 1
             print(f"round {batch}: {len(table)} problems", flush=True)

@@ -8,8 +8,9 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 from cpbench.formulations.base import Problem
 from cpbench.kernel_cache import load_all
@@ -41,8 +42,7 @@ class SolverPhase:
     options: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Plan:
+class Plan(NamedTuple):
     """Prepared problem of the automatic choice. `first` : what the first solver's own `setup` has made of the
     problem, None where it does not take it; it has its `options`. `solver` : the first one, where it may go on to its
     own limit before anything else is prepared."""
@@ -76,7 +76,8 @@ class AutomaticChoice(Solver):
         solver = warming.ready(phases[0].solver, quickly=True)
         if not any(problem.point_sizes.values()) or solver.obstacle(problem) is not None:
             return Plan(problem, phases)
-        own = solver.spec.options(**phases[0].options)
+        given = phases[0].options
+        own = solver.spec.options(**given) if given else _default(solver.spec.options)
         first = solver.setup(solver.hand_over(problem), budget, own)
         return Plan(problem, phases, first, own, solver if phases[0].iterations is None else None)
 
@@ -114,6 +115,11 @@ class AutomaticChoice(Solver):
                 break
             run.ask(phase)
         return run.concluded()
+
+
+@cache
+def _default(options: type) -> Any:
+    return options()
 
 
 class InOrder(AutomaticChoice):

@@ -72,7 +72,7 @@ class AutoContact(Solver):
         sweeps = AcceleratedSweeps(rows, None if start is None else start.r)
         look = None
         if record is not None:
-            begin = np.zeros(prepared.q.size) if start is None else start.r
+            begin = np.zeros(rows.problem.q.size) if start is None else start.r
             record(0, rows.judged_error(begin), lambda: FCPoint(begin))
             look = partial(_tell, record, sweeps)
         sweeps.sweep(min(options.sweeps, limit), budget.tolerance, look)
@@ -80,7 +80,7 @@ class AutoContact(Solver):
         if sweeps.error <= budget.tolerance:
             made = counters(sweeps.done)
             return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, made)
-        begin = np.zeros(prepared.q.size) if start is None else start.r
+        begin = np.zeros(rows.problem.q.size) if start is None else start.r
         run = Phases(prepared, budget, begin, sweeps, limit, deadline, record)
         claim, message = Claim.MAX_ITER, f"{limit} iterations"
         while not run.error <= budget.tolerance and run.iterations < limit:

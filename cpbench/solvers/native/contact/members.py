@@ -63,13 +63,13 @@ class Member(ABC):
 
 
 class NewtonMember(Member):
-    """Newton's method after a few plain sweeps; twice as many wherever it stands still."""
+    """Newton's method on one function after a few plain sweeps; twice as many wherever it stands still."""
 
-    unit, counter, expected = "Newton steps", "newton_steps", 10
+    unit, counter, expected = "Newton steps", "newton_steps", 20
 
-    def __init__(self, contacts: ScaledContacts, start: Vector) -> None:
+    def __init__(self, contacts: ScaledContacts, start: Vector, function: ContactFunction) -> None:
         super().__init__(contacts, step_work(contacts.rows.problem.W))
-        self._sweep, self._start = sweep_work(contacts.rows), start
+        self._sweep, self._start, self._function = sweep_work(contacts.rows), start, function
         self._count = ContactNewtonOptions().sweeps
 
     @property
@@ -77,7 +77,7 @@ class NewtonMember(Member):
         return self._newton.r
 
     def begin(self, r: Vector) -> None:
-        self._newton = NewtonPhase(self._contacts, ContactNewtonOptions(), ContactFunction.ALART_CURNIER)
+        self._newton = NewtonPhase(self._contacts, ContactNewtonOptions(), self._function)
         self._sweeps = Sweeps(self._contacts.rows)
         self._from(self._start.copy())
 
@@ -102,7 +102,7 @@ class NewtonMember(Member):
 class ProximalMember(Member):
     """Proximal points, over-relaxed, by Newton steps."""
 
-    unit, counter, expected = "Newton steps to proximal points", "newton_steps", 30
+    unit, counter, expected = "Newton steps to proximal points", "newton_steps", 60
     takes_start = True
 
     def __init__(self, contacts: ScaledContacts) -> None:
@@ -127,7 +127,7 @@ class ProximalMember(Member):
 class ADMMMember(Member):
     """ADMM, one factorization for every penalty."""
 
-    unit, counter, expected = "ADMM iterations", "admm_iterations", 300
+    unit, counter, expected = "ADMM iterations", "admm_iterations", 600
 
     def __init__(self, contacts: ScaledContacts) -> None:
         super().__init__(contacts, iteration_work(contacts.rows.problem.W, 0))

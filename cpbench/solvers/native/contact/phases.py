@@ -15,6 +15,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Record
 from cpbench.solvers.native.contact.members import ADMMMember, InteriorMember, Member, NewtonMember, ProximalMember
+from cpbench.solvers.native.contact.newton_equation import ContactFunction
 from cpbench.solvers.native.contact.policy import SweepProgress, next_method, sweep_work
 from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, ScaledContacts
 
@@ -58,10 +59,11 @@ class Phases:
         self._progress = SweepProgress(cost, self._count, sweeps.done, sweeps.done, 1.0, self.error)
         self._ahead: str | None = None
         self._members: dict[str, Member] = {
-            "newton": NewtonMember(contacts, start),
+            "interior": InteriorMember(contacts),
+            "newton": NewtonMember(contacts, start, ContactFunction.ALART_CURNIER),
+            "natural": NewtonMember(contacts, start, ContactFunction.NATURAL_MAP),
             "proximal": ProximalMember(contacts),
             "admm": ADMMMember(contacts),
-            "interior": InteriorMember(contacts),
         }
 
     def phase(self) -> None:

@@ -213,17 +213,33 @@ def block_rows(problem: FrictionContact) -> BlockRows:
 
 @dataclass(frozen=True)
 class ScaledContacts:
-    """W′ = SWS and q′ = Sq for x = S⁻¹r, S² the ρ_c of the problem: one penalty then suits every contact."""
+    """W′ = SWS and q′ = Sq for x = S⁻¹r, S² the ρ_c of the problem: one penalty then suits every contact.
+
+    Formed where they are asked for: what sweeps solve does not need them, and small problems take longer to scale than
+    to solve.
+    """
 
     rows: BlockRows
-    W: Matrix
-    q: Vector
-    s: Vector
+
+    @cached_property
+    def s(self) -> Vector:
+        """The diagonal of S, shape (nc·d,)."""
+        return np.repeat(np.sqrt(self.rows.problem.rho), self.rows.problem.dimension)
+
+    @cached_property
+    def W(self) -> Matrix:
+        """W′."""
+        return scaled_both(self.rows.problem.W, self.s)
+
+    @cached_property
+    def q(self) -> Vector:
+        """q′."""
+        return self.s * self.rows.problem.q
 
 
 def scaled_contacts(problem: FrictionContact) -> ScaledContacts:
-    s = np.repeat(np.sqrt(problem.rho), problem.dimension)
-    return ScaledContacts(block_rows(problem), scaled_both(problem.W, s), s * problem.q, s)
+    """Return the problem for sweeps, and scaled for who asks."""
+    return ScaledContacts(block_rows(problem))
 
 
 def conclude(

@@ -20,6 +20,8 @@ FEW = 0.1
 """A larger share of nonzeros counts as dense."""
 STEPS = 2000
 """Of conjugate gradients on faces, a product with M each, before Newton's method is asked."""
+SWEEPS = 100
+"""Of projected SOR on a sparse M at most: they cost what factors of M cost that have some twenty times its entries."""
 NEWTON = SolverPhase("newton-min"), SolverPhase("newton-fb"), SolverPhase("newton-pfb")
 ON_SMALL = SolverPhase("lemke"), *NEWTON, SolverPhase("enumeration-lcp")
 
@@ -27,7 +29,7 @@ ON_SMALL = SolverPhase("lemke"), *NEWTON, SolverPhase("enumeration-lcp")
 @register
 class AutoLCP(AutomaticChoice):
     """Lemke's method on small problems and block principal pivoting on larger ones, then Newton's on equations whose
-    stationary points lie elsewhere; conjugate gradients first where M is large, sparse and symmetric.
+    stationary points lie elsewhere; where M is sparse a few sweeps and, if it is symmetric, conjugate gradients first.
 
     Of at most 20 unknowns, all complementary bases are tried in the end: a solution is found if there is one.
     """
@@ -38,21 +40,28 @@ class AutoLCP(AutomaticChoice):
     members: ClassVar[tuple[str, ...]] = (
         "lemke",
         "bpp",
+        "psor",
         "projected-cg",
         "newton-min",
         "newton-fb",
         "newton-pfb",
         "enumeration-lcp",
     )
-    kernels: ClassVar[tuple[str, ...]] = ("pivoting", "lemke_judged", "mprgp", "complementary_bases")
+    kernels: ClassVar[tuple[str, ...]] = ("pivoting", "lemke_judged", "mprgp", "splitting", "complementary_bases")
 
     def phases(self, problem: LCP) -> Sequence[SolverPhase]:
         n = problem.q.size
         if n <= SMALL:
             return ON_SMALL
         newton = NEWTON
-        if n > LARGE and is_sparse(problem.M) and nnz(problem.M) < FEW * n * n:
+        positive = bool(np.all(problem.M.diagonal() > 0))
+        entries = nnz(problem.M)
+        few = is_sparse(problem.M) and entries < FEW * n * n
+        # what takes no longer than to store M as a dense matrix is tried before anything that does
+        sweeps = [SolverPhase("psor", min(SWEEPS, n * n // entries))] if few and positive else []
+        if n > LARGE and few:
             faces = [SolverPhase("projected-cg", STEPS)] if problem.symmetric else []
-            return [*faces, *newton, SolverPhase("projected-cg"), SolverPhase("bpp"), SolverPhase("lemke")]
-        bordered = [SolverPhase("bpp")] if bool(np.all(problem.M.diagonal() > 0)) else []
-        return [*bordered, SolverPhase("newton-min"), SolverPhase("lemke"), *newton[1:]]
+            return [*sweeps, *faces, *newton, SolverPhase("projected-cg"), SolverPhase("bpp"), SolverPhase("lemke")]
+        faces = [SolverPhase("projected-cg", n * n // entries)] if sweeps and problem.symmetric else []
+        bordered = [SolverPhase("bpp")] if positive else []
+        return [*sweeps, *faces, *bordered, SolverPhase("newton-min"), SolverPhase("lemke"), *newton[1:]]
