@@ -1,8 +1,8 @@
 """The kinds of single figures that `cpbench plot` draws: a module each, found by its name and imported when asked for.
 
 A kind `lcp-cones` is the module `lcp_cones` of a package (`report/pictures` for problems, `report/plots` for runs),
-with one function registered here. Its options are the keyword arguments of that function, with their defaults; the first
-line of the module's docstring tells what it shows.
+with one function registered here. Its options are the keyword arguments of that function, with their defaults; the
+first line of the module's docstring tells what it shows.
 """
 
 from __future__ import annotations
