@@ -28,6 +28,7 @@ COMMANDS = {
     "certify": "Prove that a solution is near an answer, and how near.",
     "explain": "Say why a solver fails on a problem, and which remedy works.",
     "reduce": "Make a problem on which a solver fails as small and simple as the failure lets it be.",
+    "hunt": "Search for problems on which a solver lies, crashes or is slow, and another one does not.",
     "info": "Show what is in a problem file, and facts measured of its matrices.",
     "show": "Show a problem in numbers or as block structure, with its law; also as LaTeX.",
     "plot": "Draw a figure of a run (profile, pairs, scaling, ...) or of a problem (friction cone, contacts, ...).",
