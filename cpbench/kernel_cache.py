@@ -23,6 +23,7 @@ from types import ModuleType
 from typing import Any
 
 from cpbench import locks
+from cpbench.child_processes import start_python
 from cpbench.imports import uncollected
 
 LOG = logging.getLogger(__name__)
@@ -37,7 +38,6 @@ used."""
 
 _SIDE = """
 import sys
-sys.path[:] = {path}
 from cpbench.kernel_cache import load
 for module in sys.argv[1:]:
     load(module)
@@ -98,10 +98,9 @@ def load_all(package: str, names: Sequence[str]) -> None:
     cold = [module for module in modules if not (_is_loaded(module) or is_compiled(module))]
     side = None
     if len(cold) > 1 and (os.cpu_count() or 1) > 1:
-        command = [sys.executable, "-P", "-c", _SIDE.format(path=sys.path), *reversed(cold[1:])]
-        quiet = subprocess.DEVNULL
+        quiet = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
         with contextlib.suppress(OSError):  # it only saves time
-            side = subprocess.Popen(command, stdin=quiet, stdout=quiet, stderr=quiet)
+            side = start_python(_SIDE, *reversed(cold[1:]), **quiet)
     try:
         for module in modules:  # one that the other process holds is waited for, what it failed on is compiled here
             load(module)

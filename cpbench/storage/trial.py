@@ -1,7 +1,8 @@
-"""A first try of a reader that is not ours in a process of its own, which a damaged file may kill."""
+"""First try of a foreign reader in a process of its own, which a damaged file may kill."""
 
 from __future__ import annotations
 
+import contextlib
 import faulthandler
 import os
 import resource
@@ -9,6 +10,7 @@ import signal
 from collections.abc import Callable
 from pathlib import Path
 
+from cpbench.child_processes import fork
 from cpbench.errors import FormatError
 
 
@@ -17,14 +19,14 @@ def require_survivor(path: Path, read: Callable[[], object], reader: str) -> Non
 
     Reading twice costs less than sending the arrays over, and the process that asks reads the same bytes.
     """
-    pid = os.fork()
-    if pid == 0:
-        try:
-            faulthandler.disable()
-            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+    def attempt() -> None:
+        faulthandler.disable()
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        with contextlib.suppress(BaseException):
             read()
-        finally:
-            os._exit(0)  # whatever was raised: no handler of the parent's runs here
+
+    pid = fork(attempt)
     status = os.waitpid(pid, 0)[1]
     if os.WIFSIGNALED(status):
         name = signal.Signals(os.WTERMSIG(status)).name

@@ -203,6 +203,28 @@ def test_interrupted_runs_go_on(loopback: Loopback) -> None:
     assert answers.keys() == rows.keys()
 
 
+@pytest.mark.nightly
+def test_a_run_whose_scheduler_dies_goes_on_without_it(loopback: Loopback) -> None:
+    """One line and exit 2; what was finished is kept, nothing solves any more, and the same pairs can be run here."""
+    _problems(loopback.folder / "p", range(2, 8))
+    loopback.worker()
+    chosen = ["p", "-s", "lemke", "-s", "gate", "-o", "r.sqlite"]
+    running = subprocess.Popen(
+        loopback.command(*chosen, "--dask", loopback.address), cwd=loopback.folder, stderr=subprocess.PIPE, text=True
+    )
+    until(lambda: [*loopback.folder.glob("entered-*")])
+    loopback.processes[0].kill()
+    told = running.communicate(timeout=600)[1]
+    assert running.returncode == 2, told
+    assert "the Dask scheduler does not answer any more" in told
+    (loopback.folder / "open").touch()
+    again = loopback.run(*chosen)
+    assert again.returncode == 0, again.stderr
+    rows, answers = _results(loopback.folder / "r.sqlite")
+    assert [row["status"] for row in rows.values()] == ["solved"] * 12
+    assert answers.keys() == rows.keys()
+
+
 @pytest.fixture(scope="module")
 def local(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskExecutor]:
     """Two processes, as a file describes them."""

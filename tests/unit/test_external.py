@@ -264,7 +264,7 @@ def test_long_requests_and_chatter_on_stderr_get_through() -> None:
 
 def test_a_system_without_descriptors_of_processes(monkeypatch: pytest.MonkeyPatch) -> None:
     """There the end of a program is found by looking."""
-    monkeypatch.setattr(session, "_descriptor", lambda pid: None)
+    monkeypatch.setattr(session, "end_descriptor", lambda pid: None)
     code = "import sys, os; input(); print('{\"ok\": true}', flush=True); input(); os.close(1); os._exit(7)"
     program = Session("mine", [sys.executable, "-c", code])
     assert not program.ended()

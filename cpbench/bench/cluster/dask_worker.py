@@ -10,9 +10,7 @@ that was killed removes no plugin).
 from __future__ import annotations
 
 import contextlib
-import os
 import subprocess
-import sys
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,6 +22,7 @@ from distributed import Event, Worker, WorkerPlugin, get_worker
 import cpbench
 from cpbench import frames
 from cpbench.bench.cluster.remote_worker import MESSAGE
+from cpbench.child_processes import start_python
 
 IDLE = 300.0
 """Seconds after which a remote worker ends that nothing was asked of."""
@@ -138,12 +137,11 @@ class RemoteWorker:
                 return
             self._copied.clear()
             self._pipe, theirs = Pipe()
-            # the modules that this process finds, those in the current folder apart
-            path = os.pathsep.join(filter(None, sys.path))
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-c", _MAIN, str(theirs.fileno()), str(self._idle)],
+            self._process = start_python(
+                _MAIN,
+                str(theirs.fileno()),
+                str(self._idle),
                 pass_fds=[theirs.fileno()],
-                env={**os.environ, "PYTHONPATH": path},
                 stdin=subprocess.DEVNULL,
                 start_new_session=True,  # Ctrl-C in a terminal is for the client
             )

@@ -24,6 +24,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from distributed import Event
+
 from cpbench import frames
 from cpbench.bench import messages
 from cpbench.bench.block import Block, Ending
@@ -155,8 +157,11 @@ class _Run:
                     "command goes on"
                 ) from None
             self._workers, self._looked = dict(found), time.monotonic()
-            for address in before.keys() - self._workers.keys():
+            lost = before.keys() - self._workers.keys()
+            for address in lost:
                 logger.warning("a Dask worker was lost: %s (%s)", before[address].get("host"), address)
+            if lost:
+                self._cancel_stranded()
         usable = sum(1 for worker in self._workers.values() if worker.get("resources", {}).get(self._name))
         if usable:
             self._alone_since = time.monotonic()
@@ -166,6 +171,13 @@ class _Run:
             logger.warning("no Dask worker is there; waiting for one to join")
             self._alone_since = math.inf
         return usable
+
+    def _cancel_stranded(self) -> None:
+        """Cancel tasks for which no worker was left: Dask does not give them to one that offers its resource later."""
+        processing = {key for keys in self._client.processing().values() for key in keys}
+        for key, (_, future) in self._submitted.items():
+            if key not in processing and not future.done():
+                future.cancel()
 
     def _refuse(self, why: str) -> None:
         self._refusal = why
@@ -198,12 +210,14 @@ class _Run:
             self._submitted[key] = task, future
             self._ended.put(key)
             return
-        except (FutureCancelled, AsyncCancelled):  # the scheduler is gone, or the worker that had copies of files
+        except (FutureCancelled, AsyncCancelled):  # the scheduler is gone, or the last worker, or copies of files
             self._looked = -math.inf
             self._look()
             self._copies = dict.fromkeys(self._copies)
-            self._waiting.appendleft(task)
-            return
+            if not Event(key, client=self._client).is_set():
+                self._waiting.appendleft(task)
+                return
+            result = None
         except Exception as cause:
             result = TaskResult("", b"", (), died=f"{type(cause).__name__}: {cause}")
         if result is None:

@@ -1,6 +1,6 @@
-"""A fresh process for a piece of work: forked from one that is warm, so that it costs milliseconds.
+"""A piece of work in a process forked from a warm one, which costs milliseconds.
 
-What is forked has one thread and no solves behind it. It dies as it will; who forked it then ends the same way, so
+The process that is forked has one thread and has solved nothing. However its fork ends, it then ends the same way, so
 that the runner meets one kind of death.
 """
 
@@ -8,20 +8,18 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Callable
 from typing import Any
 
 from cpbench.bench.processes import guard
+from cpbench.child_processes import fork
 
 
 def run_forked(work: Callable[[], Any]) -> Any:
-    """Do `work` in a process of its own; what it returns, which is data for JSON of at most 4 KiB.
+    """Return what `work` returns in a process of its own, data for JSON of at most 4 KiB.
 
-    Whatever else that process does to end is what this one does then: a signal, an exit code.
+    Where that process ends by a signal or an exit code, this one ends by the same.
     """
-    sys.stdout.flush()
-    sys.stderr.flush()
     reader, writer = os.pipe()
 
     def reported() -> None:
@@ -30,18 +28,16 @@ def run_forked(work: Callable[[], Any]) -> Any:
         value = work()
         os.write(writer, json.dumps(value).encode())
 
-    child = os.fork()
-    if child == 0:
-        guard.finish(reported)
+    child = fork(reported)
     os.close(writer)
     status = guard.reap(child)
     guard.kill_descendants()
     os.set_blocking(reader, False)  # a child of the child may hold the other end
     try:
-        told = os.read(reader, 2**12)
+        answer = os.read(reader, 2**12)
     except BlockingIOError:
-        told = b""
+        answer = b""
     os.close(reader)
-    if status or not told:
+    if status or not answer:
         guard.end_as(status)
-    return json.loads(told)
+    return json.loads(answer)

@@ -1,7 +1,7 @@
 """A process between the runner and a worker: it adopts and ends what a solver leaves behind, and ends as it ended.
 
-Runner, forkserver, guard, worker: a solver that kills or stops its parent meets its own guard and nobody else's.
-Linux only: orphans come to it because it is a child subreaper, and it learns of the runner's death by a pipe.
+A solver that kills or stops its parent hits its own guard, not the runner or the forkserver. Linux only: orphans come
+to the guard because it is a child subreaper, and a pipe tells it that the runner has ended.
 """
 
 from __future__ import annotations
@@ -10,9 +10,7 @@ import contextlib
 import os
 import select
 import signal
-import sys
 import time
-import traceback
 from collections.abc import Callable, Iterator
 from multiprocessing.connection import Connection
 from typing import NoReturn
@@ -20,6 +18,7 @@ from typing import NoReturn
 import psutil
 
 from cpbench.bench.processes import cgroup, isolation
+from cpbench.child_processes import fork
 
 PATIENCE = 5.0
 """Seconds for which processes that do not die are killed again and again."""
@@ -27,41 +26,45 @@ LONGEST = 0.02
 """Seconds between two looks whether they are dead."""
 
 
-def stand(group: str, lifeline: Connection, release: Callable[[], None]) -> None:
-    """Fork; return in the child, the worker. The parent guards it and never returns.
+def run_guarded(group: str, lifeline: Connection, release: Callable[[], None], work: Callable[[], None]) -> NoReturn:
+    """Do `work` in a fork, the worker; guard that until it ends, and end as it did.
 
-    `group` is the control group of the worker, "" for none; the guard stays out of it, to bury who dies in it.
-    `lifeline` is the reading end of a pipe whose other end only the runner has. `release` closes what is the
-    worker's alone: nobody else is to hold its connection open.
+    Parameters
+    ----------
+    group : the control group of the worker, "" for none; the guard stays out of it, to reap what dies in it.
+    lifeline : the reading end of a pipe whose other end only the runner has.
+    release : closes what is the worker's alone: no other process is to hold its connection open.
     """
     isolation.adopt_orphans()
     isolation.die_with_parent(signal.SIGTERM)  # the forkserver, should that alone be killed
     signal.signal(signal.SIGTERM, lambda *_: _end_all(group))
-    bell = _Bell()
-    worker = os.fork()
-    if worker == 0:
+    ended = _ChildEnded()
+
+    def worker_steps() -> None:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        bell.close()
+        ended.close()
         lifeline.close()
         if group:
             cgroup.join(group)
         begin()
-        return
+        work()
+
+    worker = fork(worker_steps)
     release()
     poll = select.poll()
-    poll.register(lifeline, 0)  # its hang-up is always told
-    poll.register(bell.reader, select.POLLIN)
-    while (status := _ended(worker)) is None:
+    poll.register(lifeline, 0)  # a hang-up is always reported
+    poll.register(ended.reader, select.POLLIN)
+    while (status := _exit_status(worker)) is None:
         ready = [descriptor for descriptor, _ in poll.poll()]
         if lifeline.fileno() in ready:
             _end_all(group)
-        bell.clear()
+        ended.clear()
     kill_descendants()
     end_as(status)
 
 
-class _Bell:
-    """A pipe in which a byte lies whenever a child has ended."""
+class _ChildEnded:
+    """A pipe in which a byte lies whenever a child has ended (SIGCHLD), so that `poll` can wait for that too."""
 
     def __init__(self) -> None:
         self.reader, self._writer = os.pipe()
@@ -81,8 +84,8 @@ class _Bell:
         os.close(self._writer)
 
 
-def _ended(worker: int) -> int | None:
-    """Wait status of the worker, None while it lives; all others that have ended are buried."""
+def _exit_status(worker: int) -> int | None:
+    """Reap all children that have ended; return the wait status of the worker, None while it lives."""
     while True:
         ended, status = os.waitpid(-1, os.WNOHANG)
         if ended in (0, worker):
@@ -90,14 +93,15 @@ def _ended(worker: int) -> int | None:
 
 
 def begin() -> None:
-    """First steps of who runs a solver: a group of its own, its orphans come to it, it dies with its parent."""
+    """Take the first steps of a process that runs a solver: a process group of its own, its orphans come to it, it dies
+    with its parent."""
     os.setpgid(0, 0)
     isolation.adopt_orphans()
     isolation.die_with_parent(signal.SIGKILL)
 
 
 def reap(child: int) -> int:
-    """Wait until `child` ends, burying all others that end before; its wait status."""
+    """Wait until `child` ends, reaping all others that end before; its wait status."""
     while True:
         ended, status = os.waitpid(-1, 0)
         if ended == child:
@@ -107,7 +111,7 @@ def reap(child: int) -> int:
 def pauses(seconds: float) -> Iterator[bool]:
     """Yield True at once, and again after a pause, until so many seconds are over; each pause is longer than the last.
 
-    Who looks for the dying all the time keeps them from it: to end a large process takes a processor, too.
+    To look without a pause would slow down what is waited for: to end a large process takes a processor, too.
     """
     deadline, pause = time.monotonic() + seconds, 0.001
     while time.monotonic() < deadline:
@@ -117,7 +121,7 @@ def pauses(seconds: float) -> Iterator[bool]:
 
 
 def kill_descendants() -> None:
-    """SIGKILL to all that descend from this process, until nobody is left."""
+    """Kill all descendants of this process (SIGKILL), until none is left."""
     passing = pauses(PATIENCE)
     while has_children() and next(passing, False):
         for process in descendants(psutil.Process()):
@@ -141,27 +145,8 @@ def end_like(code: int) -> NoReturn:
     end_as(-code if code < 0 else code << 8)
 
 
-def finish(work: Callable[[], None]) -> NoReturn:
-    """Run `work` and end this forked process, with the exit code that Python gives to what it raised."""
-    code = 0
-    try:
-        work()
-    except SystemExit as leave:
-        code = leave.code if isinstance(leave.code, int) else int(leave.code is not None)
-        if isinstance(leave.code, str):
-            print(leave.code, file=sys.stderr)
-    except BaseException:
-        code = 1
-        with contextlib.suppress(BaseException):
-            traceback.print_exc()
-    with contextlib.suppress(BaseException):
-        sys.stdout.flush()
-        sys.stderr.flush()
-    os._exit(code & 0xFF)
-
-
 def has_children() -> bool:
-    """Return whether a child lives; those that have ended are buried."""
+    """Return whether a child lives, after those that have ended were reaped."""
     try:
         while os.waitpid(-1, os.WNOHANG)[0]:
             pass
@@ -171,8 +156,7 @@ def has_children() -> bool:
 
 
 def descendants(process: psutil.Process) -> list[psutil.Process]:
-    """Return all that descend from a process; where the system lists them, without a look at all processes there
-    are."""
+    """Return the descendants of a process; where the system lists children, without a look at all its processes."""
     try:
         ids = below(process.pid)
     except OSError:
@@ -185,9 +169,9 @@ def descendants(process: psutil.Process) -> list[psutil.Process]:
 
 
 def count_below(pid: int) -> int:
-    """Return how many processes descend from another one, 0 where the system does not list children.
+    """Return the number of descendants of a process, 0 where the system does not list children.
 
-    It is asked 20 times a second while a solver runs: a look at every process there is would take milliseconds.
+    It is called 20 times a second while a solver runs: a look at all processes would take milliseconds.
     """
     try:
         return len(below(pid))
@@ -196,7 +180,7 @@ def count_below(pid: int) -> int:
 
 
 def below(pid: int) -> list[int]:
-    """Ids of all that descend from a process; raises OSError where the system does not list them."""
+    """Return the ids of the descendants of a process; raises OSError where the system does not list children."""
     found: list[int] = []
     for task in os.listdir(f"/proc/{pid}/task"):
         with open(f"/proc/{pid}/task/{task}/children") as children:
@@ -208,7 +192,7 @@ def below(pid: int) -> list[int]:
 
 
 def _end_all(group: str) -> NoReturn:
-    """Return the runner is gone: nobody stays behind."""
+    """Kill everything and end, because the runner is gone."""
     if group:
         with contextlib.suppress(OSError), open(os.path.join(group, "cgroup.kill"), "w") as kill:
             kill.write("1")

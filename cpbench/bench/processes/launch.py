@@ -177,8 +177,8 @@ def _enter(start: ProcessStart, target: Callable[..., None], args: tuple[Any, ..
     if start.lifeline is None:
         target(Channel(start.connection), *args)
         return
-    guard.stand(start.cgroup, start.lifeline, start.connection.close)
-    guard.finish(lambda: target(Channel(start.connection), *args))
+    work = lambda: target(Channel(start.connection), *args)  # noqa: E731
+    guard.run_guarded(start.cgroup, start.lifeline, start.connection.close, work)
 
 
 def limit_memory(growth: int) -> None:

@@ -11,7 +11,6 @@ import contextlib
 import dataclasses
 import json
 import math
-import os
 import shlex
 import string
 import subprocess
@@ -19,11 +18,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from cpbench.child_processes import kill_tree, start, wait
 from cpbench.errors import CpbenchError, Ended, Unavailable
 from cpbench.exchange import exchanges
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.external.served import ANSWERED, CLAIM, HandedOver, backstop, missing_executable, output
-from cpbench.solvers.external.session import ProgramError, kill_tree, wait
+from cpbench.solvers.external.session import ProgramError
 
 PLACEHOLDERS = {
     "problem": "path of the problem",
@@ -78,7 +78,7 @@ class CommandSolver(Solver):
 
     def setup(self, problem: HandedOver, budget: Budget, options: Any) -> HandedOver:
         """Remove the answers of earlier solves, which might be taken for this one's."""
-        (problem.room().parent / CLAIM).unlink(missing_ok=True)
+        (problem.clean_answer_path().parent / CLAIM).unlink(missing_ok=True)
         return problem
 
     def solve(
@@ -118,9 +118,7 @@ class CommandSolver(Solver):
     def _run(self, command: list[str], seconds: float) -> int:
         """Return the exit code; what it prints goes where our stderr goes."""
         try:
-            process = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=2, env={**os.environ, **self.env}, cwd=self.cwd
-            )
+            process = start(command, self.env, stdin=subprocess.DEVNULL, stdout=2, cwd=self.cwd)
         except OSError as cause:
             raise Unavailable("broken", f"{command[0]}: cannot be started ({cause.strerror or cause})") from None
         try:

@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 
 import psutil
 
+from cpbench.child_processes import end_descriptor, kill_tree, start, wait_by
 from cpbench.errors import CpbenchError, Ended, NotApplicable, Unavailable
 
 LONGEST = 2**20
@@ -62,15 +63,8 @@ class Session:
         self._rest, self._words = b"", b""
         self._passing_on = False
         try:
-            self._process = subprocess.Popen(
-                list(command),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                bufsize=0,
-                env={**os.environ, **(env or {})},
-                cwd=cwd,
-            )
+            pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+            self._process = start(command, env, cwd=cwd, bufsize=0, **pipes)
         except OSError as cause:
             state = "missing" if isinstance(cause, FileNotFoundError) else "broken"
             raise Unavailable(state, f"{command[0]}: cannot be started ({cause.strerror or cause})") from None
@@ -79,7 +73,7 @@ class Session:
         assert stdout is not None
         assert stderr is not None
         self._in, self._out, self._err = stdin.fileno(), stdout.fileno(), stderr.fileno()
-        self._end = _descriptor(self._process.pid)
+        self._end = end_descriptor(self._process.pid)
         self._poll = select.poll()
         for descriptor in (self._in, self._out, self._err):
             os.set_blocking(descriptor, False)
@@ -130,7 +124,7 @@ class Session:
             for pipe in (self._process.stdin, self._process.stdout):  # who waits for more meets the end
                 if pipe is not None:
                     pipe.close()
-            _wait(self._process, self._end, PARTING)
+            wait_by(self._process, self._end, PARTING)
         self.kill()
 
     def kill(self) -> None:
@@ -202,7 +196,7 @@ class Session:
 
     def _over(self, do: str, found: bytes = b"") -> NoReturn:
         """Raise the exception for a program that ended, or closed its stdout or stdin."""
-        code = _wait(self._process, self._end, LAST_WORDS)
+        code = wait_by(self._process, self._end, LAST_WORDS)
         if code:
             raise Ended(self.name, code)
         if found.strip():
@@ -214,7 +208,7 @@ class Session:
         raise ProgramError(f"{self.name}: ended before it answered {do}; its exit code is lost")
 
     def _code(self) -> int | None:
-        return _wait(self._process, self._end, 0.0)
+        return wait_by(self._process, self._end, 0.0)
 
     def _reply(self, do: str, line: bytes) -> dict[str, Any]:
         try:
@@ -248,69 +242,6 @@ class Session:
 
 
 _ADVICE = "every answer is one JSON object on a line of stdout with ok = true or what is wrong; the rest is for stderr"
-
-
-def kill_tree(process: subprocess.Popen[bytes]) -> None:
-    """Kill a process and its descendants (SIGKILL), and reap it."""
-    family: list[psutil.Process] = []
-    with contextlib.suppress(psutil.Error):
-        first = psutil.Process(process.pid)
-        family = [first, *first.children(recursive=True)] if process.returncode is None else []
-    for member in family:
-        with contextlib.suppress(psutil.Error):
-            member.kill()
-    if process.returncode is None:
-        with contextlib.suppress(ChildProcessError):
-            _, status = os.waitpid(process.pid, 0)
-            process.returncode = os.waitstatus_to_exitcode(status)
-        process.returncode = process.returncode or 0
-
-
-def wait(process: subprocess.Popen[bytes], seconds: float) -> int | None:
-    """Wait for the end of a process as long as `seconds`, without looking again and again where the system can tell.
-
-    Its return code; None when it goes on.
-    """
-    end = _descriptor(process.pid)
-    try:
-        return _wait(process, end, seconds)
-    finally:
-        if end is not None:
-            os.close(end)
-
-
-def _wait(process: subprocess.Popen[bytes], end: int | None, seconds: float) -> int | None:
-    """Return the return code of a process that ends within `seconds`, None when it goes on or somebody else buried it.
-
-    `Popen.wait` is not used: where its child was buried by another part of this process it tells of success.
-    """
-    deadline = time.monotonic() + seconds
-    while process.returncode is None:
-        try:
-            ended, status = os.waitpid(process.pid, os.WNOHANG)
-        except ChildProcessError:
-            return None
-        if ended:
-            process.returncode = os.waitstatus_to_exitcode(status)
-            break
-        left = deadline - time.monotonic()
-        if left <= 0:
-            return None
-        if end is None:
-            time.sleep(min(left, 0.001))
-        else:
-            poll = select.poll()
-            poll.register(end, select.POLLIN)
-            poll.poll(math.ceil(1000 * min(left, 3600.0)))
-    return process.returncode
-
-
-def _descriptor(pid: int) -> int | None:
-    """Return a descriptor that is readable once the process has ended (Linux), else None."""
-    try:
-        return os.pidfd_open(pid)
-    except (AttributeError, OSError):
-        return None
 
 
 def _read(descriptor: int) -> bytes:
