@@ -20,12 +20,12 @@ def announce(plan: RunPlan, quiet: bool, dry_run: bool, assembly: Assembly) -> b
     print_lines(run_text.planned(assembly), err=True)
     if not quiet:
         print_lines(fitted(run_text.duration(plan, assembly)), err=True)
+    assembly.require_pairs()
     if dry_run:
         for line in dry_runs.lines(plan, assembly, planned_run.statuses(plan.results), width()):
             print_lines(folded(line))
         print_lines(run_text.refused(assembly.refused), err=True)
         return False
-    assembly.require_pairs()
     planned_run.require_answers(plan, assembly.pairs)
     if plan.report_folder is not None:
         require_folder(plan.report_folder)  # before hours of work

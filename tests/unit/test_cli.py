@@ -319,6 +319,13 @@ def test_rejudging_reads_files_by_the_format_of_their_run(monkeypatch, capsys, l
     assert "2 answers judged again: no change" in capsys.readouterr().out
 
 
+def test_a_dry_run_of_nothing_says_why(monkeypatch, capsys, lcp) -> None:
+    """As the run itself would."""
+    monkeypatch.chdir(lcp.parent)
+    assert cpbench(monkeypatch, "run", "deudeu.h5", "-s", "nsgs", "--dry-run") == 2
+    assert "no route leads from deudeu.h5 to any of the solvers asked for" in capsys.readouterr().err
+
+
 def test_dry_run_writes_nothing(monkeypatch, capsys, lcp) -> None:
     monkeypatch.chdir(lcp.parent)
     before = set(lcp.parent.iterdir())
