@@ -35,12 +35,19 @@ EXAMPLES = (
 @click.option("--check", type=FILE, help="Baseline to compare the results with.")
 @click.option("--update", is_flag=True, help="Take over into -o what is better, other or new; list what is worse.")
 @click.option(
-    "--accept", cls=ListOption, metavar="PATTERN", help="Pairs to take over although worse: PROBLEM:LABEL, a glob."
+    "--accept",
+    cls=ListOption,
+    metavar="PATTERN",
+    help="Pairs to take over although they are worse: PROBLEM:LABEL, a glob.",
 )
 @click.option("--reason", default="", metavar="TEXT", help="Reason of --accept; kept in the last column.")
 @click.option("--prune", is_flag=True, help="Remove pairs that the results do not have.")
 @click.option(
-    "--slack", type=click.FloatRange(min=0), default=0.1, show_default=True, help="Part by which a counter may differ."
+    "--slack",
+    type=click.FloatRange(min=0),
+    default=0.1,
+    show_default=True,
+    help="Relative difference of a counter that is allowed.",
 )
 @fail_on_option(f"Changes with which the command ends with 1: any of {','.join(FAIL_ON)}.")
 def command(
@@ -58,8 +65,8 @@ def command(
     """Keep the outcomes of a run as sorted text for version control, and show what a later run changes.
 
     Each pair has a line: status, power of ten of the error, counters, and why a failure is known (written by hand,
-    kept). There are no times, machines or dates. An update turns one way: what got better is taken over, what got worse
-    is listed and stays, unless it is accepted with a reason. Pairs that were not run are left alone.
+    kept). There are no times, machines or dates. An update takes over what got better; what got
+    worse is listed and left as it was, unless it is accepted with a reason. Pairs that were not run are left alone.
 
     Ends with 1 for --fail-on, and when rows of RESULTS are not as a run wrote them.
     """

@@ -55,16 +55,16 @@ def command(
         raise click.UsageError("give --answer or --solver, not both")
     if output is not None:
         require_new(output, force)
-    asked = load(problem, format=file_format)
+    loaded = load(problem, format=file_format)
     point: Any
     if answer is None and solver is None:
-        point, certificate = certify_first(asked, timeout)
+        point, certificate = certify_first(loaded, timeout)
     else:
-        point = storage.load_answer(answer, asked) if answer else solve(asked, solver, tolerance=TOLERANCE)
-        certificate = certify(asked, point, seconds=timeout)
-    click.echo(f"{address_text(problem)}: error {number(verify(asked, point).error)}, {certificate.level}")
+        point = storage.load_answer(answer, loaded) if answer else solve(loaded, solver, tolerance=TOLERANCE)
+        certificate = certify(loaded, point, seconds=timeout)
+    click.echo(f"{address_text(problem)}: error {number(verify(loaded, point).error)}, {certificate.level}")
     print_lines(certificate_lines(certificate))
     if output is not None:
-        save_certificate(certificate, asked, output, force=force)
+        save_certificate(certificate, loaded, output, force=force)
     if not certificate:
         sys.exit(1)

@@ -41,7 +41,9 @@ EXAMPLES = (
 @click.argument("solver", metavar="SOLVER[opt=value]")
 @click.argument("problems", nargs=-1, metavar="[PROBLEM|FOLDER|GLOB]...")
 @click.option("--budget", type=DURATION, default="10m", show_default=True, help="Wall time of the search.")
-@click.option("--configurations", type=click.IntRange(min=2), metavar="N", help="Largest number of trials.")
+@click.option(
+    "--configurations", type=click.IntRange(min=2), metavar="N", help="Largest number of configurations to try."
+)
 @seed_option("Random seed of configurations and orders.")
 @jobs_option(1, "Number of solves side by side.")
 @problem_options("dev")
@@ -64,15 +66,15 @@ def command(
     trials: Path | None,
     force: bool,
     quiet: bool,
-    **asked: Any,
+    **filters: Any,
 ) -> None:
     """Search for the options with which a solver solves most problems, and fastest.
 
     Random search with successive halving, in the ranges that the solver declares (cpbench list solvers SOLVER);
     an option with one value in the brackets is fixed, one with several is searched among them. Every configuration is
     run and judged as by cpbench run. The result is written as a plan, which compares it with the default options
-    on the other half of the problems, and tells results and reports what the search cost. Ctrl-C ends the search; the
-    best so far is written.
+    on the other half of the problems, and records what the search cost, which reports then show.
+    Ctrl-C ends the search; the best so far is written.
     """
     from cpbench.advice.tune import problem_set, tune
 
@@ -80,7 +82,7 @@ def command(
     require_new(plan, force)
     tuned = tune(
         solver,
-        problem_set(solver, problems, seed, **asked),
+        problem_set(solver, problems, seed, **filters),
         plan,
         budget=budget,
         configurations=configurations,
