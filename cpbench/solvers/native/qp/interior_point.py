@@ -135,7 +135,7 @@ class InteriorPoint(Solver):
 
 
 class _Run:
-    """What the ways to an answer of one problem share."""
+    """State of a solve: of what presolve has left first, then of the whole."""
 
     def __init__(
         self, problem: QP, budget: Budget, options: QPInteriorPointOptions, measure: ErrorMeasure, record: Record | None

@@ -89,7 +89,9 @@ def scaled(problem: QP, *, keep_sparse: bool = False) -> ScaledQP:
 
 def sparse_scaled(data: SparseQP) -> tuple[Scales, Entries, Entries]:
     """Return the scales, and H and G as the kernels take sparse matrices."""
-    H, G = (tuple(part.copy() for part in matrix) for matrix in (data.Q, data.G))
+    (indptr, indices, numbers), (G_indptr, G_indices, G_numbers) = data.Q, data.G
+    H: Entries = indptr.copy(), indices.copy(), numbers.copy()
+    G: Entries = G_indptr.copy(), G_indices.copy(), G_numbers.copy()
     D, E = np.ones(data.p.size), np.ones(data.b.size + data.d.size)
     load("cpbench.solvers.kernels.qp_sparse").equilibrate(H, G, D, E, PASSES)
     scales = _scales(data, D, E, max_abs(H[2]))
