@@ -201,7 +201,7 @@ def test_a_solution_that_is_none_is_no_start(planted_fc: Any, tmp_path: Path, sh
     with pytest.raises(NotApplicable, match="start perturbed: the file has no solution"):
         start_for(noise(0.1), problem, str(tmp_path / "bare.h5"), tolerance=TOLERANCE)
     trace = str(shared_data / "fc3d_local" / "Capsules-i125-1213.hdf5")  # zeros as a placeholder
-    with pytest.raises(NotApplicable, match="the solution in the file is none"):
+    with pytest.raises(NotApplicable, match="the solution in the file does not solve it"):
         start_for(noise(0.1), storage.load(trace), trace, tolerance=TOLERANCE)
 
 

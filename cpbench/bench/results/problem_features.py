@@ -12,10 +12,9 @@ from cpbench.errors import CpbenchError
 
 
 def problem_features(store: Store) -> tuple[dict[str, dict[str, Any]], int]:
-    """Features by fingerprint, and how many problems have none.
+    """Return features by fingerprint, and the number of problems without any.
 
-    Those of a file that was made before results kept them are measured at the problem's address, if it is still there
-    and still the same.
+    Where an older file has none, they are measured on the problem at its address, if it still exists unchanged.
     """
     found = store.features()
     addresses = {row.fingerprint: row.address for row in store.rows()}
