@@ -74,7 +74,7 @@ class Names:
             self._named.setdefault(name, set()).add(fingerprint)
 
     def find(self, word: str) -> str:
-        """Return the fingerprint of the problem with this name, "" for none; raises CpbenchError when there are several."""
+        """Return the fingerprint of the problem with this name, "" for none; raises CpbenchError for several."""
         found = self._named.get(word, set())
         if not found and len(word) >= _SHORTEST:
             found = {f for f in self._fingerprints if f.startswith(word.lower())}
