@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 if TYPE_CHECKING:  # what follows is found on first use, which a type checker does not see
-    from cpbench.advice.recommend import recommend as recommend
     from cpbench.api.certifying import certify as certify
     from cpbench.api.diagnosing import diagnose as diagnose
     from cpbench.api.gallery import gallery as gallery
@@ -73,7 +72,6 @@ _HOMES = {
     "run": "api.runs",
     "Results": "api.results",
     "list_solvers": "api.solver_list",
-    "recommend": "advice.recommend",
     "gallery": "api.gallery",
     "Claim": "solvers.base",
     "Budget": "solvers.base",

@@ -99,8 +99,8 @@ def examine(
     tried: list[str] = []
     answer = None if known is None else pushed(problem, converted, steps, known, tolerance, tried)
     if answer is None:
-        asked = graph.tolerance(converted, tolerance, steps)
-        answer = next(answers(converted, asked, tried, native=True), None)
+        wanted = graph.tolerance(converted, tolerance, steps)
+        answer = next(answers(converted, wanted, tried, native=True), None)
     nothing = verification.no_answer(tolerance)
     if answer is None:
         return CheckReport(arrival, "", tuple(tried), nothing, nothing, None, seconds, 0.0)
@@ -149,7 +149,7 @@ def answers(
         return
     for arrival, solver in _solvers_ahead(problem, tried, native):
         steps = len(arrival.route.steps)
-        who = f"{solver.spec.name} after {arrival.route.label}" if steps else solver.spec.name
+        label = f"{solver.spec.name} after {arrival.route.label}" if steps else solver.spec.name
         why = solver.obstacle(arrival.problem)
         if why is None:
             iterations = FOREIGN_ITERATIONS if solver.spec.requires else None
@@ -158,17 +158,17 @@ def answers(
             try:
                 out = solver.run(arrival.problem, budget)
             except Exception as failure:  # a foreign package may raise anything
-                tried.append(f"{who}: {type(failure).__name__}: {failure}")
+                tried.append(f"{label}: {type(failure).__name__}: {failure}")
                 continue
             error = math.inf
             if out.point is not None:
                 point = graph.lift(arrival.problem, out.point, steps)
                 error = verification.judge(problem, point, tolerance).error
                 if error <= tolerance:
-                    yield Answer(point, f"solved by {who}", error)
+                    yield Answer(point, f"solved by {label}", error)
                     continue
             why = f"ended {out.claim} with error {error:.1e}, asked for {tolerance:.1e}"
-        tried.append(f"{who}: {why}")
+        tried.append(f"{label}: {why}")
 
 
 def _solvers_ahead(problem: Problem, tried: list[str], native: bool) -> Iterator[tuple[graph.Arrival, Solver]]:

@@ -36,16 +36,6 @@ def project_friction_cone(x: Dense, mu: Vector) -> Dense:
     return result
 
 
-def distance_to_friction_cone(x: Dense, mu: Vector) -> Vector:
-    """Return distance of every row to K_μ."""
-    return np.linalg.norm(x - project_friction_cone(x, mu), axis=1)
-
-
-def distance_to_dual_cone(x: Dense, mu: Vector) -> Vector:
-    """Return distance of every row to K*_μ, by Moreau: x - P_{K*}(x) = -P_K(-x)."""
-    return np.linalg.norm(project_friction_cone(-x, mu), axis=1)
-
-
 def de_saxce(u: Dense, mu: Vector) -> Dense:
     """Return û = u + μ‖u_T‖ e_N, De Saxcé's change of variable (De Saxcé and Feng 1998)."""
     shifted = u.copy()

@@ -41,9 +41,9 @@ class PointError(CpbenchError):
 class NotApplicable(CpbenchError):
     """A conversion or a solver refuses a problem; the message is its obstacle, with the number."""
 
-    def __init__(self, who: str, obstacle: str) -> None:
-        self.who, self.obstacle = who, obstacle
-        super().__init__(f"{who}: {obstacle}")
+    def __init__(self, name: str, obstacle: str) -> None:
+        self.name, self.obstacle = name, obstacle
+        super().__init__(f"{name}: {obstacle}")
 
 
 class NoRoute(CpbenchError):
@@ -93,7 +93,7 @@ class Ended(CpbenchError):
     `code` : its exit code, or minus the number of the signal that killed it (as `subprocess` has it).
     """
 
-    def __init__(self, who: str, code: int) -> None:
-        self.who, self.code = who, code
+    def __init__(self, name: str, code: int) -> None:
+        self.name, self.code = name, code
         how = f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
-        super().__init__(f"{who} {how} before it answered")
+        super().__init__(f"{name} {how} before it answered")

@@ -165,7 +165,7 @@ def _arrivals(
     the earlier one passed: nothing is behind it that was not behind the other, for less.
     """
     pinned = {edge.name for edge in via}
-    made: dict[tuple[str, frozenset[str]], list[frozenset[str]]] = {}
+    passed: dict[tuple[str, frozenset[str]], list[frozenset[str]]] = {}
 
     def take(prefix: Prefix[_State]) -> _State | None:
         before, edge = prefix.state, prefix.path[-1]
@@ -190,7 +190,7 @@ def _arrivals(
         return None
 
     def is_new(after: _State, prefix: Prefix[_State]) -> bool:
-        earlier = made.setdefault((after.problem.fingerprint, prefix.left), [])
+        earlier = passed.setdefault((after.problem.fingerprint, prefix.left), [])
         if any(seen <= prefix.seen for seen in earlier):
             return False
         earlier.append(prefix.seen)
@@ -246,8 +246,8 @@ def remarks(problem: Problem, point: Any, steps: int | None = None) -> list[str]
     found: list[str] = []
     for step in reversed(_last(problem, steps)):
         edge = make(step.conversion, dict(step.parameters))
-        said = edge.remark(point, step.trace)
-        found += [f"{edge.label}: {said}"] if said else []
+        remark = edge.remark(point, step.trace)
+        found += [f"{edge.label}: {remark}"] if remark else []
         point = edge.lift(point, step.trace)
     return found
 
@@ -259,12 +259,12 @@ def push(problem: Problem, point: Any, steps: int | None = None) -> Any:
     return point
 
 
-def tolerance(problem: Problem, asked: float, steps: int) -> float:
-    """Return what to ask of a solver of a converted problem (its last `steps` conversions) to get `asked` on the
+def tolerance(problem: Problem, wanted: float, steps: int) -> float:
+    """Return what to ask of a solver of a converted problem (its last `steps` conversions) to get `wanted` on the
     source."""
     for step in _last(problem, steps):
-        asked = make(step.conversion, dict(step.parameters)).tolerance(asked, step.trace)
-    return asked
+        wanted = make(step.conversion, dict(step.parameters)).tolerance(wanted, step.trace)
+    return wanted
 
 
 def _last(problem: Problem, steps: int | None) -> tuple[Step, ...]:

@@ -61,8 +61,8 @@ class Lock:
 
     def _holder(self) -> str:
         try:
-            told = json.loads(self._path.read_text())
-            return f"process {told['pid']} on {told['host']} has been writing it since {told['since']}"
+            record = json.loads(self._path.read_text())
+            return f"process {record['pid']} on {record['host']} has been writing it since {record['since']}"
         except (OSError, ValueError, KeyError):
             return "another process is writing it"
 

@@ -21,7 +21,7 @@ def printable(text: str) -> str:
 
 
 def cell(text: str) -> str:
-    """Make a text safe for a cell of a table: no spreadsheet computes it and no terminal obeys it.
+    """Make a text safe for a cell of a table: no formula to a spreadsheet, no control sequence to a terminal.
 
     >>> cell("=1+1"), cell("a-b")
     ("'=1+1", 'a-b')

@@ -37,7 +37,7 @@ TABLES = ".toml"
 """Suffix of plugin files that are tables."""
 _READER = "cpbench.solvers.external.declared"
 """The module that makes solvers of tables, imported where there are any."""
-_asked_for: tuple[str, str] | None = None
+_environment: tuple[str, str] | None = None
 """`CPBENCH_PLUGINS` and `CPBENCH_SOLVERS` as they were when plugins were last loaded."""
 _read: set[Path] = set()
 """Files that were loaded."""
@@ -49,23 +49,23 @@ def load_plugins() -> None:
     Tables are read last: they may declare variants of what is in the files. What the variables name later is loaded
     when this is called again.
     """
-    global _asked_for
-    asked = os.environ.get(PLUGIN_FILES, ""), os.environ.get(DECLARED, "")
-    if asked == _asked_for:
+    global _environment
+    environment = os.environ.get(PLUGIN_FILES, ""), os.environ.get(DECLARED, "")
+    if environment == _environment:
         return
-    first, _asked_for = _asked_for is None, asked
+    first, _environment = _environment is None, environment
     if first:
         from importlib.metadata import entry_points  # a third of the start-up of `cpbench --help`
 
         for entry in entry_points(group=PLUGIN_GROUP):
             entry.load()
-    files = [path for path in map(Path, filter(None, asked[0].split(os.pathsep))) if path not in _read]
+    files = [path for path in map(Path, filter(None, environment[0].split(os.pathsep))) if path not in _read]
     _read.update(files)
     for path in files:
         if path.suffix != TABLES:
             load_plugin(path)
     tables = [path for path in files if path.suffix == TABLES]
-    if tables or asked[1]:
+    if tables or environment[1]:
         declared = importlib.import_module(_READER)
         for path in tables:
             declared.declare_file(path)
@@ -89,8 +89,8 @@ def load_plugin(path: Path) -> None:
     except (Exception, SystemExit) as cause:
         lines = [frame.lineno for frame in traceback.extract_tb(cause.__traceback__) if frame.filename == str(path)]
         where = lines[-1] if lines else getattr(cause, "lineno", None)
-        said = " ".join(str(cause).split()) or "no message"
-        raise FormatError(path, f"line {where}" if where else "", f"{type(cause).__name__}: {said}") from cause
+        reason = " ".join(str(cause).split()) or "no message"
+        raise FormatError(path, f"line {where}" if where else "", f"{type(cause).__name__}: {reason}") from cause
 
 
 class Registry(Generic[T]):

@@ -102,10 +102,10 @@ def best_first(
         prefix = heapq.heappop(heap)
         path, node, state = prefix.path, source, prefix.state
         if path:
-            node, made = path[-1].target, take(prefix)
-            if made is None:
+            node, reached = path[-1].target, take(prefix)
+            if reached is None:
                 continue
-            state = made
+            state = reached
         if node == target and not prefix.left:
             yield Route(path), state
             continue

@@ -9,19 +9,19 @@ from typing import Any
 
 def lines(table: Mapping[str, Any]) -> list[str]:
     """Return keys of a table, a line each."""
-    return [f"{key} = {value(told)}" for key, told in table.items()]
+    return [f"{key} = {value(entry)}" for key, entry in table.items()]
 
 
-def value(told: Any) -> str:
+def value(entry: Any) -> str:
     """Return a value in TOML: texts are those of JSON save one character, a mapping is an inline table.
 
     >>> value([1e-6, "a\\nb", True]), value({"A": float("inf"), "B": 3})
     ('[1e-06, "a\\\\nb", true]', '{"A" = inf, "B" = 3}')
     """
-    if isinstance(told, Mapping):
-        return "{" + ", ".join(f"{value(key)} = {value(item)}" for key, item in told.items()) + "}"
-    if isinstance(told, list):
-        return f"[{', '.join(value(item) for item in told)}]"
-    if isinstance(told, float):
-        return repr(float(told))
-    return json.dumps(told, ensure_ascii=False).replace("\x7f", "\\u007f")
+    if isinstance(entry, Mapping):
+        return "{" + ", ".join(f"{value(key)} = {value(item)}" for key, item in entry.items()) + "}"
+    if isinstance(entry, list):
+        return f"[{', '.join(value(item) for item in entry)}]"
+    if isinstance(entry, float):
+        return repr(float(entry))
+    return json.dumps(entry, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,1 +1,1 @@
-"""Advice from measurements: recommend, tune, history and select. Optional: only their commands import it."""
+"""Advice from measurements: tune, history and select. Optional: only their commands import it."""

@@ -28,7 +28,7 @@ PAUSE = 60.0
 LEAST = 1e-3
 """Seconds that a problem costs at least."""
 REFUSED = (str(Status.UNSUPPORTED), str(Status.UNAVAILABLE), str(Status.NOT_RUN))
-WHO = ("label", "tolerance", "start", "threads", "measure")
+SETTING = ("label", "tolerance", "start", "threads", "measure")
 FOLLOWED = "previous"
 
 
@@ -103,7 +103,7 @@ def _units(rows: pd.DataFrame) -> pd.Series[str]:
 def _settings(rows: pd.DataFrame) -> pd.Series[str]:
     """Return the label of each row, with whatever setting is not the same everywhere."""
     labels = rows["label"].astype(object)
-    for name in WHO[1:]:
+    for name in SETTING[1:]:
         if rows[name].nunique(dropna=False) > 1:
             labels = labels + f" {name}=" + rows[name].astype(str)
     return labels

@@ -62,8 +62,8 @@ def text(chosen: Chosen, sources: Sequence[Source], folder: Path, builtin: Path 
     """
     threads = {source.threads for source in sources}
     if len(threads) > 1:
-        told = ", ".join(f"{source.name}: {source.threads}" for source in sources)
-        raise StoreError(f"the results were made with different numbers of threads ({told}): select from each apart")
+        listed = ", ".join(f"{source.name}: {source.threads}" for source in sources)
+        raise StoreError(f"the results were made with different numbers of threads ({listed}): select from each apart")
     blocks = _blocks(chosen, sources)
     named = len(blocks) > 1
     lines = [*_about(chosen), "report = false   # cpbench report writes one of the results"]
@@ -116,8 +116,8 @@ def _about(chosen: Chosen) -> list[str]:
         f"# Ranking of {counted(labels, 'label')} by mean score, against that on all problems: {agrees}.",
     ]
     if subset.missed:
-        told = ", ".join(f"{one_line(name)} ({cost:.3g} s)" for name, cost in sorted(subset.missed.items()))
-        lines.append(f"# Families left out, with their cheapest problem: {told}.")
+        missed = ", ".join(f"{one_line(name)} ({cost:.3g} s)" for name, cost in sorted(subset.missed.items()))
+        lines.append(f"# Families left out, with their cheapest problem: {missed}.")
     return lines
 
 
@@ -148,25 +148,25 @@ def _blocks(chosen: Chosen, sources: Sequence[Source]) -> list[tuple[dict[str, A
 def _settings(part: Mapping[str, Any]) -> dict[str, Any]:
     """Return the keys of a set that are not the default, as a plan file has them."""
     default = ProblemSet()
-    asked = ProblemSet(
+    chosen = ProblemSet(
         **{f.name: _tupled(part[f.name]) for f in fields(ProblemSet) if f.name in part and f.name != "timeout"}
     )
     # without all built-in problems another default holds
-    settings: dict[str, Any] = {"routes": asked.allowed_routes} if asked.allowed_routes != "exact" else {}
+    settings: dict[str, Any] = {"routes": chosen.allowed_routes} if chosen.allowed_routes != "exact" else {}
     for f in fields(ProblemSet):
-        told = part.get(f.name, getattr(default, f.name))
+        value = part.get(f.name, getattr(default, f.name))
         if (
             f.name in ("name", "routes", "suite", *SELECTING)
-            or told is None
-            or _tupled(told) == getattr(default, f.name)
+            or value is None
+            or _tupled(value) == getattr(default, f.name)
         ):
             continue
-        settings[f.name] = list(told) if isinstance(told, list | tuple) else told
+        settings[f.name] = list(value) if isinstance(value, list | tuple) else value
     return settings
 
 
-def _tupled(told: Any) -> Any:
-    return tuple(told) if isinstance(told, list) else told
+def _tupled(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
 
 
 def _named(address: str, folder: Path, builtin: Path | None) -> str:

@@ -90,17 +90,17 @@ def tune(
         raise CpbenchError(f"{plan}: its folder is not there or cannot be written; name another file with -o")
     if not math.isfinite(part.timeout):
         raise CpbenchError("--timeout none: a search needs a limit, which a solve that fails is charged")
-    asked = RunPlan(sets=(part,), threads=threads, jobs=jobs, report=None, seed=seed)
+    search_plan = RunPlan(sets=(part,), threads=threads, jobs=jobs, report=None, seed=seed)
     with ExitStack() as stack:
         slots = [stack.enter_context(Slot(one)) for one in settings(Setting(threads, part.memory), jobs)]
-        pairs = _one_a_problem(asked, slots[0], reading)
+        pairs = _one_a_problem(search_plan, slots[0], reading)
         store = stack.enter_context(Store(trials, create=True, keep="none")) if trials else None
         search = Search(
             pairs,
             islice(where.configurations(seed), configurations),
             budget,
             seed,
-            told=report,
+            report=report,
             keep=_Keeper(store, command) if store is not None else lambda *_: None,
         )
         report(f"{counted(len(pairs), 'problem')}, {duration(budget)}, seed {seed}")
@@ -112,9 +112,9 @@ def tune(
         if store is not None:
             store.require_unchanged()
     found = search.found
-    made = record.tuning(found, part, budget, seed)
-    plan_text.write(plan, record.plan_text(made, where.entry, part, threads, plan.parent))
-    lines = [f"{made.solver}: {made.found}", f"{record.as_text(where.entry)}, default: {made.default}"]
+    tuning = record.tuning(found, part, budget, seed)
+    plan_text.write(plan, record.plan_text(tuning, where.entry, part, threads, plan.parent))
+    lines = [f"{tuning.solver}: {tuning.found}", f"{record.as_text(where.entry)}, default: {tuning.default}"]
     return Tuned(found, (*lines, *_cautions(found, len(pairs))), interrupted)
 
 

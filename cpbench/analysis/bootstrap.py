@@ -36,9 +36,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from cpbench.analysis.best import virtual_best
 from cpbench.analysis.means import Array, logged, unlogged, values
-from cpbench.analysis.profiles import FLOOR
 
 Method: TypeAlias = Literal["expanded", "percentile", "bca"]
 
@@ -118,17 +116,6 @@ def solve_rate(matrix: pd.DataFrame, started: pd.DataFrame | None = None) -> Sta
     top = np.isfinite(values(matrix)).astype(float)
     bottom = np.ones_like(top) if started is None else started.loc[matrix.index, matrix.columns].to_numpy(dtype=float)
     return _statistic(matrix, top, bottom, lambda x: x)
-
-
-def ratio_to(matrix: pd.DataFrame, base: str | None = None, floor: float = FLOOR) -> Statistic:
-    """Return the geometric mean of each label's time over that of `base` (default: the virtual best), where both
-    solved.
-    """
-    seconds = np.maximum(values(matrix), floor)
-    other = np.maximum((virtual_best(matrix) if base is None else matrix[base]).fillna(math.inf).to_numpy(), floor)
-    both = np.isfinite(seconds) & np.isfinite(other)[:, None]
-    quotient = np.divide(seconds, other[:, None], out=np.ones_like(seconds), where=both)
-    return _statistic(matrix, np.log(quotient), both.astype(float), np.exp)
 
 
 def intervals(

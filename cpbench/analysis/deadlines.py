@@ -60,24 +60,6 @@ def deadlines(
     return _statistics(*_matrices(group, deadline, histories), deadline, level)
 
 
-def deadlines_by_sequence(
-    group: pd.DataFrame, deadline: float, histories: pd.DataFrame | None = None, level: float = 0.95
-) -> pd.DataFrame:
-    """Return one row a sequence and label: as `deadlines`, over the steps of one sequence, with a first column
-    `sequence`.
-
-    Problems that belong to none are left out.
-    """
-    times, errors, steps = _matrices(group, deadline, histories)
-    parts: list[pd.DataFrame] = []
-    for sequence, at in steps.groupby("sequence", sort=True).indices.items():
-        if sequence:
-            part = _statistics(times.iloc[at], errors.iloc[at], steps.iloc[at], deadline, level)
-            part.insert(0, "sequence", str(sequence))
-            parts.append(part)
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=["sequence", *COLUMNS])
-
-
 def quantiles(values: pd.DataFrame, levels: tuple[float, ...] = LEVELS) -> pd.DataFrame:
     """Return quantiles (rows, by level) of every column: the least value that a share q of all does not exceed; NaN
     is ∞.

@@ -113,22 +113,6 @@ def charge(times: pd.DataFrame, penalty: Penalty, limit: float) -> float:
     )
 
 
-def shifted_geometric_mean(seconds: Sequence[float], shift: float, penalty: float) -> float:
-    """Return exp(mean log(t + shift)) − shift of times [s], each failure (∞, NaN) charged `penalty` [s]; NaN of
-    nothing.
-
-    >>> shifted_geometric_mean([1.0, 4.0], shift=0.0, penalty=10.0)
-    2.0
-    >>> round(shifted_geometric_mean([1.0, math.inf], shift=1.0, penalty=7.0), 12)
-    3.0
-    """
-    charged = np.array(seconds, dtype=float)
-    if charged.size == 0:
-        return math.nan
-    charged[~np.isfinite(charged)] = penalty
-    return float(unlogged(logged(charged, shift).mean(), shift))
-
-
 def logged(seconds: npt.ArrayLike, shift: float) -> Array:
     """Return log1p(t / s), or log t where s = 0: a shifted geometric mean is the average of these."""
     given = np.asarray(seconds, dtype=float)

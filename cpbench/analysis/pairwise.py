@@ -10,19 +10,14 @@ Values are costs, problems × labels, ∞ or NaN for a failure, as `profiles` ta
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
-from itertools import pairwise as successive
 
 import numpy as np
 import pandas as pd
 
 from cpbench.analysis.profiles import FLOOR, Profile, at_least, costs, performance_profile
 
-ALL = ""
-"""The column of `leave_one_out` in which no label is left out."""
 RECORDS = ("one", "other", "wins", "ties", "losses", "neither")
 
 
@@ -60,65 +55,6 @@ def records(values: pd.DataFrame, problems: int | None = None, floor: float | No
     return pd.DataFrame(rows, columns=list(RECORDS))
 
 
-def leave_one_out(
-    values: pd.DataFrame, tau: float = 2.0, problems: int | None = None, floor: float | None = FLOOR
-) -> pd.DataFrame:
-    """Return ρ(τ) of each label with all labels shown (column ALL), and with each one left out (its column); NaN for
-    itself.
-
-    Rows are in the order with all, highest first, ties by label. Columns after ALL are in the order of the rows.
-
-    >>> values = pd.DataFrame({"a": [1.0, 1.0], "b": [2.5, 9.0], "c": [6.0, 2.0]})
-    >>> leave_one_out(values)[[ALL, "a"]].to_dict("index")
-    {'a': {'': 1.0, 'a': nan}, 'c': {'': 0.5, 'a': 0.5}, 'b': {'': 0.0, 'a': 0.5}}
-    """
-    planned, labels = at_least(values, problems), sorted(values.columns)
-    cost = costs(values[labels], floor)
-    heights = {ALL: _heights(cost, tau, planned)}
-    for k, label in enumerate(labels):
-        rest = cost.copy()
-        rest[:, k] = math.inf
-        height = _heights(rest, tau, planned)
-        height[k] = math.nan
-        heights[label] = height
-    table = pd.DataFrame(heights, index=labels)
-    order = sorted(labels, key=lambda label: (-float(table.at[label, ALL]), label))
-    return table.loc[order, [ALL, *order]]
-
-
-@dataclass(frozen=True)
-class Flip:
-    """Two neighbours in the order with all labels that change places when `without` is left out.
-
-    `together` are ρ(τ) of `above` and `below` with all, `apart` without that label.
-    """
-
-    above: str
-    below: str
-    without: str
-    together: tuple[float, float]
-    apart: tuple[float, float]
-
-
-def flips(table: pd.DataFrame) -> list[Flip]:
-    """Find every adjacent pair of `leave_one_out` whose strict order is reversed by leaving a third label out.
-
-    >>> values = pd.DataFrame({"a": [1] * 7 + [5] * 3, "b": [2.5] * 3 + [9] * 4 + [1] * 3,
-    ...                        "c": [6] * 3 + [2] * 4 + [2.5] * 3})
-    >>> flips(leave_one_out(values))
-    [Flip(above='c', below='b', without='a', together=(0.4, 0.3), apart=(0.4, 0.6))]
-    """
-    found: list[Flip] = []
-    order = list(table.index)
-    for above, below in successive(order):
-        together = float(table.at[above, ALL]), float(table.at[below, ALL])
-        for without in order:
-            apart = float(table.at[above, without]), float(table.at[below, without])
-            if together[0] > together[1] and apart[0] < apart[1]:
-                found.append(Flip(above, below, without, together, apart))
-    return found
-
-
 def reversals(
     values: pd.DataFrame, labels: Sequence[str], tau: float = 2.0, floor: float | None = FLOOR
 ) -> list[tuple[str, str]]:
@@ -137,12 +73,3 @@ def reversals(
         if together[one] > together[other] and alone[one] < alone[other]:
             found.append((one, other))
     return found
-
-
-def _heights(
-    cost: np.ndarray[tuple[int, int], np.dtype[np.float64]], tau: float, planned: int
-) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    """Return ρ(τ) of each column: the ratios are those of `profiles.ratios`, but no curve is made."""
-    best = cost.min(axis=1, keepdims=True, initial=math.inf)
-    with np.errstate(invalid="ignore"):
-        return ((cost / best <= tau) & np.isfinite(cost)).sum(axis=0) / max(planned, 1)

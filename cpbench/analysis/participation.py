@@ -90,15 +90,15 @@ def lacking_lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
 def unreached_lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:
     """Write a line for each formulation from which no route led to some solvers, with the most frequent reason."""
     by_node = _unreached(entries)
-    told: list[str] = []
+    notes: list[str] = []
     for node, reasons in by_node.items():
         solvers = {name: 0 for entry in reasons for name in entry["solvers"]}
         most = max(reasons, key=lambda entry: len(entry["keys"]))
         pairs = counted(_pairs(reasons), "pair")
-        told.append(
+        notes.append(
             f"no route from {node} to {some_of(sorted(solvers), FEW)}, {pairs}: {_ROUTE.sub('', most['reason'])}"
         )
-    return told
+    return notes
 
 
 def unreached_summary(entries: Iterable[Mapping[str, Any]]) -> str:

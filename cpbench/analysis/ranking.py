@@ -108,8 +108,8 @@ class Ranking:
     @property
     def problems_and_starts(self) -> str:
         """Numbers of problems that it rests on, and of starts where there are more, as text."""
-        told = counted(self.problems, "problem")
-        return told if self.cases == self.problems else f"{told}, {counted(self.cases, 'start')}"
+        count = counted(self.problems, "problem")
+        return count if self.cases == self.problems else f"{count}, {counted(self.cases, 'start')}"
 
 
 def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None = None) -> list[Ranking]:

@@ -102,9 +102,9 @@ def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
         },
         index=pd.Index(labels, name="label"),
     )
-    made = found["true"] + found["false"]
-    low, high = wilson(found["true"], made, level)
-    return found.assign(correct=(found["true"] / made.where(made > 0)).astype(float), low=low, high=high)
+    claimed = found["true"] + found["false"]
+    low, high = wilson(found["true"], claimed, level)
+    return found.assign(correct=(found["true"] / claimed.where(claimed > 0)).astype(float), low=low, high=high)
 
 
 def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:

@@ -22,8 +22,6 @@ from cpbench.formulations.base import Kind
 from cpbench.verification import MET_TOLERANCE, VERIFIED, Status
 
 Floats: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
-Texts: TypeAlias = np.ndarray[tuple[int], np.dtype[np.object_]]
-Masks: TypeAlias = np.ndarray[Any, np.dtype[np.bool_]]
 Matrix: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
 
 TEXT = (

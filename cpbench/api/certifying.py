@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cpbench.api.problems import point_of
+from cpbench.api.problems import point_of, verify
 from cpbench.api.solution import Solution
 from cpbench.api.solving import solve
 from cpbench.errors import CpbenchError
@@ -24,6 +24,14 @@ ROW_SECONDS = 10.0
 """The same for each answer of a run [s]."""
 TOLERANCE = 1e-8
 """What a solver is asked for where no answer is given: active sets are read off what it returns."""
+FINER, ACCEPTED = 1e-10, 1e-6
+"""What the solvers after the automatic choice are asked for, and what an answer has to meet."""
+SOLVE_SECONDS = 20.0
+"""Time for each of them [s]."""
+METHODS = (
+    "dual active set", "active set", "pivoting", "Josephy-Newton", "semismooth Newton", "Newton with pivoting",
+)  # fmt: skip
+"""Methods of which answers are looked at first."""
 
 
 def certify(
@@ -33,8 +41,8 @@ def certify(
 
     Parameters
     ----------
-    answer : a point, a vector of shape (n,) with the parts of a point one after the other, or a solution; None: that of
-        the automatic choice among the solvers, asked for 1e-8.
+    answer : a point, a vector of shape (n,) with the parts of a point one after the other, or a solution; None: of the
+        verified answers of several methods (`verified_answers`) the first of which more is known than was measured.
     seconds : limit of the search [s]; one exact system may take longer.
 
     Returns
@@ -52,8 +60,59 @@ def certify(
     require_flint()
     from cpbench.certificates.certify import certify as certified
 
-    given = solve(problem, tolerance=TOLERANCE) if answer is None else answer
-    return certified(problem, point_of(problem, given), seconds)
+    if answer is not None:
+        return certified(problem, point_of(problem, answer), seconds)
+    return certify_first(problem, seconds)[1]
+
+
+def certify_first(problem: Problem, seconds: float = SECONDS) -> tuple[Solution, Certificate]:
+    """Return the first verified answer of which more is known than was measured, with its certificate; else the first
+    answer. `seconds` : limit of the search at each answer [s].
+
+    Raises CpbenchError where no solver has an answer.
+    """
+    first: tuple[Solution, Certificate] | None = None
+    for solution in verified_answers(problem):
+        found = solution, certify(problem, solution, seconds=seconds)
+        if found[1]:
+            return found
+        first = first or found
+    if first is None:
+        given = solve(problem, tolerance=TOLERANCE)
+        return given, certify(problem, given, seconds=seconds)
+    return first
+
+
+def verified_answers(problem: Problem, seconds: float = SOLVE_SECONDS) -> Iterator[Solution]:
+    """Yield answers that meet 1e-6: by the automatic choice, asked for 1e-8, then by one solver of each method.
+
+    Solvers are those of the formulation that the automatic choice was found in, which are here; METHODS come first,
+    which end at a basis or at the zero of an active set's system, from which a proof is read most easily. `seconds` :
+    limit of each solve [s].
+    """
+    from cpbench.solvers.base import solvers
+
+    first = _verified(problem, None, TOLERANCE, seconds) or _verified(problem, None, ACCEPTED, seconds)
+    if first is not None:
+        yield first
+    node = solvers.get(first.solver).spec.node if first is not None else problem.node
+    one: dict[str, str] = {}
+    for solver in solvers:
+        spec = solver.spec
+        if spec.node == node and spec.by_default and spec.kind.exact and solver.availability().ok:
+            one.setdefault(spec.method, spec.name)
+    for method in sorted(one, key=lambda m: METHODS.index(m) if m in METHODS else len(METHODS)):
+        found = _verified(problem, one[method], FINER, seconds)
+        if found is not None and (first is None or found.solver != first.solver):
+            yield found
+
+
+def _verified(problem: Problem, solver: str | None, tolerance: float, seconds: float) -> Solution | None:
+    try:
+        found = solve(problem, solver, tolerance=tolerance, seconds=seconds)
+    except CpbenchError:
+        return None
+    return found if found.point is not None and verify(problem, found, tolerance=ACCEPTED).solved else None
 
 
 def require_flint() -> None:

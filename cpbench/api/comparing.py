@@ -89,7 +89,7 @@ def confirm(
                 keys.add(row.key)
     report(f"run again: {counted(len(pairs), 'pair')}, {counted(len(keys), 'solve')}")
     with tempfile.TemporaryDirectory(prefix="cpbench-confirm-") as folder:
-        asked = rerun.plan(results, keys, Path(folder, "again.sqlite"))
+        plan = rerun.plan(results, keys, Path(folder, "again.sqlite"))
         command = "cpbench compare --confirm"
-        rerun.carry_out(asked, keys, command, str(results), builtin_folder, observer, observer.reading)
-        return confirmed(first, compare(side(asked.results)), statuses)
+        rerun.carry_out(plan, keys, command, str(results), builtin_folder, observer, observer.reading)
+        return confirmed(first, compare(side(plan.results)), statuses)

@@ -1,21 +1,23 @@
 """How long a run will take, said before it starts, as a range.
 
-Two measurements make it: what solves took where the table was made that comes with cpbench, and what a pair costs on
-this machine beside its solves, from a results file that is here. The table has times of those that solved a problem by
-an exact route. Who failed there, and who is not in it (approximate routes, other versions), takes as long as the
-average of those that solved the same problem, or as long as the slowest of them: that is the range.
+Two measurements make it: what solves took where `solve_times.json` was measured, and what a pair costs on this machine
+beside its solves, from a results file that is here. The table has the seconds of labels that solved a built-in problem
+by an exact route, by fingerprint; null is a failure. A label that failed there, or is not in it (approximate routes,
+other versions), takes as long as the average of those that solved the same problem, or as long as the slowest of them:
+that is the range.
 """
 
 from __future__ import annotations
 
-import math
+import json
 import platform
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
+from typing import TypeAlias
 
-from cpbench.analysis.training_cases import TrainingCases, shipped_cases
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.quantities import duration
 from cpbench.bench.planning.run_plan import RunPlan
@@ -27,6 +29,8 @@ BEFORE = ("quick.sqlite", "standard.sqlite", "builtin.sqlite")
 """Results of the suites, where a run without `--output` leaves them."""
 ENOUGH = 20
 """Pairs that say something."""
+SolveTimes: TypeAlias = Mapping[str, Mapping[str, float | None]]
+"""Seconds of each label on a problem, by the problem's fingerprint; None where it did not solve it."""
 
 
 @dataclass(frozen=True)
@@ -50,38 +54,42 @@ class Span:
 NOTHING = Span(0.0, 0.0)
 
 
-def estimate(todo: Sequence[Pair], asked: RunPlan) -> str:
+def estimate(todo: Sequence[Pair], plan: RunPlan) -> str:
     """Return how long the pairs may take, as text, and what that rests on."""
-    spans, measured = solves(todo, shipped_cases())
+    spans, measured = solves(todo, shipped_times())
     known = [span for span in spans if span is not None]
     if len(known) < ENOUGH:
         return "no estimate: nothing like it was measured before"
-    solving = sum(known, NOTHING) * (len(todo) / len(known) / asked.jobs)
-    told = f"{measured} of {counted(len(todo), 'pair')} were timed, on another machine"
-    for path in dict.fromkeys([asked.results, *map(Path, BEFORE)]):
+    solving = sum(known, NOTHING) * (len(todo) / len(known) / plan.jobs)
+    basis = f"{measured} of {counted(len(todo), 'pair')} were timed, on another machine"
+    for path in dict.fromkeys([plan.results, *map(Path, BEFORE)]):
         beside = _beside(path) if path.is_file() else []
         if len(beside) >= ENOUGH:
             mean, run = statistics.mean(beside), sum(span != NOTHING for span in spans)
-            total = solving + Span(mean, mean) * (run / asked.jobs)
-            return f"{total} ({told}; beside solves one took {mean:.2g} s in {path}, on this one)"
-    return f"{solving} for solves, and more to start solvers, convert and judge ({told})"
+            total = solving + Span(mean, mean) * (run / plan.jobs)
+            return f"{total} ({basis}; beside solves one took {mean:.2g} s in {path}, on this one)"
+    return f"{solving} for solves, and more to start solvers, convert and judge ({basis})"
 
 
-def solves(todo: Sequence[Pair], known: TrainingCases) -> tuple[list[Span | None], int]:
+def shipped_times() -> SolveTimes:
+    """Return the seconds of each label on the built-in problems, measured where this version was made."""
+    return json.loads(files("cpbench.api").joinpath("solve_times.json").read_text(encoding="utf-8"))["seconds"]
+
+
+def solves(todo: Sequence[Pair], known: SolveTimes) -> tuple[list[Span | None], int]:
     """Return what the solves of each pair may take, None where nobody solved its problem; how many were timed.
 
     A label that was started on other problems, and not on this one, could not be run on it.
     """
-    cases = {case.fingerprint: case.outcomes for case in known.cases}
-    labels, measured = set(known.labels), 0
+    labels, measured = {label for times in known.values() for label in times}, 0
     spans: list[Span | None] = []
     for pair in todo:
-        outcomes = cases.get(pair.fingerprint, {})
-        solved = [_repeated(time, pair) for time in outcomes.values() if math.isfinite(time)]
-        time = outcomes.get(pair.label, math.nan)
+        outcomes = known.get(pair.fingerprint, {})
+        solved = [_repeated(time, pair) for time in outcomes.values() if time is not None]
+        time = outcomes.get(pair.label)
         if not solved:
             spans.append(None)
-        elif math.isfinite(time):
+        elif time is not None:
             measured += 1
             spans.append(Span(*[_repeated(time, pair)] * 2))
         elif pair.label in labels and pair.label not in outcomes:

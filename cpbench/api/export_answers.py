@@ -29,8 +29,8 @@ def export_answers(store: Store, path: Path, *, force: bool = False) -> int:
                 group = file.require_group(f"{row.problem}-{row.fingerprint[:8]}")
                 group.attrs.update({"node": row.node, "fingerprint": row.fingerprint, "address": row.address})
                 data = group.create_dataset(_name(row, group), data=answers.unpack(blob))
-                told = {name: getattr(row, name) for name in ("status", "error", "claim", "route", "solver")}
-                data.attrs.update({name: value for name, value in told.items() if value is not None})
+                attributes = {name: getattr(row, name) for name in ("status", "error", "claim", "route", "solver")}
+                data.attrs.update({name: value for name, value in attributes.items() if value is not None})
                 count += 1
 
     write_atomic(path, put, force=force)

@@ -39,7 +39,7 @@ class Gallery(Mapping[str, tuple[Problem, ...]]):
         return {one.name: f"{one.node}: {one.summary}" for one in generators}
 
     def __repr__(self) -> str:
-        return "\n".join(f"{name:<24} {told}" for name, told in self.about().items())
+        return "\n".join(f"{name:<24} {text}" for name, text in self.about().items())
 
     def _repr_html_(self) -> str:
         rows = "".join(

@@ -46,8 +46,8 @@ def next_steps(host: str, folder: Path, solver: str | None, build: str) -> list[
         if host == "github":
             return [source, "commit it; the next pull request has the verdict in the summary of its job"]
         return [source, "include it in .gitlab-ci.yml: include: {local: cpbench.gitlab-ci.yml}"]
-    made = ["--build", build] if build else []
-    words = ["bash", str(folder / "compare.sh"), "--solver", solver or "FILE", *made, "--base", _base()]
+    building = ["--build", build] if build else []
+    words = ["bash", str(folder / "compare.sh"), "--solver", solver or "FILE", *building, "--base", _base()]
     missing = [] if solver else ["FILE stands for the plugin of your solver, with its path in the repository"]
     return [shlex.join(words), *missing]
 

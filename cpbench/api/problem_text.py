@@ -36,7 +36,7 @@ def size_after(problem: Problem, edge: Conversion, apply: Apply) -> str:
 
 def lines(address: str, problem: Problem, facts: Sequence[Fact]) -> Iterator[str]:
     """Yield formulation, sizes, data, origin and provenance of a problem, and the facts that were measured of it."""
-    yield f"{address_text(address)}: {problem.title} {problem.equation}"
+    yield f"{address_text(address)}: {problem.title} {problem.equation}".rstrip()
     yield f"  node         {problem.node}"
     yield f"  name         {printable(problem.name)}"
     yield f"  fingerprint  {problem.fingerprint}"

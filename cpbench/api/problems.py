@@ -119,8 +119,8 @@ def convert(
     if via:
         from cpbench.bench.planning import plan
 
-        asked = plan.pinned([via] if isinstance(via, str) else list(via), knobs or {})
-        pinned = plan.parse_request(asked)[1]
+        request = plan.pinned([via] if isinstance(via, str) else list(via), knobs or {})
+        pinned = plan.parse_request(request)[1]
     if to is not None:
         graph.formulations.get(to)
     target = to or (pinned[-1].target if pinned else problem.node)

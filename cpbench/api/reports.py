@@ -42,7 +42,7 @@ def write_report(
         are not too large. The other ones are those of `report.folder.write_folder`.
     """
     rows = store.table() if table is None else table
-    forms, told = row_files.chosen(len(rows), data)
+    forms, notes = row_files.chosen(len(rows), data)
     places = {address: address_text(address) for address in rows["address"].unique()}
     files = write_folder(
         rows.assign(address=rows["address"].map(places)),
@@ -58,7 +58,7 @@ def write_report(
         with_imported=with_imported,
         count_stationary=count_stationary,
     )
-    return list(files), list(told)
+    return list(files), list(notes)
 
 
 def report_file(

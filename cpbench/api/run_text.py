@@ -40,13 +40,13 @@ def planned(assembly: Assembly) -> Iterator[str]:
         yield f"no route leads to {', '.join(assembly.idle)}: no row"
 
 
-def duration(asked: RunPlan, assembly: Assembly) -> Iterator[str]:
+def duration(plan: RunPlan, assembly: Assembly) -> Iterator[str]:
     """Yield the expected and the longest duration of a run that is not short."""
-    todo = dry_run.to_run(assembly.pairs, planned_run.statuses(asked.results), asked.rerun)
+    todo = dry_run.to_run(assembly.pairs, planned_run.statuses(plan.results), plan.rerun)
     if len(todo) >= MANY:
         from cpbench.api.estimate import estimate
 
-        yield f"{estimate(todo, asked)}; at most {quantities.duration(dry_run.longest(todo, asked))}"
+        yield f"{estimate(todo, plan)}; at most {quantities.duration(dry_run.longest(todo, plan))}"
 
 
 def refused(addresses: Sequence[tuple[str, str]]) -> Iterator[str]:
@@ -72,14 +72,14 @@ def absent(store: Store) -> Iterator[str]:
         yield f"and {counted(len(reasons) - ABSENT, 'more solver')}: cpbench doctor says what each lacks"
 
 
-def title(asked: RunPlan) -> str:
+def title(plan: RunPlan) -> str:
     """Return the title of the report."""
-    if asked.builtin:
+    if plan.builtin:
         return "The built-in suite"
-    return f"The {asked.suite} suite" if asked.suite else asked.results.stem
+    return f"The {plan.suite} suite" if plan.suite else plan.results.stem
 
 
-def ending(asked: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame) -> Ending:
+def ending(plan: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame) -> Ending:
     """Return the outcome of a run; it failed where rows are missing or removed, or as `fail_on` says.
 
     Parameters
@@ -89,21 +89,21 @@ def ending(asked: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame
     from cpbench.analysis.remarks import remarks
 
     counts = store.counts()
-    nothing = "none in this shard" if asked.shard != (1, 1) else "none could be run"
+    nothing = "none in this shard" if plan.shard != (1, 1) else "none could be run"
     lines = [f"{counted(sum(counts.values()), 'pair')}: {summary(counts) or nothing}"]
     wrong = table["label"][table["status"] == str(Status.WRONG)].value_counts()
     if len(wrong):
         lines.append(f"wrong answers by {', '.join(f'{label} ({count})' for label, count in wrong.items())}")
-    lines += [*map(printable, remarks(table)), f"results: {asked.results}"]
+    lines += [*map(printable, remarks(table)), f"results: {plan.results}"]
     failures: list[str] = []
     gaps = planned_run.gaps(store, assembly)
     if gaps:
         failures.append(f"rows are missing: {', '.join(gaps)}; the same command goes on")
-    listed = planned_run.failures(store, asked, assembly.pairs)
+    listed = planned_run.failures(store, plan, assembly.pairs)
     if listed:
         failures.append(f"{summary(listed)} (--fail-on)")
     broken = len(store.opened.broken)
     if broken:
-        failures.append(f"{asked.results}: removed {counted(broken, 'row')} that could not be trusted")
-    empty = not counts and asked.shard == (1, 1)
+        failures.append(f"{plan.results}: removed {counted(broken, 'row')} that could not be trusted")
+    empty = not counts and plan.shard == (1, 1)
     return Ending(tuple(lines), tuple(failures), bool(failures) or empty)

@@ -75,7 +75,7 @@ def run(
         weakref.finalize(results, shutil.rmtree, folder, ignore_errors=True)
         return results
     path = Path(out)
-    told: dict[str, Any] = {
+    settings: dict[str, Any] = {
         **plan,
         "problems": _addresses(problems, path),
         **({"solvers": [solvers] if isinstance(solvers, str) else list(solvers)} if solvers else {}),
@@ -85,13 +85,13 @@ def run(
         "jobs": jobs,
         "output": str(path),
     }
-    given = {key: plan_file.check(key, value) for key, value in told.items()}
-    asked = run_plan.make({**given, "report": None}, {}, [])
+    given = {key: plan_file.check(key, value) for key, value in settings.items()}
+    checked = run_plan.make({**given, "report": None}, {}, [])
     remarks: list[str] = []
 
     def planned(assembly: Assembly) -> bool:
         assembly.require_pairs()
-        planned_run.require_answers(asked, assembly.pairs)
+        planned_run.require_answers(checked, assembly.pairs)
         remarks.extend(_remarks(assembly))
         return True
 
@@ -99,7 +99,7 @@ def run(
         remarks.extend(f"rows are missing: {gap}; the same call goes on" for gap in planned_run.gaps(store, assembly))
 
     with _environment_kept():
-        execute_plan(asked, builtin_folder, SilentObserver(), "cpbench.run from Python", planned, finished)
+        execute_plan(checked, builtin_folder, SilentObserver(), "cpbench.run from Python", planned, finished)
     return Results(path, remarks=remarks)
 
 
@@ -121,10 +121,10 @@ def _environment_kept() -> Generator[None]:
 
 def _remarks(assembly: Assembly) -> list[str]:
     """Return what would otherwise be left out in silence."""
-    told = [f"same problem, run once: {address} is {twin}" for address, twin in assembly.twins]
-    told += [f"refused: {reason}" for _, reason in assembly.refused]
-    told += [f"no route leads to {', '.join(assembly.idle)}: no row"] if assembly.idle else []
-    return told + [f"not available: {name}: {why}" for name, why in assembly.absent.items()]
+    remarks = [f"same problem, run once: {address} is {twin}" for address, twin in assembly.twins]
+    remarks += [f"refused: {reason}" for _, reason in assembly.refused]
+    remarks += [f"no route leads to {', '.join(assembly.idle)}: no row"] if assembly.idle else []
+    return remarks + [f"not available: {name}: {why}" for name, why in assembly.absent.items()]
 
 
 def _addresses(problems: str | Path | Problem | Sequence[str | Path | Problem], results: Path) -> list[str]:

@@ -62,7 +62,7 @@ class Solution:
 
     def rows(self) -> dict[str, str]:
         """Return the lines that describe the solution, by name."""
-        told = {
+        described = {
             "status": str(self.status),
             "solver": self.solver,
             "route": self.route if self.kind == Kind.EQUIVALENT else f"{self.route} ({self.kind})",
@@ -72,7 +72,7 @@ class Solution:
             "time": f"{1e3 * self.time:.3g} ms",
             "message": self.message,
         }
-        return {name: text for name, text in told.items() if text}
+        return {name: text for name, text in described.items() if text}
 
     def __repr__(self) -> str:
         lines = [f"  {name:<8}{' '.join(text.split())}" for name, text in self.rows().items()]

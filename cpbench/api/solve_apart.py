@@ -52,8 +52,8 @@ class SolvedApart:
         if row.error is not None:
             yield f"  error      {row.error:.3g}, asked for {pair.tolerance:.3g}; claimed {row.claim}"
         if row.route != "direct" and row.target_error is not None:
-            there, asked = row.target_error, row.target_tolerance
-            yield f"  there      {there:.3g}, asked for {asked:.3g}: the error on the solver's own problem"
+            there, wanted = row.target_error, row.target_tolerance
+            yield f"  there      {there:.3g}, asked for {wanted:.3g}: the error on the solver's own problem"
         if row.flags:
             yield f"  flags      {row.flags}"
         for name, value in json.loads(row.parts or "{}").items():
@@ -117,15 +117,15 @@ def solve_apart(
     if policy.guess == starts.EVERY:
         raise CpbenchError("--start file:all: one solve has one start, as file:2; see cpbench run --start file:all")
     if via:
-        asked = [plan.pinned(via, {"facets": facets})]
+        requests = [plan.pinned(via, {"facets": facets})]
     else:
-        asked = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
-    asked = [replace(request, nodes=_only(entry, request)) for request in asked]
+        requests = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
+    requests = [replace(request, nodes=_only(entry, request)) for request in requests]
     with Slot(Setting(limits.threads, limits.memory, single=True)) as slot:
         slot.workers.begin(entry.solver, limits.memory)
-        survey = slot.survey(address, asked, format, limits.seconds)
+        survey = slot.survey(address, requests, format, limits.seconds)
         relaxed = routes == "all" or not via
-        pairs = plan.pairs([survey], [entry], asked, tolerance, limits, relaxations=relaxed, start=str(policy))
+        pairs = plan.pairs([survey], [entry], requests, tolerance, limits, relaxations=relaxed, start=str(policy))
         if not pairs:
             raise NoRoute(
                 f"no {routes} route from {survey.node} to {solver}; see: cpbench route {shlex.quote(address)} --explain"

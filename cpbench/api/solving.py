@@ -203,7 +203,7 @@ def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Sol
         ),
     )
     late = spent["setup"] + spent["solve"] > seconds
-    told = [found.message, output.message, f"answered after the limit of {seconds:g} s" if late else ""]
+    remarks = [found.message, output.message, f"answered after the limit of {seconds:g} s" if late else ""]
     return Solution(
         problem=problem,
         solver=way.name,
@@ -216,5 +216,5 @@ def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Sol
         claim=str(output.claim),
         seconds={**spent, "lift": found.lift, "verify": found.verify},
         counters=dict(output.counters),
-        message="; ".join(filter(None, told)),
+        message="; ".join(filter(None, remarks)),
     )

@@ -51,48 +51,48 @@ class Sitter:
     error: float = 0.0
 
 
-def main(channel: Channel, asked: Sequence[tuple[Any, ...]]) -> None:
+def main(channel: Channel, sitters: Sequence[tuple[Any, ...]]) -> None:
     """Send a message that the process is there, then one a problem."""
     limit_memory(MEMORY)
     warnings.simplefilter("ignore")
     channel.send_bytes(frames.pack({"ready": True}))
-    made: dict[str, dict[str, Problem]] = {}
-    for fields in asked:
+    families: dict[str, dict[str, Problem]] = {}
+    for fields in sitters:
         one = Sitter(*fields)
         try:
-            told = _told(one, made)
-            json.dumps(told, allow_nan=False)
+            picture = _picture(one, families)
+            json.dumps(picture, allow_nan=False)
         except Exception:  # whatever a file holds: the next one is read
-            told = {"why": UNREADABLE}
-        channel.send_bytes(frames.pack({"thumbnail": told}))
+            picture = {"why": UNREADABLE}
+        channel.send_bytes(frames.pack({"thumbnail": picture}))
 
 
-def _told(one: Sitter, made: dict[str, dict[str, Problem]]) -> Thumbnail:
+def _picture(one: Sitter, families: dict[str, dict[str, Problem]]) -> Thumbnail:
     if one.place:
         problem = storage.load(one.place, format=one.format)
         if problem.fingerprint != one.fingerprint:
             return {"why": OTHER}
-    elif (generated := _generated(one.family, made).get(one.fingerprint)) is not None:
+    elif (generated := _generated(one.family, families).get(one.fingerprint)) is not None:
         problem = generated
     else:
         return {"why": ABSENT}
     about = _about(problem)
     if not one.answer:
         return {**thumbnail(problem), **about}
-    told = thumbnail(problem, problem.point_from_vector(unpack(one.answer)), one.tolerance)
-    return {**told, **about, "answer": {"label": one.label, "error": one.error}}
+    picture = thumbnail(problem, problem.point_from_vector(unpack(one.answer)), one.tolerance)
+    return {**picture, **about, "answer": {"label": one.label, "error": one.error}}
 
 
 def _about(problem: Problem) -> Thumbnail:
     """Return what the problem says of its licence and its source, cut to what a page has room for."""
     info = problem.info
-    told = {"licence": info.licence, "source": info.source, "citation": info.citation}
-    return {name: cut(text, ABOUT) for name, text in told.items() if text}
+    picture = {"licence": info.licence, "source": info.source, "citation": info.citation}
+    return {name: cut(text, ABOUT) for name, text in picture.items() if text}
 
 
-def _generated(family: str, made: dict[str, dict[str, Problem]]) -> dict[str, Problem]:
+def _generated(family: str, families: dict[str, dict[str, Problem]]) -> dict[str, Problem]:
     """Return the problems of the generator of that name, by fingerprint; none where there is no such generator."""
-    if family not in made:
+    if family not in families:
         instances = generators.get(family).instances() if family in generators else []
-        made[family] = {instance.problem.fingerprint: instance.problem for instance in instances}
-    return made[family]
+        families[family] = {instance.problem.fingerprint: instance.problem for instance in instances}
+    return families[family]

@@ -123,21 +123,21 @@ def _answers(store: Store, rows: pd.DataFrame) -> dict[str, tuple[bytes, str, fl
     return found
 
 
-def paint(asked: Sequence[Sitter]) -> dict[str, Thumbnail]:
+def paint(sitters: Sequence[Sitter]) -> dict[str, Thumbnail]:
     """Draw the thumbnails and return them by fingerprint, or {"why": words}."""
-    found: dict[str, Thumbnail] = {one.fingerprint: {"why": SPENT} for one in asked}
+    found: dict[str, Thumbnail] = {one.fingerprint: {"why": SPENT} for one in sitters}
     spent = 0
-    for one, told in _read(asked[:MOST]):
-        spent += len(zlib.compress(json.dumps(told).encode()))
+    for one, picture in _read(sitters[:MOST]):
+        spent += len(zlib.compress(json.dumps(picture).encode()))
         if spent > BYTES:
             break
-        found[one.fingerprint] = told
+        found[one.fingerprint] = picture
     return found
 
 
-def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
+def _read(sitters: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
     """Yield each as it comes, until the time is over; after one that takes its process down, by another process."""
-    left, end = list(asked), math.inf
+    left, end = list(sitters), math.inf
     while left and time.monotonic() < end:
         try:
             child = Child(context(1), thumbnail_process.main, ([astuple(one) for one in left],), memory=MEMORY)
@@ -149,9 +149,9 @@ def _read(asked: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:
             child.receive(STARTUP)
             end = min(end, time.monotonic() + SECONDS)
             while left and not fatal and time.monotonic() < end:
-                told, fatal = _next(child)
+                picture, fatal = _next(child)
                 last = left.pop(0)
-                yield last, told
+                yield last, picture
         except (Died, TimedOut):
             yield from ((one, {"why": ALONE}) for one in left)
             return

@@ -54,13 +54,13 @@ def text(about: Mapping[str, Any], report: bool) -> str:
 def versions(meta: Mapping[str, Any], rows: Iterable[Row]) -> str:
     """Write `versions.txt`: Python, the system, packages as `pip freeze` has them, what each solver said of itself."""
     machine: Mapping[str, Any] = meta.get("machine") or {}
-    told = sorted({(row.solver, row.version) for row in rows if row.version})
+    listed = sorted({(row.solver, row.version) for row in rows if row.version})
     return "\n".join(
         [
             f"# Python {machine.get('python', 'not told')}, {machine.get('os', 'system not told')}",
             *(f"{name}=={version}" for name, version in sorted((meta.get("versions") or {}).items())),
             "# versions that the solvers told in the run",
-            *(f"# {solver} {version}" for solver, version in told),
+            *(f"# {solver} {version}" for solver, version in listed),
             "",
         ]
     )
@@ -68,8 +68,12 @@ def versions(meta: Mapping[str, Any], rows: Iterable[Row]) -> str:
 
 def _problems(places: Iterable[Mapping[str, Any]]) -> str:
     kinds = Counter("withheld" if p["withheld"] else "builtin" if _builtin(p) else "file" for p in places)
-    told = {"file": "in files", "builtin": "built into cpbench, found by name and fingerprint", "withheld": "withheld"}
-    return ", ".join(f"{kinds[kind]} {words}" for kind, words in told.items() if kinds[kind]) or "none"
+    wording = {
+        "file": "in files",
+        "builtin": "built into cpbench, found by name and fingerprint",
+        "withheld": "withheld",
+    }
+    return ", ".join(f"{kinds[kind]} {words}" for kind, words in wording.items() if kinds[kind]) or "none"
 
 
 def _builtin(place: Mapping[str, Any]) -> bool:

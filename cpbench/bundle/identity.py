@@ -70,8 +70,8 @@ def of_run(store: Store, folders: Iterable[Path]) -> Identity:
     remotes, people = _repositories(own)
     people |= _users() | {name for text in texts for name in _HOME.findall(text)}
     return Identity(
-        hosts=_told(hosts),
-        people=_told(people),
+        hosts=_identifying(hosts),
+        people=_identifying(people),
         paths=tuple(sorted(path for path in paths if len(Path(path).parts) > 1)),
         remotes=tuple(sorted(filter(None, remotes))),
         values=_values(),
@@ -83,7 +83,7 @@ def store_folder(store: Store) -> str:
     return str(store.path.resolve().parent)
 
 
-def _told(names: Iterable[str]) -> tuple[str, ...]:
+def _identifying(names: Iterable[str]) -> tuple[str, ...]:
     """Return the names that tell somebody; one that is a word of Python (`max`) is left where it stands."""
     words = ANYBODY | {*keyword.kwlist, *dir(builtins)}
     return tuple(sorted({n for n in names if len(n) >= SHORTEST and not {n, n.casefold()} & words}))

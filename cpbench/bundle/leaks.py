@@ -34,10 +34,10 @@ def require_none(folder: Path, words: Mapping[str, str]) -> None:
             text = b"\0" not in content and path.suffix not in DRAWN
             for word, kind, pattern in patterns:
                 if (text or len(word.encode()) >= LONG) and (found := pattern.search(content)):
-                    told = found[0].decode("utf-8", "replace")
+                    text = found[0].decode("utf-8", "replace")
                     raise CpbenchError(
-                        f"{name}: {where} still tells {kind}, '{told}': nothing was written; give it another name with "
-                        f"--rename '{told}=NAME', or take it out of the file"
+                        f"{name}: {where} still tells {kind}, '{text}': nothing was written; give it another name with "
+                        f"--rename '{text}=NAME', or take it out of the file"
                     )
 
 

@@ -32,7 +32,7 @@ Reporter = Callable[[Path, Path, str], object]
 
 
 @dataclass(frozen=True)
-class Asked:
+class BundleOptions:
     """Choices for a bundle. `renames` : other names, of solvers and of any word. `withhold` : globs of problems that
     stay out. `builtin` : the folder of the built-in problems. `report` : None for a bundle without one."""
 
@@ -45,7 +45,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Made:
+class BundleSummary:
     """Contents of a bundle. `remarks` : what its maker should know."""
 
     pairs: int
@@ -56,58 +56,58 @@ class Made:
     remarks: tuple[str, ...]
 
 
-def make(source: Path, target: Path, asked: Asked = Asked()) -> Made:
+def make(source: Path, target: Path, options: BundleOptions = BundleOptions()) -> BundleSummary:
     """Bundle the results file `source` as the zip `target`; raises CpbenchError, with nothing written."""
-    _require_target(target, asked)
-    with Store(source) as store, tempfile.TemporaryDirectory(prefix="cpbench-bundle-") as made:
+    _require_target(target, options)
+    with Store(source) as store, tempfile.TemporaryDirectory(prefix="cpbench-bundle-") as temporary:
         store.audit().require()
-        folder = Path(made)
+        folder = Path(temporary)
         rows = results.rows_of(store)
-        found = plugins.gather(store, rows, anonymous=asked.anonymous)
-        scrub = _scrub(store, rows, found, asked)
-        builtin = problems.shipped(asked.builtin) if asked.builtin is not None else {}
-        places = problems.gather(store, rows, folder, builtin, asked.withhold, scrub)
+        found = plugins.gather(store, rows, anonymous=options.anonymous)
+        scrub = _scrub(store, rows, found, options)
+        builtin = problems.shipped(options.builtin) if options.builtin is not None else {}
+        places = problems.gather(store, rows, folder, builtin, options.withhold, scrub)
         if scrub is not None:
             found = _anonymous(found, scrub)
         plugins.write(found, folder)
-        about = _write(store, rows, places, found, folder, asked, scrub)
-        if asked.report is not None:
+        about = _write(store, rows, places, found, folder, options, scrub)
+        if options.report is not None:
             title = "Results" if scrub is not None else source.stem
-            asked.report(folder / results.NAME, folder / REPORT, title)
+            options.report(folder / results.NAME, folder / REPORT, title)
         if scrub is not None:
             _scrub_texts(folder / REPORT, scrub)
-            leaks.require_none(folder, searched(scrub.who, scrub.renames))
+            leaks.require_none(folder, searched(scrub.identity, scrub.renames))
         archive.pack(folder, target, about)
     withheld = [place for place in _unique(places) if place.withheld]
-    return Made(
+    return BundleSummary(
         pairs=len(rows),
         problems=len(_unique(places)) - len(withheld),
         withheld=len(withheld),
         plugins=len(found.loaded),
         bytes=target.stat().st_size,
-        remarks=(*_remarks(withheld, found, asked), *_restricted(about)),
+        remarks=(*_remarks(withheld, found, options), *_restricted(about)),
     )
 
 
-def _require_target(target: Path, asked: Asked) -> None:
-    if target.exists() and not asked.force:
+def _require_target(target: Path, options: BundleOptions) -> None:
+    if target.exists() and not options.force:
         raise CpbenchError(f"{target}: exists already: --force replaces it")
     if not target.parent.is_dir():
         raise CpbenchError(f"{target}: there is no folder {target.parent}; make it first")
-    if asked.renames and not asked.anonymous:
+    if options.renames and not options.anonymous:
         raise CpbenchError("--rename is for --anonymous: a bundle that tells whose it is keeps its names")
 
 
 # --------------------------------------------------------------------------------------- names and words
 
 
-def _scrub(store: Store, rows: Sequence[Row], found: Plugins, asked: Asked) -> Scrub | None:
-    if not asked.anonymous:
+def _scrub(store: Store, rows: Sequence[Row], found: Plugins, options: BundleOptions) -> Scrub | None:
+    if not options.anonymous:
         return None
     foreign = _foreign(store, rows)
     names = {row.solver.partition("@")[0] for row in rows}
     renames: dict[str, str] = {}
-    for old, new in asked.renames:
+    for old, new in options.renames:
         if old in names - foreign:
             raise CpbenchError(f"--rename {old}={new}: {old} is cpbench's own, and is found by no other name")
         if old not in names and old not in found.sources:
@@ -117,17 +117,17 @@ def _scrub(store: Store, rows: Sequence[Row], found: Plugins, asked: Asked) -> S
                 f"--rename {old}={new}: {new or 'nothing'} is no free name of a solver: letters, digits, . + -"
             )
         renames[old] = new
-    who = identity.of_run(store, found.folders)
-    values = (*who.values, *identity.of_tables(found.tables))
-    return Scrub(identity.Identity(who.hosts, who.people, who.paths, who.remotes, values), renames)
+    owner = identity.of_run(store, found.folders)
+    values = (*owner.values, *identity.of_tables(found.tables))
+    return Scrub(identity.Identity(owner.hosts, owner.people, owner.paths, owner.remotes, values), renames)
 
 
 def _foreign(store: Store, rows: Sequence[Row]) -> set[str]:
     """Return solvers of the rows that are not cpbench's own: from plugins, installed packages, tables of programs."""
     sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
-    told = {str(sheet.get("name")) for sheet in sheets.values() if sheet.get("plugin")}
+    plugged = {str(sheet.get("name")) for sheet in sheets.values() if sheet.get("plugin")}
     own = {solver.spec.name for solver in solvers if type(solver).__module__.startswith(OWN)}
-    return {name for name in {row.solver for row in rows} if name in told or name not in own}
+    return {name for name in {row.solver for row in rows} if name in plugged or name not in own}
 
 
 def _anonymous(found: Plugins, scrub: Scrub) -> Plugins:
@@ -158,7 +158,7 @@ def _write(
     places: Mapping[Unit, Place],
     found: Plugins,
     folder: Path,
-    asked: Asked,
+    options: BundleOptions,
     scrub: Scrub | None,
 ) -> dict[str, Any]:
     """Write results, plan, machine, versions and the guide; return what `BUNDLE.json` says beside the files."""
@@ -171,10 +171,10 @@ def _write(
     text = plan_of_rows.text(settings, plan_of_rows.sets(ours, recorded, {}), guide.HEADING)
     (folder / PLAN).write_text(text, encoding="utf-8")
     with Store(folder / results.NAME) as bundled:
-        told = bundled.meta()
-        machines = {"machine": told.get("machine") or {}, "machines": bundled.machines()}
+        bundled_meta = bundled.meta()
+        machines = {"machine": bundled_meta.get("machine") or {}, "machines": bundled.machines()}
     (folder / MACHINE).write_text(_json(machines), encoding="utf-8")
-    (folder / VERSIONS).write_text(guide.versions(told, new), encoding="utf-8")
+    (folder / VERSIONS).write_text(guide.versions(bundled_meta, new), encoding="utf-8")
     unique = _unique(places)
     about = {
         "anonymous": scrub is not None,
@@ -186,11 +186,11 @@ def _write(
         "seconds": round(plan_of_rows.total_seconds(ours), 1),
         "restricted": {
             str(sheet.get("name")): str(sheet["publishing"])
-            for sheet in (told.get("solvers") or {}).values()
+            for sheet in (bundled_meta.get("solvers") or {}).values()
             if sheet.get("publishing")
         },
     }
-    (folder / GUIDE).write_text(guide.text(about, asked.report is not None), encoding="utf-8")
+    (folder / GUIDE).write_text(guide.text(about, options.report is not None), encoding="utf-8")
     return about
 
 
@@ -202,22 +202,22 @@ def _json(value: Any) -> str:
     return json.dumps(value, indent=1, ensure_ascii=False, sort_keys=True) + "\n"
 
 
-def _remarks(withheld: Sequence[Place], found: Plugins, asked: Asked) -> list[str]:
+def _remarks(withheld: Sequence[Place], found: Plugins, options: BundleOptions) -> list[str]:
     """Return what the maker of a bundle should know, a line each."""
-    told = [
+    remarks = [
         f"not in the bundle: {count} problems: {why}" for why, count in Counter(p.withheld for p in withheld).items()
     ]
-    told += [f"not in the bundle: {text}" for text in found.absent]
-    if asked.anonymous and found.texts:
-        told.append(
+    remarks += [f"not in the bundle: {text}" for text in found.absent]
+    if options.anonymous and found.texts:
+        remarks.append(
             f"read what the bundle tells of you before you send it: comments and citations in {len(found.texts)} "
             "plugin files are kept but for known names"
         )
-    for old, _ in asked.renames:
+    for old, _ in options.renames:
         left = [name for name, source in found.texts.items() if old.casefold() in source.casefold()]
         if left:
-            told.append(f"'{old}' is still a part of longer words in {', '.join(sorted(left))}: --rename WORD=NAME")
-    return told
+            remarks.append(f"'{old}' is still a part of longer words in {', '.join(sorted(left))}: --rename WORD=NAME")
+    return remarks
 
 
 def _restricted(about: Mapping[str, Any]) -> list[str]:

@@ -35,8 +35,8 @@ _over_all = attrgetter("set", "seconds", "memory", "repeats_asked", "measure", "
 
 def settings(meta: Mapping[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
     """Return what the plan says for all of its sets."""
-    asked: Mapping[str, Any] = meta.get("plan") or {}
-    known = {key: asked[key] for key in SETTINGS if asked.get(key) is not None}
+    plan: Mapping[str, Any] = meta.get("plan") or {}
+    known = {key: plan[key] for key in SETTINGS if plan.get(key) is not None}
     threads = [row.threads for row in rows if row.threads]
     most = max(sorted(set(threads)), key=threads.count, default=RunPlan.threads)
     return {"seed": meta.get("seed") or 0, **known, "keep": "all", "threads": int(most)}

@@ -58,12 +58,12 @@ def gather(store: Store, rows: Sequence[Row], *, anonymous: bool) -> Plugins:
     sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
     needed = {row.solver for row in rows}
     needed |= {name.partition("@")[0] for name in needed}
-    told = [str(sheet.get("plugin") or "") for sheet in sheets.values() if sheet.get("name") in needed]
+    named = [str(sheet.get("plugin") or "") for sheet in sheets.values() if sheet.get("name") in needed]
     named = [*_in_command(str(store.meta().get("command", ""))), *os.environ.get(PLUGIN_FILES, "").split(os.pathsep)]
     found = Plugins()
     files: dict[Path, None] = {}
     origins: dict[Path, list[str]] = {}
-    for text in dict.fromkeys(filter(None, [*named, *told])):
+    for text in dict.fromkeys(filter(None, [*named, *named])):
         path = _located(text, store)
         if path is None:
             found.absent.append(f"{text if not anonymous else Path(text).name}, which is not there any more")
@@ -126,12 +126,12 @@ def _put(found: Plugins, name: str, source: str) -> None:
 
 def _tables(path: Path, source: str) -> dict[str, dict[str, Any]]:
     try:
-        told: dict[str, Any] = tomllib.loads(source)
+        tables: dict[str, Any] = tomllib.loads(source)
     except ValueError as cause:
         raise CpbenchError(f"{path}: is no TOML: {cause}") from None
     if path.name == plan_file.PROJECT:
-        told = told.get("tool", {}).get("cpbench", {})
-    return told.get("solver", {})
+        tables = tables.get("tool", {}).get("cpbench", {})
+    return tables.get("solver", {})
 
 
 def _add_variants(found: Plugins, sheets: Mapping[str, Mapping[str, Any]], needed: set[str], anonymous: bool) -> None:

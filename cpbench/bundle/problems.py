@@ -75,11 +75,11 @@ def shipped(folder: Path) -> dict[str, Place]:
     """Return the built-in problems by fingerprint, from the sheets beside them."""
     found: dict[str, Place] = {}
     for sheet in sorted(folder.glob("*/*.toml")):
-        told = _sheet(sheet)
-        about = {key: str(told[key]) for key in ("node", "licence", "source", "citation")}
+        described = _sheet(sheet)
+        about = {key: str(described[key]) for key in ("node", "licence", "source", "citation")}
         pack = f"{BUILTIN}/{sheet.parent.name}/{sheet.stem}.h5"
-        several = len(told["problem"]) > 1
-        for problem in told["problem"]:
+        several = len(described["problem"]) > 1
+        for problem in described["problem"]:
             address = f"{pack}{SEPARATOR}{problem['name']}" if several else pack
             place = Place(address, problem["fingerprint"], problem["name"], **about)
             found.setdefault(place.fingerprint, place)
@@ -116,8 +116,8 @@ def gather(
 
 def _place(row: Row, scrub: Scrub | None, used: set[str], scenes: dict[tuple[str, str], str]) -> Place:
     """Return a name of its own below the folder of the node; steps of a scene in a folder of their scene."""
-    told = scrub.name if scrub is not None else str
-    node, problem, scene = row.node, told(row.problem), told(row.sequence or "")
+    rename = scrub.name if scrub is not None else str
+    node, problem, scene = row.node, rename(row.problem), rename(row.sequence or "")
     base = f"{FOLDER}/{name_of(node)}/{name_of(scene or problem)}"
     if scene:
         file, pack, _ = row.address.partition(SEPARATOR)
@@ -150,14 +150,14 @@ def _written(
 ) -> Place:
     """Return the place with what is known of the problem, once its file is written or the reason is found why it is
     not."""
-    told: Callable[[str], str] = scrub.text if scrub is not None else str
+    scrubbed: Callable[[str], str] = scrub.text if scrub is not None else str
     address = located(row.address, store.path)
     try:
         problem = storage.load(address, format=format)
     except CpbenchError:
         return replace(place, withheld="its file could not be read when the bundle was made")
     info, licence = problem.info, problem.info.licence or _licence_beside(address)
-    about = replace(place, licence=told(licence), source=told(info.source), citation=told(info.citation))
+    about = replace(place, licence=scrubbed(licence), source=scrubbed(info.source), citation=scrubbed(info.citation))
     if problem.fingerprint != place.fingerprint:
         return replace(about, withheld="its file was changed after the run")
     if FORBIDS.search(licence):

@@ -116,12 +116,12 @@ def plan(bundle: Bundle, jobs: int | None = None) -> tuple[RunPlan, list[str]]:
     """
     path = bundle.folder / PLAN
     try:
-        told = tomllib.loads(path.read_text(encoding="utf-8"))
+        manifest = tomllib.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as cause:
         raise BundleError(bundle.path, f"{PLAN} is no TOML: {cause}") from None
-    parts = told.pop("set", [])
-    told.pop("report", None)
-    _require_known(bundle, "", told, SETTINGS)
+    parts = manifest.pop("set", [])
+    manifest.pop("report", None)
+    _require_known(bundle, "", manifest, SETTINGS)
     missing: list[str] = []
     sets: list[dict[str, Any]] = []
     for part in parts if isinstance(parts, list) else [parts]:
@@ -132,7 +132,7 @@ def plan(bundle: Bundle, jobs: int | None = None) -> tuple[RunPlan, list[str]]:
             sets.append({**read, "solvers": known, "problems": _addresses(bundle, part.get("problems"))})
     if not sets:
         raise CpbenchError(f"{bundle.path}: none of its solvers is here: {', '.join(sorted(set(missing)))}")
-    top = {key: _read(bundle, key, value) for key, value in told.items()}
+    top = {key: _read(bundle, key, value) for key, value in manifest.items()}
     given = {"output": str(bundle.again), "report": None, "keep": "all", **({"jobs": jobs} if jobs else {})}
     return run_plan.make(given, top, sets), sorted(set(missing))
 
@@ -180,14 +180,14 @@ def _addresses(bundle: Bundle, texts: Any) -> tuple[str, ...]:
 
 
 def run(
-    bundle: Bundle, asked: RunPlan, builtin: Callable[[], Path], observer: RoundObserver, reading: Reading
+    bundle: Bundle, plan: RunPlan, builtin: Callable[[], Path], observer: RoundObserver, reading: Reading
 ) -> Assembly:
     """Run the pairs of the plan that the bundle has results of, into its folder; the same call goes on with a run that
     was interrupted. Raises CpbenchError where no pair of them can be run here."""
     with Store(bundle.results) as store:
         wanted = {row.key for row in store.rows() if row.status != "not_run" and not row.origin}
     return rerun.carry_out(
-        asked, wanted, f"cpbench reproduce {bundle.path.name}", str(bundle.path), builtin, observer, reading
+        plan, wanted, f"cpbench reproduce {bundle.path.name}", str(bundle.path), builtin, observer, reading
     )
 
 

@@ -115,26 +115,26 @@ def write(
     new: list[Row] = []
     for row in rows:
         own = row.solver not in others and not row.origin
-        made = moved(row, places[unit(row)], scrub, own)
-        keys[row.key] = made.key
-        new.append(made)
+        renamed = moved(row, places[unit(row)], scrub, own)
+        keys[row.key] = renamed.key
+        new.append(renamed)
     key = None if scrub is None else seal_key.for_one_file(row.key for row in new)
-    with Store(target, create=True, key=key) as made_store:
-        made_store.set_meta(**_meta(store, plan, names, scrub))
+    with Store(target, create=True, key=key) as target_store:
+        target_store.set_meta(**_meta(store, plan, names, scrub))
         for host, about in store.machines().items():
             name = host if scrub is None else scrub.host(host)
-            made_store.note_machine(name, about if scrub is None else _machine(about, scrub))
-        made_store.note_features(store.features() if scrub is None else scrub.deep(store.features(), scrub.name))
+            target_store.note_machine(name, about if scrub is None else _machine(about, scrub))
+        target_store.note_features(store.features() if scrub is None else scrub.deep(store.features(), scrub.name))
         if scrub is None:
-            made_store.note_files([], store.meta()["refused"])
-        made_store.add_references(store.references())
-        made_store.add(new)
-        made_store.add_kept(
+            target_store.note_files([], store.meta()["refused"])
+        target_store.add_references(store.references())
+        target_store.add(new)
+        target_store.add_kept(
             sorted((keys[key], blob) for key, blob in store.answers()),
             sorted((keys[key], blob) for key, blob in store.histories()),
             sorted((keys[key], kind, proof) for key, kind, proof in store.certificates()),
         )
-        made_store.settle()
+        target_store.settle()
     return new
 
 
@@ -161,14 +161,14 @@ def _placed(sheet: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any
 
 def _sheet(sheet: Mapping[str, Any], scrub: Scrub) -> dict[str, Any]:
     """Return what is told of a solver; of a plugin nothing but what it solves and how."""
-    told: dict[str, Any] = scrub.deep(sheet)
+    cleaned: dict[str, Any] = scrub.deep(sheet)
     if sheet.get("plugin"):
-        told |= {"citation": "", "summary": "", "written": told.get("name", "")}
-    return told
+        cleaned |= {"citation": "", "summary": "", "written": cleaned.get("name", "")}
+    return cleaned
 
 
 def _machine(about: Mapping[str, Any], scrub: Scrub) -> dict[str, Any]:
     """Return the machine without its name, and without the release of its system, which may be one of a kind."""
-    told = {name: scrub.deep(about[name]) for name in _MACHINE if name in about}
+    cleaned = {name: scrub.deep(about[name]) for name in _MACHINE if name in about}
     system = re.match(r"[A-Za-z]+", str(about.get("os", "")))
-    return told | ({"os": system[0]} if system else {})
+    return cleaned | ({"os": system[0]} if system else {})

@@ -33,15 +33,15 @@ class Scrub:
     who : what must not be told. renames : old name -> new name.
     """
 
-    def __init__(self, who: Identity, renames: Mapping[str, str]) -> None:
-        self.who, self.renames = who, dict(renames)
-        self.machines = {host: f"machine-{k}" for k, host in enumerate(sorted(set(who.hosts)), 1)}
-        literal = dict.fromkeys(who.remotes, REMOTE) | dict.fromkeys(who.paths, PATH)
+    def __init__(self, identity: Identity, renames: Mapping[str, str]) -> None:
+        self.identity, self.renames = identity, dict(renames)
+        self.machines = {host: f"machine-{k}" for k, host in enumerate(sorted(set(identity.hosts)), 1)}
+        literal = dict.fromkeys(identity.remotes, REMOTE) | dict.fromkeys(identity.paths, PATH)
         self._literal = _replacing(literal, "", rf"(?:[\\/]{_REST})?")
-        words = dict.fromkeys(who.people, PERSON) | self.machines
+        words = dict.fromkeys(identity.people, PERSON) | self.machines
         self._words = _replacing(words, r"(?<![A-Za-z0-9])", r"(?![A-Za-z0-9])", re.IGNORECASE)
         self._renamed = _replacing(renames, r"(?<![\w.-])", r"(?![\w-])")
-        self._values = _replacing(dict.fromkeys(who.values, "…"), "", "")
+        self._values = _replacing(dict.fromkeys(identity.values, "…"), "", "")
 
     def name(self, text: str) -> str:
         """Return a name: of a problem, a set, a label, a file."""
@@ -81,8 +81,13 @@ def _replacing(words: Mapping[str, str], before: str, after: str, flags: int = 0
     return lambda text: pattern.sub(lambda found: known[found[1].casefold() if flags else found[1]], text)
 
 
-def searched(who: Identity, renamed: Mapping[str, str]) -> dict[str, str]:
+def searched(identity: Identity, renamed: Mapping[str, str]) -> dict[str, str]:
     """Return what is looked for in a finished bundle, with what it is."""
-    kinds = {"a host": who.hosts, "a user": who.people, "a path": who.paths, "a remote": who.remotes}
+    kinds = {
+        "a host": identity.hosts,
+        "a user": identity.people,
+        "a path": identity.paths,
+        "a remote": identity.remotes,
+    }
     found = {text: kind for kind, texts in kinds.items() for text in texts if len(text) >= SHORTEST}
     return found | {name: "a solver that was renamed" for name in renamed if len(name) >= SHORTEST}

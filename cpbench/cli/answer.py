@@ -68,10 +68,9 @@ def _print_ranking(ranking: Ranking) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    head = f"{ranking.formulation}{_title(ranking)}: {ranking.problems_and_starts}"
-    table = Table(
-        title=Text(head), title_justify="left", title_style="bold", box=None, pad_edge=False, padding=(0, 2, 0, 0)
-    )
+    head = folded(f"{ranking.formulation}{_title(ranking)}: {ranking.problems_and_starts}")
+    click.secho("\n".join(head), bold=True)  # not as title of the table, which would fold it to the table's width
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     room = width()
     most = None if room is None else max(room // 4, SHORTEST)
     table.add_column("solver", no_wrap=True, overflow="ellipsis", max_width=most)

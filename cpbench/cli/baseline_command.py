@@ -35,12 +35,19 @@ EXAMPLES = (
 @click.option("--check", type=FILE, help="Baseline to compare the results with.")
 @click.option("--update", is_flag=True, help="Take over into -o what is better, other or new; list what is worse.")
 @click.option(
-    "--accept", cls=ListOption, metavar="PATTERN", help="Pairs to take over although worse: PROBLEM:LABEL, a glob."
+    "--accept",
+    cls=ListOption,
+    metavar="PATTERN",
+    help="Pairs to take over although they are worse: PROBLEM:LABEL, a glob.",
 )
 @click.option("--reason", default="", metavar="TEXT", help="Reason of --accept; kept in the last column.")
 @click.option("--prune", is_flag=True, help="Remove pairs that the results do not have.")
 @click.option(
-    "--slack", type=click.FloatRange(min=0), default=0.1, show_default=True, help="Part by which a counter may differ."
+    "--slack",
+    type=click.FloatRange(min=0),
+    default=0.1,
+    show_default=True,
+    help="Relative difference of a counter that is allowed.",
 )
 @fail_on_option(f"Changes with which the command ends with 1: any of {','.join(FAIL_ON)}.")
 def command(

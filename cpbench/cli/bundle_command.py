@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from cpbench.bundle.making import Asked, make
+from cpbench.bundle.making import BundleOptions, make
 from cpbench.bundle.report import write_report
 from cpbench.cli.options import Command, ListOption, force_option
 from cpbench.cli.terminal import print_lines
@@ -40,12 +40,14 @@ def command(
     from cpbench.generators.collection import builtin_folder
 
     wanted = (Path("reports") / results.stem / "report.md").is_file() if report is None else report
-    asked = Asked(anonymous, _renamed(renames), withhold, builtin_folder(), write_report if wanted else None, force)
-    made = make(results, output, asked)
-    print_lines(made.remarks, err=True)
-    problems = f"{counted(made.problems, 'problem')} ({made.withheld} withheld)"
-    click.echo(f"{counted(made.pairs, 'pair')}, {problems}, {counted(made.plugins, 'plugin')}")
-    click.echo(f"bundle: {output} ({made.bytes} bytes)")
+    options = BundleOptions(
+        anonymous, _renamed(renames), withhold, builtin_folder(), write_report if wanted else None, force
+    )
+    summary = make(results, output, options)
+    print_lines(summary.remarks, err=True)
+    problems = f"{counted(summary.problems, 'problem')} ({summary.withheld} withheld)"
+    click.echo(f"{counted(summary.pairs, 'pair')}, {problems}, {counted(summary.plugins, 'plugin')}")
+    click.echo(f"bundle: {output} ({summary.bytes} bytes)")
 
 
 def _renamed(texts: tuple[str, ...]) -> tuple[tuple[str, str], ...]:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
 from cpbench import storage
-from cpbench.api.certifying import TOLERANCE, certificate_lines, certify, certify_rows, save_certificate
+from cpbench.api.certifying import TOLERANCE, certificate_lines, certify, certify_first, certify_rows, save_certificate
 from cpbench.api.problems import load, verify
 from cpbench.api.results import is_results_file
 from cpbench.api.solving import solve
@@ -23,7 +24,7 @@ from cpbench.storage.base import require_new
 @click.command(cls=Command)
 @click.argument("problem", metavar="PROBLEM|RESULTS", type=ADDRESS)
 @click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
-@click.option("-s", "--solver", metavar="NAME[opt=value]", help="Solver, where no answer is given (the automatic one).")
+@click.option("-s", "--solver", metavar="NAME[opt=value]", help="Solver, where no answer is given; default: several.")
 @timeout_option
 @click.option("-o", "--output", type=PATH, help="Output file of the certificate (.h5).")
 @format_option
@@ -54,12 +55,16 @@ def command(
         raise click.UsageError("give --answer or --solver, not both")
     if output is not None:
         require_new(output, force)
-    asked = load(problem, format=file_format)
-    point = solve(asked, solver, tolerance=TOLERANCE) if answer is None else storage.load_answer(answer, asked)
-    certificate = certify(asked, point, seconds=timeout)
-    click.echo(f"{address_text(problem)}: error {number(verify(asked, point).error)}, {certificate.level}")
+    loaded = load(problem, format=file_format)
+    point: Any
+    if answer is None and solver is None:
+        point, certificate = certify_first(loaded, timeout)
+    else:
+        point = storage.load_answer(answer, loaded) if answer else solve(loaded, solver, tolerance=TOLERANCE)
+        certificate = certify(loaded, point, seconds=timeout)
+    click.echo(f"{address_text(problem)}: error {number(verify(loaded, point).error)}, {certificate.level}")
     print_lines(certificate_lines(certificate))
     if output is not None:
-        save_certificate(certificate, asked, output, force=force)
+        save_certificate(certificate, loaded, output, force=force)
     if not certificate:
         sys.exit(1)

@@ -50,7 +50,9 @@ NOT_NEGATIVE = click.FloatRange(min=0)
     help="Run the pairs that raised an alarm again, by the plan in the file, and keep alarms that repeat.",
 )
 @stationary_option
-@click.option("--same-machine", is_flag=True, help="Treat the two files as of one machine, whatever its name in them.")
+@click.option(
+    "--same-machine", is_flag=True, help="Treat the two files as measured on one machine, even if its name differs."
+)
 @seed_option("Random seed of the bootstrap.")
 def command(
     base: Path,

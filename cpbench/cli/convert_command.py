@@ -49,7 +49,11 @@ from cpbench.storage.base import require_new
 @facets_option
 @angle_option
 @click.option("--as", "written", metavar="NAME", help="Format of OUT, where its suffix does not tell.")
-@click.option("--check", is_flag=True, help="Send an answer there and back: errors, amplification, times; exit 1.")
+@click.option(
+    "--check",
+    is_flag=True,
+    help="Carry an answer there and back, and show its errors, their amplification and the times.",
+)
 @click.option(
     "--memory",
     type=MEMORY,

@@ -22,7 +22,7 @@ from cpbench.generators.collection import builtin_folder, write_collections
     metavar="NAME",
     help="Collection to write; needs FOLDER. Repeatable.",
 )
-@click.option("--check", is_flag=True, help="Write nothing; end with 1 unless the files are the same bit for bit.")
+@click.option("--check", is_flag=True, help="Write nothing; exit with 1 unless the files are the same bit for bit.")
 def command(folder: Path | None, names: tuple[str, ...], check: bool) -> None:
     """Write the built-in problems again from their formulas (default: into the shipped folder).
 

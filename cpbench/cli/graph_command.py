@@ -19,7 +19,11 @@ from cpbench.report.graph_drawing import FORMATS, draw
 @click.command(cls=Command)
 @click.option("--format", "form", type=click.Choice(FORMATS), default="text", show_default=True, help="Output form.")
 @click.option("-o", "--output", type=PATH, help="Map to draw instead: .svg, .png or .pdf.")
-@click.option("--check", is_flag=True, help="Send planted problems along every pair's equivalent routes and back.")
+@click.option(
+    "--check",
+    is_flag=True,
+    help="Send planted problems along the equivalent routes of every pair of formulations, and back.",
+)
 @click.option("--node", "nodes", cls=ListOption, metavar="NODE", help="Formulations to --check. Repeatable.")
 @click.option(
     "--tolerance",

@@ -65,12 +65,12 @@ def command(
     """
     if not solver.strip() or not machine.strip():
         raise CpbenchError("--solver and --machine may not be empty: they mark the rows")
-    asked = addresses(problems, builtin_folder)
+    chosen = addresses(problems, builtin_folder)
     with Store(output, create=True) as store:
         done = import_answers(
             store,
             source,
-            asked,
+            chosen,
             Origin(solver.strip(), machine.strip(), threads, tolerance, measure),
             format=file_format,
             times=times,

@@ -18,7 +18,7 @@ from cpbench.plurals import counted, summary
 @click.argument("results", nargs=-1, required=True, type=PATH)
 @click.option("-o", "--output", required=True, type=FILE, help="Results file to make.")
 @click.option("--mixed", is_flag=True, help="Merge files that are not comparable, and mark the rows concerned.")
-@click.option("--prefer", type=click.Choice(PREFER), help="Row that counts of a pair that was run twice.")
+@click.option("--prefer", type=click.Choice(PREFER), help="Row to keep of a pair that was run twice.")
 def command(results: tuple[Path, ...], output: Path, mixed: bool, prefer: str | None) -> None:
     """Put the rows of several results files, with their answers, into one: the shards of a plan, for example.
 

@@ -31,7 +31,7 @@ CI = "ci"
     default="lcp",
     show_default=True,
     metavar="NODE",
-    help="Formulation of the plugin: fc, lcp, mlcp, ncp or qp, in Python or C++; else lcp.",
+    help="Formulation of the plugin: fc, lcp, mlcp, ncp or qp in Python or C++, lcp in other languages.",
 )
 @click.option(
     "--with", "guest", type=click.Choice(["path"]), help="Solver that a Julia plugin calls: PATH (PATHSolver.jl)."

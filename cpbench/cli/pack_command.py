@@ -32,7 +32,9 @@ from cpbench.storage.packing.remarks import remarks
 @click.option("--sequence", is_flag=True, help="Pack one problem a step, which cpbench run --start previous follows.")
 @click.option("--problems", type=PATH, metavar="PATH", help="Steps as problem files or a pack, with --sequence.")
 @click.option("--dt", type=POSITIVE, help="Size of a step [s], with --sequence.")
-@click.option("--ids", type=PATH, metavar="PATH", help="Number by which each contact is known, with --sequence.")
+@click.option(
+    "--ids", type=PATH, metavar="PATH", help="Number that identifies each contact from step to step, with --sequence."
+)
 @click.option("--positions", type=PATH, metavar="PATH", help="Positions of contacts, nc x 3 [m], with --sequence.")
 @force_option
 def command(output: Path, name: str, force: bool, axes: str | None, sequence: bool, **given: Any) -> None:

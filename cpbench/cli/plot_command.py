@@ -35,8 +35,8 @@ class Kinds(click.Group):
         from cpbench.report.figure_kinds import find
 
         room = _kinds()[cmd_name][0]
-        made: click.Command = importlib.import_module(ROOMS[room][0]).command_of(find(room, cmd_name))
-        return made
+        found: click.Command = importlib.import_module(ROOMS[room][0]).command_of(find(room, cmd_name))
+        return found
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for room, (_, heading) in ROOMS.items():

@@ -15,7 +15,7 @@ from cpbench.report.figure_kinds import FigureKind
 
 OUTPUT = (
     click.Option(["-o", "--output"], type=PATH, required=True, help="Output file: x.svg, .png or .pdf."),
-    click.Option(["--bare"], is_flag=True, help="Leave out the title and the words on how to read it."),
+    click.Option(["--bare"], is_flag=True, help="Leave out the title and the explanation below it."),
 )
 
 

@@ -35,7 +35,9 @@ CHOICE: tuple[click.Option, ...] = (
 _LAYOUT = (
     click.Option(["--publishable"], is_flag=True, help="Leave out solvers that restrict the publishing of figures."),
     click.Option(["--width"], type=LENGTH, default=math.nan, help="Width of the figure, as 3.5in or 89mm."),
-    click.Option(["--height"], type=LENGTH, default=math.nan, help="Height between its title and its guide."),
+    click.Option(
+        ["--height"], type=LENGTH, default=math.nan, help="Height of the figure, without title and explanation."
+    ),
     click.Option(["--legend"], type=click.Choice(arrangement.PLACES), help="Place of the legend."),
 )
 

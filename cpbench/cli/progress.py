@@ -50,7 +50,7 @@ class Display:
         self._standings = Standings()
         self._now: dict[str, tuple[str, float, float]] = {}
         self._warming = ""
-        self._began = self._told = time.monotonic()
+        self._began = self._printed = time.monotonic()
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
         """Yield the addresses, with a bar over the files on a terminal."""
@@ -59,7 +59,7 @@ class Display:
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
         self._total = len({p.key for p in planned} & set(pending))
         self._before = len(planned) - self._total
-        self._began = self._told = time.monotonic()
+        self._began = self._printed = time.monotonic()
         if not self._quiet:
             resumed = f", {self._before} done before" if self._before else ""
             click.echo(f"{counted(len(planned), 'pair')}{resumed}", err=True)
@@ -117,9 +117,9 @@ class Display:
     def _tell(self) -> None:
         """Print a line each tenth of the way, and one each minute where that is rarer."""
         tenth = self._done % max(1, self._total // 10) == 0
-        if self._quiet or self._terminal or not (tenth or time.monotonic() - self._told > MINUTE):
+        if self._quiet or self._terminal or not (tenth or time.monotonic() - self._printed > MINUTE):
             return
-        self._told = time.monotonic()
+        self._printed = time.monotonic()
         left = self._left() if self._done < self._total else ""
         click.echo("  ".join(filter(None, (f"{self._done}/{self._total}", self._summary(), left))), err=True)
 

@@ -79,5 +79,5 @@ def command(
         f"{address_text(case.address)}: {case.asked.predicate} with {data_size(reduced.problem)} numbers of "
         f"{data_size(reduced.source)}, {counted(reduced.tried, 'solve')}"
     )
-    for path in written:
+    for path in written.files:
         click.echo(f"  {path}")

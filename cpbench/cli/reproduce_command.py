@@ -21,13 +21,13 @@ from cpbench.plurals import counted
 @click.argument("bundle", type=FILE)
 @click.option("-o", "--output", type=FOLDER, help="Output folder; default: name of the bundle.")
 @click.option(
-    "--yes-run-plugins", "--yes", "agreed", is_flag=True, help="Run the plugins in the bundle without a question."
+    "--yes-run-plugins", "--yes", "agreed", is_flag=True, help="Run the plugins in the bundle without asking."
 )
 @click.option(
     "--problems",
     multiple=True,
     metavar="FOLDER|FILE",
-    help="Folder or file of problems that the bundle does not have. Repeatable.",
+    help="Folder or file with problems that are missing from the bundle. Repeatable.",
 )
 @jobs_option(None, "Number of pairs side by side; default: as in the plan.")
 @quiet_option
@@ -54,12 +54,12 @@ def command(
     load_plugins(opened)
     if problems:
         click.echo(f"{adopt(opened, storage.problem_files(problems))} problems taken from {', '.join(problems)}")
-    asked, missing = plan(opened, jobs)
+    again, missing = plan(opened, jobs)
     if missing:
         click.echo(f"not here: {', '.join(missing)} (cpbench doctor says how to get what is known)", err=True)
     display = Display(quiet)
     try:
-        assembly = run(opened, asked, builtin_folder, display, display.reading)
+        assembly = run(opened, again, builtin_folder, display, display.reading)
     except KeyboardInterrupt:
         click.echo(f"cpbench: interrupted; {opened.again} has what was done, the same command goes on", err=True)
         sys.exit(130)

@@ -34,7 +34,7 @@ def command(
     kinds: frozenset[Kind],
     file_format: str | None,
 ) -> None:
-    """Show how a problem reaches the formulations, which solvers wait there, and why the rest is out of reach.
+    """Show how a problem reaches the formulations, which solvers work there, and why the rest is out of reach.
 
     With --all every route is shown, cheapest first. Sizes are predicted (~) where a conversion can tell them
     beforehand, so that a large last step need not be done.

@@ -61,18 +61,18 @@ def command(
         require_flint()
     values, tunings = ((file.top, file.sets), file.tunings) if file is not None else (({}, []), ())
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
-    asked = run_plan.make(given, *values, only=only_sets, tunings=tunings, suite=suite)
-    if "facets" in given and all(not part.via and part.allowed_routes == "exact" for part in asked.sets):
+    plan = run_plan.make(given, *values, only=only_sets, tunings=tunings, suite=suite)
+    if "facets" in given and all(not part.via and part.allowed_routes == "exact" for part in plan.sets):
         raise click.UsageError("--facets: no route of this run has facets; add --routes facets")
-    if no_resume and asked.results.exists():
-        raise StoreError(f"{asked.results}: exists; remove it or leave --no-resume out to go on with it")
+    if no_resume and plan.results.exists():
+        raise StoreError(f"{plan.results}: exists; remove it or leave --no-resume out to go on with it")
     display = Display(quiet, verbose, log)
     import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
-    planned, finished = partial(announce, asked, quiet, dry_run), partial(finish, asked, certify)
+    planned, finished = partial(announce, plan, quiet, dry_run), partial(finish, plan, certify)
     words = shlex.join(["cpbench", *sys.argv[1:]])
     try:
-        execute_plan(asked, builtin_folder, display, words, planned, finished, print_removed)
+        execute_plan(plan, builtin_folder, display, words, planned, finished, print_removed)
     except KeyboardInterrupt:
-        how = "the same command without --rerun" if asked.rerun else "the same command"
-        click.echo(f"cpbench: interrupted; {asked.results} has what was done, {how} goes on", err=True)
+        how = "the same command without --rerun" if plan.rerun else "the same command"
+        click.echo(f"cpbench: interrupted; {plan.results} has what was done, {how} goes on", err=True)
         sys.exit(130)

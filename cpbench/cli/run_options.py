@@ -56,7 +56,11 @@ run_options = chained(
         "all, by the same solvers; full: all, by all solvers and routes.",
     ),
     problem_options(None),
-    click.option("--shard", metavar="I/N", help="Part I of N; each machine decides alone. See: cpbench merge."),
+    click.option(
+        "--shard",
+        metavar="I/N",
+        help="Part I of N of the problems, the same on every machine; cpbench merge joins the results.",
+    ),
     format_option,
     click.option(
         "-s",

@@ -15,20 +15,20 @@ from cpbench.cli.terminal import fitted, folded, print_lines, width
 from cpbench.verification import Status
 
 
-def announce(asked: RunPlan, quiet: bool, dry_run: bool, assembly: Assembly) -> bool:
+def announce(plan: RunPlan, quiet: bool, dry_run: bool, assembly: Assembly) -> bool:
     """Print what will be run; return whether to run it."""
     print_lines(run_text.planned(assembly), err=True)
     if not quiet:
-        print_lines(fitted(run_text.duration(asked, assembly)), err=True)
+        print_lines(fitted(run_text.duration(plan, assembly)), err=True)
+    assembly.require_pairs()
     if dry_run:
-        for line in dry_runs.lines(asked, assembly, planned_run.statuses(asked.results), width()):
+        for line in dry_runs.lines(plan, assembly, planned_run.statuses(plan.results), width()):
             print_lines(folded(line))
         print_lines(run_text.refused(assembly.refused), err=True)
         return False
-    assembly.require_pairs()
-    planned_run.require_answers(asked, assembly.pairs)
-    if asked.report_folder is not None:
-        require_folder(asked.report_folder)  # before hours of work
+    planned_run.require_answers(plan, assembly.pairs)
+    if plan.report_folder is not None:
+        require_folder(plan.report_folder)  # before hours of work
     return True
 
 
@@ -37,7 +37,7 @@ def print_removed(store: Store) -> None:
     print_lines(run_text.removed(store), err=True)
 
 
-def finish(asked: RunPlan, certify: bool, store: Store, assembly: Assembly) -> None:
+def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> None:
     """Certify answers where asked, print the answer and the last lines, and write the report; exits with 1 where the
     run failed."""
     from cpbench.cli.answer import print_answer
@@ -52,13 +52,13 @@ def finish(asked: RunPlan, certify: bool, store: Store, assembly: Assembly) -> N
         print_lines(run_text.absent(store), err=True)
     print_answer(store)
     table = store.table()
-    ending = run_text.ending(asked, store, assembly, table)
+    ending = run_text.ending(plan, store, assembly, table)
     print_lines(("", *ending.lines))
-    if counts and asked.report_folder is not None:
+    if counts and plan.report_folder is not None:
         from cpbench.api.reports import write_report
         from cpbench.report.html import vega
 
-        files, _ = write_report(store, asked.report_folder, run_text.title(asked), table)
+        files, _ = write_report(store, plan.report_folder, run_text.title(plan), table)
         print_lines(f"report: {path}" for path in files)
         print_lines(filter(None, [vega.lacking()]), err=True)
     print_lines((f"cpbench: {line}" for line in ending.failures), err=True)

@@ -41,7 +41,9 @@ EXAMPLES = (
 @click.argument("solver", metavar="SOLVER[opt=value]")
 @click.argument("problems", nargs=-1, metavar="[PROBLEM|FOLDER|GLOB]...")
 @click.option("--budget", type=DURATION, default="10m", show_default=True, help="Wall time of the search.")
-@click.option("--configurations", type=click.IntRange(min=2), metavar="N", help="Largest number of trials.")
+@click.option(
+    "--configurations", type=click.IntRange(min=2), metavar="N", help="Largest number of configurations to try."
+)
 @seed_option("Random seed of configurations and orders.")
 @jobs_option(1, "Number of solves side by side.")
 @problem_options("dev")
@@ -64,7 +66,7 @@ def command(
     trials: Path | None,
     force: bool,
     quiet: bool,
-    **asked: Any,
+    **filters: Any,
 ) -> None:
     """Search for the options with which a solver solves most problems, and fastest.
 
@@ -80,7 +82,7 @@ def command(
     require_new(plan, force)
     tuned = tune(
         solver,
-        problem_set(solver, problems, seed, **asked),
+        problem_set(solver, problems, seed, **filters),
         plan,
         budget=budget,
         configurations=configurations,

@@ -50,25 +50,25 @@ def command(
         from cpbench.bench.results.rejudge import rejudge_file
 
         tolerance_given = click.get_current_context().get_parameter_source("tolerance")
-        asked = tolerance if tolerance_given and tolerance_given.name != "DEFAULT" else None
-        for line in rejudge_file(rejudge, measure, asked):
+        requested = tolerance if tolerance_given and tolerance_given.name != "DEFAULT" else None
+        for line in rejudge_file(rejudge, measure, requested):
             click.echo(line)
         return
     if problem is None:
         raise click.UsageError("give a PROBLEM, or --rejudge RESULTS")
-    asked_problem = load(problem, format=file_format)
+    loaded = load(problem, format=file_format)
     if answer is not None:
-        point = storage.load_answer(answer, asked_problem)
+        point = storage.load_answer(answer, loaded)
     else:
         stored = storage.solution(problem)
         if stored is None:
             raise FormatError(problem, "solution", "is missing; give an answer with --answer FILE")
         point = stored[0]
     if all_measures:
-        verdict, measures = verification.judge_by_all(asked_problem, point, tolerance, measure)
+        verdict, measures = verification.judge_by_all(loaded, point, tolerance, measure)
         lines = _table(measures, tolerance)
     else:
-        verdict = verify(asked_problem, point, tolerance=tolerance, measure=measure)
+        verdict = verify(loaded, point, tolerance=tolerance, measure=measure)
         lines = _parts(verdict)
     word = "passes" if verdict.solved else "does not pass"
     click.echo(f"{address_text(problem)}: error {number(verdict.error)}, {word} at {number(tolerance)}")

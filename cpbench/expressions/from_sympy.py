@@ -40,10 +40,10 @@ class _Reader:
     def _value(self, expression: Any) -> int:
         found = self._known.get(expression)
         if found is None:
-            found = self._known[expression] = self._made(expression)
+            found = self._known[expression] = self._converted(expression)
         return found
 
-    def _made(self, e: Any) -> int:
+    def _converted(self, e: Any) -> int:
         if e.is_Number or e.is_NumberSymbol:
             return self._build.constant(float(e))
         if e.is_Symbol:

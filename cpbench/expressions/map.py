@@ -237,8 +237,8 @@ class Builder:
         return self._number(np.float64(value).tobytes(), value)
 
     def parameter(self, name: str, value: float) -> int:
-        """Add a constant with a name; raises ProblemError unless it is finite, or where unknowns are called so in
-        files.
+        """Add a named constant; raises ProblemError unless it is finite, or where files give this name to an
+        unknown.
         """
         value = float(value)
         if not np.isfinite(value):

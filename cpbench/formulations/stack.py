@@ -46,8 +46,8 @@ class Stack:
         arrays = {name: np.asarray(value, dtype=float) for name, value in given.items() if name in data}
         counts = {len(a) for name, a in arrays.items() if a.ndim == len(data[name]) + 1}
         if len(counts) != 1:
-            told = " and ".join(map(str, sorted(counts))) if counts else "no"
-            raise ProblemError(kind.node, f"has arrays of {told} problems; a stacked field has one axis more")
+            counted = " and ".join(map(str, sorted(counts))) if counts else "no"
+            raise ProblemError(kind.node, f"has arrays of {counted} problems; a stacked field has one axis more")
         count = counts.pop()
         if not count:
             raise ProblemError(kind.node, "has arrays of no problem")

@@ -52,8 +52,8 @@ def nearest_in_simplex() -> Instance:
 
 
 def _planted(name: str, rng: np.random.Generator, n: int, m: int, k: int) -> Instance:
-    """Plant a solution: every second row holds; unknowns at a bound, between, without bounds, at a bound without
-    force.
+    """Plant a solution: every second row is active; unknowns in turn at the lower and the upper bound, between them,
+    without bounds, and at a bound with no multiplier.
     """
     G, S = dyadic(rng, (n, n), -1, 1), dyadic(rng, (n, n), -1, 1)
     M = G @ G.T + np.eye(n) + np.triu(S, 1) - np.triu(S, 1).T

@@ -150,18 +150,18 @@ def activities(goods: int, people: int, k: int) -> Instance:
     y_star = np.where(used, rng.integers(1, 5, k) / 8.0, 0.0)
     A = np.zeros((goods, k))
     for a in range(k):
-        made, eaten = rng.choice(goods, 2, replace=False)
-        A[made, a] = 1.0
-        A[eaten, a] = -p_star[made] / p_star[eaten] * (1.0 if used[a] else 1.5)
+        output, input_ = rng.choice(goods, 2, replace=False)
+        A[output, a] = 1.0
+        A[input_, a] = -p_star[output] / p_star[input_] * (1.0 if used[a] else 1.5)
     e = economy.e.copy()
     for a in np.flatnonzero(used):  # worth nothing at p*, so that incomes stay
         e[economy.x[:, A[:, a] > 0].argmax()] -= A[:, a] * y_star[a]
     z = unknowns(k + goods)
     y, p = z[:k], z[k:]
     demand = _demand(economy.shares, product(e, p), p)
-    made_of = product(A, y)
+    produced = product(A, y)
     profit = [0.0 - worth for worth in product(A.T, p)]
-    net = [s + m - d for s, m, d in zip(e.sum(axis=0).tolist(), made_of, demand, strict=True)]
+    net = [s + m - d for s, m, d in zip(e.sum(axis=0).tolist(), produced, demand, strict=True)]
     lb, ub = np.zeros(k + goods), np.full(k + goods, np.inf)
     lb[k] = ub[k] = 1.0
     start = np.concatenate([np.zeros(k), np.ones(goods)])

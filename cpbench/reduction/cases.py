@@ -14,7 +14,7 @@ from cpbench.bench.planning.places import located
 from cpbench.bench.results.sealed import sealed
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.generators.collection import address_text, builtin_folder
-from cpbench.reduction.folder import write_folder
+from cpbench.reduction.folder import Written, write_folder
 from cpbench.reduction.predicate import Predicate, parse_predicate, predicate_of
 from cpbench.reduction.reduce import Progress, Reduced, reduce
 from cpbench.reduction.trials import Asked, Trials
@@ -71,8 +71,10 @@ def case_of_row(results: Path, problem: str, label: str, failure: str | None, li
     return Case(row.address, Asked(entry.label, predicate, row.tolerance, limits, routes=routes))
 
 
-def reduce_case(case: Case, folder: Path, seconds: float, progress: Progress) -> tuple[Reduced, list[Path]]:
-    """Reduce a case for so many seconds, going on where the folder has a journal of it; returns the files written.
+def reduce_case(
+    case: Case, folder: Path, seconds: float, progress: Progress = lambda problem, tried: None
+) -> tuple[Reduced, Written]:
+    """Reduce a case for so many seconds, going on where the folder has a journal of it.
 
     Raises NoFailure, NoRoute; CpbenchError where the folder is of another case.
     """

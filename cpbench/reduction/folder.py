@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import shlex
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +35,16 @@ PROOF_SECONDS = 10.0
 """Limit of each search for a certificate [s]."""
 
 
-def write_folder(reduced: Reduced, asked: Asked, source: str, folder: Path) -> list[Path]:
-    """Write `problem.h5`, `report.md`, `problem.svg` and the programs, replacing what is there; returns the files.
+@dataclass(frozen=True)
+class Written:
+    """Files of a reduced failure, and the level of the certificate of its true answer, "" where none was sought."""
+
+    files: tuple[Path, ...]
+    level: str
+
+
+def write_folder(reduced: Reduced, asked: Asked, source: str, folder: Path) -> Written:
+    """Write `problem.h5`, `report.md`, `problem.svg` and the programs, replacing what is there.
 
     Parameters
     ----------
@@ -53,11 +62,15 @@ def write_folder(reduced: Reduced, asked: Asked, source: str, folder: Path) -> l
     title = f"{asked.solver}: {asked.predicate} on a problem of {_sizes(problem)} ({problem.node})"
     linear = form(problem)
     programs = {} if linear is None else snippets(linear, title, points)
-    texts = {"report.md": "\n".join(_report(reduced, asked, source, title, points, programs)) + "\n", **programs}
+    level, proofs = _proofs(problem, points)
+    lines = [*_report(reduced, asked, source, title, points), *(f"- {line}" for line in proofs)]
+    if programs:
+        lines.append(f"- Data and check without cpbench: {', '.join(programs)} (`cc snippet.c -lm && ./a.out`).")
+    texts = {"report.md": "\n".join(lines) + "\n", **programs}
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
         written.append(folder / name)
-    return written
+    return Written(tuple(written), level)
 
 
 def _point(problem: Problem, outcome: Outcome | None) -> Any:
@@ -86,11 +99,8 @@ def _picture(problem: Problem, point: Any, folder: Path) -> Iterator[Path]:
 # ------------------------------------------------------------------------------------------- the report
 
 
-def _report(
-    reduced: Reduced, asked: Asked, source: str, title: str, points: dict[str, Any], programs: dict[str, str]
-) -> Iterator[str]:
+def _report(reduced: Reduced, asked: Asked, source: str, title: str, points: dict[str, Any]) -> Iterator[str]:
     problem, outcome, other = reduced.problem, reduced.last.outcome, reduced.last.other
-    assert outcome is not None
     ended = "" if reduced.complete else ", not to the end: the time was over"
     yield f"# {title}"
     yield ""
@@ -108,10 +118,7 @@ def _report(
     yield f"- Measured: {outcome.status}{error}{_seconds(outcome, 'solved in')}."
     if other is not None:
         error = "" if other.error is None else f" with error {other.error:.3g}"
-        yield f"- {reduced.other}: {other.status}{error}{_seconds(other, 'in')}{_answer(points.get('true'))}."
-    yield from (f"- {line}" for line in _proofs(problem, points))
-    if programs:
-        yield f"- Data and check without cpbench: {', '.join(programs)} (`cc snippet.c -lm && ./a.out`)."
+        yield f"- {reduced.last.name}: {other.status}{error}{_seconds(other, 'in')}{_answer(points.get('true'))}."
 
 
 def _sizes(problem: Problem) -> str:
@@ -157,19 +164,23 @@ def _answer(point: Any) -> str:
     return ": " + ", ".join(f"{name} = [{', '.join(f'{v:.6g}' for v in x.tolist())}]" for name, x in parts.items())
 
 
-def _proofs(problem: Problem, points: dict[str, Any]) -> Iterator[str]:
-    """Yield what is proved of the answers, where python-flint is installed."""
+def _proofs(problem: Problem, points: dict[str, Any]) -> tuple[str, list[str]]:
+    """Return the level of the true answer's certificate, and what is proved of both answers; nothing without
+    python-flint."""
     if importlib.util.find_spec("flint") is None:
-        return
+        return "", []
+    level, lines = "", list[str]()
     if "true" in points:
         found = certify(problem, points["true"], seconds=PROOF_SECONDS)
         unique = f", unique by its matrix ({found.unique})" if found.unique else ""
-        reason = f" ({found.reason})" if found.reason else ""
         near = f" within {found.distance:.3g} of that answer" if found else ""
-        yield f"Certificate of the other answer: {found.level}{near}{unique}{reason}."
+        reason = f" ({found.reason})" if found.reason else ""
+        level = found.level
+        lines.append(f"Certificate of that answer: a solution is {found.level}{near}{unique}{reason}.")
     if "claimed" in points:
         found = certify(problem, points["claimed"], seconds=PROOF_SECONDS)
         if found.excluded:
-            yield f"Proved of the claim: no solution is within {found.excluded:.3g} of its size from it."
+            lines.append(f"Proved of the claim: no solution is within {found.excluded:.3g} of its size from it.")
         elif found:
-            yield f"A solution is {found.distance:.3g} away from the claimed answer ({found.level})."
+            lines.append(f"A solution is {found.level}; it differs from the claim by {found.distance:.3g} of its size.")
+    return level, lines

@@ -24,6 +24,10 @@ SMALL = 9.5
 """A number below this is near a whole number of one digit."""
 FRICTION = ("mu", "mu_r", "cone_mu", "cone_mu_r")
 """Vectors of coefficients of friction."""
+OPERATORS = ("M", "W", "Q")
+"""Matrices whose definiteness is what kind of problem it is."""
+ROUNDING = 1e-13
+"""Eigenvalues below so much of the largest are 0."""
 FIXED = ("cone_kind", "cone_size")
 """Vectors that say what a problem is: they are no numbers to be rounded."""
 
@@ -102,6 +106,19 @@ def wholesale(problem: Problem) -> Iterator[Callable[[Any], Any]]:
             yield partial(_in_units, name=name)
         for count in DIGITS:
             yield partial(_rounded, names=(name,), count=count)
+        if name in OPERATORS:
+            yield from (partial(_of_factor, name=name, count=count) for count in DIGITS[:2])
+
+
+def _of_factor(problem: P, name: str, count: int) -> P:
+    """Return the problem with LLᵀ for a semidefinite matrix, L rounded: it has its rank still, unlike a rounded one."""
+    M = matrices.dense(problem.data()[name])
+    if not matrices.is_symmetric(M):
+        return problem
+    values, vectors = np.linalg.eigh(M)
+    there = values > ROUNDING * values.max(initial=0.0)
+    L = rounded(np.linalg.qr((vectors[:, there] * np.sqrt(values[there])).T)[1].T, count)
+    return bare(problem, {name: rounded(L @ L.T, 15)})
 
 
 def _common(array: Any) -> list[float]:
@@ -150,22 +167,29 @@ def entries(problem: Problem) -> list[Entry]:
 
 
 def simpler(x: float) -> Iterator[float]:
-    """Yield numbers that may stand for another one, the simplest first.
+    """Yield numbers that may stand for another one, the simplest first: one, the nearest whole number, and the number
+    with few digits, nearest, larger and smaller (a larger diagonal stays definite where a rounded one would not).
 
-    >>> list(simpler(3.14159)), list(simpler(7.0)), list(simpler(-0.5))
-    ([1.0, 3.0, 3.1, 3.14], [1.0], [-1.0])
+    >>> list(simpler(3.14)), list(simpler(7.0)), list(simpler(-0.5))
+    ([1.0, 3.0, 4.0, 3.1, 3.2], [1.0], [-1.0])
     """
     if not math.isfinite(x):
         return
     tried = {x, 0.0}
-    one = math.copysign(1.0, x)
-    whole = [one, *([float(round(x))] if abs(x) < SMALL else [])]
-    if _length(x) == 1 and x == round(x) and abs(x) < SMALL:
-        whole = [one]
-    for y in (*whole, *(float(f"{x:.{count - 1}e}") for count in DIGITS)):
+    for y in (math.copysign(1.0, x), *([float(round(x))] if abs(x) < SMALL else []), *_near(x)):
         if y not in tried and (_length(y), abs(y) > SMALL) <= (_length(x), abs(x) > SMALL):
             tried.add(y)
             yield y
+
+
+def _near(x: float) -> Iterator[float]:
+    """Yield a number with few digits: rounded, away from 0 and towards 0."""
+    for count in DIGITS[: _length(x) - 1]:
+        nearest = float(f"{x:.{count - 1}e}")
+        unit = math.copysign(10.0 ** (math.floor(math.log10(abs(x))) - count + 1), x)
+        other = nearest + unit if abs(nearest) < abs(x) else nearest - unit
+        yield nearest
+        yield float(f"{other:.{count - 1}e}")
 
 
 def changed(problem: P, changes: Mapping[Entry, float]) -> P:

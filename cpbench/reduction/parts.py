@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench import matrices
+from cpbench.errors import NotApplicable
 from cpbench.expressions import Map
 from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations.base import Info, Problem
@@ -70,8 +71,8 @@ class Part:
 
 
 @cache
-def _own(cls: type[Problem]) -> dict[str, tuple[str, ...]]:
-    """Return the dimensions of each field of the data."""
+def shapes_of(cls: type[Problem]) -> dict[str, tuple[str, ...]]:
+    """Return the dimensions of each matrix, vector and map of a formulation."""
     return {
         f.name: f.metadata.get("shape") or f.metadata["map"]
         for f in dataclasses.fields(cls)
@@ -87,7 +88,7 @@ def _symbol(dimension: str) -> str:
 def _cone_symbol(problem: Any) -> str:
     """Return the dimension whose rows the cones of a conic node are over; empty where it has none."""
     name = getattr(type(problem), "cone_rows", "")
-    return _own(type(problem))[name][0] if name else ""
+    return shapes_of(type(problem))[name][0] if name else ""
 
 
 def kinds(problem: Problem) -> dict[str, list[Part]]:
@@ -96,16 +97,18 @@ def kinds(problem: Problem) -> dict[str, list[Part]]:
     found: dict[str, list[Part]] = {}
     sizes, taken = problem.sizes(), set[str]()
     if hasattr(law, "rows_of"):
-        d, rows = law.dimension, _own(type(problem))[law.rows_of][0]
+        d, rows = law.dimension, shapes_of(type(problem))[law.rows_of][0]
         found["contact"] = [_part("contact", {"nc": [c], rows: range(d * c, d * c + d)}) for c in range(law.nc)]
         taken |= {"nc", rows}
         if "n" in sizes and not problem.has_maps():
             found["body"] = [_part("body", {"n": group}) for group in _bodies(law.M)]
+            if len(found["body"]) < sizes["n"]:
+                found["degree of freedom"] = [_part("degree of freedom", {"n": [i]}) for i in range(sizes["n"])]
             taken.add("n")
     cone = _cone_symbol(problem)
     if cone:
         found["factor"] = list(_factors(law, cone))
-        taken |= {cone, *_own(type(problem))["cone_kind"]}
+        taken |= {cone, *shapes_of(type(problem))["cone_kind"]}
     names = {"n": "unknown", "m": "unknown" if problem.node == "mlcp" else "row"}
     for symbol, size in sizes.items():
         if symbol not in taken and size:
@@ -149,9 +152,9 @@ def without(problem: P, parts: Sequence[Part], values: Any = None) -> P:
     cone = _cone_symbol(problem)
     if cone:
         runs = _runs(problem, ~gone[cone])
-        gone[_own(type(problem))["cone_kind"][0]][:] = False
+        gone[shapes_of(type(problem))["cone_kind"][0]][:] = False
     keep = {symbol: np.flatnonzero(~dropped) for symbol, dropped in gone.items()}
-    own, data = _own(type(problem)), problem.data()
+    own, data = shapes_of(type(problem)), problem.data()
     for name, shape in own.items():
         if name not in data:
             changed[name] = _map(problem.maps()[name], shape, keep, gone, _held(problem, values))
@@ -165,6 +168,37 @@ def without(problem: P, parts: Sequence[Part], values: Any = None) -> P:
     if cone:
         changed |= runs  # pyright: ignore[reportPossiblyUnboundVariable]
     return bare(problem, changed)
+
+
+SQUARE: Mapping[str, tuple[str, str]] = {
+    "lcp": ("M", "q"), "relay": ("M", "q"), "fc": ("W", "q"), "rfc": ("W", "q"), "soclcp": ("M", "q")
+}  # fmt: skip
+"""Formulations with w = Mz + q alone: the matrix and the vector."""
+
+
+def condensed(problem: P, parts: Sequence[Part]) -> P:
+    """Return the problem without parts whose rows are eliminated as equations: M_xx − M_xy M_yy⁻¹ M_yx in place of
+    M_xx. The rest of a solution stays one where w is 0 in the parts, as in contacts that stick.
+
+    Raises CpbenchError where the formulation has no such form or the rows do not determine the parts.
+    """
+    if problem.node not in SQUARE:
+        raise NotApplicable("condensed", f"{problem.node} is not w = Mz + q alone")
+    names = SQUARE[problem.node]
+    M, q = matrices.dense(problem.data()[names[0]]), np.asarray(problem.data()[names[1]])
+    gone = np.zeros(q.size, dtype=bool)
+    for part in parts:
+        gone[part.places[shapes_of(type(problem))[names[1]][0]]] = True
+    try:
+        solved = np.linalg.solve(M[np.ix_(gone, gone)], np.column_stack([M[np.ix_(gone, ~gone)], q[gone]]))
+    except np.linalg.LinAlgError:
+        raise NotApplicable("condensed", "the rows that are left out do not determine their unknowns") from None
+    rest = without(problem, parts)
+    coupling = M[np.ix_(~gone, gone)]
+    S = M[np.ix_(~gone, ~gone)] - coupling @ solved[:, :-1]
+    if np.array_equal(M, M.T):
+        S = (S + S.T) / 2
+    return bare(rest, {names[0]: S, names[1]: q[~gone] - coupling @ solved[:, -1]})
 
 
 def bare(problem: P, changed: Mapping[str, Any]) -> P:
@@ -183,7 +217,7 @@ def _loads(
     problem: Problem, keep: Mapping[str, Index], gone: Mapping[str, Any], values: Any
 ) -> Iterator[tuple[str, Vector]]:
     """Yield what is held at values adds to the vectors of the data."""
-    own = _own(type(problem))
+    own = shapes_of(type(problem))
     for vector, sign, name, part in TERMS.get(problem.node, ()):
         M: Any = getattr(problem, name[0])
         rows, columns = own[name[0]]

@@ -21,12 +21,10 @@ from cpbench.formulations.base import Problem
 from cpbench.graph import arrive, nodes_of_maps
 from cpbench.reduction import numbers
 from cpbench.reduction.minimize import minimized
-from cpbench.reduction.parts import Part, kinds, without
+from cpbench.reduction.parts import Part, condensed, kinds, without
 from cpbench.reduction.trials import Trial, Trials
 from cpbench.solvers.base import solvers
 
-OPERATORS = ("M", "W", "Q")
-"""Matrices whose definiteness is what kind of problem it is."""
 LARGE = 400
 """Numbers of a problem up to which they are made simple one by one: beyond, a pass takes longer than a minute."""
 
@@ -45,7 +43,6 @@ class Reduced:
     source: Problem
     first: Trial
     last: Trial
-    other: str
     tried: int
     complete: bool
 
@@ -63,10 +60,10 @@ def reduce(problem: Problem, trials: Trials, progress: Progress = lambda problem
     first = trials.begin(problem)
     if not first.holds:
         outcome, other = first.outcome, first.other
-        solved = "" if other is None else f", {trials.other_of(problem.node)} {other.status}"
+        solved = "" if other is None else f", {first.name} {other.status}"
         raise NoFailure(
             f"{trials.asked.predicate}: {trials.asked.solver} does not do that here: its status is "
-            f"{outcome.status if outcome else ''}{solved}"
+            f"{outcome.status}{solved}"
         )
     steps = _Steps(trials, problem, progress)
     steps.nearer()
@@ -76,7 +73,7 @@ def reduce(problem: Problem, trials: Trials, progress: Progress = lambda problem
         steps.fewer_parts()
         steps.simpler_numbers()
     last = trials.again(steps.best)
-    return Reduced(steps.best, problem, first, last, trials.other_of(steps.best.node), trials.tried, not trials.over)
+    return Reduced(steps.best, problem, first, last, trials.tried, not trials.over)
 
 
 def data_size(problem: Problem) -> int:
@@ -95,7 +92,7 @@ class _Steps:
 
     def __init__(self, trials: Trials, problem: Problem, progress: Progress) -> None:
         self.trials, self.best, self._progress = trials, problem, progress
-        self._definite = {name for name in OPERATORS if _semidefinite(problem, name)}
+        self._definite = {name for name in numbers.OPERATORS if semidefinite(problem, name)}
 
     def _accepts(self, make: Callable[[], Problem]) -> bool:
         """Return whether a candidate is a problem that the failure holds for; it is the best then."""
@@ -105,7 +102,7 @@ class _Steps:
             return False
         if not unknowns(candidate) or candidate.fingerprint == self.best.fingerprint:
             return False
-        if any(not _semidefinite(candidate, name) for name in self._definite if hasattr(candidate, name)):
+        if any(not semidefinite(candidate, name) for name in self._definite if hasattr(candidate, name)):
             return False
         if not self.trials.holds(candidate):
             return False
@@ -126,27 +123,32 @@ class _Steps:
             self._accepts(lambda: without(there, []))
 
     def fewer_parts(self) -> None:
-        """Leave out parts, of every kind in turn."""
+        """Leave out parts, of every kind in turn: held at a solution, held at 0, eliminated."""
         for kind in list(kinds(self.best)):
-            for hold in (True, False):
-                whole, parts = self.best, kinds(self.best).get(kind, [])
-                values = self.trials.solution(whole) if hold and not self.trials.over else None
-                if hold and values is None:
-                    continue
-                minimized(parts, partial(self._has, whole, parts, values))
+            whole = self.best
+            values = self.trials.solution(whole) if not self.trials.over else None
+            if values is not None:
+                self._minimize(kind, partial(without, values=values))
+            self._minimize(kind, without)
+            self._minimize(kind, condensed)
+
+    def _minimize(self, kind: str, leave_out: Callable[[Problem, Sequence[Part]], Problem]) -> None:
+        whole, parts = self.best, kinds(self.best).get(kind, [])
+
+        def holds(kept: Sequence[Part]) -> bool:
+            chosen = set(map(id, kept))
+            return self._accepts(lambda: leave_out(whole, [part for part in parts if id(part) not in chosen]))
+
+        minimized(parts, holds)
 
     def _essential(self, entry: numbers.Entry) -> bool:
         """Return whether an entry is on the diagonal of a semidefinite matrix: 0 there would make a massless body."""
         return entry.field in self._definite and entry.places[0][0] == entry.places[0][-1]
 
-    def _has(self, whole: Problem, parts: Sequence[Part], values: Any, kept: Sequence[Part]) -> bool:
-        chosen = {id(part) for part in kept}
-        return self._accepts(lambda: without(whole, [part for part in parts if id(part) not in chosen], values))
-
     def simpler_numbers(self) -> None:
         """Round the data together, then set entries to 0, then make the others simple one by one."""
         for change in numbers.wholesale(self.best):
-            self._accepts(partial(change, self.best))
+            self._accepts(partial(_not_longer, self.best, change))
         if data_size(self.best) > LARGE:
             return
         whole = self.best
@@ -160,6 +162,13 @@ class _Steps:
                     break
 
 
+def _not_longer(problem: Problem, change: Callable[[Problem], Problem]) -> Problem:
+    """Return the changed problem, the given one where its numbers would have more digits or be more."""
+    changed = change(problem)
+    before, after = ((numbers.digits(p), data_size(p)) for p in (problem, changed))
+    return problem if after > before else changed
+
+
 def _zeroed(whole: Problem, given: Sequence[numbers.Entry], kept: Sequence[numbers.Entry]) -> Problem:
     left = set(map(id, kept))
     return numbers.changed(whole, {entry: 0.0 for entry in given if id(entry) not in left})
@@ -169,7 +178,7 @@ def _changed(problem: Problem, entry: numbers.Entry, value: float) -> Problem:
     return numbers.changed(problem, {entry: value})
 
 
-def _semidefinite(problem: Problem, name: str) -> bool:
+def semidefinite(problem: Problem, name: str) -> bool:
     """Return whether a matrix of the data is positive semidefinite, its symmetric part where it is not symmetric."""
     M: Any = problem.data().get(name)
     if M is None or M.shape[0] != M.shape[1]:

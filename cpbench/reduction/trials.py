@@ -23,6 +23,9 @@ from cpbench.reduction.predicate import Predicate
 from cpbench.temporary import RUN, TemporaryHome
 from cpbench.verification import MET_TOLERANCE
 
+OTHERS = 4
+"""Solvers that are asked, at most, whether a problem has a solution."""
+
 
 @dataclass(frozen=True)
 class Asked:
@@ -44,17 +47,18 @@ class Asked:
 
 @dataclass(frozen=True)
 class Trial:
-    """Result of a candidate.
+    """The outcome of a candidate.
 
     Attributes
     ----------
-    holds : whether the solver fails. outcome : of the solver, None where it was remembered. other : of the solver that
-    solves the problem, None where it was not asked.
+    holds : whether the solver fails. outcome : of the solver. other : of the solver beside it, None where none was
+    asked. name : of that solver.
     """
 
     holds: bool
-    outcome: Outcome | None = None
+    outcome: Outcome
     other: Outcome | None = None
+    name: str = ""
 
 
 class Trials:
@@ -72,6 +76,7 @@ class Trials:
         self.solvable = asked.predicate.needs_other
         self._journal = journal
         self._known: dict[str, bool] = _read(journal)
+        self._beside_by_node: dict[str, str] = {}
         self._pairs: dict[tuple[str, str], plan.Pair] = {}
         self._scratch = TemporaryHome(RUN)
         self._slot = Slot(Setting(asked.limits.threads, asked.limits.memory))
@@ -87,13 +92,6 @@ class Trials:
     def over(self) -> bool:
         """Whether the time is over."""
         return time.monotonic() > self.end
-
-    def other_of(self, node: str) -> str:
-        """Return the solver that has to solve what the failing one does not: the one that was named, or the first
-        automatic choice that is another solver; empty where there is none."""
-        named = self.asked.predicate.other
-        failing = plan.parse_entry(self.asked.solver).solver
-        return named or next((name for name in nearest_automatic(node) if name != failing), "")
 
     def begin(self, problem: Problem) -> Trial:
         """Try the problem as it was given: whether the solver fails, and whether another one solves it, which every
@@ -118,8 +116,9 @@ class Trials:
 
     def solution(self, problem: Problem) -> Any:
         """Return the other solver's verified answer to the problem, None where there is none."""
-        name = self.other_of(problem.node) if self.solvable else ""
-        outcome = self._solved(problem, name) if name else None
+        if not self.solvable:
+            return None
+        _, outcome = self._beside(problem)
         if outcome is None or outcome.status not in MET_TOLERANCE or outcome.answer is None:
             return None
         try:
@@ -133,27 +132,42 @@ class Trials:
 
     def _tried(self, problem: Problem, ask_other: bool = False) -> Trial:
         self.tried += 1
-        predicate, outcome = self.asked.predicate, self._solved(problem, self.asked.solver)
+        predicate, outcome = self.asked.predicate, self.solve(problem, self.asked.solver)
         fails = predicate.fails(outcome)
         if not (ask_other or (fails and self.solvable)):
             return Trial(fails, outcome)
-        name = self.other_of(problem.node)
-        other = self._solved(problem, name) if name else None
+        name, other = self._beside(problem)
         if self.solvable:
-            return Trial(fails and other is not None and predicate.holds(outcome, other), outcome, other)
-        return Trial(fails, outcome, other)
+            fails = other is not None and predicate.holds(outcome, other)
+        return Trial(fails, outcome, other, name)
 
-    def _solved(self, problem: Problem, solver: str) -> Outcome:
-        """Solve a problem by a solver; raises NoRoute where no problem of this formulation reaches it."""
+    def _beside(self, problem: Problem) -> tuple[str, Outcome | None]:
+        """Solve a problem by the solver that was named, or by the first of ours that solves it: the nearest automatic
+        choices, then others of the formulation. What solved a problem is asked for all others of its formulation."""
+        named = self.asked.predicate.other
+        if named:
+            return named, self.solve(problem, named)
+        failing, found = plan.parse_entry(self.asked.solver).solver, ("", None)
+        known = self._beside_by_node.get(problem.node)
+        for name in [known] if known else [n for n in nearest_automatic(problem.node) if n != failing][:OTHERS]:
+            try:
+                found = name, self.solve(problem, name)
+            except NoRoute:
+                continue
+            if found[1].status in MET_TOLERANCE:
+                self._beside_by_node[problem.node] = name
+                break
+        return found
+
+    def solve(self, problem: Problem, solver: str) -> Outcome:
+        """Solve a problem by a solver with its options; raises NoRoute where this formulation does not reach it."""
         path = self._scratch.folder / f"candidate-{problem.fingerprint}.h5"
         if not path.exists():
             for old in self._scratch.folder.glob("candidate-*.h5"):
                 old.unlink()
             storage.save(problem, path)
         pair = self._pair(problem, solver, str(path))
-        prepared = self._slot.prepare(pair)
-        outcome = self._slot.run(pair, prepared)
-        return outcome
+        return self._slot.run(pair, self._slot.prepare(pair))
 
     def _pair(self, problem: Problem, solver: str, address: str) -> plan.Pair:
         known = self._pairs.get((problem.node, solver))

@@ -47,8 +47,8 @@ def _sentence(ranking: Ranking) -> str:
     """Return what to use, after the formulation and what it is called in full."""
     title = f" ({plain(ranking.title)})" if ranking.title else ""
     winner = f"use {ranking.winner}: "
-    said = plain(ranking.verdict.removeprefix(winner))
-    advice = f"use **{code(ranking.winner)}**: {said}" if ranking.verdict.startswith(winner) else said
+    sentence = plain(ranking.verdict.removeprefix(winner))
+    advice = f"use **{code(ranking.winner)}**: {sentence}" if ranking.verdict.startswith(winner) else sentence
     return f"- **{plain(ranking.formulation)}**{title}: {advice}"
 
 

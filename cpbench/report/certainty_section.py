@@ -49,13 +49,26 @@ def _far(run: Run) -> Iterator[str]:
     if len(found):
         yield f"{len(found)} accepted answers are {certainty.FAR:g} or more from the solution that is known:"
         yield table(
-            ["problem", "solver", "error", "distance"],
+            ["problem", "solver", "measure", "error", "distance", "the only solution, for the matrix is"],
             (
-                [plain(row["problem"]), code(row["label"]), number(row["error"]), number(row["distance"])]
+                [
+                    plain(row["problem"]),
+                    code(row["label"]),
+                    row["measure"] or "backward error",
+                    number(row["error"]),
+                    number(row["distance"]),
+                    plain(_only(row["certificate"])),
+                ]
                 for _, row in found.head(LISTED).iterrows()
             ),
-            right=[2, 3],
+            right=[3, 4],
         )
+
+
+def _only(certificate: str) -> str:
+    """Return the fact that makes the solution unique; a word where none is known."""
+    known = next((part for part in certificate.split("; ") if part.startswith("unique: ")), "")
+    return known.removeprefix("unique: ") or "not known"
 
 
 def _problems(run: Run) -> Iterator[str]:

@@ -70,17 +70,17 @@ def figure(found: pd.DataFrame, problems: int, title: str, looks: Mapping[str, i
     drawn = sum(1 for _, own in found.groupby("label") if (own["seconds"] < math.inf).any())
     with matplotlib.rc_context(figures.STYLE):
         height = max(4.2, 1.5 + legend.LINE * (min(drawn, legend.LINES) + 2))
-        made = Figure(figsize=(9.2, height), dpi=150)
-        FigureCanvasAgg(made)
+        drawing = Figure(figsize=(9.2, height), dpi=150)
+        FigureCanvasAgg(drawing)
         bottom = 1.0 / height
         box = (bottom, 0.99 - bottom - 0.42 / height)
-        axes = made.add_axes((0.09, box[0], 0.535, box[1]))
-        beside = made.add_axes((0.685, box[0], 0.31, box[1]))
-        made.text(0.09, 1 - 0.24 / height, title, fontsize=10.5, fontweight="bold", va="center")
+        axes = drawing.add_axes((0.09, box[0], 0.535, box[1]))
+        beside = drawing.add_axes((0.685, box[0], 0.31, box[1]))
+        drawing.text(0.09, 1 - 0.24 / height, title, fontsize=10.5, fontweight="bold", va="center")
         curves_axes(axes, beside, found, problems, looks)
         text = textwrap.fill(guide(problems), 136)
-        made.text(0.065, 0.10 / height, text, fontsize=7.8, color="#444444", va="bottom", linespacing=1.35)
-    return made
+        drawing.text(0.065, 0.10 / height, text, fontsize=7.8, color="#444444", va="bottom", linespacing=1.35)
+    return drawing
 
 
 def curves_axes(axes: Axes, beside: Axes, found: pd.DataFrame, problems: int, looks: Mapping[str, int]) -> None:

@@ -36,7 +36,6 @@ STYLE = {
     "text.parse_math": False,  # a label is text, whatever dollar signs it has
     "svg.hashsalt": "cpbench",
     "svg.fonttype": "path",
-    "pdf.fonttype": 42,
     "font.family": "DejaVu Sans",
     "font.size": 9,
     "axes.spines.top": False,
@@ -164,15 +163,16 @@ def nothing(axes: Axes, why: str) -> None:
 
 
 def save(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write `name`.png, .svg and .pdf, without dates or versions in them; gives their paths."""
+    """Write `name`.png and .svg, without dates or versions in them; gives their paths. A figure for print is made by
+    `cpbench plot`: a PDF takes twice as long as both.
+    """
     import matplotlib
 
-    paths = [folder / f"{name}.{suffix}" for suffix in ("png", "svg", "pdf")]
+    paths = [folder / f"{name}.{suffix}" for suffix in ("png", "svg")]
     with matplotlib.rc_context(STYLE), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing")  # a label may use any script
         figure.savefig(paths[0], metadata={"Software": None})
         figure.savefig(paths[1], metadata={"Date": None, "Creator": None})
-        figure.savefig(paths[2], metadata={"CreationDate": None, "Creator": None, "Producer": None})
     return paths
 
 

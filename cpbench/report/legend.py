@@ -86,9 +86,9 @@ def beside(
         ink = "#666666" if line.place is None else "#111111"
         axes.text(0.085 + indent, at, line.number, fontsize=8, color=ink, va="center", ha="right")
         axes.text(0.24 + indent, at, line.label, fontsize=8, color=ink, va="center")
-    told = [f"and {len(unnamed)} more in grey"] if unnamed else []
+    texts = [f"and {len(unnamed)} more in grey"] if unnamed else []
     for note in notes:
-        told += textwrap.wrap(note, 48)
+        texts += textwrap.wrap(note, 48)
     room = max(1, int((fit - len(named) - 1.4) / 0.85) + 1)
-    for k, text in enumerate(told if len(told) <= room else [*told[: room - 1], f"{told[room - 1]} …"]):
+    for k, text in enumerate(texts if len(texts) <= room else [*texts[: room - 1], f"{texts[room - 1]} …"]):
         axes.text(0.0, len(named) + 1.4 + k * 0.85, text, fontsize=7.2, color="#666666", va="center")

@@ -23,7 +23,7 @@ def fragment(problem: Problem) -> str:
     lines = ["% needs amsmath", f"\\noindent {prose(problem.title.capitalize())}{label}, {prose(problem.equation)}:"]
     names = [*problem.data(), *problem.maps()]
     lines += _aligned([f"& {law(relation, names)}" for relation in show.relations(type(problem))])
-    lines += [_made_by(problem)] if problem.provenance else []
+    lines += [_origin(problem)] if problem.provenance else []
     data = [
         _entry(label, value) if show.is_small(problem) else _space(problem, label, value)
         for label, value in problem.data().items()
@@ -39,7 +39,7 @@ def _aligned(rows: list[str]) -> Iterator[str]:
         yield r"\end{align*}"
 
 
-def _made_by(problem: Problem) -> str:
+def _origin(problem: Problem) -> str:
     steps: list[str] = []
     for step in problem.provenance:
         equation = conversions.get(step.conversion).equation if step.conversion in conversions else ""

@@ -20,46 +20,46 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.grfc import GlobalRollingFrictionContact
 from cpbench.formulations.rfc import RollingFrictionContact
-from cpbench.storage.siconos_linear import Made, made
+from cpbench.storage.siconos_linear import Builder, builder
 from cpbench.storage.siconos_matrix import Cursor, read_matrix
 
 
-def local_reader(dimension: int) -> Callable[[Cursor], Made]:
-    def read(c: Cursor) -> Made:
+def local_reader(dimension: int) -> Callable[[Cursor], Builder]:
+    def read(c: Cursor) -> Builder:
         size, nc = _heading(c, dimension)
         parts = _local(c, size)
         mu = c.numbers("mu", nc)
         c.finish(flag=True)
-        return made(c, FrictionContact, **parts, mu=mu, dimension=dimension)
+        return builder(c, FrictionContact, **parts, mu=mu, dimension=dimension)
 
     return read
 
 
-def rolling_reader(dimension: int) -> Callable[[Cursor], Made]:
-    def read(c: Cursor) -> Made:
+def rolling_reader(dimension: int) -> Callable[[Cursor], Builder]:
+    def read(c: Cursor) -> Builder:
         size, nc = _heading(c, dimension)
         parts = _local(c, size) | _coefficients(c, dimension, nc)
-        return made(c, RollingFrictionContact, **parts, dimension=dimension)
+        return builder(c, RollingFrictionContact, **parts, dimension=dimension)
 
     return read
 
 
-def global_reader(dimension: int) -> Callable[[Cursor], Made]:
-    def read(c: Cursor) -> Made:
+def global_reader(dimension: int) -> Callable[[Cursor], Builder]:
+    def read(c: Cursor) -> Builder:
         size, nc = _heading(c, dimension)
         parts = _global(c, size)
         mu = c.numbers("mu", nc)
         c.finish(flag=True)
-        return made(c, GlobalFrictionContact, **parts, mu=mu, dimension=dimension)
+        return builder(c, GlobalFrictionContact, **parts, mu=mu, dimension=dimension)
 
     return read
 
 
-def global_rolling_reader(dimension: int) -> Callable[[Cursor], Made]:
-    def read(c: Cursor) -> Made:
+def global_rolling_reader(dimension: int) -> Callable[[Cursor], Builder]:
+    def read(c: Cursor) -> Builder:
         size, nc = _heading(c, dimension)
         parts = _global(c, size) | _coefficients(c, dimension, nc)
-        return made(c, GlobalRollingFrictionContact, **parts, dimension=dimension)
+        return builder(c, GlobalRollingFrictionContact, **parts, dimension=dimension)
 
     return read
 

@@ -30,39 +30,39 @@ from cpbench.storage.siconos_matrix import Cursor, read_matrix
 
 logger = logging.getLogger("cpbench.storage")
 
-Made: TypeAlias = Callable[[], Problem]
+Builder: TypeAlias = Callable[[], Problem]
 """A problem that was read to its last number; making it still checks its data (NaN, negative friction)."""
 
 
-def made(c: Cursor, cls: type[Problem], **parts: Any) -> Made:
+def builder(c: Cursor, cls: type[Problem], **parts: Any) -> Builder:
     return partial(build, c.path, cls, "", name=stem(c.path), **parts)
 
 
-def read_lcp(c: Cursor) -> Made:
+def read_lcp(c: Cursor) -> Builder:
     n = c.integer("n")
     M, q = read_matrix(c, "M", (n, n)), c.numbers("q", n)
     c.finish()
-    return made(c, LCP, M=M, q=q)
+    return builder(c, LCP, M=M, q=q)
 
 
-def read_avi(c: Cursor) -> Made:
+def read_avi(c: Cursor) -> Builder:
     n = c.integer("n")
     M, q = read_matrix(c, "M", (n, n)), c.numbers("q", n)
     c.finish()
     if not c.signature:
         logger.warning("%s: this layout has no place for the set X of an AVI: X is the whole space", c.path)
-    return made(c, AVI, M=M, q=q)
+    return builder(c, AVI, M=M, q=q)
 
 
-def read_relay(c: Cursor) -> Made:
+def read_relay(c: Cursor) -> Builder:
     n = c.integer("n")
     M = read_matrix(c, "M", (n, n))
     q, lb, ub = (c.numbers(name, n) for name in ("q", "lb", "ub"))
     c.finish()
-    return made(c, Relay, M=M, q=q, lb=lb, ub=ub)
+    return builder(c, Relay, M=M, q=q, lb=lb, ub=ub)
 
 
-def read_soclcp(c: Cursor) -> Made:
+def read_soclcp(c: Cursor) -> Builder:
     n, nc = c.integer("n"), c.integer("nc")
     M, q = read_matrix(c, "M", (n, n)), c.numbers("q", n)
     ends = c.integers("cone ends", nc + 1)
@@ -71,10 +71,10 @@ def read_soclcp(c: Cursor) -> Made:
     tau = c.numbers("tau", nc)
     c.finish()
     kind = np.full(nc, float(Cone.SECOND_ORDER))
-    return made(c, SOCLCP, M=M, q=q, cone_kind=kind, cone_size=np.diff(ends).astype(float), cone_mu=tau)
+    return builder(c, SOCLCP, M=M, q=q, cone_kind=kind, cone_size=np.diff(ends).astype(float), cone_mu=tau)
 
 
-def read_mlcp(c: Cursor) -> Made:
+def read_mlcp(c: Cursor) -> Builder:
     """Read both layouts of today; M and (A, B, C, D) must agree where a file has both."""
     st1, st2, n, m = (c.integer(field) for field in ("st1", "st2", "n", "m"))
     if st1 > 1 or st2 > 1 or not st1 + st2:
@@ -91,16 +91,16 @@ def read_mlcp(c: Cursor) -> Made:
         parts = parts or other
     # some files end with a recorded answer, u (its first number lost), v and w
     c.finish(answers=(n + 2 * m - 1, n + 2 * m) if n + m else ())
-    return made(c, MLCP, **parts)
+    return builder(c, MLCP, **parts)
 
 
-def read_mlcp_old(c: Cursor) -> Made:
+def read_mlcp_old(c: Cursor) -> Builder:
     n, m, lines = (c.integer(field) for field in ("n", "m", "lines"))
     if lines != n + m:
         raise c.error("M", f"has {lines} rows, expected {n + m} (n + m = {n} + {m})")
     parts = _abcd(c, n, m)
     c.finish()
-    return made(c, MLCP, **parts)
+    return builder(c, MLCP, **parts)
 
 
 def _by_blocks(c: Cursor, n: int, m: int) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from cpbench.storage.siconos_contact import (
     rolling_reader,
 )
 from cpbench.storage.siconos_linear import (
-    Made,
+    Builder,
     read_avi,
     read_lcp,
     read_mlcp,
@@ -57,7 +57,7 @@ class SiconosText(Format):
         self,
         kind: str,
         node: str,
-        readers: tuple[Callable[[Cursor], Made], ...],
+        readers: tuple[Callable[[Cursor], Builder], ...],
         write: Callable[[Any], str],
         dimension: int | None = None,
         *,
@@ -108,9 +108,9 @@ class SiconosText(Format):
 
 def _attempt(
     c: Cursor, kinds: Sequence[SiconosText]
-) -> tuple[list[tuple[SiconosText, Made]], list[tuple[int, str, FormatError]]]:
+) -> tuple[list[tuple[SiconosText, Builder]], list[tuple[int, str, FormatError]]]:
     """Return the readers that come to the file's last number, and the refusals of the others with how far they came."""
-    found: list[tuple[SiconosText, Made]] = []
+    found: list[tuple[SiconosText, Builder]] = []
     refusals: list[tuple[int, str, FormatError]] = []
     for kind in kinds:
         for reader in kind.readers:

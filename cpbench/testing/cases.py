@@ -44,14 +44,14 @@ def cases(node: str) -> list[Case]:
 
     Of a formulation that has no such cases, the problems of its generators whose solution is known.
     """
-    made: dict[str, tuple[Problem, Any]] = {}
+    named: dict[str, tuple[Problem, Any]] = {}
     for makers in _ALL_MAKERS:
         if node in makers:
-            made |= makers[node]()
-    if not made:  # a formulation that has no cases here: its generators have some
+            named |= makers[node]()
+    if not named:  # a formulation that has no cases here: its generators have some
         solved = (i for one in generators if one.node == node for i in one.instances() if i.solution is not None)
-        made = {instance.name: (instance.problem, instance.solution) for instance in solved}
-    return [Case(name, dataclasses.replace(problem, name=name), point) for name, (problem, point) in made.items()]
+        named = {instance.name: (instance.problem, instance.solution) for instance in solved}
+    return [Case(name, dataclasses.replace(problem, name=name), point) for name, (problem, point) in named.items()]
 
 
 def infeasible(node: str) -> list[Case]:
@@ -186,20 +186,20 @@ def _rng(seed: int) -> np.random.Generator:
 
 
 def _lcp() -> dict[str, tuple[Problem, Any]]:
-    made: dict[str, tuple[Problem, Any]] = {
+    named: dict[str, tuple[Problem, Any]] = {
         kind.replace(" ", "-"): planted.lcp(_rng(i), 12, kind) for i, kind in enumerate(planted.SQUARE)
     }
-    made["sparse"] = planted.lcp(_rng(10), 12, "positive definite", sparse=True)
-    made["one"] = (LCP(M=np.eye(1), q=[-2.0]), LCPPoint(z=[2.0]))
-    made["empty"] = (LCP(M=np.zeros((0, 0)), q=[]), LCPPoint(z=[]))
-    made["trivial"] = (LCP(M=np.eye(4), q=np.ones(4)), LCPPoint(z=np.zeros(4)))
+    named["sparse"] = planted.lcp(_rng(10), 12, "positive definite", sparse=True)
+    named["one"] = (LCP(M=np.eye(1), q=[-2.0]), LCPPoint(z=[2.0]))
+    named["empty"] = (LCP(M=np.zeros((0, 0)), q=[]), LCPPoint(z=[]))
+    named["trivial"] = (LCP(M=np.eye(4), q=np.ones(4)), LCPPoint(z=np.zeros(4)))
     problem, point = planted.lcp(_rng(11), 8, "positive definite")
     scale = 10.0 ** np.array([-4, 4, 0, 2, -2, 3, -3, 1])
-    made["badly-scaled"] = (
+    named["badly-scaled"] = (
         LCP(M=problem.M * scale[:, None] * scale, q=problem.q * scale),
         LCPPoint(z=point.z / scale),
     )
-    return made
+    return named
 
 
 def _mlcp() -> dict[str, tuple[Problem, Any]]:
@@ -226,18 +226,18 @@ def _qp() -> dict[str, tuple[Problem, Any]]:
 
 
 def _fc() -> dict[str, tuple[Problem, Any]]:
-    made: dict[str, tuple[Problem, Any]] = {
+    named: dict[str, tuple[Problem, Any]] = {
         f"{kind.replace(' ', '-')}-{d}d": planted.fc(_rng(i), 5, d, kind)
         for i, kind in enumerate(planted.SQUARE[:3])
         for d in (2, 3)
     }
-    made["sparse-3d"] = planted.fc(_rng(10), 5, 3, "positive definite", sparse=True)
-    made["nonsymmetric-3d"] = planted.fc(_rng(11), 3, 3, "any")
-    made["one-3d"] = planted.fc(_rng(12), 1, 3, "positive definite")
+    named["sparse-3d"] = planted.fc(_rng(10), 5, 3, "positive definite", sparse=True)
+    named["nonsymmetric-3d"] = planted.fc(_rng(11), 3, 3, "any")
+    named["one-3d"] = planted.fc(_rng(12), 1, 3, "positive definite")
     problem, point = planted.fc(_rng(13), 4, 3, "positive definite")
-    made["frictionless-3d"] = _without_friction(problem, point)
-    made["empty-3d"] = planted.fc(_rng(14), 0, 3, "positive definite")
-    return made
+    named["frictionless-3d"] = _without_friction(problem, point)
+    named["empty-3d"] = planted.fc(_rng(14), 0, 3, "positive definite")
+    return named
 
 
 def _without_friction(problem: FrictionContact, point: Any) -> tuple[Problem, Any]:

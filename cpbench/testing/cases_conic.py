@@ -16,13 +16,13 @@ def _rng(seed: int) -> np.random.Generator:
 
 
 def _relay() -> dict[str, tuple[Problem, Any]]:
-    made: dict[str, tuple[Problem, Any]] = {
+    named: dict[str, tuple[Problem, Any]] = {
         kind.replace(" ", "-"): planted_conic.relay(_rng(i), 10, kind) for i, kind in enumerate(planted.SQUARE)
     }
-    made["sparse"] = planted_conic.relay(_rng(10), 10, sparse=True)
-    made["one"] = planted_conic.relay(_rng(11), 1, "positive definite")
-    made["empty"] = planted_conic.relay(_rng(12), 0)
-    return made
+    named["sparse"] = planted_conic.relay(_rng(10), 10, sparse=True)
+    named["one"] = planted_conic.relay(_rng(11), 1, "positive definite")
+    named["empty"] = planted_conic.relay(_rng(12), 0)
+    return named
 
 
 def _avi() -> dict[str, tuple[Problem, Any]]:
@@ -39,15 +39,15 @@ def _avi() -> dict[str, tuple[Problem, Any]]:
 
 
 def _soclcp() -> dict[str, tuple[Problem, Any]]:
-    made: dict[str, tuple[Problem, Any]] = {
+    named: dict[str, tuple[Problem, Any]] = {
         kind.replace(" ", "-"): planted_conic.soclcp(_rng(i), None, kind) for i, kind in enumerate(planted.SQUARE)
     }
-    made["sparse"] = planted_conic.soclcp(_rng(10), None, "positive definite", sparse=True)
+    named["sparse"] = planted_conic.soclcp(_rng(10), None, "positive definite", sparse=True)
     half_space = ProductCone.of((Cone.SECOND_ORDER, 3, 3, np.array([0.0, np.inf, 1.0])))
-    made["half-space"] = planted_conic.soclcp(_rng(11), half_space, "positive definite")
-    made["one"] = planted_conic.soclcp(_rng(12), ProductCone.of((Cone.NONNEGATIVE, 1, 1)), "positive definite")
-    made["empty"] = planted_conic.soclcp(_rng(13), ProductCone.of())
-    return made
+    named["half-space"] = planted_conic.soclcp(_rng(11), half_space, "positive definite")
+    named["one"] = planted_conic.soclcp(_rng(12), ProductCone.of((Cone.NONNEGATIVE, 1, 1)), "positive definite")
+    named["empty"] = planted_conic.soclcp(_rng(13), ProductCone.of())
+    return named
 
 
 def _coneqp() -> dict[str, tuple[Problem, Any]]:

@@ -30,7 +30,7 @@ from cpbench.product_cones import Cone, ProductCone
 from cpbench.testing import planted_nonlinear as plant
 from cpbench.testing.planted_nonlinear import graph
 
-Made = dict[str, tuple[Problem, Any]]
+Named = dict[str, tuple[Problem, Any]]
 _NONE = np.zeros(0)
 
 
@@ -38,66 +38,66 @@ def _rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def _laws(make: Callable[..., Any], seed: int, *sizes: Any) -> Made:
+def _laws(make: Callable[..., Any], seed: int, *sizes: Any) -> Named:
     return {law: make(_rng(seed + i), *sizes, law=law) for i, law in enumerate(plant.LAWS)}
 
 
-def _ncp() -> Made:
+def _ncp() -> Named:
     """Return z = F(z) = 0 in half of the components, not monotone, F without a value at 0."""
-    made = _laws(plant.ncp, 300, 9)
-    made["not-monotone"] = plant.ncp(_rng(310), 8, "any")
-    made["one"] = plant.ncp(_rng(311), 1, "positive definite", "exp")
-    made["empty"] = plant.ncp(_rng(312), 0)
+    named = _laws(plant.ncp, 300, 9)
+    named["not-monotone"] = plant.ncp(_rng(310), 8, "any")
+    named["one"] = plant.ncp(_rng(311), 1, "positive definite", "exp")
+    named["empty"] = plant.ncp(_rng(312), 0)
     z = np.array([1.0, 0.0, 2.0, 0.0])
-    made["all-ties"] = (
+    named["all-ties"] = (
         NCP(F=plant.monotone(_rng(313), z, np.zeros(4), "positive definite", "cube")),
         NCPPoint(z=z),
     )
-    made["root-at-zero"] = (NCP(F=graph(2, lambda x: x * x + x)), NCPPoint(z=np.zeros(2)))
-    made["logarithm"] = (NCP(F=graph(2, np.log), start=[2.0, 0.5]), NCPPoint(z=np.ones(2)))
-    return made
+    named["root-at-zero"] = (NCP(F=graph(2, lambda x: x * x + x)), NCPPoint(z=np.zeros(2)))
+    named["logarithm"] = (NCP(F=graph(2, np.log), start=[2.0, 0.5]), NCPPoint(z=np.ones(2)))
+    return named
 
 
-def _micp() -> Made:
+def _micp() -> Named:
     """Return a problem with nothing bounded, everything fixed, at a bound with F = 0."""
-    made = _laws(plant.micp, 320, 10)
-    made["not-monotone"] = plant.micp(_rng(330), 8, "any")
-    made["one"] = plant.micp(_rng(331), 1, "positive definite", "exp")
-    made["empty"] = plant.micp(_rng(332), 0)
+    named = _laws(plant.micp, 320, 10)
+    named["not-monotone"] = plant.micp(_rng(330), 8, "any")
+    named["one"] = plant.micp(_rng(331), 1, "positive definite", "exp")
+    named["empty"] = plant.micp(_rng(332), 0)
     z, none = np.array([1.0, -2.0, 0.5]), np.full(3, np.inf)
-    made["free"] = (
+    named["free"] = (
         MiCP(F=plant.monotone(_rng(333), z, np.zeros(3), "positive definite"), lb=-none, ub=none),
         MiCPPoint(z=z),
     )
-    made["fixed"] = (MiCP(F=plant.monotone(_rng(334), z, z, "monotone"), lb=z, ub=z), MiCPPoint(z=z))
-    made["all-ties"] = (
+    named["fixed"] = (MiCP(F=plant.monotone(_rng(334), z, z, "monotone"), lb=z, ub=z), MiCPPoint(z=z))
+    named["all-ties"] = (
         MiCP(F=plant.monotone(_rng(335), z, np.zeros(3), "positive definite", "tanh"), lb=z, ub=z + 1.0),
         MiCPPoint(z=z),
     )
     pair = graph(2, lambda x: (x + x * x * x) - 2.0)
-    made["from-index-set"] = (MiCP.from_index_set(pair, [1]), MiCPPoint(z=np.ones(2)))
-    return made
+    named["from-index-set"] = (MiCP.from_index_set(pair, [1]), MiCPPoint(z=np.ones(2)))
+    return named
 
 
-def _equation() -> Made:
+def _equation() -> Named:
     """Build smooth equations, with corners, and nothing to solve."""
-    made = _laws(plant.equation, 340, 7)
-    made["piecewise"] = plant.equation(_rng(350), 7, "positive definite", "piecewise")
-    made["one"] = plant.equation(_rng(351), 1, "positive definite", "cube")
-    made["empty"] = plant.equation(_rng(352), 0)
-    made["zero-at-start"] = (Equation(F=graph(2, lambda x: x * x + x)), EquationPoint(z=np.zeros(2)))
-    return made
+    named = _laws(plant.equation, 340, 7)
+    named["piecewise"] = plant.equation(_rng(350), 7, "positive definite", "piecewise")
+    named["one"] = plant.equation(_rng(351), 1, "positive definite", "cube")
+    named["empty"] = plant.equation(_rng(352), 0)
+    named["zero-at-start"] = (Equation(F=graph(2, lambda x: x * x + x)), EquationPoint(z=np.zeros(2)))
+    return named
 
 
 def _ball(n: int, radius: float) -> ProductCone:
     return ProductCone.of((Cone.BALL, 1, n, radius))
 
 
-def _vi() -> Made:
+def _vi() -> Named:
     """Build a box, polyhedron, ball, second-order cone, products, g(z) ≥ 0; everything at once."""
     soc = ProductCone.of((Cone.SECOND_ORDER, 3, 3, np.array([0.0, 0.5, 1.0])))
     orthant = ProductCone.of((Cone.NONNEGATIVE, 1, 4), (Cone.ZERO, 1, 2))
-    made: Made = {
+    named: Named = {
         "box": plant.vi(_rng(360), 8),
         "affine-box": plant.vi(_rng(361), 8, law="affine"),
         "polyhedron": plant.vi(_rng(362), 8, None, 5, 2, law="exp"),
@@ -117,11 +117,11 @@ def _vi() -> Made:
     }
     z = np.array([1.0, -2.0, 0.5])
     F = plant.monotone(_rng(376), z, np.zeros(3), "positive definite")
-    made["whole-space"] = (VI(F=F), VIPoint(z=z))
-    return made
+    named["whole-space"] = (VI(F=F), VIPoint(z=z))
+    return named
 
 
-def _ge() -> Made:
+def _ge() -> Named:
     soc = ProductCone.of((Cone.SECOND_ORDER, 2, 3, np.array([0.5, 1.0])))
     orthant = ProductCone.of((Cone.NONNEGATIVE, 1, 4), (Cone.ZERO, 1, 2))
     return {
@@ -135,7 +135,7 @@ def _ge() -> Made:
     }
 
 
-def _cp() -> Made:
+def _cp() -> Named:
     """Build products with and without rows; the lecture's orthant; μ of 0 and ∞."""
     half_space = ProductCone.of((Cone.SECOND_ORDER, 3, 3, np.array([0.0, np.inf, 1.0])))
     orthant = ProductCone.of((Cone.NONNEGATIVE, 1, 6))
@@ -152,10 +152,10 @@ def _cp() -> Made:
     }
 
 
-def _nlp() -> Made:
+def _nlp() -> Named:
     """Build convex ones and qualified ones, qualified by nobody's word, stationary points, nothing but bounds, nothing
     at all."""
-    made: Made = {
+    named: Named = {
         "convex": plant.nlp(_rng(420), 8, 4, 2),
         "no-equality": plant.nlp(_rng(421), 7, 3, 0),
         "no-slater": plant.nlp(_rng(422), 7, 3, 1, slater=False),
@@ -166,18 +166,18 @@ def _nlp() -> Made:
         "empty": plant.nlp(_rng(427), 0, 0, 0),
     }
     free = NLP(f=graph(2, lambda x: (np.exp(x) - x).sum()), start=[1.0, -1.0], convex=True)
-    made["unconstrained"] = (free, NLPPoint(z=np.zeros(2), lam=_NONE, mu=_NONE, nu=np.zeros(2)))
+    named["unconstrained"] = (free, NLPPoint(z=np.zeros(2), lam=_NONE, mu=_NONE, nu=np.zeros(2)))
     linear = NLP(f=graph(2, np.sum), g=graph(2, lambda x: x - 1.0), convex=True)
-    made["linear"] = (linear, NLPPoint(z=np.ones(2), lam=np.ones(2), mu=_NONE, nu=np.zeros(2)))
-    problem, point = made["convex"]
+    named["linear"] = (linear, NLPPoint(z=np.ones(2), lam=np.ones(2), mu=_NONE, nu=np.zeros(2)))
+    problem, point = named["convex"]
     assert isinstance(problem, NLP)
     z = point.z
     fixed = dataclasses.replace(problem, lb=z, ub=z, start=z)
-    made["fixed"] = (fixed, point)
-    return made
+    named["fixed"] = (fixed, point)
+    return named
 
 
-def _qvi() -> Made:
+def _qvi() -> Named:
     return {
         "moving-box": plant.moving_box(_rng(440), 7),
         "affine-moving-box": plant.moving_box(_rng(441), 5, "positive definite", "affine"),
@@ -189,7 +189,7 @@ def _qvi() -> Made:
     }
 
 
-def _nfc() -> Made:
+def _nfc() -> Named:
     return {
         "damping-3d": plant.nfc(_rng(450), 3, 4, 3),
         "sparse-3d": plant.nfc(_rng(451), 3, 4, 3, "tanh", sparse=True),

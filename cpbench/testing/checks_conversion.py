@@ -63,9 +63,9 @@ def check_promises_agree(edge: Conversion, cases: list[Case]) -> None:
         promise = edge.exactness(case.problem)
         assert promise in declared, f"{case.name}: {promise}, declared {', '.join(sorted(declared))}"
         assert target.provenance[-1].kind == promise, f"{case.name}: the step says {target.provenance[-1].kind}"
-        for asked in (1e-4, 1e-8):
-            there = edge.tolerance(asked, target.provenance[-1].trace)
-            assert 0.0 < there <= asked, f"{case.name}: asks a solver for {there:.0e} to get {asked:.0e}"
+        for tolerance in (1e-4, 1e-8):
+            there = edge.tolerance(tolerance, target.provenance[-1].trace)
+            assert 0.0 < there <= tolerance, f"{case.name}: asks a solver for {there:.0e} to get {tolerance:.0e}"
 
 
 def check_the_input_stays(edge: Conversion, cases: list[Case]) -> None:

@@ -57,15 +57,15 @@ def check_what_is_known_holds(collection: Collection, cases: list[Case]) -> None
 
 def check_the_same_twice(collection: Collection, cases: list[Case]) -> None:
     """Check that they are the same whatever the state of NumPy's global generator is."""
-    made: list[list[str]] = []
+    marks: list[list[str]] = []
     before = np.random.get_state()  # noqa: NPY002 - the global one: nothing may depend on it
     try:
         for seed in (1, 2):
             np.random.seed(seed)  # noqa: NPY002
-            made.append(_marks(collection.instances()))
+            marks.append(_marks(collection.instances()))
     finally:
         np.random.set_state(before)  # noqa: NPY002
-    assert made[0] == made[1], f"{_first_difference(*made)} is another one on the second call"
+    assert marks[0] == marks[1], f"{_first_difference(*marks)} is another one on the second call"
 
 
 def check_the_same_in_another_process(collection: Collection, cases: list[Case]) -> None:
@@ -87,10 +87,10 @@ def check_the_same_in_another_process(collection: Collection, cases: list[Case])
 
 def check_data_are_read_only(collection: Collection, cases: list[Case]) -> None:
     instances = collection.instances()
-    made = [
+    fresh = [
         Case(i.name, i.problem, i.solution if i.solution is not None else i.problem.zero_point()) for i in instances
     ]
-    checks_formulation.check_data_are_read_only(formulations.get(collection.node), made)
+    checks_formulation.check_data_are_read_only(formulations.get(collection.node), fresh)
 
 
 def check_files_keep_them(collection: Collection, cases: list[Case]) -> None:

@@ -60,9 +60,9 @@ _memory = _Memory()
 def _run(solver: Solver, case: Case, start: Any | None = None, **budget: Any) -> SolverOutput:
     begun = None if start is None else tuple((part, value.tobytes()) for part, value in start.arrays().items())
     limits: dict[str, Any] = {"tolerance": TOLERANCE, "seconds": SECONDS, **budget}
-    asked = Budget(**limits)
-    key = ("run", begun, asked)
-    return _memory.get(solver, case.problem, key, lambda: solver.run(case.problem, asked, start=start))
+    limited = Budget(**limits)
+    key = ("run", begun, limited)
+    return _memory.get(solver, case.problem, key, lambda: solver.run(case.problem, limited, start=start))
 
 
 def _open(solver: Solver, cases: list[Case]) -> Iterator[Case]:

@@ -25,7 +25,7 @@ ROUNDED = 4 * float(np.finfo(float).eps)
 """Relative size of the changes that tell what rounding alone makes of an error."""
 HARDER = (1.0, 1e-2, 1e-4)
 """Shares of what a route asks that solvers are asked for in turn."""
-ASKED = 0.1
+SHARE = 0.1
 """What solvers are asked for, as a share of the tolerance of a cell."""
 
 
@@ -87,7 +87,7 @@ def measure(nodes: Iterable[str], tolerance: float = 1e-9) -> list[Cell]:
     found: list[Cell] = []
     with tempfile.TemporaryDirectory() as folder:
         for source in wanted:
-            trips = RoundTrips(Path(folder), ASKED * tolerance)
+            trips = RoundTrips(Path(folder), SHARE * tolerance)
             reached = graph.reachable(source, EQUIVALENT)
             found += [trips.cell(source, target) for target in wanted if target in reached and target != source]
     return found
@@ -98,11 +98,11 @@ class RoundTrips:
 
     Parameters
     ----------
-    folder : for the converted files. asked : tolerance on the source that solvers are to reach.
+    folder : for the converted files. tolerance : on the source that solvers are to reach.
     """
 
-    def __init__(self, folder: Path, asked: float) -> None:
-        self._folder, self._asked = folder, asked
+    def __init__(self, folder: Path, tolerance: float) -> None:
+        self._folder, self._tolerance = folder, tolerance
         self._conversions = graph.Memory()
 
     def cell(self, source: str, target: str) -> Cell:
@@ -124,7 +124,7 @@ class RoundTrips:
                 return replace(here, reason=str(refusal))
             count += 1
             pushed += trip.pushed
-            if trip.solved is not None and trip.solved > self._asked and trip.pushed:
+            if trip.solved is not None and trip.solved > self._tolerance and trip.pushed:
                 amplified.append((case.name, trip.solved))
             if worst.error is None or not trip.error <= worst.error:
                 worst = replace(here, error=trip.error, rounding=rounding(case))
@@ -141,12 +141,12 @@ class RoundTrips:
         path = self._folder / "converted.h5"
         storage.save(arrival.problem, path, force=True, compress=False)
         read = storage.load(path)
-        asked = graph.tolerance(read, self._asked, len(arrival.route.steps))
+        wanted = graph.tolerance(read, self._tolerance, len(arrival.route.steps))
         least = math.inf
         for share in HARDER:
-            for answer in checking.answers(read, max(share * asked, ROUNDED), [], seconds=1.0):
+            for answer in checking.answers(read, max(share * wanted, ROUNDED), [], seconds=1.0):
                 least = min(least, case.problem.residuals(graph.lift(read, answer.point)).error)
-                if least <= self._asked:
+                if least <= self._tolerance:
                     return Trip(least)
             if least == math.inf:
                 break

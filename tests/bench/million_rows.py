@@ -36,6 +36,7 @@ import numpy as np
 import pandas as pd
 from made_up_rows import LIMIT, as_paths, as_starts, make
 
+from cpbench.advice import timeline
 from cpbench.analysis import (
     bands,
     baseline,
@@ -55,11 +56,9 @@ from cpbench.analysis import (
     sensitivity,
     starts,
     summary,
-    timeline,
 )
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.comparison import ComparisonSide, compare
-from cpbench.analysis.training_cases import collect_cases
 
 SHAPES = ((10_000, 100), (100_000, 10))
 """Problems and labels, a process each."""
@@ -103,7 +102,6 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
             pairwise.profile_of_two(times, one, other) for one, other in itertools.combinations(leading, 2)
         ],
         "records of all pairs of labels": lambda: pairwise.records(times),
-        "leave one out, flips": lambda: pairwise.flips(pairwise.leave_one_out(times)),
         "reversals of 6 labels": lambda: pairwise.reversals(times, leading),
         "virtual best, gaps": lambda: (best.gaps(times), best.choices(times)),
         "times below the floor": lambda: best.floored(times),
@@ -128,7 +126,6 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
         "participation": lambda: (participation.absences(rows), participation.participating(rows)),
         "deadlines": lambda: deadlines.deadlines(rows, 1.0),
         "deadlines, histories": lambda: deadlines.deadlines(rows, 1.0, data.paths),
-        "deadlines by sequence": lambda: deadlines.deadlines_by_sequence(rows, 1.0),
         "scaling in nc": lambda: scaling.scaling(rows, "nc"),
         "scaling in nnz": lambda: scaling.scaling(rows, "nnz", data.facts),
         "warm over cold": lambda: starts.paired(data.started),
@@ -153,7 +150,6 @@ def commands(data: Data) -> dict[str, Callable[[], Any]]:
         "history of two runs of half": lambda: timeline.timeline(
             [timeline.TimelineRun("a", half), timeline.TimelineRun("b", again)]
         ),
-        "training cases, to recommend": lambda: collect_cases(rows, {}),
     }
 
 

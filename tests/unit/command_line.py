@@ -47,7 +47,7 @@ def with_plugins(folder: Path, *arguments: str, **variables: str) -> CompletedPr
             ours = {name: item for name, item in registry._items.items() if not of_others(item)}
             stack.enter_context(mock.patch.object(registry, "_items", ours))
             stack.enter_context(mock.patch.object(registry, "_discovered", False))
-        stack.enter_context(mock.patch.object(plugged, "_asked_for", ("", "")))
+        stack.enter_context(mock.patch.object(plugged, "_environment", ("", "")))
         stack.enter_context(mock.patch.object(plugged, "_read", set()))
         stack.enter_context(mock.patch.object(declared, "_declared", {}))
         stack.enter_context(mock.patch.dict(os.environ, {PLUGIN_FILES: "", DECLARED: "", **variables}))

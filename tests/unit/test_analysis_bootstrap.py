@@ -65,16 +65,22 @@ def test_all_replicates_are_what_resampling_by_hand_gives() -> None:
     (_, weights), *rest = bootstrap.multiplicities(count, 50, seed=5)
     assert not rest
     assert (weights.sum(axis=1) == count).all()
+    started = pd.DataFrame(np.random.default_rng(3).random(times.shape) < 0.7, times.index, times.columns)
     rates, curves = [], []
     for weight in weights:
         drawn = times.iloc[np.repeat(np.arange(24), weight[codes].astype(int))]
-        rates.append([bootstrap.intervals(bootstrap.ratio_to(drawn, "a"), replicates=1).table["estimate"].to_numpy()])
+        rates.append((np.isfinite(drawn) & started.loc[drawn.index]).sum() / started.loc[drawn.index].sum())
         alone = profiles.performance_profile(drawn.reset_index(drop=True))
         curves.append([[curve.at(tau) for curve in alone.curves] for tau in (1.0, 1.5, 3.0)])
     made = bootstrap.intervals(
-        bootstrap.ratio_to(times, "a"), families, replicates=50, seed=5, level=0.8, method="percentile"
+        bootstrap.solve_rate(times.where(started), started),
+        families,
+        replicates=50,
+        seed=5,
+        level=0.8,
+        method="percentile",
     )
-    expected = np.quantile(np.array(rates)[:, 0], [0.1, 0.9], axis=0)
+    expected = np.quantile(np.array(rates), [0.1, 0.9], axis=0)
     np.testing.assert_allclose(made.table[["low", "high"]].to_numpy().T, expected, rtol=1e-12)
     band = bands.profile_bands(times, families, [1.0, 1.5, 3.0], replicates=50, seed=5, level=0.8)
     beyond = bootstrap.tail(0.8, count)
@@ -131,16 +137,14 @@ def test_few_families_are_told() -> None:
     assert bands.profile_bands(times.iloc[:0]).estimate.isna().all(axis=None)
 
 
-def test_a_ratio_counts_the_problems_both_solved() -> None:
-    times = pd.DataFrame({"a": [1.0, 1.0, 1.0, INF], "b": [2.0, 2.0, INF, 1.0], "c": [INF] * 4}, index=list("pqrs"))
-    found = bootstrap.intervals(bootstrap.ratio_to(times, "a")).table
-    assert found.loc["b", ["estimate", "low", "high"]].tolist() == pytest.approx([2.0, 2.0, 2.0])
-    assert found["problems"].tolist() == [3, 2, 0]
-    assert math.isnan(found.loc["c", "estimate"])
-    best = bootstrap.intervals(bootstrap.ratio_to(times)).table
-    assert best.loc["b", "estimate"] == pytest.approx(4 ** (1 / 3))
-    some_draws_share_nothing = bootstrap.intervals(bootstrap.ratio_to(times[["a", "b"]], "a"))
-    assert some_draws_share_nothing.undefined > 0
+def test_a_rate_counts_the_problems_that_a_label_was_started_on() -> None:
+    times = pd.DataFrame({"a": [1.0, 1.0, INF, INF], "b": [2.0, INF, INF, 1.0], "c": [INF] * 4}, index=list("pqrs"))
+    started = pd.DataFrame({"a": [True, True, True, False], "b": [True, False, False, False], "c": [False] * 4})
+    started.index = times.index
+    found = bootstrap.intervals(bootstrap.solve_rate(times.where(started), started))
+    assert found.table["estimate"].tolist() == pytest.approx([2 / 3, 1.0, math.nan], nan_ok=True)
+    assert found.table["problems"].tolist() == [3, 1, 0]
+    assert found.undefined > 0, "some draws have no problem that b was started on"
 
 
 def test_bands_hold_the_profile_and_end_at_the_solve_rate() -> None:

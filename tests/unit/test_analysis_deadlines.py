@@ -106,11 +106,6 @@ def test_runs_end_with_their_sequence() -> None:
     rows = _rows(_sequence("a", "s", a, first=10), _sequence("b", "s", b), [row("z", "s", "solved", 9.0)])
     (found,) = late.deadlines(rows, 2.0).to_dict("records")
     assert (found["misses"], found["longest"], found["longest_in"], found["longest_from"]) == (7, 3, "a", 11.0)
-    each = late.deadlines_by_sequence(rows, 2.0)
-    assert each[["sequence", "problems", "misses", "longest", "longest_from"]].to_numpy().tolist() == [
-        ["a", 4, 3, 3, 11.0],
-        ["b", 4, 3, 2, 0.0],
-    ]
 
 
 def test_longest_runs_of_random_sequences() -> None:
@@ -197,4 +192,3 @@ def test_what_is_refused() -> None:
         late.deadlines(rows, 0.0)
     with pytest.raises(ValueError, match="not in"):
         late.quantiles(pd.DataFrame({"s": [1.0]}), (0.0,))
-    assert late.deadlines_by_sequence(rows, 1.0).empty

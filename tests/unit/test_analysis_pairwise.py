@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cpbench.analysis.pairwise import ALL, flips, leave_one_out, profile_of_two, records, reversals
+from cpbench.analysis.pairwise import profile_of_two, records, reversals
 from cpbench.analysis.profiles import FLOOR, performance_profile
 
 INF = math.inf
@@ -47,23 +48,6 @@ def test_records_by_a_double_loop(values: np.ndarray, spare: int) -> None:
         assert (r.wins, r.ties, r.losses, r.neither) == tuple(count.values())
 
 
-@settings(deadline=None, max_examples=60)
-@given(values=COSTS, tau=st.sampled_from([1.0, 2.0, 10.0, INF]))
-def test_leave_one_out_is_the_profile_of_the_others(values: np.ndarray, tau: float) -> None:
-    table = frame(values)
-    order = leave_one_out(table, tau)
-    assert list(order.columns) == [ALL, *order.index]
-    assert sorted(order.index) == sorted(table.columns)
-    assert order[ALL].is_monotonic_decreasing
-    for left in order.columns:
-        rest = table.drop(columns=left) if left else table
-        expected = {c.label: c.at(tau) for c in performance_profile(rest).curves}
-        assert order[left].dropna().to_dict() == expected
-    neighbours = {(f.above, f.below) for f in flips(order)}
-    if tau == INF or table.shape[1] < 3:
-        assert not neighbours, "solve rates do not depend on who is shown"
-
-
 @settings(deadline=None, max_examples=40)
 @given(values=COSTS)
 def test_two_alone_at_one_are_wins_and_ties(values: np.ndarray) -> None:
@@ -74,27 +58,30 @@ def test_two_alone_at_one_are_wins_and_ties(values: np.ndarray) -> None:
         assert second.at(1.0) == (r.losses + r.ties) / len(table)
 
 
-def test_three_solvers_are_one_flip() -> None:
-    """With three labels, leaving one out is comparing the other two alone."""
+def test_the_order_of_two_turns_where_a_third_is_shown() -> None:
+    """Both orders are those of profiles made anew: of all labels, and of the two alone."""
     rng = np.random.default_rng(4)
     seen = 0
     for _ in range(60):
         table = frame(rng.choice([1.0, 2.5, 3.0, 9.0, INF], (9, 3)))
-        adjacent = {(f.above, f.below) for f in flips(leave_one_out(table))}
-        assert adjacent <= set(reversals(table, list(table.columns)))
-        seen += len(adjacent)
+        together = {c.label: c.at(2.0) for c in performance_profile(table).curves}
+        expected: set[tuple[str, str]] = set()
+        for one, other in permutations(table.columns, 2):
+            alone = {c.label: c.at(2.0) for c in performance_profile(table[[one, other]]).curves}
+            if together[one] > together[other] and alone[one] < alone[other]:
+                expected.add((one, other))
+        assert set(reversals(table, list(table.columns))) == expected
+        seen += len(expected)
     assert seen, "some of these tables have one"
 
 
 def test_planned_problems_count() -> None:
     table = pd.DataFrame({"a": [1.0], "b": [2.0]})
-    assert leave_one_out(table, 1.0, problems=4).loc["a", ALL] == 0.25
     assert records(table, problems=4).loc[0, "neither"] == 3
-    for refuses in (lambda: leave_one_out(table, problems=0), lambda: records(table, problems=0)):
-        with pytest.raises(ValueError, match="planned"):
-            refuses()
+    with pytest.raises(ValueError, match="planned"):
+        records(table, problems=0)
 
 
 def test_nothing() -> None:
     assert records(pd.DataFrame()).empty
-    assert flips(leave_one_out(pd.DataFrame({"a": []}, dtype=float))) == []
+    assert reversals(pd.DataFrame({"a": []}, dtype=float), ["a"]) == []

@@ -56,7 +56,7 @@ def test_stationary_is_a_column_of_its_own() -> None:
     assert reliability.claims(rows).loc["s", ["true", "false"]].tolist() == [2, 0]
 
 
-def test_stationary_counts_as_solved_where_that_is_asked_for() -> None:
+def test_stationary_counts_as_solved_where_that_is_environment() -> None:
     rows = rows_of.counting_stationary(half_stationary())
     found = summary.solve_counts(rows, penalty=16.0, shift=0.0).set_index("label")
     assert found.loc["s", ["solved", "stationary", "fastest"]].tolist() == [2, 0, 2]

@@ -37,7 +37,7 @@ def test_a_figure_is_as_wide_and_as_high_as_asked(results: Path, tmp_path: Path)
 
 
 @pytest.mark.nightly
-def test_a_legend_stands_where_it_is_asked_for(results: Path, tmp_path: Path) -> None:
+def test_a_legend_stands_where_it_is_environment(results: Path, tmp_path: Path) -> None:
     beside, below, none = (
         drawn(results, tmp_path, "--bare", "--width", "5in", "--legend", place) for place in ("beside", "below", "none")
     )

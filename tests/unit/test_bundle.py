@@ -32,7 +32,7 @@ from cpbench.bench.results.store import Store
 from cpbench.bundle import archive, leaks, problems, reproduction
 from cpbench.bundle.archive import BundleError
 from cpbench.bundle.identity import Identity
-from cpbench.bundle.making import Asked
+from cpbench.bundle.making import BundleOptions
 from cpbench.bundle.making import make as make_bundle
 from cpbench.bundle.results import identity
 from cpbench.bundle.scrub import Scrub
@@ -359,7 +359,7 @@ def test_another_person_may_bundle_what_was_run(told: Path, tmp_path: Path, monk
     for name in ("USER", "LOGNAME", "SECRET"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.chdir(tmp_path)
-    make_bundle(told / "run.sqlite", tmp_path / "x.zip", Asked(anonymous=True, builtin=builtin_folder()))
+    make_bundle(told / "run.sqlite", tmp_path / "x.zip", BundleOptions(anonymous=True, builtin=builtin_folder()))
     archive.unpack(tmp_path / "x.zip", tmp_path / "x")
     for name, content in everything(tmp_path / "x"):
         for word in (HOST, FOLDER, TOKEN, REMOTE):

@@ -13,6 +13,7 @@ from command_line import cpbench as command
 import cpbench as cp
 from cpbench.analysis import certainty
 from cpbench.analysis.table import normalised
+from cpbench.api.certifying import certify_first
 from cpbench.bench.results import schema
 from cpbench.bench.results.store import Store
 
@@ -103,3 +104,12 @@ def test_levels_are_counted_by_solver_and_problem() -> None:
     levels = certainty.by_problem(table).set_index("problem")["level"]
     assert levels.to_dict() == {"a-1": "proved", "a-2": "proved", "a-3": "refuted"}
     assert certainty.far(table)["problem"].tolist() == ["a-2"]
+
+
+def test_several_answers_are_looked_at_until_one_is_proved() -> None:
+    """The automatic choice's answer to this market is near a solution, and its system is singular there."""
+    market = cp.load("builtin/ncp/walras.h5::cobb-douglas-4-3")
+    solution, found = certify_first(market)
+    assert cp.verify(market, solution).solved
+    assert found.level == "proved"
+    assert cp.certify(market).level == "proved"

@@ -319,6 +319,13 @@ def test_rejudging_reads_files_by_the_format_of_their_run(monkeypatch, capsys, l
     assert "2 answers judged again: no change" in capsys.readouterr().out
 
 
+def test_a_dry_run_of_nothing_says_why(monkeypatch, capsys, lcp) -> None:
+    """As the run itself would."""
+    monkeypatch.chdir(lcp.parent)
+    assert cpbench(monkeypatch, "run", "deudeu.h5", "-s", "nsgs", "--dry-run") == 2
+    assert "no route leads from deudeu.h5 to any of the solvers asked for" in capsys.readouterr().err
+
+
 def test_dry_run_writes_nothing(monkeypatch, capsys, lcp) -> None:
     monkeypatch.chdir(lcp.parent)
     before = set(lcp.parent.iterdir())
@@ -466,7 +473,7 @@ def test_answers_from_two_starts_are_exported(monkeypatch, tmp_path) -> None:
             np.testing.assert_allclose(answer[:], [4 / 3, 7 / 3], rtol=1e-5)
 
 
-def test_outputs_are_asked_for_before_the_work(monkeypatch, capsys, lcp, tmp_path) -> None:
+def test_outputs_are_environment_before_the_work(monkeypatch, capsys, lcp, tmp_path) -> None:
     """What is there, a folder that is not there, and one that cannot be made: one line, exit code 2, nothing done."""
     monkeypatch.chdir(tmp_path)
     there = tmp_path / "there.h5"

@@ -241,7 +241,7 @@ def test_limits_do_not_mix(folder: Path) -> None:
     assert "with timeout 10, now 5" in told.stderr.splitlines()[-1]
 
 
-def test_a_solver_that_was_asked_for_and_cannot_run_is_named(folder: Path) -> None:
+def test_a_solver_that_was_environment_and_cannot_run_is_named(folder: Path) -> None:
     told = run(folder, "p2.h5", "-s", "lemke", "-s", "nsgs", "--dry-run")
     assert "no route leads to nsgs: no row" in told.stderr
 

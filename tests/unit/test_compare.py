@@ -402,6 +402,14 @@ def test_the_mean_of_all_pairs_decides() -> None:
     assert "would decide" in wide.suites[0].why
 
 
+def test_the_machine_is_to_blame_only_for_noise_beyond_the_margin() -> None:
+    """What would decide: more problems, unless equal code differs by more than was asked for."""
+    pairs = compare(*ten(1.0, spread=0.05)).pairs
+    quiet, noisy = (suites.by_label(pairs, noise.Noise(0.01, equal=f), 0.05, 0)[0].why for f in (1.005, 1.2))
+    assert "times as many problems" in quiet
+    assert noisy == "equal code differs by 20.0% here: a quieter machine would decide"
+
+
 def test_a_bias_of_the_process_is_not_averaged_away() -> None:
     """Six per cent on every problem alike may be where a worker's memory lies, however narrow the interval is."""
     found = compare(*ten(1.055, spread=1e-4))

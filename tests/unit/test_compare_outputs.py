@@ -116,7 +116,7 @@ def test_only_fail_on_ends_with_1(made: Make, cpbench, statuses, asked, code) ->
     assert cpbench(*files, *(["--fail-on", asked] if asked else []))[0] == code
 
 
-def test_stationary_answers_count_where_that_is_asked_for(made: Make, cpbench) -> None:
+def test_stationary_answers_count_where_that_is_environment(made: Make, cpbench) -> None:
     base, new = changed(("solved", "stationary"), ("stationary", "stationary"))
     files = made("base.sqlite", base), made("new.sqlite", new)
     code, told, _ = cpbench(*files, "--fail-on", "regression")

@@ -94,7 +94,7 @@ def test_the_map_is_de_saxces(rng, name):
 
 @pytest.mark.parametrize("name", ["fc-cp", "fc-vi"])
 @pytest.mark.parametrize(("mu", "held"), [(0.3, True), (10.0, True), (100.0, True), (1e4, False)])
-def test_a_steep_cone_is_asked_for_what_it_hides(name: str, mu: float, held: bool) -> None:
+def test_a_steep_cone_is_environment_what_it_hides(name: str, mu: float, held: bool) -> None:
     """A contact that closes and slides, with no force: beyond what is asked for the rest is lost."""
     W = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, 0.0], [0.1, 0.0, 1.0]])
     problem = FrictionContact(W=W, q=np.array([-1.0, 0.5, 0.2]), mu=np.array([mu]), dimension=3)

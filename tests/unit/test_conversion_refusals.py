@@ -140,7 +140,7 @@ def test_joints_that_repeat_each_other_keep_their_reactions():
     assert doubled.residuals(back).error <= 1e-10
 
 
-def test_relaxations_are_not_taken_unless_asked_for():
+def test_relaxations_are_not_taken_unless_environment():
     problem = planted.fc(rng(), 3, 3, "positive definite")[0]
     with pytest.raises(graph.NoRoute, match="With --routes all: fc-coneqp"):
         graph.arrive(problem, "coneqp")

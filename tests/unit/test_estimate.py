@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from cpbench.analysis.training_cases import TrainingCase, TrainingCases
-from cpbench.api.estimate import NOTHING, Span, solves
+from cpbench import storage
+from cpbench.api.estimate import NOTHING, SolveTimes, Span, shipped_times, solves
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request, exact
+from cpbench.generators.collection import builtin_folder
+from cpbench.solvers.base import solvers
 
-TIMES = {"fast": 0.5, "slow": 20.0, "failing": float("inf")}
-MEASURED = TrainingCases(
-    (
-        TrainingCase("a", "lcp", "made", "a", {}, TIMES),
-        TrainingCase("b", "lcp", "made", "b", {}, {**TIMES, "elsewhere": 1.0}),
-    )
-)
+TIMES = {"fast": 0.5, "slow": 20.0, "failing": None}
+MEASURED: SolveTimes = {"a": TIMES, "b": {**TIMES, "elsewhere": 1.0}}
 
 
 def pair(solver: str, request: Request | None = None, fingerprint: str = "a") -> Pair:
@@ -35,3 +32,13 @@ def test_a_problem_that_nobody_measured_has_no_time() -> None:
 def test_a_range_says_both_ends_where_they_differ() -> None:
     assert str(Span(1000.0, 2900.0)) == "17 min to 49 min"
     assert str(Span(1.5, 1.5) + NOTHING * 2) == "about 1.5 s"
+
+
+def test_the_shipped_times_are_of_built_in_problems_and_of_solvers_that_may_be_named() -> None:
+    known = shipped_times()
+    here = {problem.fingerprint for problem in map(storage.load, storage.problem_files([builtin_folder()]))}
+    assert len(known) >= 200
+    assert set(known) <= here
+    labels = {label for times in known.values() for label in times}
+    assert all(label in solvers and not solvers.get(label).spec.publishing for label in labels)
+    assert all(time is None or time > 0 for times in known.values() for time in times.values())

@@ -76,7 +76,7 @@ def test_a_problem_replaces_the_one_before(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["hdf5", "mtx"])
-def test_everything_is_dense_where_that_is_asked_for(name: str, tmp_path: Path) -> None:
+def test_everything_is_dense_where_that_is_environment(name: str, tmp_path: Path) -> None:
     problem, path = CASES["qp-sparse-7-4"], _path(tmp_path, name)
     exchanges.get(name).write_problem(problem, path, dense=True)
     again = exchanges.get(name).read_problem(path)

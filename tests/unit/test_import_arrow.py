@@ -54,7 +54,7 @@ ALLOWED: dict[str, set[str]] = {
     | ROOMS,
     "advice": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
     "bundle": BASE | {"formulations", "exchange", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
-    "reduction": BASE | {"formulations", "facts", "graph", "bench", "report", "generators", "api"} | ROOMS,
+    "reduction": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators", "api"} | ROOMS,
     "cli": BASE
     | {"formulations", "facts", "exchange", "graph", "checking", "testing", "bench", "analysis", "report", "generators"}
     | {"api", "advice", "bundle", "reduction"}
@@ -92,11 +92,11 @@ def test_imports_point_one_way() -> None:
 
 
 OPTIONAL = {
-    "advice": {f"cli/{name}_command.py" for name in ("recommend", "tune", "history", "select")},
+    "advice": {f"cli/{name}_command.py" for name in ("tune", "history", "select")},
     "bundle": {f"cli/{name}_command.py" for name in ("bundle", "reproduce")},
     "certificates": {"api/certifying.py"},
     "diagnosis": {"api/diagnosing.py"},
-    "reduction": {f"cli/{name}_command.py" for name in ("reduce",)},
+    "reduction": {f"cli/{name}_command.py" for name in ("reduce", "hunt")},
 }
 """Packages that could leave, and the files that stand on them."""
 
@@ -111,7 +111,7 @@ def test_only_their_own_files_import_optional_packages() -> None:
 def test_the_command_line_is_thin() -> None:
     """It reads options and prints; what decides lies below it, where scripts reach it too."""
     lines = {path.name: path.read_text().count("\n") for path in (PACKAGE / "cli").glob("*.py")}
-    assert sum(lines.values()) <= 3750
+    assert sum(lines.values()) <= 3900
     assert max(lines.values()) <= 250
 
 

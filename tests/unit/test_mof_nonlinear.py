@@ -437,7 +437,7 @@ def test_complementarity_of_others(tmp_path: Path) -> None:
     assert MiCP.from_mof(path.read_text()).fingerprint == mixed.fingerprint
 
 
-def test_linear_models_may_be_asked_for_as_nonlinear_ones(tmp_path: Path) -> None:
+def test_linear_models_may_be_environment_as_nonlinear_ones(tmp_path: Path) -> None:
     problem = QP.build(np.array([[2.0, 1.0], [1.0, 3.0]]), np.array([1.0, -1.0]))
     storage.save(problem, tmp_path / "p.mof.json")
     program = NLP.from_mof((tmp_path / "p.mof.json").read_bytes())

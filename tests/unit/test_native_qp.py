@@ -16,6 +16,7 @@ from cpbench.solvers import Budget, Claim, Trait, solvers
 from cpbench.solvers.native.qp.claims import ErrorMeasure, infeasibility, unboundedness
 from cpbench.solvers.native.qp.dual_active_set import ActiveSet
 from cpbench.solvers.native.qp.kkt_system import KKT, entries
+from cpbench.solvers.native.qp.proximal_active_set import ProximalActiveSetOptions, in_one_call
 from cpbench.solvers.native.qp.scaling import scaled, stacked
 from cpbench.testing import planted
 
@@ -393,7 +394,7 @@ def test_the_dense_factor_is_ldl(n: int) -> None:
     K = K + K.T
     K[np.diag_indices(n)] += np.where(np.arange(n) < n // 2, 1.0, -1.0) * 4 * n
     S, b = np.ascontiguousarray(np.tril(K)), rng.standard_normal(n)
-    assert kernel.dense_factor(S)
+    assert kernel.dense_factor(S, K.diagonal().copy())
     lower = np.tril(S, -1) + np.eye(n)
     np.testing.assert_allclose(lower @ np.diag(S.diagonal()) @ lower.T, K, atol=1e-11 * n)
     x = b.copy()
@@ -439,3 +440,29 @@ def test_rows_of_both_kinds_are_stacked() -> None:
     lower, upper, G = stacked(problem)
     np.testing.assert_array_equal(G, np.vstack([problem.A, problem.C]))
     assert (lower[-2:] == upper[-2:]).all()
+
+
+def small(problem: QP) -> Any:
+    """What one compiled call finds, None where it ends without."""
+    return in_one_call(problem, 1e-9, ProximalActiveSetOptions())
+
+
+@pytest.mark.parametrize("kind", ["positive definite", "singular semidefinite"])
+@pytest.mark.parametrize("n", [1, 2, 12])
+def test_one_compiled_call_solves_small_problems(kind: str, n: int) -> None:
+    for seed in range(5):
+        problem = planted.qp(np.random.default_rng(seed), n, n, n // 3, kind)[0]
+        output = small(problem)
+        assert output is not None
+        assert output.claim is Claim.SOLVED
+        assert problem.residuals(output.point).error <= 1e-9
+
+
+def test_one_compiled_call_tells_what_is_not_convex_and_leaves_the_rest() -> None:
+    """An indefinite Q, a zero row beside one that is not, a program without a point, one without a bound."""
+    for Q in ([[1.0, 0.0], [0.0, -1.0]], [[1.0, 1.0], [1.0, 0.0]], [[1.0, 2.0], [2.0, 1.0]]):
+        output = small(QP.build(np.array(Q), np.ones(2), lb=np.zeros(2), ub=np.ones(2)))
+        assert output is not None
+        assert output.claim is Claim.FAILED
+    assert small(QP.build(np.eye(1), np.ones(1), -np.eye(1), np.ones(1), lb=np.zeros(1))) is None
+    assert small(QP.build(np.zeros((1, 1)), np.ones(1))) is None

@@ -22,8 +22,7 @@ from tiers import some_by_day
 import cpbench as package
 from cpbench import storage
 from cpbench.cli import COMMANDS, cli, main
-from cpbench.formulations import LCP, FrictionContact, LCPPoint
-from cpbench.storage.hdf5_points import put_guesses
+from cpbench.formulations import LCP, FrictionContact
 
 ROOT = Path(package.__file__).parent
 Run = Callable[..., str]
@@ -71,29 +70,6 @@ def write_lcp(folder: Path, name: str, n: int = 3) -> Path:
 
 
 # --------------------------------------------------------------------------------------- taken from an output
-
-
-@pytest.mark.nightly
-def test_recommend_warm_without_a_start(run: Run, tmp_path: Path) -> None:
-    """Without guesses in the file a warm start would be refused: the command starts cold, and says so."""
-    write_lcp(tmp_path, "a problem")
-    said = run("recommend", "a problem.h5", "--warm")
-    assert "starts cold" in said
-    (line,) = re.findall(r"^  run it +cpbench (.*)$", said, re.MULTILINE)
-    assert re.search(r"\bsolved\b", run(*shlex.split(line)))
-
-
-@pytest.mark.nightly
-def test_recommend_from_a_guess(run: Run, tmp_path: Path) -> None:
-    import h5py
-
-    path = write_lcp(tmp_path, "guessed")
-    problem = storage.load(path)
-    with h5py.File(path, "a") as file:
-        put_guesses(file, problem, [LCPPoint(z=np.arange(1.0, 4.0))])
-    words = printed(run("recommend", "guessed.h5", "--warm"))
-    assert words[-2:] == ["--start", "file"]
-    assert re.search(r"\bsolved\b", run(*words))
 
 
 @pytest.mark.nightly

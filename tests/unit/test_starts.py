@@ -110,7 +110,7 @@ def test_the_first_guess_of_a_file(planted_fc: Any, tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.point.r, ones.r)
 
 
-def test_every_guess_of_a_file_can_be_asked_for(planted_fc: Any, tmp_path: Path) -> None:
+def test_every_guess_of_a_file_can_be_environment(planted_fc: Any, tmp_path: Path) -> None:
     problem, point = planted_fc
     ones = FCPoint(r=np.ones(point.r.size))
     storage.save_pack({"a": problem}, tmp_path / "pack.h5", guesses={"a": [point, ones, problem.zero_point()]})

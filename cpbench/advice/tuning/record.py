@@ -41,12 +41,12 @@ def as_text(entry: Entry) -> str:
     return f"{entry.solver}[{given}]" if given else entry.solver
 
 
-def plan_text(made: Tuning, default: Entry, part: ProblemSet, threads: int, folder: Path) -> str:
+def plan_text(tuning: Tuning, default: Entry, part: ProblemSet, threads: int, folder: Path) -> str:
     """Write the plan: both configurations on the problems of the other half."""
     keys: dict[str, Any] = {
         "problems": [beside(folder, text) for text in part.problems],
         "split": OTHER[part.split] or "all",
-        "solvers": list(dict.fromkeys([as_text(default), made.solver])),
+        "solvers": list(dict.fromkeys([as_text(default), tuning.solver])),
         "tolerance": list(part.tolerance),
         "timeout": part.timeout,
         "memory": part.memory,
@@ -54,5 +54,5 @@ def plan_text(made: Tuning, default: Entry, part: ProblemSet, threads: int, fold
     }
     chosen = {"family": list(part.family), "where": part.where, "keyword": part.keyword, "format": part.format}
     keys |= {name: value for name, value in chosen.items() if value}
-    about = [f"# {made.solver}, tuned for {made.spent:.3g} s: {made.found}", f"# by default: {made.default}"]
-    return "\n".join([*about, *lines(keys), "", "[[tuning]]", *lines(made.as_data())]) + "\n"
+    about = [f"# {tuning.solver}, tuned for {tuning.spent:.3g} s: {tuning.found}", f"# by default: {tuning.default}"]
+    return "\n".join([*about, *lines(keys), "", "[[tuning]]", *lines(tuning.as_data())]) + "\n"

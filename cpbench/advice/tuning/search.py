@@ -103,13 +103,13 @@ class Search:
         budget: float,
         seed: int = 0,
         *,
-        told: Callable[[str], None] = lambda _: None,
+        report: Callable[[str], None] = lambda _: None,
         keep: Callable[[Pair, Outcome], None] = lambda *_: None,
         on_event: EventHandler = ignore_event,
     ) -> None:
         self._problems = sorted(planned, key=lambda pair: _draw(seed, pair.fingerprint))
         self._entries, self._seed = entries, seed
-        self._told, self._keep, self._on_event = told, keep, on_event
+        self._report, self._keep, self._on_event = report, keep, on_event
         self._default = Trial(next(entries))
         self._trials = [self._default]
         self._final: list[Trial] = []
@@ -191,7 +191,7 @@ class Search:
         now = time.monotonic()
         if now - self._spoke >= SILENCE * self._budget:
             self._spoke = now
-            self._told(f"{now - self._begun:.0f} s: {line}")
+            self._report(f"{now - self._begun:.0f} s: {line}")
 
     def _left(self, final: bool) -> bool:
         """Return whether there is time for another solve; before the final, as much as that takes is kept for it."""

@@ -57,10 +57,10 @@ def space(text: str) -> Space:
     if len(names) > 1:
         raise CpbenchError(f"'{text}' is {len(names)} solvers ({', '.join(sorted(names))}): tune one at a time")
     spec = solvers.get(entries[0].solver).spec
-    told = {name: tuple(dict.fromkeys(e.options[name] for e in entries)) for name in entries[0].options}
-    fixed = {name: values[0] for name, values in told.items() if len(values) == 1}
-    named = {name: Domain(choices=values) for name, values in told.items() if len(values) > 1}
-    where = {name: domain for name, domain in domains(spec.options).items() if name not in told} | named
+    choices = {name: tuple(dict.fromkeys(e.options[name] for e in entries)) for name in entries[0].options}
+    fixed = {name: values[0] for name, values in choices.items() if len(values) == 1}
+    named = {name: Domain(choices=values) for name, values in choices.items() if len(values) > 1}
+    where = {name: domain for name, domain in domains(spec.options).items() if name not in choices} | named
     if not where:
         options = ", ".join(f.name for f in fields(spec.options)) or "none"
         raise CpbenchError(

@@ -223,17 +223,17 @@ def _noise(
     drift, spread = noise.drift([new.references] if interleaved else [base.references, new.references])
     if base.meta.get("reference") != new.meta.get("reference"):
         drift = math.nan  # another solve, which tells nothing of the machine
-    told = Noise(settings.margin, drift, spread)
+    margins = Noise(settings.margin, drift, spread)
     if equal is None:
-        return told
+        return margins
     steady = gates.unsteady(equal, settings.counter_margin)
-    seen = times.by_time(equal, equal["host_base"] == equal["host_new"], told, settings.alpha)
+    seen = times.by_time(equal, equal["host_base"] == equal["host_new"], margins, settings.alpha)
     timed = equal.assign(ratio=seen["ratio"])[seen["comparable"]]
     if not len(timed):
-        return replace(told, unsteady=steady)
+        return replace(margins, unsteady=steady)
     mean = suites.mean_ratio(timed["ratio"], timed["family"], timed["fingerprint"], settings.seed)[0]
     far = float(np.exp(np.abs(np.log(timed["ratio"])).max()))
-    return replace(told, equal=max(mean, 1 / mean), stray=max(far, told.stray), unsteady=steady)
+    return replace(margins, equal=max(mean, 1 / mean), stray=max(far, margins.stray), unsteady=steady)
 
 
 def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, settings: Thresholds) -> pd.DataFrame:

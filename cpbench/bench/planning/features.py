@@ -1,4 +1,4 @@
-"""Facts of a problem for conditions and recommendations, measured by the referee of every problem of a run.
+"""Facts of a problem for conditions, measured by the referee of every problem and kept in the results.
 
 Every problem of every run is measured, so that the cost is bounded: passes over the entries of the matrices, and one
 dense decomposition where a side has at most `DENSE` rows. What would cost more is absent, and a condition that names

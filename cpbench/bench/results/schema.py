@@ -93,7 +93,7 @@ def _from_1(db: sqlite3.Connection) -> None:
 
 
 def _from_2(db: sqlite3.Connection) -> None:
-    """Add the table of features, empty: `problem_features` reads the problems again."""
+    """Add the table of features, which is empty for older rows."""
     for statement in _NEW_IN_3:
         db.execute(statement)
 

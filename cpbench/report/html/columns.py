@@ -207,10 +207,10 @@ def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]
 
 def _thumbnails(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[Thumbnail | None]:
     """Return pictures of the problems; an answer of a solver left out of the report has no label."""
-    thumbnails, told = run.thumbnails(), set(labels)
+    thumbnails, shown = run.thumbnails(), set(labels)
     found: list[Thumbnail | None] = []
     for one in (thumbnails.get(multi_start.original(print_)) for print_ in prints):
-        known = one is None or one.get("answer", {}).get("label", "") in {"", *told}
+        known = one is None or one.get("answer", {}).get("label", "") in {"", *shown}
         found.append(one if known or one is None else {k: v for k, v in one.items() if k != "answer"})
     return found
 

@@ -104,12 +104,12 @@ def _numbers(run: Run, waiting: int) -> Iterator[Markup]:
     yield element("dl", *numbers, class_="facts")
     yield _settings(run)
     if len(rows) > WHOLE:
-        told_of_many = (
+        many = (
             f"{len(rows)} rows are too many to keep every fact of every pair on this page. Costs and verdicts of all "
             "of them are here, to seven digits, so that each figure is computed from all; messages, residuals and "
             f"commands are those of at most {KEPT} failures, and the matrix is one of families."
         )
-        yield element("p", told_of_many, class_="note")
+        yield element("p", many, class_="note")
 
 
 def _settings(run: Run) -> Markup:

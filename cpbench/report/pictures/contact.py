@@ -43,7 +43,7 @@ VIEWS = ("xy", "xz", "yz")
     "contact",
     answer=Need.REQUIRED,
     view="Plane to look at, xy, xz or yz (default: the one in which positions spread most).",
-    tolerance="What is noise in a reaction or a velocity, relative to the whole answer.",
+    tolerance="Size, relative to the whole answer, up to which a reaction or a velocity is noise.",
 )
 def draw(problem: Problem, point: Point, *, view: str = "", tolerance: float = 1e-6) -> Drawing:
     """Draw a map of the contacts where there are positions, else the disk."""

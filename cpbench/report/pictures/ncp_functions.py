@@ -1,4 +1,4 @@
-"""NCP functions (35)-(38) over the plane of w and z, with the sets where they vanish.
+"""NCP functions over the plane of w and z, with the sets where they vanish.
 
 Shade and contours show ψ, the heavy line its zeros: the two nonnegative half axes of an NCP function. The dashed
 line is (38) as the lecture prints it, which vanishes elsewhere too.

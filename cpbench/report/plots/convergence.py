@@ -29,9 +29,9 @@ FLOOR = 1e-17
     "convergence",
     problem=Need.NONE,
     name="Problem, where there are several: its name, or a pattern with * and ? of one.",
-    told="Dotted: the residual that the solver told of the iterate.",
+    reported="Add, dotted, the residual that the solver itself reported for each iterate.",
 )
-def draw(run: Run, choice: Choice, *, name: str = "", told: bool = False) -> Drawing:
+def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) -> Drawing:
     """Draw one curve a solver with a history of the problem."""
     chosen = choose(run, choice)
     require_histories(chosen)
@@ -46,7 +46,7 @@ def draw(run: Run, choice: Choice, *, name: str = "", told: bool = False) -> Dra
         path, place = paths[label], places.get(label)
         marks = {} if place is None else {"markevery": max(1, len(path) // 8)}
         axes.plot(path["seconds"], path["error"].clip(lower=FLOOR), **legend.look(place), **marks, zorder=3)
-        if told and place is not None:
+        if reported and place is not None:
             colour = legend.colour(place)
             axes.plot(path["seconds"], path["told"].clip(lower=FLOOR), color=colour, linewidth=0.9, linestyle=":")
     axes.axhline(chosen.tolerance, color=canvas.INK, linewidth=0.8, linestyle=(0, (5, 3)), zorder=2)
@@ -61,7 +61,7 @@ def draw(run: Run, choice: Choice, *, name: str = "", told: bool = False) -> Dra
     guide = (
         f"Each mark and corner is an iterate of a solve of {problem}: when it was there, and its error as we judge "
         "it on the problem asked for; iterates are kept at growing intervals, so that a time is an upper bound."
-        + (" Dotted: the solver's own residual, on its own scale." if told else "")
+        + (" Dotted: the solver's own residual, on its own scale." if reported else "")
     )
     title = f"Convergence on {cut(problem, 40)} ({one_line(chosen.node)}), {counted(len(ends), 'solver')}"
     return run_canvas.drawn(figure, f"{title}, tolerance {chosen.tolerance:g}", guide, chosen)

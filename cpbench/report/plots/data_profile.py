@@ -1,4 +1,4 @@
-"""Data profile: the fraction of problems solved within a budget, whoever else is shown.
+"""Data profile: the fraction of problems solved within a budget, whichever other solvers are shown.
 
 The budget is in seconds, or in what --metric names; with --per a dimension of the problem (`--metric
 counter:contacts --per nc` counts sweeps), in that many of them.

@@ -1,4 +1,4 @@
-"""Two solvers against each other: the cost of every problem for both, and who is ahead how often.
+"""Two solvers against each other: the cost of every problem for both, and how often each is ahead.
 
 --against A,B names them; without it, the two with the largest areas under the profile.
 """

@@ -57,7 +57,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
         caution = f" At τ = 2 {shown} only because of the other solvers shown; pairwise, the order reverses."
     warning = cautions.caution(found.metric, [c.label for c in profile.curves], run.meta.get("solvers") or {})
     beware = f" {warning}" if warning else ""
-    least_told = run_canvas.amount(profile.floor, found.metric)
-    floor_told = f" Values below {least_told} are set to {least_told}." if profile.floor else ""
-    guide = figures.profile_guide(chosen.problems, cost, least) + floor_told + banded + caution + beware + left_out
+    floor = run_canvas.amount(profile.floor, found.metric)
+    below = f" Values below {floor} are set to {floor}." if profile.floor else ""
+    guide = figures.profile_guide(chosen.problems, cost, least) + below + banded + caution + beware + left_out
     return run_canvas.drawn(figure, f"Performance profile of {chosen.scope()}", guide, chosen)

@@ -69,7 +69,7 @@ class ClarabelModel:
     def __init__(self, P: Any, q: Vector, A: Any, b: Vector, cones: list[tuple[str, int]], budget: Budget) -> None:
         import clarabel
 
-        made = {
+        known = {
             "zero": clarabel.ZeroConeT,
             "nonnegative": clarabel.NonnegativeConeT,
             "lorentz": clarabel.SecondOrderConeT,
@@ -84,7 +84,7 @@ class ClarabelModel:
         if math.isfinite(budget.seconds):
             settings.time_limit = budget.seconds
         self._solver = clarabel.DefaultSolver(
-            sp.csc_array(sp.triu(P)), q, sp.csc_array(A), b, [made[kind](size) for kind, size in cones], settings
+            sp.csc_array(sp.triu(P)), q, sp.csc_array(A), b, [known[kind](size) for kind, size in cones], settings
         )
 
     def solve(self, q: Vector | None = None) -> ConicEnd:

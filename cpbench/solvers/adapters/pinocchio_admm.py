@@ -89,9 +89,9 @@ class PinocchioADMM(Solver):
         if start is not None:
             result.setConstraintImpulseGuess(prepared.guess(start.r))
         # the operator keeps the damping of a run: each has its own
-        made = pin.DelassusOperatorSparse if sp.issparse(prepared.G) else pin.DelassusOperatorDense
+        operator = pin.DelassusOperatorSparse if sp.issparse(prepared.G) else pin.DelassusOperatorDense
         converged = pin.ADMMConstraintSolver(n).solve(
-            made(prepared.G), prepared.g, prepared.models, prepared.data, settings, result
+            operator(prepared.G), prepared.g, prepared.models, prepared.data, settings, result
         )
         factorizations = int(result.delassus_decomposition_update_count)
         iterations = 0 if factorizations == BEFORE_THE_LOOP else min(int(result.iterations) + 1, limit)

@@ -159,14 +159,14 @@ def about(python: str) -> Mapping[str, Any]:
     """Return version and constants of the Siconos that a Python has, or state and detail; asked once for the whole
     family."""
     try:
-        asked = subprocess.run([python, str(GUEST)], capture_output=True, text=True, timeout=PATIENCE, check=False)
+        done = subprocess.run([python, str(GUEST)], capture_output=True, text=True, timeout=PATIENCE, check=False)
     except FileNotFoundError:
         return {"state": "missing", "detail": f"{python}: no such program; {INSTALL}"}
     except (OSError, subprocess.SubprocessError) as cause:
         return {"state": "broken", "detail": f"{python}: {cause}"}
-    if asked.returncode == 0:
-        return json.loads(asked.stdout.splitlines()[-1])
-    message = asked.stderr.strip()
+    if done.returncode == 0:
+        return json.loads(done.stdout.splitlines()[-1])
+    message = done.stderr.strip()
     if message.endswith("No module named 'siconos'"):
         return {"state": "missing", "detail": f"{python} has no siconos; {INSTALL}"}
-    return {"state": "broken", "detail": message or f"{python} ended with {asked.returncode}"}
+    return {"state": "broken", "detail": message or f"{python} ended with {done.returncode}"}

@@ -100,9 +100,9 @@ def main() -> None:
     parser.add_argument("root", type=Path)
     parser.add_argument("plugin")
     parser.add_argument("--python")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     try:
-        sys.stdout.write(as_toml(tables(asked.label, asked.root, asked.plugin, asked.python)))
+        sys.stdout.write(as_toml(tables(arguments.label, arguments.root, arguments.plugin, arguments.python)))
     except CpbenchError as refusal:
         sys.exit(f"cpbench: {refusal}")
 

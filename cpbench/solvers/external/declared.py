@@ -183,7 +183,7 @@ def _program(name: str, table: Table) -> Solver:
         options=_options(name, table.get("options", {})),
         by_default=table.get("by_default", True),
     )
-    return _made(spec, table)
+    return _solver(spec, table)
 
 
 def _variant(name: str, table: Table, base: Solver) -> Solver:
@@ -210,10 +210,10 @@ def _variant(name: str, table: Table, base: Solver) -> Solver:
         served = [python, "-m", "cpbench.solvers.external.serve", base.spec.name]
         given |= {"serve": shlex.join(served), "env": {**_SAFE, **table.get("env", {})}}
     own = {key: value for key, value in table.items() if key != "env" or "env" not in given}
-    return _made(spec, {**given, **own})
+    return _solver(spec, {**given, **own})
 
 
-def _made(spec: SolverSpec, table: Table) -> Solver:
+def _solver(spec: SolverSpec, table: Table) -> Solver:
     exchange = exchanges.get(table.get("exchange", "npy-dir"))
     if exchange.nodes is not None and spec.node not in exchange.nodes:
         raise CpbenchError(f"the exchange {exchange.name} carries {', '.join(sorted(exchange.nodes))}, not {spec.node}")

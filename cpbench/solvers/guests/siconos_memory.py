@@ -77,9 +77,9 @@ def copied(values: Any, kind: Any = np.float64) -> int:
 def structure(**fields: tuple[Any, Any]) -> int:
     """Return the address of a C structure of the given fields: name=(type, value), in order."""
     kind = type("Structure", (ctypes.Structure,), {"_fields_": [(name, t) for name, (t, _) in fields.items()]})
-    made = kind(*(value for _, value in fields.values()))
-    address = LIBC.malloc(ctypes.sizeof(made))
-    ctypes.memmove(address, ctypes.addressof(made), ctypes.sizeof(made))
+    instance = kind(*(value for _, value in fields.values()))
+    address = LIBC.malloc(ctypes.sizeof(instance))
+    ctypes.memmove(address, ctypes.addressof(instance), ctypes.sizeof(instance))
     return address
 
 

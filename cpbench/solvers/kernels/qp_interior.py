@@ -44,12 +44,13 @@ _FAST = {"cache": True, "error_model": "numpy", "nogil": True}
 
 @njit(types.boolean(types.float64, types.float64), inline="always", **_FAST)
 def _lower(low, high):
-    """Whether an s has a lower side."""
+    """Return whether an s has a lower side."""
     return low > -np.inf and low < high
 
 
 @njit(types.boolean(types.float64, types.float64), inline="always", **_FAST)
 def _upper(low, high):
+    """Return whether an s has an upper side."""
     return high < np.inf and low < high
 
 
@@ -120,9 +121,11 @@ def begin(H, G, g, lower, upper, scale, system, iterate, delta, sizes):
         if _upper(lower[i], upper[i]):
             t[N + i], z[N + i] = upper[i] - s[i], -y[i]
             short, wrong = max(short, -t[N + i]), max(wrong, -z[N + i])
-    for i in range(2 * N):
-        t[i] = max(t[i], 0.0) + max(INSIDE, 0.5 * short)
-        z[i] = max(z[i], 0.0) + max(INSIDE, 0.5 * wrong)
+    for i in range(N):
+        for k in (i, N + i):
+            has = _lower(lower[i], upper[i]) if k == i else _upper(lower[i], upper[i])
+            t[k] = max(t[k], 0.0) + max(INSIDE, 0.5 * short) if has else 0.0
+            z[k] = max(z[k], 0.0) + max(INSIDE, 0.5 * wrong) if has else 0.0
     _gather(H, G, g, lower, upper, scale, iterate, sizes)
     return bool(np.isfinite(largest(x)))
 

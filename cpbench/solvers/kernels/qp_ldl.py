@@ -158,10 +158,12 @@ def factor(indptr, indices, data, diagonals, parent, starts, rows, L, D, S, tail
     return True
 
 
-@njit(types.boolean(OUT2), **_FAST)
-def dense_factor(S):
-    """Overwrite the lower triangle of a quasi-definite S by L below its diagonal and D on it; False at a pivot 0 or
-    NaN."""
+@njit(types.boolean(OUT2, OUT), **_FAST)
+def dense_factor(S, diagonals):
+    """Overwrite the lower triangle of a quasi-definite S by L below its diagonal and D on it; False at a NaN.
+
+    diagonals : (N,) what stands for a pivot that rounding has turned, as in `factor`.
+    """
     N = S.shape[0]
     for begin in range(0, N, BLOCK):
         end = min(begin + BLOCK, N)
@@ -178,8 +180,8 @@ def dense_factor(S):
                     value = row[k] / S[k, k]
                     pivot -= value * row[k]
                     row[k] = value
-                row[i] = pivot
-                if not abs(pivot) > 0.0:
+                row[i] = diagonals[i] if pivot * diagonals[i] <= 0.0 else pivot
+                if not abs(row[i]) > 0.0:
                     return False
         if end == N:
             return True

@@ -82,25 +82,29 @@ def factor_system(H, G, system, w, theta, delta):
                     S[i, j] = product[i, j]
         else:
             S[:] = 0.0
+        own = work[: n + equal.size]
         for i in range(n):
             S[i, i] += w[i] + delta
+            own[i] = w[i] + delta
             for q in range(H[0][i], H[0][i + 1]):
                 if H[1][q] <= i:
                     S[i, H[1][q]] += H[2][q]
+                if H[1][q] == i:
+                    own[i] += H[2][q]
         for k in range(equal.size):
             row = S[n + k]
             for j in range(n + k):
                 row[j] = 0.0
-            row[n + k] = -delta
+            row[n + k] = own[n + k] = -delta
             for q in range(G[0][equal[k]], G[0][equal[k] + 1]):
                 row[G[1][q]] += G[2][q]
-        return dense_factor(S)
+        return dense_factor(S, own)
     shifted = work[: order.size]
     for k in range(order.size):
         i = order[k]
         shifted[k] = diagonal[k] + (w[i] + delta if i < n else -theta[i - n] - delta)
     return factor(indptr, indices, data, shifted, parent, starts, rows, L, D, S, head[0]) and (
-        not S.size or dense_factor(S)
+        not S.size or dense_factor(S, shifted[head[0] :])
     )
 
 

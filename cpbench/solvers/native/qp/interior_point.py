@@ -28,6 +28,9 @@ ENOUGH = 0.02
 """Of the gap that the tolerance allows: products tz far below it cost accuracy of the linear systems."""
 NEAR = 10.0
 """The judged error is measured when tᵀz, which is cheap, is within this factor of the tolerance."""
+POLISH = 3
+"""Iterations more, at most, while for some pair it is not decided which of slack and multiplier is 0: the sum of their
+products does not tell that, and a verdict on every pair does."""
 CHUNK = 20
 """Iterations between looks at the clock."""
 
@@ -52,6 +55,7 @@ class Path:
         system = KKT(H, G, options.regularization, (scales.lower == scales.upper)[n:]).system
         self.x, self.y = np.zeros(n), np.zeros(N)
         sides, work = np.zeros((2, 2 * N)), np.zeros(12 * N)
+        self._sides = sides
         iterate = self.x, self.y, sides[0], sides[1], np.zeros(n), work
         self._data = H, G, scales.g, scales.lower, scales.upper, scales.c, system, iterate
         self._counts, self._sizes = np.zeros(2, dtype=np.int64), np.array([0.0, math.inf, LARGE])
@@ -66,10 +70,16 @@ class Path:
         """Go to the first iterate; return False where the linear system breaks down."""
         return self._kernel.begin(*self._data, self._options.regularization, self._sizes)
 
-    def advance(self, tolerance: float, until: int) -> int:
+    def advance(self, tolerance: float, until: int, *, polish: bool = False) -> int:
         """Make one iteration, and more until there is a reason to come back, which is returned."""
-        how = self._options.regularization, self._options.to_boundary, NEAR * tolerance, ENOUGH * tolerance
+        enough = ENOUGH * tolerance * (tolerance**0.5 if polish else 1.0)
+        how = self._options.regularization, self._options.to_boundary, NEAR * tolerance, enough
         return self._kernel.advance(*self._data, *how, self._counts, self._sizes, until)
+
+    def undecided(self) -> float:
+        """Return the largest of the pairs' smaller numbers, in data of size one."""
+        t, z = self._sides
+        return float(np.minimum(t, z).max(initial=0.0))
 
     def grown(self) -> None:
         """Let the iterate grow by LARGE before the next proof is looked for."""
@@ -111,7 +121,7 @@ class InteriorPoint(Solver):
         scales, H, G = sparse_scaled(prepared)
         measure, path = ErrorMeasure(prepared, record), Path(scales, H, G, options)
         deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
-        limit, stops = budget.iterations or options.max_iterations, path.stops
+        limit, stops, polished = budget.iterations or options.max_iterations, path.stops, 0
         before = path.x.copy(), path.y.copy()
         outcome = stops.LIMIT if path.begin() else stops.BROKEN
         while True:
@@ -120,8 +130,11 @@ class InteriorPoint(Solver):
             answer = scales.parts(path.x, path.y)
             near = last or outcome in (stops.NEAR, stops.STALLED, stops.BROKEN)
             error = measure.see(path.done, answer, passing=not near) if near or record is not None else math.inf
-            if near and error <= budget.tolerance:
-                return measure.conclude(budget, counters)
+            if near and measure.least <= budget.tolerance:
+                enough = last or outcome != stops.NEAR or polished == POLISH or error > measure.least
+                if enough or path.undecided() <= budget.tolerance:
+                    return measure.conclude(budget, counters)
+                polished += 1
             if outcome == stops.BROKEN:
                 message = f"the linear system broke down at error {measure.least:.1e} after {path.done} iterations"
                 return measure.conclude(budget, counters, Claim.FAILED, message)
@@ -140,7 +153,7 @@ class InteriorPoint(Solver):
                 return measure.conclude(budget, counters, Claim.FAILED, trouble)
             before = path.x.copy(), path.y.copy()
             until = limit if math.isinf(budget.seconds) else min(limit, path.done + CHUNK)
-            outcome = path.advance(budget.tolerance, next_stop(path.done, until, record))
+            outcome = path.advance(budget.tolerance, next_stop(path.done, until, record), polish=polished > 0)
 
 
 def _proved(

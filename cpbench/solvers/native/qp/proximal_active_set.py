@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, ClassVar
 
 import numpy as np
 
 from cpbench import matrices
-from cpbench.formulations.qp import QP
+from cpbench.formulations.qp import QP, QPPoint
+from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import max_abs
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, dense_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.dual_active_set import ActiveSet
@@ -24,6 +26,12 @@ LEAST = 0.1
 """The size of Q, its data scaled, counts as this at least when ε is chosen: Q may be 0."""
 
 
+SMALL = 100
+"""Unknowns up to which one compiled call does it all: it does not look at the clock."""
+PASSES = 10
+"""Of that call, times the unknowns and rows; who needs more may need the checks of the other way."""
+
+
 @dataclass(frozen=True)
 class ProximalActiveSetOptions:
     """Options of proximal-active-set. `proximal` : ε relative to the size of Q. `feasibility_tolerance` : as in
@@ -32,6 +40,31 @@ class ProximalActiveSetOptions:
     proximal: float = searched(1e-5, low=1e-9, high=1e-2, log=True)
     feasibility_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
     max_iterations: int = fixed(0)
+
+
+def in_one_call(problem: QP, tolerance: float, options: ProximalActiveSetOptions) -> SolverOutput | None:
+    """Return the answer that one compiled call finds, or that Q is not convex; None where it does not end so."""
+    P, (n, m, k) = problem, (problem.p.size, problem.b.size, problem.d.size)
+    x, error, counts = np.zeros(2 * n + m + k), np.empty(1), np.zeros(2, dtype=np.int64)
+    z, lam, mu, nu = x[:n], x[n : n + m], x[n + m : n + m + k], x[n + m + k :]
+    Q, A, C = matrices.dense(P.Q), matrices.dense(P.A), matrices.dense(P.C)
+    solve, solved_by, not_convex = _one_call()
+    how = tolerance, matrices.PSD_TOLERANCE, options.proximal, options.feasibility_tolerance, PASSES * (n + m + k + 10)
+    outcome = solve(Q, P.p, A, P.b, C, P.d, P.lb, P.ub, *how, z, lam, mu, nu, error, counts)
+    passes, steps = counts.tolist()
+    counters = {"iterations": passes + steps, "proximal_steps": steps}
+    if outcome == solved_by:
+        return solved(QPPoint.adopt(z, lam, mu, nu), counters)
+    if outcome == not_convex and not P.convex:
+        return SolverOutput(claim=Claim.FAILED, counters=counters, message="Q is not convex")
+    return None
+
+
+@cache
+def _one_call() -> tuple[Any, int, int]:
+    """Return the compiled call and its outcomes: solved, and Q not convex."""
+    kernel = load("cpbench.solvers.kernels.qp_small")
+    return compiled(kernel.solve), kernel.SOLVED, kernel.NOT_CONVEX
 
 
 @register
@@ -57,7 +90,9 @@ class ProximalActiveSet(Solver):
         return dense_obstacle(problem) or convex_obstacle(problem)
 
     def warmup(self) -> None:
-        self.run(QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1)))
+        one = QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1))
+        self.run(one)
+        self.run(one, Budget(iterations=10))
 
     def solve(
         self,
@@ -67,6 +102,10 @@ class ProximalActiveSet(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
+        if start is None and record is None and budget.iterations is None and prepared.p.size <= SMALL:
+            output = in_one_call(prepared, budget.tolerance, options)
+            if output is not None:
+                return output
         measure, form = ErrorMeasure(prepared, record), scaled(prepared)
         n, rows = form.g.size, form.E.size
         epsilon = options.proximal * max(max_abs(form.H), LEAST)
