@@ -83,6 +83,7 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
     """
     draw = random.Random(seed)
     grouped: dict[str, list[Pair]] = {}
+    # by key first: the shuffles below then depend on the seed alone
     for pair in sorted(planned, key=lambda p: p.key):
         grouped.setdefault(block_name(pair), []).append(pair)
     names = sorted(grouped)
@@ -133,7 +134,7 @@ def run(
         outcome = derived.pop(pair.key, None)
         if outcome is None and where not in prepared:
             prepared[where] = slot.prepare(pair)
-        on_event(Solving(pair))
+        on_event(Solving(pair))  # after the conversion, which belongs to no solver
         if outcome is None:
             before = block.before.get(pair.key)
             outcome = slot.run(pair, prepared[where], before and (before, *endings[before.key]))

@@ -94,6 +94,6 @@ def main(connection: Channel) -> None:
             asked, _ = frames.unpack(connection.recv_bytes())
         except EOFError:
             return
-        with contextlib.suppress(Exception):
+        with contextlib.suppress(Exception):  # the worker meets the same error, and reports it
             solvers.get(asked["solver"]).warmup()
         connection.send_bytes(frames.pack(asked))

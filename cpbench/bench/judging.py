@@ -69,7 +69,7 @@ def judge_answer(
     verdict, target = verification.no_answer(tolerance), None
     if answer is not None:
         try:
-            begun = time.perf_counter()
+            begun = time.perf_counter()  # the check of the answer's shape is part of the lift
             found = converted.point_type(**answer)
             converted.check_point(found)
             point = graph.lift(converted, found, steps)

@@ -106,7 +106,7 @@ class TimedConversions(graph.Memory):
         if key not in self._done:
             loaded = _kernels()
             converted, seconds = _timed(edge, problem)
-            if _kernels() != loaded:
+            if _kernels() != loaded:  # the first time has the loading of a kernel in it
                 converted, seconds = _timed(edge, problem)
             self._done[key] = (problem, converted, seconds)
         return self._done[key][1]

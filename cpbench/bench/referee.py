@@ -45,7 +45,7 @@ def main(connection: Channel, scratch: str, memory: int) -> None:
             reply = referee.answer(asked)
         except CpbenchError as refusal:
             reply = messages.Declined(str(refusal), type(refusal).__name__)
-        except MemoryError:
+        except MemoryError:  # the runner replaces a referee that says so
             reply = messages.OutOfMemory()
         except Exception as error:
             reply = messages.Failed(f"{type(error).__name__}: {error}")

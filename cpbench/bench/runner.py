@@ -95,6 +95,7 @@ def execute(
     hosts = set[str]()
     with ExitStack() as stack:
         reference = stack.enter_context(Reference(executor.reference)) if executor.reference else None
+        # closed whatever happens, so that an interrupt ends the processes at work
         outcomes = stack.enter_context(closing(executor.outcomes(todo, on_event)))
         if reference:
             store.add_reference(0, *reference.measure())

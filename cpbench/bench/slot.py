@@ -147,6 +147,7 @@ class Slot:
         """
         seconds = REFEREE.limit(pair.limits.seconds)
         opened = self.referee.ask(seconds, messages.Open(pair.address, pair.format, pair.fingerprint), messages.Opened)
+        # loading first, by itself: a failure there is the file's, one below is the conversion's
         if isinstance(opened, messages.Failure):
             return unprepared(opened, loading=True)
         reply = self.referee.ask(seconds, messages.Prepare(messages.RefereeCase.of(pair)), messages.Prepared)
@@ -171,6 +172,7 @@ class Slot:
     def _run(self, pair: Pair, prepared: messages.Prepared, before: Before | None) -> Outcome:
         """Return the outcome of a pair whose problem is converted."""
         name = pair.entry.solver
+        # a chain of partials: a failure at any step has the columns that were known until then
         known = partial(
             NOTHING.changed,
             route=prepared.route,
@@ -215,7 +217,7 @@ class Slot:
         )
         loaded = False
         try:
-            worker.forget()
+            worker.forget()  # what earlier solves printed is not this one's
             over = time.monotonic() + LOAD.limit(limit)
             worker.send(messages.pack(asked), LOAD.limit(limit))
             reply = messages.ProblemLoaded(messages.Seconds(0.0))
@@ -224,7 +226,7 @@ class Slot:
             if isinstance(reply, messages.ProblemLoaded):
                 known, loaded = partial(known, load=reply.load), True
                 self.workers.loaded(name, prepared.path)
-                begun = time.perf_counter()
+                begun = time.perf_counter()  # a clock beside the worker's, which a solver could falsify
                 reply = hear(worker, limit + GRACE)
                 if isinstance(reply, messages.Result):
                     if reply.children > self.setting.processes:
@@ -321,6 +323,7 @@ class Slot:
             message = f"the answer could not be judged: {told(judged)}"
             return timed(flags=",".join(flags), status="error", message="; ".join(filter(None, (message, lost))))
         status, message = judged.status, "; ".join(filter(None, (judged.message, result.message, lost)))
+        # within the grace of a process, but beyond the limit of the solve
         if result.setup + result.solve > pair.limits.seconds:
             status, message = "timeout", f"answered after the limit of {pair.limits.seconds:g} s"
         history = None

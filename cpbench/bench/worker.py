@@ -53,7 +53,7 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
     """
     gc.disable()  # imports and compilation leave hardly any garbage
     solver = solvers.get(solver_name)
-    if scratch:
+    if scratch:  # before the guest is imported, whose code runs from then on
         confine(scratch, own=type(solver).__module__.startswith("cpbench.solvers."))
     available = solver.availability()
     if not available.ok:
@@ -66,7 +66,7 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
             interpreter.load()
     version = solver.version()
     gc.enable()
-    limit_memory(memory)
+    limit_memory(memory)  # after the warm-up: its memory is not charged to solves
     runner = SolverRunner(connection, solver)
     forked = fresh and forks() and runner.meter.threads == 1 and not runner.meter.helpers
     if forked:
@@ -238,7 +238,7 @@ def _timed(
 ) -> tuple[SolverOutput, float, float, float]:
     """Solve, and return the output, the seconds of `setup` and of `solve`, and the CPU seconds of both by `clock`."""
     me = os.getpid()
-    gc.collect(0)
+    gc.collect(0)  # here, so that it does not happen in the timed part
     cpu = clock()
     begun = time.perf_counter()
     prepared = solver.setup(problem, budget, options)

@@ -99,7 +99,7 @@ class RefereeClient:
             reply = messages.OutOfMemory() if death.out_of_memory else messages.Gone(describe_exit(death))
         except frames.FrameError as noise:
             reply = messages.Gone(str(noise))
-        self.close()
+        self.close()  # its state is unknown; the next request starts a new one
         if isinstance(reply, messages.OutOfMemory):
             limited = f", limited to {self._limit} bytes" if self._limit else ""
             return messages.OutOfMemory(f"ran out of memory{limited}")

@@ -45,7 +45,7 @@ class Channel:
     def send(self, message: bytes, seconds: float) -> None:
         """Send a request; raises OSError when the other end is closed, TimeoutError when it does not read within
         `seconds`."""
-        self._turn = (self._turn + 1) % 2**32
+        self._turn = (self._turn + 1) % 2**32  # answers to earlier requests, which were given up, are dropped by it
         rest = memoryview(_HEAD.pack(_MAGIC, self._turn, len(message)) + message)
         self._socket.setblocking(False)
         with contextlib.suppress(BlockingIOError):  # nearly always there is room at once

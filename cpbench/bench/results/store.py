@@ -59,7 +59,7 @@ class Store:
         self._written: dict[str, str] | None = None
         """What this process knows of the seals by key, None where it only reads."""
         self._database = Database(self.path, create=create)
-        try:
+        try:  # whatever fails from here on, the lock must not stay
             self._key = key or (seal_key.find_or_make() if create else seal_key.find())
             self.opened = self._take_over(expel) if create else Audit(str(self.path))
             self._kept = int(self._database.read("SELECT coalesce(sum(bytes), 0) FROM answers")[0][0])
