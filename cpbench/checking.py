@@ -142,7 +142,8 @@ def answers(
     """Yield answers of registered solvers whose error on `problem` is at most `tolerance`, one solver at a time.
 
     Native solvers come first (alone with `native`), those of the problem's own node before those behind further exact
-    conversions. Who was asked in vain goes into `tried`, with the reason; nobody is asked for less than rounding.
+    conversions. A solver that was tried in vain goes into `tried`, with the reason; none is asked for less than
+    rounding.
     """
     if tolerance < ROUNDING:
         tried.append(f"an answer to {tolerance:.0e} is wanted, which rounding does not allow")

@@ -11,7 +11,7 @@ from collections.abc import Generator
 
 @contextlib.contextmanager
 def uncollected() -> Generator[None]:
-    """Collect no garbage meanwhile. Who owns the process may want to `gc.freeze` what is there then."""
+    """Collect no garbage meanwhile. The owner of the process may want to `gc.freeze` what is there then."""
     before = gc.isenabled()
     gc.disable()
     try:

@@ -65,8 +65,8 @@ def command(
     """Keep the outcomes of a run as sorted text for version control, and show what a later run changes.
 
     Each pair has a line: status, power of ten of the error, counters, and why a failure is known (written by hand,
-    kept). There are no times, machines or dates. An update turns one way: what got better is taken over, what got worse
-    is listed and stays, unless it is accepted with a reason. Pairs that were not run are left alone.
+    kept). There are no times, machines or dates. An update takes over what got better; what got
+    worse is listed and left as it was, unless it is accepted with a reason. Pairs that were not run are left alone.
 
     Ends with 1 for --fail-on, and when rows of RESULTS are not as a run wrote them.
     """

@@ -34,8 +34,8 @@ def command(
 ) -> None:
     """Put a run with everything that repeats it into one zip file: plan, versions, machine, plugins, problems, results.
 
-    Built-in problems are named, and those whose licence forbids it stand there by fingerprint and source. cpbench
-    reproduce runs a bundle again and compares.
+    Built-in problems are included by name, and problems whose licence forbids copies by fingerprint and source.
+    cpbench reproduce runs a bundle again and compares.
     """
     from cpbench.generators.collection import builtin_folder
 

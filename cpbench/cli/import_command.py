@@ -60,8 +60,8 @@ def command(
     of any exchange (.h5, .npz, .npy, .csv, .json, a folder of .npy or .mtx files), or an HDF5 file of cpbench export
     --answers. Without a claim (in the table of times, or in claim.json) an answer counts as claimed to be solved.
 
-    Every problem of a formulation that some answer is to has a row; one without an answer is failed. Rows are marked
-    by --machine, and their times stay out of rankings unless cpbench report has --with-imported.
+    Every problem of a formulation for which there is an answer gets a row; a problem without one is failed. Rows are
+    marked by --machine, and their times stay out of rankings unless cpbench report has --with-imported.
     """
     if not solver.strip() or not machine.strip():
         raise CpbenchError("--solver and --machine may not be empty: they mark the rows")

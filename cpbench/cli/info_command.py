@@ -33,7 +33,7 @@ MANY = 3
 def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None) -> None:
     """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
 
-    Of more than three problems it shows a line each; one that cannot be read does not keep back the others. For a
+    More than three problems get a line each; one that cannot be read does not stop the others. For a
     results file it shows which solver to use, as at the end of the run.
 
     A fact says how it was found: exact, by a factorization, by a randomized estimate, or not decided.

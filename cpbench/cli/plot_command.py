@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-ROOMS = {
+PACKAGES = {
     "cpbench.report.plots": ("cpbench.cli.plot_run", "Of runs"),
     "cpbench.report.pictures": ("cpbench.cli.plot_problem", "Of problems"),
 }
@@ -20,7 +20,7 @@ def _kinds() -> dict[str, tuple[str, str]]:
     """Return the package and the summary of each kind of figure."""
     from cpbench.report.figure_kinds import summaries
 
-    return {name: (room, text) for room in ROOMS for name, text in summaries(room).items()}
+    return {name: (package, text) for package in PACKAGES for name, text in summaries(package).items()}
 
 
 class Kinds(click.Group):
@@ -34,14 +34,14 @@ class Kinds(click.Group):
             return None
         from cpbench.report.figure_kinds import find
 
-        room = _kinds()[cmd_name][0]
-        found: click.Command = importlib.import_module(ROOMS[room][0]).command_of(find(room, cmd_name))
+        package = _kinds()[cmd_name][0]
+        found: click.Command = importlib.import_module(PACKAGES[package][0]).command_of(find(package, cmd_name))
         return found
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        for room, (_, heading) in ROOMS.items():
+        for package, (_, heading) in PACKAGES.items():
             with formatter.section(heading):
-                formatter.write_dl([(name, text) for name, (own, text) in _kinds().items() if own == room])
+                formatter.write_dl([(name, text) for name, (own, text) in _kinds().items() if own == package])
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         if args and args[0] not in _kinds():

@@ -73,8 +73,8 @@ def command(
     Random search with successive halving, in the ranges that the solver declares (cpbench list solvers SOLVER);
     an option with one value in the brackets is fixed, one with several is searched among them. Every configuration is
     run and judged as by cpbench run. The result is written as a plan, which compares it with the default options
-    on the other half of the problems, and tells results and reports what the search cost. Ctrl-C ends the search; the
-    best so far is written.
+    on the other half of the problems, and records what the search cost, which reports then show.
+    Ctrl-C ends the search; the best so far is written.
     """
     from cpbench.advice.tune import problem_set, tune
 

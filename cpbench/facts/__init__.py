@@ -1,7 +1,7 @@
 """Facts about problems and matrices: measured, each with its number and how it was found.
 
 `of_problem(problem)` measures every matrix of a problem, `of_matrix(M, name)` one of them. No test takes longer than a
-bound that its room states; beyond it a fact is `not decided`, with the reason.
+bound that its module states; beyond it a fact is `not decided`, with the reason.
 """
 
 from cpbench.facts.copositivity import copositivity

@@ -1,8 +1,8 @@
 """The kinds of single figures that `cpbench plot` draws: a module each, found by its name and imported when asked for.
 
-A kind `lcp-cones` is the module `lcp_cones` of a room (`report/pictures` for problems, `report/plots` for runs), with
-one function registered here. Its options are the keyword arguments of that function, with their defaults; the first
-line of the module's docstring tells what it shows.
+A kind `lcp-cones` is the module `lcp_cones` of a package (`report/pictures` for problems, `report/plots` for runs),
+with one function registered here. Its options are the keyword arguments of that function, with their defaults; the
+first line of the module's docstring tells what it shows.
 """
 
 from __future__ import annotations
@@ -85,23 +85,23 @@ def figure_kind(
     return keep
 
 
-def summaries(room: str) -> dict[str, str]:
+def summaries(package: str) -> dict[str, str]:
     """List the kinds of a package (`cpbench.report.pictures`) and the first line of each module, without importing
     them.
     """
-    folder = Path(str(importlib.import_module(room).__file__)).parent
+    folder = Path(str(importlib.import_module(package).__file__)).parent
     return {
         info.name.replace("_", "-"): _headline(folder / f"{info.name}.py")
         for info in pkgutil.iter_modules([str(folder)])
     }
 
 
-def find(room: str, name: str) -> FigureKind:
+def find(package: str, name: str) -> FigureKind:
     """Find the kind `name` of a package; raises UnknownName."""
-    known = summaries(room)
+    known = summaries(package)
     if name not in known:
         raise UnknownName("figure", name, known)
-    importlib.import_module(f"{room}.{name.replace('-', '_')}")
+    importlib.import_module(f"{package}.{name.replace('-', '_')}")
     return figure_kinds.get(name)
 
 

@@ -78,7 +78,7 @@ class CommandSolver(Solver):
 
     def setup(self, problem: HandedOver, budget: Budget, options: Any) -> HandedOver:
         """Remove the answers of earlier solves, which might be taken for this one's."""
-        (problem.room().parent / CLAIM).unlink(missing_ok=True)
+        (problem.clean_answer_path().parent / CLAIM).unlink(missing_ok=True)
         return problem
 
     def solve(

@@ -68,7 +68,7 @@ class HandedOver:
         ]
         handed = cls(problem, exchange, Folder(8 * sum(numbers)))
         exchange.write_problem(written, handed.path("problem"), form == "dense")
-        handed.room()  # which is ready then: what collects an answer is part of every pair
+        handed.clean_answer_path()  # which is ready then: what collects an answer is part of every pair
         return handed
 
     def path(self, name: str) -> Path:
@@ -81,8 +81,8 @@ class HandedOver:
         self.exchange.write_answer(point, self.path("start"))
         return str(self.path("start"))
 
-    def room(self) -> Path:
-        """Return the path for an answer: an empty folder, or no file."""
+    def clean_answer_path(self) -> Path:
+        """Return the path for an answer, cleaned: an empty folder, or no file."""
         path = self.path("answer")
         if self.exchange.suffix:
             path.unlink(missing_ok=True)
@@ -94,7 +94,7 @@ class HandedOver:
         return path
 
     def answered(self) -> bool:
-        """Return whether anything was written into `room`."""
+        """Return whether anything was written to the path of the answer."""
         path = self.path("answer")
         return any(entry.name != CLAIM for entry in path.iterdir()) if path.is_dir() else path.exists()
 
@@ -175,7 +175,7 @@ class ServedSolver(Solver):
             return output
         if session is None or session.holds is not handed:
             raise ProgramError(f"{self.spec.name}: holds another problem than the one whose answer is wanted")
-        session.ask("write", BACKSTOP, answer=str(handed.room()))
+        session.ask("write", BACKSTOP, answer=str(handed.clean_answer_path()))
         return dataclasses.replace(output, point=handed.answer(self.spec.name, output.claim))
 
     def warmup(self) -> None:
