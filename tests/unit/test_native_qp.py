@@ -544,3 +544,14 @@ def test_installed_members_are_asked_and_what_they_claim_is_measured() -> None:
     assert problem.residuals(output.point).error <= 1e-6
     output = solver.solve(plan._replace(phases=kept, first=None, solver=None), Budget(tolerance=1e-17), options)
     assert output.claim is not Claim.SOLVED
+
+
+def test_what_presolve_leaves_without_a_solution_is_proved_on_the_whole() -> None:
+    """A row of one unknown goes, all unknowns stay; two rows contradict each other, or nothing bounds the cost."""
+    A, bounds = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 1.0], [-1.0, -1.0, -1.0]]), (np.zeros(3), np.full(3, 50.0))
+    problem = QP.build(np.eye(3), np.ones(3), A, [0.5, 2.0, -1.0], None, None, *bounds)
+    assert presolved(sparse_data(problem)) is not None
+    assert solvers.get("interior-point-qp").run(problem).claim is Claim.INFEASIBLE
+    free = QP.build(np.zeros((3, 3)), -np.ones(3), A[:2], [0.5, 2.0], lb=np.zeros(3))
+    assert presolved(sparse_data(free)) is not None
+    assert solvers.get("interior-point-qp").run(free).claim is Claim.UNBOUNDED

@@ -124,7 +124,7 @@ class InteriorPoint(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         measure, data = ErrorMeasure(prepared, record), sparse_data(prepared)
-        run = _Run(prepared, budget, options, measure, record)
+        run = _Run(prepared, data, budget, options, measure, record)
         reduced = presolved(data)
         if reduced is not None:
             output = run.along(*reduced)
@@ -138,9 +138,15 @@ class _Run:
     """State of a solve: of what presolve has left first, then of the whole."""
 
     def __init__(
-        self, problem: QP, budget: Budget, options: QPInteriorPointOptions, measure: ErrorMeasure, record: Record | None
+        self,
+        problem: QP,
+        whole: SparseQP,
+        budget: Budget,
+        options: QPInteriorPointOptions,
+        measure: ErrorMeasure,
+        record: Record | None,
     ) -> None:
-        self._problem, self._budget, self._options = problem, budget, options
+        self._problem, self._whole, self._budget, self._options = problem, whole, budget, options
         self._measure, self._record = measure, record
         self._deadline = time.monotonic() + budget.seconds
         self._limit, self._done, self._factorizations = budget.iterations or options.max_iterations, 0, 0
@@ -180,7 +186,7 @@ class _Run:
                 ended = Claim.FAILED, f"stalled at {measure.least:.1e} after {self._done} iterations"
             elif outcome == stops.NEAR and (trouble := progress.trouble(path.done, error)) is not None:
                 ended = Claim.FAILED, trouble
-            if data.p.size == self._problem.p.size and (outcome in (stops.STALLED, stops.LARGE) or ended is not None):
+            if data is self._whole and (outcome in (stops.STALLED, stops.LARGE) or ended is not None):
                 proved = _proved(self._problem, scales, path, before, counters)
                 if proved is not None:
                     return proved
