@@ -1,7 +1,9 @@
 """Lemke's method on a small LCP with the error of its answer, in one call."""
 
+import math
+
 import numpy as np
-from numba import float64, int64, njit, types
+from numba import float64, int64, njit, types, void
 
 from cpbench.solvers.kernels.array_types import DATA
 from cpbench.solvers.kernels.pivoting import lemke
@@ -49,6 +51,35 @@ def spread(M):
         if column[j] > 0.0:
             low, high = min(low, column[j]), max(high, column[j])
     return max(found, high / low)
+
+
+@njit(void(MATRIX, int64, float64[::1], float64[::1], MATRIX), cache=True, nogil=True)
+def even(M, passes, rows, unknowns, scaled):
+    """Write D₁, D₂ and D₁MD₂: powers of two near to Ruiz' scaling, whose passes take the square root of what is left of
+    the differences between the largest entries of rows and of columns."""
+    n = M.shape[0]
+    by_row, by_column = np.empty(n), np.empty(n)
+    rows[:] = 1.0
+    unknowns[:] = 1.0
+    for _ in range(passes):
+        by_row[:] = 0.0
+        by_column[:] = 0.0
+        for i in range(n):
+            for j in range(n):
+                size = abs(M[i, j]) * rows[i] * unknowns[j]
+                by_row[i] = max(by_row[i], size)
+                by_column[j] = max(by_column[j], size)
+        for i in range(n):
+            if by_row[i] > 0.0:
+                rows[i] /= np.sqrt(by_row[i])
+            if by_column[i] > 0.0:
+                unknowns[i] /= np.sqrt(by_column[i])
+    for i in range(n):
+        rows[i] = math.ldexp(1.0, round(np.log2(rows[i])))
+        unknowns[i] = math.ldexp(1.0, round(np.log2(unknowns[i])))
+    for i in range(n):
+        for j in range(n):
+            scaled[i, j] = M[i, j] * rows[i] * unknowns[j]
 
 
 READY = True

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import Dense, Vector
+from cpbench.kernel_cache import load
+from cpbench.matrices import Vector
 from cpbench.solvers.base import SolverOutput
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp
 
@@ -42,26 +43,13 @@ class EvenLCP:
         )
 
 
-def even_units(M: Dense) -> tuple[Vector, Vector]:
-    """Return D₁ and D₂, equal where M is symmetric.
+def in_even_units(lcp: DenseLCP, by_columns: bool) -> EvenLCP:
+    """Return the problem in even units, equal ones of rows and unknowns where M is symmetric.
 
     Ruiz, A scaling algorithm to equilibrate both rows and columns norms in matrices (2001), in the ∞-norm.
     """
-    size = np.abs(M)
-    rows, unknowns = np.ones(len(M)), np.ones(len(M))
-    for _ in range(PASSES):
-        by_row, by_column = (np.where(part > 0, part, 1.0) for part in (size.max(axis=1), size.max(axis=0)))
-        rows, unknowns = rows / np.sqrt(by_row), unknowns / np.sqrt(by_column)
-        size = np.abs(M) * rows[:, None] * unknowns
-    return _powers(rows), _powers(unknowns)
-
-
-def in_even_units(lcp: DenseLCP, by_columns: bool) -> EvenLCP:
-    """Return the problem in even units."""
-    rows, unknowns = even_units(lcp.M)
-    problem = LCP(M=lcp.M * rows[:, None] * unknowns, q=lcp.problem.q * rows, name=lcp.problem.name)
+    rows, unknowns = np.empty((2, lcp.problem.q.size))
+    M = np.empty(lcp.M.shape)
+    load("cpbench.solvers.kernels.lemke_judged").even(lcp.M, PASSES, rows, unknowns, M)
+    problem = LCP(M=M, q=lcp.problem.q * rows, name=lcp.problem.name)
     return EvenLCP(dense_lcp(problem, by_columns=by_columns), rows, unknowns)
-
-
-def _powers(x: Vector) -> Vector:
-    return np.exp2(np.round(np.log2(x)))
