@@ -23,7 +23,7 @@ _REFER, _TRUNCATE = 1 << 13, 1 << 14
 _FIRST = (1 << 13) - 1
 """All rights of the first version: those above, to remove and to make entries of every kind."""
 _OF_FILES = _EXECUTE | _WRITE_FILE | _READ_FILE | _TRUNCATE
-"""What may be allowed of a file that is no folder."""
+"""What may be allowed of a file that is not a folder."""
 
 
 @cache

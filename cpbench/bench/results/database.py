@@ -33,7 +33,7 @@ class Database:
     For writing (`create=True`) this process alone may write it, and an older file is migrated; for reading, an older
     one is migrated in memory. May be used from several threads.
 
-    Raises StoreError when the file is no results file, is of a newer version, is being written by another process or
+    Raises StoreError when the file is not a results file, is of a newer version, is being written by another process or
     cannot be written; from every method, when SQLite fails.
     """
 
@@ -143,7 +143,7 @@ class Database:
     # -------------------------------------------------------------------------------------------- open
 
     def _examine(self, create: bool) -> None:
-        """Refuse what is no results file before anything of it or beside it is touched.
+        """Refuse what is not a results file before anything of it or beside it is touched.
 
         The file itself is opened by SQLite alone: a plain open and close would drop the locks that another connection
         of this process has on it.
