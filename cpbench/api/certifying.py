@@ -84,7 +84,7 @@ def certify_first(problem: Problem, seconds: float = SECONDS) -> tuple[Solution,
 
 
 def verified_answers(problem: Problem, seconds: float = SOLVE_SECONDS) -> Iterator[Solution]:
-    """Yield answers that meet 1e-6: by the automatic choice, asked for 1e-8, then by one solver of each method.
+    """Yield answers that meet 1e-6: by the automatic choice, at 1e-8 and 1e-10, then by one solver a method.
 
     Solvers are those of the formulation that the automatic choice was found in, which are here; METHODS come first,
     which end at a basis or at the zero of an active set's system, from which a proof is read most easily. `seconds` :
@@ -95,6 +95,9 @@ def verified_answers(problem: Problem, seconds: float = SOLVE_SECONDS) -> Iterat
     first = _verified(problem, None, TOLERANCE, seconds) or _verified(problem, None, ACCEPTED, seconds)
     if first is not None:
         yield first
+    finer = _verified(problem, None, FINER, seconds)
+    if finer is not None:
+        yield finer
     node = solvers.get(first.solver).spec.node if first is not None else problem.node
     one: dict[str, str] = {}
     for solver in solvers:

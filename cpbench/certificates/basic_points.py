@@ -60,14 +60,14 @@ def exact_point(
     for own_rows, own_columns in blocks(P.K, basic):
         if own_rows.size > LARGEST:
             return Attempt(None, [], f"{own_rows.size} unknowns hang together, {LARGEST} is the most that is solved")
-        part = solve(K, own_rows, own_columns, _sides(P, K, own_rows, x))
+        part = solve(K, own_rows, own_columns, sides(P, K, own_rows, x))
         if part is None:
             all_columns = own_columns
             own_rows, own_columns = regular_part(K, own_rows, own_columns, near[own_columns])
             for j in np.setdiff1d(all_columns, own_columns).tolist():
                 held[j] = min(max(float(near[j]), P.lo[j]), P.hi[j])
                 x[j] = rational(held[j])
-            part = solve(K, own_rows, own_columns, _sides(P, K, own_rows, x))
+            part = solve(K, own_rows, own_columns, sides(P, K, own_rows, x))
             if part is None:
                 return Attempt(None, [], "the system of the active set is singular")
         for j, value in zip(own_columns.tolist(), part, strict=True):
@@ -79,7 +79,7 @@ def exact_point(
     return Attempt(Support(held, np.concatenate([none, *rows]), np.concatenate([none, *columns]), ends), x)
 
 
-def _sides(P: Mixed, K: ExactRows, rows: Index, x: Sequence[Any]) -> list[Any]:
+def sides(P: Mixed, K: ExactRows, rows: Index, x: Sequence[Any]) -> list[Any]:
     """Return −c − Kx of some rows; unknowns that are still to come are 0."""
     sides: list[Any] = []
     for i in rows.tolist():
@@ -136,4 +136,4 @@ def _sign(total: Any, exponent: int, c: float, common: Any) -> int:
 
 def row_value(P: Mixed, K: ExactRows, i: int, x: Sequence[Any]) -> Any:
     """Return (Kx + c)ᵢ."""
-    return -_sides(P, K, np.array([i]), x)[0]
+    return -sides(P, K, np.array([i]), x)[0]

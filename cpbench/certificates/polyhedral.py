@@ -17,6 +17,7 @@ from cpbench.certificates.exact_rows import ExactRows, nearest
 from cpbench.certificates.exchanges import exchanged
 from cpbench.certificates.faces import interior
 from cpbench.certificates.mixed import Mixed
+from cpbench.certificates.vertices import at_vertex
 from cpbench.matrices import Vector
 
 ROUNDS, SINGLE = 10, 40
@@ -35,6 +36,11 @@ def prove(P: Mixed, x: Vector, seconds: float) -> Attempt:
             if found.support is not None:
                 return found
             reason = found.reason or reason
+    for _, near in known:
+        found = at_vertex(P, K, near, deadline)
+        if found.support is not None:
+            return found
+        reason = found.reason or reason
     for states, near in known:
         found = exchanged(P, K, states, near, deadline)
         if found.support is not None:

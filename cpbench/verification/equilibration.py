@@ -21,6 +21,8 @@ STEPS = 200
 LOG_2 = float(np.log(2.0))
 BITS = 0.01
 """Conjugate gradients end where rows are off by less in the root mean square: sizes are compared, no digits."""
+SINGLE = np.float32
+"""Logarithms of sizes need six digits at most, and take half of the time with these."""
 
 
 @dataclass(frozen=True)
@@ -79,10 +81,10 @@ def equilibrate_apart(A: Any, sums: Sums = WHOLE) -> tuple[Vector, Vector]:
     Problems side by side, as `sums` says, come out as each by itself; columns have the numbers of the rows.
     """
     A = A if A.data.all() else _without_zeros(A)
-    lengths, logs = np.diff(A.indptr), np.log2(A.data)
+    lengths, logs = np.diff(A.indptr), np.log2(A.data).astype(SINGLE)
     products = _Products.of(A)
-    d, e = np.zeros(A.shape[0]), np.zeros(A.shape[1])
-    weights = np.ones(logs.size)
+    d, e = np.zeros(A.shape[0], SINGLE), np.zeros(A.shape[1], SINGLE)
+    weights = np.ones(logs.size, SINGLE)
     going: Any = True
     for i in range(ROUNDS):
         if i:
@@ -100,7 +102,7 @@ def equilibrate_apart(A: Any, sums: Sums = WHOLE) -> tuple[Vector, Vector]:
         going = moved if going is True else going & moved
         if not sums.any(going):
             break
-    return np.exp2(d), np.exp2(e)
+    return np.exp2(d.astype(np.float64)), np.exp2(e.astype(np.float64))
 
 
 @dataclass(frozen=True)
@@ -113,14 +115,16 @@ class _Products:
     @classmethod
     def of(cls, A: Any) -> _Products:
         """Take the places of a CSR matrix."""
-        by_rows = sp.csr_array((np.ones(A.nnz), A.indices, A.indptr), shape=A.shape)
+        by_rows = sp.csr_array((np.ones(A.nnz, SINGLE), A.indices, A.indptr), shape=A.shape)
         return cls(by_rows, by_rows.T)
 
     def sums(self, values: Vector) -> tuple[Vector, Vector]:
         """Put these numbers in the places; return the sums of the rows and of the columns."""
         self.by_rows.data = self.by_columns.data = values
         rows, columns = self.by_rows.shape
-        return self.by_rows @ np.ones(columns), self.by_columns @ np.ones(rows)  # a tenth of the time of `sum`
+        return self.by_rows @ np.ones(columns, SINGLE), self.by_columns @ np.ones(
+            rows, SINGLE
+        )  # a tenth of the time of `sum`
 
 
 def _without_zeros(A: Any) -> Any:

@@ -65,11 +65,33 @@ class ParallelRows:
 
 
 def _groups(rows: Any) -> tuple[Any, Vector]:
-    """Return the number of the group of parallel rows of each row, and the length of each along its group."""
-    m, n = rows.shape
-    filled = np.diff(rows.indptr) > 0
+    """Return the number of the group of parallel rows of each row, and the length of each along its group.
+
+    Parallel rows have their entries in the same columns: most rows are seen to be alone by where theirs begin and end.
+    """
+    m = rows.shape[0]
+    rows.sort_indices()
+    lengths = np.diff(rows.indptr)
+    filled = lengths > 0
+    ends = np.full((3, m), -1)
+    ends[0], ends[1, filled] = lengths, rows.indices[rows.indptr[:-1][filled]]
+    ends[2, filled] = rows.indices[rows.indptr[1:][filled] - 1]
+    order = np.lexsort(ends)
+    same = (np.diff(ends[:, order], axis=1) == 0).all(axis=0)
+    beside = np.zeros(m, dtype=bool)
+    beside[order[:-1][same]] = beside[order[1:][same]] = True
     lead = np.ones(m)
     lead[filled] = rows.data[rows.indptr[:-1][filled]]
+    group = np.arange(m)
+    some = np.flatnonzero(beside)
+    if some.size:
+        group[some] = some[_first_parallel(rows[some], lead[some])]
+    return np.unique(group, return_inverse=True)[1], lead
+
+
+def _first_parallel(rows: Any, lead: Vector) -> Any:
+    """Return the place of the first row that is parallel to each."""
+    m, n = rows.shape
     # Parallel rows are equal once divided by their first entries. Mantissas and exponents are compared apart, so that
     # a column in other units changes nothing but an exponent, and that in all rows alike.
     entries = rows.data / np.repeat(np.where(lead != 0, lead, 1.0), np.diff(rows.indptr))
@@ -86,7 +108,9 @@ def _groups(rows: Any) -> tuple[Any, Vector]:
     starts = np.concatenate([[True], ~near.all(axis=0)])
     group = np.empty(m, dtype=np.int64)
     group[order] = np.cumsum(starts) - 1
-    return group, lead
+    first = np.full(int(group.max()) + 1, m)
+    np.minimum.at(first, group, np.arange(m))
+    return first[group]
 
 
 def _row_of(rows: Any) -> Any:

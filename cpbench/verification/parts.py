@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from cpbench.matrices import Vector, norm
 from cpbench.verification.equilibration import WHOLE, Sums, equilibrate, equilibrate_apart
@@ -110,7 +110,7 @@ class Parts:
             count = found.size
         else:
             rows = unknowns = equilibrate(sizes + sizes.T, sums)
-            count, part = connected_components(sizes, directed=False)
+            count, part = (1, np.zeros(frame.k, np.int64)) if _joined(sizes) else connected_components(sizes, False)
             split = False
         if frame.multiplier is None:
             inner = np.diff(sizes.indptr) > 0
@@ -211,11 +211,17 @@ class Parts:
 def _rows_beside_unknowns(sizes: Any) -> Any:
     """Return the part of each row, then of each unknown, where terms alone join them."""
     k = sizes.shape[0]
-    if k and sizes.nnz == k * k:
+    if k and (sizes.nnz == k * k or (sizes.diagonal().all() and _joined(sizes))):
         return np.zeros(2 * k, dtype=np.int64)
     indptr = np.concatenate([sizes.indptr, np.full(k, sizes.indptr[-1])])
     graph = sp.csr_array((sizes.data, sizes.indices + k, indptr), shape=(2 * k, 2 * k))
     return connected_components(graph, directed=False)[1]
+
+
+def _joined(sizes: Any) -> bool:
+    """Return whether terms lead from the first row to all: most problems are one part, and to see that is quick."""
+    k = sizes.shape[0]
+    return bool(k) and breadth_first_order(sizes, 0, return_predecessors=False).size == k
 
 
 def largest_of(at: Any, values: Vector, k: int) -> Vector:

@@ -36,7 +36,16 @@ class RowsFrame(Frame):
 
 def stack(blocks: list[list[Any]]) -> Any:
     """Return |K| of a matrix of blocks, None being zero."""
-    return abs(sp.csr_array(sp.block_array([[None if B is None else sp.csr_array(B) for B in row] for row in blocks])))
+    heights = [next(B.shape[0] for B in row if B is not None) for row in blocks]
+    widths = [next(B.shape[1] for B in column if B is not None) for column in zip(*blocks, strict=True)]
+    lines = [
+        sp.hstack(
+            [sp.csr_array((height, width) if B is None else B) for B, width in zip(row, widths, strict=True)],
+            format="csr",
+        )
+        for row, height in zip(blocks, heights, strict=True)
+    ]
+    return abs(sp.csr_array(sp.vstack(lines, format="csr")))  # half of the time of block_array
 
 
 def lcp(problem: Any, point: Any) -> System:

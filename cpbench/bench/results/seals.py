@@ -177,9 +177,10 @@ def unfit(values: Sequence[Any], key: Key | None, written: Mapping[str, str] | N
         return "has no seal"
     if seal == BROKEN:
         return "was changed by somebody else while it was run"
-    name, *digests, signature = str(seal).split(".")
-    if len(digests) != len(PARTS) or len(name) != NAME or not name.isascii():
+    name, *digests = str(seal).split(".")
+    if len(digests) != len(PARTS) + 1 or len(name) != NAME or not name.isascii():
         return "its seal is none"
+    signature = digests.pop()
     differ = [part for part, old, now in zip(PARTS, digests, _digests(values, name), strict=True) if old != now]
     if differ:
         return f"{' and '.join(differ)} changed after it was sealed"
