@@ -46,7 +46,7 @@ class SelectedRows:
 
     Attributes
     ----------
-    kinds : route kind of each label. run_tolerance : the tolerance at which was solved, another where `tolerance` was applied
+    kinds : route kind of each label. run_tolerance : that of the run, another where `tolerance` was applied
     to the answers afterwards. looks : of every label of the file, whatever is shown (`analysis.looks`).
     """
 
@@ -84,7 +84,7 @@ class SelectedRows:
         most = rows_of.limit(self.rows)
         starts = ", ".join(sorted({one_line(start) for start in self.rows["start"]} - {""}))
         judged = f"{self.tolerance:g}" + (
-            "" if self.run_tolerance == self.tolerance else f" (asked for: {self.asked:g})"
+            "" if self.run_tolerance == self.tolerance else f" (asked for: {self.run_tolerance:g})"
         )
         limit = f"{seconds(most)} a solve" if math.isfinite(most) else "none"
         return (
