@@ -40,7 +40,8 @@ def certify(problem: Problem, point: Any, seconds: float = 60.0) -> Certificate:
     began = time.perf_counter()
     answer = np.concatenate([np.zeros(0), *point.arrays().values()])
     plain = Certificate(problem.node, problem.fingerprint, MEASURED, answer)
-    found = _certified(problem, point, plain, seconds)
+    with np.errstate(all="ignore"):  # doubles give hints only; answers may be as large as doubles go
+        found = _certified(problem, point, plain, seconds)
     if point.finite and not found.distance <= SUSPECT:
         radius = excluded(problem, point)
         found = replace(found, excluded=radius, level=REFUTED if radius >= SUSPECT and not found else found.level)

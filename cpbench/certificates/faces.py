@@ -35,6 +35,8 @@ def interior(P: Mixed, states: States, near: Vector) -> Vector | None:
     bounds = [(v, v) if v == v else (None, None) for v in fixed.tolist()]
     below: Any = sp.csr_array(sp.hstack([above, room[:, None]]))
     equal: Any = sp.csr_array(sp.hstack([rows[basic], sp.csr_array((basic.size, 1))]))
+    if not (np.isfinite(below.data).all() and np.isfinite(equal.data).all() and np.isfinite(sides).all()):
+        return None  # an answer of 1e300
     found: Any = linprog(
         np.append(np.zeros(n), -1.0),
         A_ub=below,

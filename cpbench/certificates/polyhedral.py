@@ -11,6 +11,8 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from cpbench.certificates.active_sets import BASIC, States, candidates, solved
 from cpbench.certificates.basic_points import Attempt, exact_point, violations
 from cpbench.certificates.exact_rows import ExactRows, nearest
@@ -28,7 +30,9 @@ def prove(P: Mixed, x: Vector, seconds: float) -> Attempt:
     """Look for an exact solution near x, for about so many seconds."""
     deadline = time.perf_counter() + seconds
     K, tried, reason = ExactRows.of(P.K), set[bytes](), "no active set was found"
-    known = list(candidates(P, x))
+    if not np.isfinite(P.K @ x + P.c).all():
+        return Attempt(None, [], "sums of its rows are beyond all doubles")
+    known = [(states, near) for states, near in candidates(P, x) if np.isfinite(P.K @ near + P.c).all()]
     # each as it is first: what is nearest to the answer is the better proof, and pivots may go far away
     for changes in (0, ROUNDS + SINGLE):
         for states, near in reversed(known) if changes else known:

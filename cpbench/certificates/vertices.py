@@ -100,6 +100,8 @@ def _basis(P: Mixed, states: States, near: Vector, seconds: float) -> tuple[Vect
     free, used = np.flatnonzero(np.isnan(held)), np.flatnonzero(P.lo < P.hi)
     level = -((P.K @ np.where(np.isnan(held), 0.0, held) + P.c) * unit)[used]
     rows: Any = sp.csc_array(sp.diags_array(unit[used]) @ P.K[used][:, free] @ sp.diags_array(span[free]))
+    if not (np.isfinite(rows.data).all() and np.isfinite(level).all()):
+        return None  # an answer of 1e300
     sign = np.where(states == UPPER, -1.0, 1.0) * unsure
     cost = sign[free] + rows.T @ sign[used]
     span = span[free]

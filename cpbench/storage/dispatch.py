@@ -158,6 +158,12 @@ def _by_suffix(problem: Problem, file: Path) -> Format:
         return formats.get("qp-npz")
     if file.name.lower().endswith(".mof.json"):
         return formats.get("mof")
+    others = {
+        ".dat": problem.node in _TEXT_NODES,
+        ".npz": problem.node == "qp",
+        ".mof.json": problem.node in formats.get("mof").writes,
+    }
+    known = " or ".join([".h5", *(name for name, fits in others.items() if fits)])
     raise FormatError(
-        file, "", f"no format writes a problem of type {problem.node} to a name that ends in '{suffix}': use .h5"
+        file, "", f"no format writes a problem of type {problem.node} to a name that ends in '{suffix}': use {known}"
     )

@@ -113,3 +113,11 @@ def test_several_answers_are_looked_at_until_one_is_proved() -> None:
     assert cp.verify(market, solution).solved
     assert found.level == "proved"
     assert cp.certify(market).level == "proved"
+
+
+@pytest.mark.parametrize("size", [1e154, 1e300, 1.7e308])
+def test_an_absurd_answer_is_measured_or_disproved(size: float) -> None:
+    """Sums of rows overflow; that is no reason to fail. The matrix is singular, so that a face is looked for."""
+    lcp = cp.LCP(M=np.ones((3, 3)), q=-np.ones(3))
+    found = cp.certify(lcp, [size, -size, size])
+    assert found.level in ("measured", "proved", "refuted")

@@ -142,6 +142,12 @@ def test_a_file_with_a_local_and_a_global_problem(tmp_path: Path) -> None:
     assert storage.load(f"{path}::global").fingerprint == CASES["gfc3-sparse-5"].fingerprint
 
 
+def test_a_name_that_no_format_fits_is_answered_with_those_that_fit(tmp_path: Path) -> None:
+    lcp = LCP(M=np.eye(2), q=np.ones(2))
+    with pytest.raises(FormatError, match=r"ends in '\.jl': use \.h5 or \.dat or \.mof\.json$"):
+        storage.save(lcp, tmp_path / "p.jl")
+
+
 def test_names(tmp_path: Path) -> None:
     storage.save(LCP(M=np.eye(1), q=np.ones(1), name="given"), tmp_path / "a.h5")
     storage.save(LCP(M=np.eye(1), q=np.ones(1)), tmp_path / "b.h5")

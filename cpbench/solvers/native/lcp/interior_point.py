@@ -26,7 +26,7 @@ from cpbench.ncp_functions import fischer_burmeister, minimum
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.claims import CLOSE
 from cpbench.solvers.native.lcp.interior_point_system import ShiftedSystem
-from cpbench.solvers.native.mlcp.claims import ScaledMLCP, dense_obstacle, mixed, scale
+from cpbench.solvers.native.mlcp.claims import ScaledMLCP, dense_obstacle, mixed, scale, settled
 from cpbench.solvers.native.mlcp.newton import LinearBox
 from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, run
 from cpbench.solvers.native.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
@@ -176,6 +176,7 @@ def _solve(
         counters["iterations"] = done + 1
         shown = at.x
     if least <= budget.tolerance:
+        best, least = settled(prepared, best, least, budget.tolerance)
         claim, message = Claim.SOLVED, ""
     return SolverOutput(claim=claim, point=answer(best), counters=counters, message=message)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -9,8 +10,8 @@ import numpy as np
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.matrices import Matrix, Vector
 from cpbench.ncp_functions import NCPFunction, fischer_burmeister, minimum
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.mlcp.claims import ScaledMLCP, dense_obstacle, scale
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.mlcp.claims import ScaledMLCP, dense_obstacle, scale, settled
 from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run
 from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 from cpbench.solvers.native.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
@@ -73,7 +74,13 @@ class _NewtonMLCP(Solver):
         method = SemismoothMethod(LinearBox(prepared), type(self).psi, fischer_burmeister, options)
         limit = budget.iterations or options.max_iterations
         first = None if start is None else prepared.start(start)
-        return run(method, budget, limit, options.restarts, first, record)
+        output = run(method, budget, limit, options.restarts, first, record)
+        if output.claim is not Claim.SOLVED or output.point is None:
+            return output
+        x = prepared.start(output.point)
+        error = prepared.error(x)
+        better, least = settled(prepared, x, error, budget.tolerance)
+        return replace(output, point=prepared.point(better)) if least < error else output
 
 
 def _spec(name: str, summary: str, citation: str) -> SolverSpec:
