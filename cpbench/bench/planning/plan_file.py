@@ -49,13 +49,13 @@ ONLY_SAID = ("shard", "rerun")
 
 
 class PlanError(CpbenchError):
-    """A plan file says what cannot be: `file: table: key = value: cause`."""
+    """A plan file is not valid; the message is `file: table: key = value: cause`."""
 
 
 @dataclass(frozen=True)
 class PlanFile:
-    """The content of a plan file, read and checked: keys for all sets and for the run, those of each set, and how
-    options of solvers were found."""
+    """The checked content of a plan file: keys of the run and of all sets, keys of each set, and the tunings of
+    solvers."""
 
     path: Path
     top: Mapping[str, Any]
@@ -347,4 +347,4 @@ READERS: Mapping[str, Callable[[Any], Any]] = {
     "retry": _whole(0),
     "fail_on": _statuses,
 }
-"""How the value of each key is read, whether a file or the command line gave it."""
+"""Readers of values by key, for files and for the command line."""
