@@ -20,7 +20,7 @@ from cpbench.bench import messages, shared_problem
 from cpbench.bench import slot as slots
 from cpbench.bench.messages import RefereeCase, Survey
 from cpbench.bench.planning import plan
-from cpbench.bench.problem_cache import TimedConversions, ProblemCache
+from cpbench.bench.problem_cache import ProblemCache, TimedConversions
 from cpbench.bench.referee import Referee
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store

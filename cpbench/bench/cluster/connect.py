@@ -91,7 +91,7 @@ def _described(path: str) -> tuple[str, int | None, Mapping[str, Any]]:
     if jobs is not None and not (isinstance(jobs, int) and jobs > 0):
         raise FormatError(file, "jobs", f"is {jobs!r}, expected a number of jobs")
     if not isinstance(arguments, dict):
-        raise FormatError(file, "arguments", "is no table")
+        raise FormatError(file, "arguments", "is not a table")
     return name, jobs, arguments
 
 

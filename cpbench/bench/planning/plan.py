@@ -180,7 +180,7 @@ def _knobs(name: str, known: Mapping[str, Any], said: Mapping[str, str], whole: 
             raise UnknownName(f"parameter of {name}", knob, known)
         kind = type(known[knob])
         if kind not in (int, float, str):
-            raise CpbenchError(f"'{whole}': {knob} is no number; set it from Python")
+            raise CpbenchError(f"'{whole}': {knob} is not a number; set it from Python")
         try:
             given[knob] = kind(value)
         except ValueError:

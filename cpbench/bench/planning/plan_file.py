@@ -111,7 +111,7 @@ def _table(path: Path) -> dict[str, Any] | None:
         with path.open("rb") as file:
             found = tomllib.load(file)
     except (ValueError, RecursionError) as cause:  # a number of 5000 digits is a ValueError of Python's own
-        raise PlanError(f"{path}: is no TOML: {str(cause).splitlines()[0]}") from None
+        raise PlanError(f"{path}: is not valid TOML: {str(cause).splitlines()[0]}") from None
     except OSError as cause:
         raise PlanError(f"{path}: cannot be read ({cause.strerror or cause})") from None
     if path.name != PROJECT:
@@ -123,7 +123,7 @@ def _table(path: Path) -> dict[str, Any] | None:
 
 def _tables(value: Any, path: Path, name: str) -> list[dict[str, Any]]:
     if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-        raise PlanError(f"{path}: {name}: is no list of tables; write [[{name}]] above each")
+        raise PlanError(f"{path}: {name}: is not a list of tables; write [[{name}]] above each")
     return value
 
 

@@ -172,7 +172,7 @@ def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str
     """Return the answers by `solver` in a file of `cpbench export --answers`, or the only one of each problem."""
     with path.open("rb") as file:
         if file.read(8) != SIGNATURE:
-            raise FormatError(path, "", "is no folder of answers, and no HDF5 file of cpbench export --answers")
+            raise FormatError(path, "", "is not a folder of answers, and no HDF5 file of cpbench export --answers")
     listed: list[tuple[list[str], ForeignAnswer]] = []
     with open_tree(path) as root:
         for name in root.names():

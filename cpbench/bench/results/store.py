@@ -47,7 +47,7 @@ class Store:
     removed, so that they are planned and run again; all others are sealed anew by this user's key, or by `key`.
     `opened` says what was found. For reading, `audit` checks them.
 
-    Raises StoreError when the file is no results file, is of a newer version, is being written by another process or
+    Raises StoreError when the file is not a results file, is of a newer version, is being written by another process or
     cannot be written; SealError; from every method StoreError, when SQLite fails.
     """
 
