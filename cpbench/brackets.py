@@ -20,7 +20,7 @@ def read(kind: str, text: str) -> tuple[str, dict[str, str]]:
     for item in filter(None, (part.strip() for part in rest.strip().removesuffix("]").split(","))):
         key, equals, value = (part.strip() for part in item.partition("="))
         if not equals or not value:
-            raise CpbenchError(f"{kind} '{text}': '{item}' is no option; write NAME[option=value,...]")
+            raise CpbenchError(f"{kind} '{text}': '{item}' is not an option; write NAME[option=value,...]")
         if key in given:
             raise CpbenchError(f"{kind} '{text}': {key} is given twice, as {given[key]} and {value}")
         given[key] = value

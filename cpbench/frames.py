@@ -12,7 +12,7 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -41,8 +41,12 @@ def pack(header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None, ali
     >>> header["claim"], arrays["z"].tolist()
     ('solved', [1.0, 2.0])
     """
-    floats = {name: a if isinstance(a, bytes) else _contiguous(a, np.float64) for name, a in (arrays or {}).items()}
-    return b"".join(parts(header, floats, aligned))
+    raw: list[tuple[str, bytes, str | None]] = [
+        (name, a, None) if isinstance(a, bytes) else (name, np.ascontiguousarray(a, np.float64).tobytes(), "<f8")
+        for name, a in (arrays or {}).items()
+    ]
+    listed = [(name, len(content), kind) for name, content, kind in raw]
+    return b"".join(_frame(_encode({**header, "vectors": listed}), [(c, len(c)) for _, c, _ in raw], aligned))
 
 
 def parts(header: Mapping[str, Any], arrays: Mapping[str, Any], aligned: int = 1, *, finite: bool = False) -> list[Any]:
@@ -50,12 +54,26 @@ def parts(header: Mapping[str, Any], arrays: Mapping[str, Any], aligned: int = 1
 
     finite : whether the header is for a reader that knows no NaN; raises ValueError where it has one.
     """
-    listed = [(name, *_size_and_type(array)) for name, array in arrays.items()]
-    head = (_encode_finite if finite else _encode)({**header, "vectors": listed}).encode()
-    head += b" " * (-(len(head) + 4) % aligned)
+    raw: list[tuple[str, Any, int, str | None]] = []
+    for name, a in arrays.items():
+        if isinstance(a, bytes):
+            raw.append((name, a, len(a), None))
+        else:
+            kind = a.dtype.newbyteorder("<")
+            raw.append((name, np.ascontiguousarray(a, kind).data, a.nbytes, kind.str))
+    listed = [(name, size, kind) for name, _, size, kind in raw]
+    head = (_encode_finite if finite else _encode)({**header, "vectors": listed})
+    return _frame(head, [(content, size) for _, content, size, _ in raw], aligned)
+
+
+def _frame(header: str, contents: Iterable[tuple[Any, int]], aligned: int) -> list[Any]:
+    """Return the parts of a frame, given its header and its arrays with their sizes."""
+    head = header.encode()
+    if aligned > 1:
+        head += b" " * (-(len(head) + 4) % aligned)
     written: list[Any] = [_LENGTH.pack(len(head)), head]
-    for array, (_, size, _) in zip(arrays.values(), listed, strict=True):
-        written.append(array if isinstance(array, bytes) else _contiguous(array, array.dtype.newbyteorder("<")).data)
+    for content, size in contents:
+        written.append(content)
         if padding := -size % aligned:
             written.append(bytes(padding))
     return written
@@ -90,13 +108,3 @@ def unpack(
     except (struct.error, ValueError, KeyError, TypeError, RecursionError, OverflowError) as cause:
         raise FrameError(f"malformed frame of {len(whole)} bytes: {cause}") from None
     return header, arrays
-
-
-def _size_and_type(array: Any) -> tuple[int, str | None]:
-    if isinstance(array, bytes):
-        return len(array), None
-    return array.nbytes, array.dtype.newbyteorder("<").str
-
-
-def _contiguous(array: Any, kind: Any) -> np.ndarray[Any, Any]:
-    return np.ascontiguousarray(array, dtype=kind)

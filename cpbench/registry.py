@@ -79,7 +79,7 @@ def load_plugin(path: Path) -> None:
     """
     spec = importlib.util.spec_from_file_location(f"{PLUGIN_MODULE}{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
-        raise FormatError(path, "", "is no Python file and no .toml, but CPBENCH_PLUGINS or --plugin names it")
+        raise FormatError(path, "", "is neither a Python file nor a .toml, but CPBENCH_PLUGINS or --plugin names it")
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     try:

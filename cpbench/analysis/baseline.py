@@ -104,7 +104,7 @@ def parse(content: str, place: str) -> pd.DataFrame:
     head, _, body = content.removeprefix("\ufeff").partition("\n")
     heading = re.match(r"# cpbench baseline (\d+)\b", head)
     if heading is None:
-        raise FormatError(place, "line 1", "is no baseline; cpbench baseline RESULTS -o FILE writes one")
+        raise FormatError(place, "line 1", "is not a baseline; cpbench baseline RESULTS -o FILE writes one")
     if int(heading[1]) != VERSION:
         raise FormatError(place, "line 1", f"is a baseline of version {heading[1]}, this program reads {VERSION}")
     reader = csv.reader(io.StringIO(body), strict=True)
@@ -115,7 +115,7 @@ def parse(content: str, place: str) -> pd.DataFrame:
         try:
             cells = next(reader, None)
         except csv.Error as cause:
-            raise FormatError(place, f"line {number}", f"is no line of a table ({cause})") from None
+            raise FormatError(place, f"line {number}", f"is not a line of a table ({cause})") from None
         if cells is None:
             break
         if number == 2:

@@ -75,7 +75,7 @@ def data_profile(
         good = np.isfinite(unit) & (unit > 0)
         if not good.all():
             at = int(np.argmin(good))
-            raise ValueError(f"problem {values.index[at]}: its unit is {unit[at]}, which is no positive number")
+            raise ValueError(f"problem {values.index[at]}: its unit is {unit[at]}, which is not a positive number")
         budget /= unit[:, np.newaxis]
     return DataProfile(curves(pd.DataFrame(budget, index=values.index, columns=values.columns), planned), planned)
 

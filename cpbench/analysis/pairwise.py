@@ -39,7 +39,8 @@ def records(values: pd.DataFrame, problems: int | None = None, floor: float | No
     `wins` and `losses` are those of `one`: it costs less, or solves what the other does not. `ties` cost the same
     down to the floor; on `neither` no one of the two solves the problem. The four add up to N.
 
-    >>> records(pd.DataFrame({"a": [1.0, 1.0, math.inf, 5.0], "b": [2.0, 1.0, math.inf, math.inf]})).to_dict("records")
+    >>> inf = float("inf")
+    >>> records(pd.DataFrame({"a": [1.0, 1.0, inf, 5.0], "b": [2.0, 1.0, inf, inf]})).to_dict("records")
     [{'one': 'a', 'other': 'b', 'wins': 2, 'ties': 1, 'losses': 0, 'neither': 1}]
     """
     planned, labels = at_least(values, problems), sorted(values.columns)

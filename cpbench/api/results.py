@@ -43,7 +43,7 @@ class Results:
     ----------
     path : the file that `cpbench.run` or `cpbench run` wrote. remarks : what a reader should know of the run.
 
-    Raises StoreError where it is no results file, SealError where rows are not as a run wrote them.
+    Raises StoreError where it is not a results file, SealError where rows are not as a run wrote them.
     """
 
     def __init__(self, path: str | Path, *, remarks: Sequence[str] = ()) -> None:

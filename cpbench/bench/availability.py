@@ -1,6 +1,6 @@
-"""Whether solvers can run here: told at a glance by what is installed, or tried by importing it, each guest apart.
+"""Availability of solvers: at a glance by what is installed, or by importing each guest in a process of its own.
 
-The import of a guest takes seconds, and may crash or hang: it happens in a process of its own that has a time limit.
+The import of a guest takes seconds and may crash or hang, hence the process, which has a time limit.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from cpbench.bench.worker_pool import describe_exit
 from cpbench.solvers.base import Solver, package_version, solvers
 
 PATIENCE = START.floor
-"""Seconds that a guest may take to be imported, and to say that it can run."""
+"""Seconds that a guest may take to be imported and to report that it can run."""
 SIDE_BY_SIDE = 2
 STATES = ("ok", "installed", "untried", "licence", "broken", "missing")
-"""What may be said of a solver, the best first: `installed` and `untried` only at a glance."""
+"""States of a solver, best first; `installed` and `untried` only at a glance."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,10 @@ class SolverState:
 
     Attributes
     ----------
-    state : ok, missing, broken or licence, as in `Availability`; at a glance also installed (its packages are there,
-    and were not imported) or untried (it runs in another program, which was not asked).
-    detail : how to get it, the traceback, what it said. version : of its package, '' where it is not known.
+    state : ok, missing, broken or licence, as in `Availability`; at a glance also installed (its packages exist but
+        were not imported) or untried (it runs in another program, which was not started).
+    detail : how to install it, the traceback, or its own message.
+    version : of its package, '' where it is not known.
     """
 
     name: str
@@ -46,7 +47,7 @@ class SolverState:
 
     @property
     def usable(self) -> bool:
-        """Whether it can run, as far as was looked."""
+        """Whether it can run, as far as is known."""
         return self.state in ("ok", "installed", "untried")
 
     @property
@@ -57,7 +58,7 @@ class SolverState:
 
 
 def glance(solver: Solver) -> SolverState:
-    """Return what can be told of a solver without importing anything."""
+    """Return the state of a solver as far as it is known without importing anything."""
     spec = solver.spec
     for package in spec.requires:
         if find_spec(package.partition(".")[0]) is None:
@@ -70,8 +71,8 @@ def glance(solver: Solver) -> SolverState:
 
 
 def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[SolverState]:
-    """Yield what happens when the solvers are made ready, as it becomes known: those of one guest in one process, two
-    processes at a time. With `warm` they are warmed up, too: compiled, and in the cache for the first run."""
+    """Yield the states of solvers as they become known: those of one guest are imported in one process, two processes
+    at a time. With `warm` they are warmed up too, so that compiled code is in the cache for the first run."""
     waiting: queue.SimpleQueue[list[str]] = queue.SimpleQueue()
     found: queue.SimpleQueue[SolverState | BaseException] = queue.SimpleQueue()
     left = 0
@@ -83,26 +84,26 @@ def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[SolverStat
         if names:
             waiting.put(names)
             left += len(names)
-    slots = [_Slot(context(1), waiting, found, warm) for _ in range(min(SIDE_BY_SIDE, waiting.qsize()))]
+    threads = [_ImportThread(context(1), waiting, found, warm) for _ in range(min(SIDE_BY_SIDE, waiting.qsize()))]
     try:
-        for slot in slots:
-            slot.start()
+        for thread in threads:
+            thread.start()
         for _ in range(left):
             one = found.get()
             if isinstance(one, BaseException):
                 raise one
             yield one
     finally:
-        for slot in slots:
-            slot.stop()
+        for thread in threads:
+            thread.stop()
 
 
 def _guest(solver: Solver) -> tuple[str, tuple[str, ...]]:
     return type(solver).__module__, solver.spec.requires
 
 
-class _Slot(threading.Thread):
-    """Waits for one process after the other."""
+class _ImportThread(threading.Thread):
+    """A thread that starts one process after another and waits for it."""
 
     def __init__(
         self,
@@ -120,7 +121,7 @@ class _Slot(threading.Thread):
         try:
             while not self._stopped:
                 names = self._waiting.get_nowait()
-                while names and not self._stopped:  # who takes its process down leaves the others another one
+                while names and not self._stopped:  # a solver that ends its process leaves the others a new one
                     names = names[self._answered(names) :]
         except queue.Empty:
             return
@@ -133,7 +134,7 @@ class _Slot(threading.Thread):
             self._child.kill_all()
 
     def _answered(self, names: Sequence[str]) -> int:
-        """Return how many of the solvers something is known of now: all up to the one that ended the process."""
+        """Return the number of solvers checked, up to and with the one that ended the process."""
         child = None
         seconds = PATIENCE + (WARM_UP.floor if self._warm else 0.0)
         for i, name in enumerate(names):
@@ -143,7 +144,7 @@ class _Slot(threading.Thread):
                 header, _ = frames.unpack(child.receive(seconds))
                 seen = SolverState(name, str(header["state"]), str(header["detail"]), str(header["version"]))
             except TimedOut:
-                seen = SolverState(name, "broken", f"said nothing within {seconds:g} s")
+                seen = SolverState(name, "broken", f"did not answer within {seconds:g} s")
             except Died as death:
                 seen = SolverState(name, "broken", f"{death.output}\n{describe_exit(death)}".strip())
             except (frames.FrameError, KeyError) as noise:
@@ -161,14 +162,14 @@ class _Slot(threading.Thread):
 
 
 def _main(channel: Channel, names: Sequence[str], warm: bool) -> None:
-    """Send a message a solver; runs in the process."""
+    """Send one message for each solver; runs in the process."""
     for name in names:
         solver = solvers.get(name)
         try:
             state = solver.availability()
-            said = {"state": state.state, "detail": state.detail, "version": solver.version() if state.ok else ""}
+            result = {"state": state.state, "detail": state.detail, "version": solver.version() if state.ok else ""}
             if state.ok and warm:
                 solver.warmup()
         except Exception:
-            said = {"state": "broken", "detail": traceback.format_exc(limit=5), "version": ""}
-        channel.send_bytes(frames.pack(said))
+            result = {"state": "broken", "detail": traceback.format_exc(limit=5), "version": ""}
+        channel.send_bytes(frames.pack(result))

@@ -1,6 +1,7 @@
-"""What one slot does in one go: all pairs of a problem, or all steps of a sequence.
+"""A block is what one slot runs in one go: all pairs of a problem, or all steps of a sequence.
 
-A block is data, and running it needs nothing but a slot: here, in a thread beside others, or on another machine.
+The word is that of experimental design: runs in random order within blocks, so that a drift of the machine meets all
+solvers of a problem alike. A block is data: it runs on any slot, here, in a thread beside others, or elsewhere.
 """
 
 from __future__ import annotations
@@ -23,10 +24,12 @@ Ending: TypeAlias = tuple[str, bytes | None]
 
 @dataclass(frozen=True)
 class Block:
-    """Pairs in the order they are run.
+    """Pairs in the order in which they are run.
 
-    `before` : the pair a pair starts from, by the key of the latter; `known` : how those ended that are no part of
-    the block, because they were run earlier.
+    Attributes
+    ----------
+    before : the pair from whose answer a pair starts, by the key of the latter.
+    known : status and answer of such pairs that are not part of the block, because they were run earlier.
     """
 
     pairs: tuple[Pair, ...]
@@ -43,15 +46,14 @@ class Block:
         return any(pair.scene for pair in self.pairs)
 
     def rest(self, endings: Mapping[str, Ending]) -> Block | None:
-        """Return what is left when some of its pairs have ended, by key; None when all have."""
+        """Return the block without pairs that have ended, given by key; None when all have."""
         left = tuple(pair for pair in self.pairs if pair.key not in endings)
         return self._only(left, {**self.known, **endings}) if left else None
 
     def cut(self, count: int) -> tuple[Block, Block | None]:
-        """Return its first pairs, at least `count` and at least one, and the others; a history answers for all its
-        pairs.
+        """Split it after `count` pairs, at least one, or later where a history answers for several.
 
-        Where it is chained, the others cannot be run before it is known how the first ones end (`rest`).
+        Of a chained block the second part cannot be run before the first has ended (`rest`).
         """
         count = max(count, 1)
         while 0 < count < len(self.pairs) and variant(self.pairs[count]) == variant(self.pairs[count - 1]):
@@ -60,7 +62,7 @@ class Block:
         return self._only(first, self.known), self._only(others, self.known) if others else None
 
     def only(self, pairs: Sequence[Pair]) -> Block:
-        """Return a block of these of its pairs; where some start from others, all that belong to one another."""
+        """Return the block of some of its pairs: all of those that start from one another, or none."""
         return self._only(tuple(pairs), self.known)
 
     def _only(self, pairs: tuple[Pair, ...], known: Mapping[str, Ending]) -> Block:
@@ -74,12 +76,14 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
     """Return the pending pairs in blocks, in a seeded random order that does not depend on the order of the files.
 
     Problems are shuffled, and the solvers within each: a drift of the machine then touches all solvers of a problem
-    alike, and every conversion is done once and shared. With the start policy `previous` sequences are shuffled,
-    not their steps; where histories are kept, the tightest of several tolerances comes first.
-    `ending` tells how a row ended that is not pending.
+    alike, and every conversion is done once. With the start policy `previous` sequences are shuffled, not their
+    steps; where histories are kept, the tightest of several tolerances comes first.
+
+    ending : returns status and answer of a row that is not pending.
     """
     draw = random.Random(seed)
     grouped: dict[str, list[Pair]] = {}
+    # by key first: the shuffles below then depend on the seed alone
     for pair in sorted(planned, key=lambda p: p.key):
         grouped.setdefault(block_name(pair), []).append(pair)
     names = sorted(grouped)
@@ -100,17 +104,17 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
 
 
 def block_name(pair: Pair) -> str:
-    """Return pairs of one name are run in one go, by one slot."""
+    """Return the name of the block that a pair belongs to."""
     return f"sequence {pair.scene}" if pair.scene else f"problem {pair.address} {pair.format or ''}"
 
 
 def run(
     slot: Slot, block: Block, on_event: EventHandler = ignore_event, put_off: list[Block] | None = None
 ) -> Iterator[tuple[Pair, Outcome]]:
-    """Yield the outcome of every pair of the block, one after the other. A worker is started, and waited for, before
-    the first pair that needs it.
+    """Yield the outcome of every pair of the block in turn. A worker is started, and waited for, before the first pair
+    that needs it.
 
-    put_off : gets a block of the pairs whose solvers compile meanwhile; None where these are waited for.
+    put_off : receives a block of the pairs whose solvers are still compiling; None to wait for them.
     """
     waiting, later = dict[str, bool](), list[Pair]()
     prepared: dict[tuple[str, str, float, float], Prepared | Outcome] = {}
@@ -130,7 +134,7 @@ def run(
         outcome = derived.pop(pair.key, None)
         if outcome is None and where not in prepared:
             prepared[where] = slot.prepare(pair)
-        on_event(Solving(pair))
+        on_event(Solving(pair))  # after the conversion, which belongs to no solver
         if outcome is None:
             before = block.before.get(pair.key)
             outcome = slot.run(pair, prepared[where], before and (before, *endings[before.key]))
@@ -142,7 +146,7 @@ def run(
 
 
 def _looser(pair: Pair, outcome: Outcome, pairs: Sequence[Pair]) -> dict[str, Outcome]:
-    """Outcomes, by key, of pairs that ask for less and that the history of this one answers."""
+    """Return the outcomes, by key, of pairs with looser tolerances, where the history of this one holds them."""
     if outcome.history is None:
         return {}
     wanted = {p.tolerance: p.key for p in pairs if p.tolerance > pair.tolerance and variant(p) == variant(pair)}
@@ -152,16 +156,20 @@ def _looser(pair: Pair, outcome: Outcome, pairs: Sequence[Pair]) -> dict[str, Ou
 
 
 def variant(pair: Pair) -> tuple[Any, ...]:
-    """Return pairs of one variant differ by their tolerance; told apart only where a history makes one of them
-    enough, which it does not for a step that others start from."""
+    """Return what pairs have in common that differ by their tolerance alone, so that one history answers for all.
+
+    Without a history, or where other steps start from a pair, every pair is a variant of its own.
+    """
     if not pair.limits.history or pair.scene:
         return (pair.key,)
     return (pair.set, pair.address, pair.label, pair.start, pair.measure)
 
 
 def predecessors(members: Sequence[Pair]) -> dict[str, Pair]:
-    """Return the pair of the step before with the same solver, options, request and tolerance, by key; steps are
-    sorted."""
+    """Return, by key, the pair of the preceding step with the same solver, options, request and tolerance.
+
+    members : sorted by step.
+    """
     last: dict[tuple[Any, ...], Pair] = {}
     found: dict[str, Pair] = {}
     for pair in members:

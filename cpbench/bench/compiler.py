@@ -1,7 +1,7 @@
-"""Compiles the loops of solvers while others are timed: in a process of its own, on cores where nothing is timed.
+"""Compiles the kernels of solvers while others are timed: in a process of its own, on cores where nothing is timed.
 
-Where the cache of kernels is empty a solver takes seconds to compile, all of cpbench's take minutes. Its worker says so
-when it begins, and is given up; its pairs are put off until its loops lie in the cache.
+With an empty cache a solver takes seconds to compile, all solvers of cpbench minutes. A worker reports that it has to
+compile, and is dropped; its pairs are put off until the kernels are in the cache.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.solvers.base import solvers
 
 NICE = 10
-"""How far it steps back behind the referee, which works on the same cores."""
+"""Its niceness: the referee, which works on the same cores, goes first."""
 
 
 class Compiler:
-    """The solvers that wait for their loops, and the process that compiles one after the other.
+    """The solvers that wait for their kernels, and the process that compiles one after the other.
 
-    cpus : where it works; without any it takes nobody. Those that it has had are `tried`: whoever has to compile even
-    then is waited for.
+    cpus : cores on which it works; without any it compiles nothing. A solver that was `tried` and still has to compile
+        is waited for.
     """
 
     def __init__(self, context: Context, cpus: Sequence[int]) -> None:
@@ -36,22 +36,22 @@ class Compiler:
         self.tried: set[str] = set()
 
     def takes(self, name: str) -> bool:
-        """Return whether a solver that has to compile may be left to it."""
+        """Return whether it can compile a solver."""
         return bool(self._cpus) and name not in self.tried
 
     def add(self, name: str) -> None:
-        """Compile its loops, after those that wait already."""
+        """Compile a solver, after those that wait already."""
         self.tried.add(name)
         self._queue.append(name)
         self._go_on()
 
     def waits(self, name: str) -> bool:
-        """Return whether its loops are not compiled yet."""
+        """Return whether a solver waits to be compiled, or is being compiled."""
         self._go_on()
         return name == self._now or name in self._queue
 
     def give_back(self) -> None:
-        """Let the last one go, for whoever waits has nothing else to do than to compile it; the others stay."""
+        """Drop the last solver that waits: nothing else is left to run, so that its worker may compile as well."""
         if self._queue:
             self._queue.pop()
         else:
@@ -64,7 +64,7 @@ class Compiler:
         self._drop()
 
     def _go_on(self) -> None:
-        """Hear whether it is done, and give it the next one. What fails is left to the worker, which says why."""
+        """Check whether it is done, and give it the next solver. A failure is left to the worker, which reports why."""
         try:
             if self._now is not None and self._child is not None:
                 with contextlib.suppress(TimedOut):
@@ -94,6 +94,6 @@ def main(connection: Channel) -> None:
             asked, _ = frames.unpack(connection.recv_bytes())
         except EOFError:
             return
-        with contextlib.suppress(Exception):
+        with contextlib.suppress(Exception):  # the worker meets the same error, and reports it
             solvers.get(asked["solver"]).warmup()
         connection.send_bytes(frames.pack(asked))

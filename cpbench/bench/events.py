@@ -1,4 +1,4 @@
-"""What a run tells of its progress while it goes on."""
+"""Events of a run's progress."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ class Starting:
 
 @dataclass(frozen=True)
 class Compiling:
-    """A solver has to compile before it is ready, which takes seconds and happens once a machine."""
+    """A solver compiles before it is ready, which takes seconds and happens once on each machine."""
 
     solver: str
 
 
 @dataclass(frozen=True)
 class Solving:
-    """A pair is run from now on; of a task of several pairs on another machine the first."""
+    """A pair starts to run; on another machine, the first pair of a block."""
 
     pair: Pair
 

@@ -1,4 +1,4 @@
-"""A run from its plan to its results: slots are opened, pairs planned, entered and worked off, whoever asks for it."""
+"""Executes a plan: opens slots, makes its pairs, enters them in the results file and runs them."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ T = TypeVar("T")
 
 
 class RunObserver(planned_run.RoundObserver, Protocol):
-    """An observer of how a run goes, from reading the problems on."""
+    """An observer of a run, from reading the problems on."""
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
-        """Yield the addresses; each is being read from when it is yielded until the next is asked for."""
+        """Yield the addresses; an address is being read from its yield until the next one."""
         ...
 
 
 class SilentObserver:
-    """An observer that shows nothing."""
+    """An observer that displays nothing."""
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
         yield from addresses
@@ -51,19 +51,20 @@ def execute_plan(
     finished: Callable[[Store, Assembly], T],
     opened: Callable[[Store], None] = lambda store: None,
 ) -> T | None:
-    """Carry a plan out and return what `finished` makes of the results, while their file is still open.
+    """Execute a plan and return what `finished` makes of the results while their file is open.
 
     Parameters
     ----------
-    builtin : makes the folder of the built-in problems. command : what the results say they were made by.
-    planned : called with the pairs before anything is written; where it returns False nothing is run, and None
-        returned. opened : called with the results file before the first pair is run.
+    builtin : makes the folder of the built-in problems. command : the command that the results name as their origin.
+    planned : called with the pairs before anything is written; where it returns False, nothing is run and None
+        returned.
+    opened : called with the results file before the first pair is run.
 
-    Raises CpbenchError where the plan cannot be carried out, before anything is written.
+    Raises CpbenchError, before anything is written, where the plan cannot be executed.
     """
     with ExitStack() as stack:
         common = Setting(asked.threads, asked.memory, fresh=asked.isolate == "fresh")
-        own = 1 if asked.dask or asked.cluster else asked.jobs  # it reads the problems, others solve them
+        own = 1 if asked.dask or asked.cluster else asked.jobs  # here problems are only read
         slots = [stack.enter_context(Slot(s)) for s in settings(common, own, pin=asked.affinity)]
         assembly = assemble(asked, slots[0], builtin, observer.reading)
         if not planned(assembly):

@@ -1,4 +1,4 @@
-"""An answer of a solver on its way back: lifted, measured on the problem that was asked, and given its status."""
+"""Judges a solver's answer: lifts it, measures it on the source problem, and gives it a status."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ def judge_answer(
 ) -> Judgement:
     """Lift an answer to `converted` by its last `steps` conversions and measure it on `source`.
 
-    It is measured on the solver's own problem too: what is missed there is the solver's doing, the rest the
-    route's. A solver whose `promise` is less than an answer drops a term, and solves a problem that nobody has.
+    It is measured on the solver's own problem too: an error there is the solver's, any further error the route's. A
+    solver whose `promise` is less than exact drops a term, so that its own problem is not known here.
 
     Parameters
     ----------
     answer : the vectors of the point by name, None where the solver has none. claim : a `solvers.Claim` value.
-    kind : the promise of the route. prove : looks for a proof that there is no solution; asked where the answer fails.
+    kind : the promise of the route. prove : looks for a proof that there is no solution; called where the answer fails.
     """
     lifted = verified = 0.0
     point: Point | None = None
@@ -69,7 +69,7 @@ def judge_answer(
     verdict, target = verification.no_answer(tolerance), None
     if answer is not None:
         try:
-            begun = time.perf_counter()
+            begun = time.perf_counter()  # the check of the answer's shape is part of the lift
             found = converted.point_type(**answer)
             converted.check_point(found)
             point = graph.lift(converted, found, steps)
@@ -80,7 +80,7 @@ def judge_answer(
                 wanted = graph.tolerance(converted, tolerance, steps)
                 target = verification.judge(converted, found, wanted) if steps else verdict
         except (PointError, TypeError) as refusal:
-            message, point = f"the answer is none: {refusal}", None
+            message, point = f"the answer is not valid: {refusal}", None
     attempt = None if verdict.solved else prove()
     proof = attempt.proof if attempt else None
     status = verification.status(
@@ -110,10 +110,10 @@ def look_for_proof(
     certificate: Any,
     seconds: float,
 ) -> verification.Attempt | None:
-    """Look for a proof of a claim that the problem that was asked has no solution; None without such a claim.
+    """Look for a proof of a claim that the source problem has no solution; None without such a claim.
 
-    A certificate is for that very problem: those of converted problems (not `direct`) are of other data. Nor is the
-    claim of what was converted the same claim: the conditions of optimality of an unbounded program have no solution.
+    A certificate holds for the solver's own problem: that of a converted one (not `direct`) is about other data. Nor
+    is the claim the same there: the optimality conditions of an unbounded program are infeasible.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What the figures were measured on: processor, memory, system, versions."""
+"""Description of the machine that measures: processor, memory, system, versions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PACKAGES = ("cpbench", "numpy", "scipy", "h5py", "numba", "qpsolvers", "cvxpy", 
 
 
 def describe() -> dict[str, Any]:
-    """Return one flat dictionary, printable as it is."""
+    """Return the description as a flat dictionary that can be printed."""
     import psutil
 
     return {
@@ -27,7 +27,7 @@ def describe() -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of cpbench and of the packages it computes with; absent ones are left out."""
+    """Return the versions of cpbench and of the packages it computes with, of those that are installed."""
     found: dict[str, str] = {}
     for name in PACKAGES:
         try:
@@ -48,5 +48,5 @@ def _cpu_name() -> str:
 
 
 def cores() -> list[int]:
-    """Processors that this process may use, [] where the system does not say."""
+    """Return the processors that this process may use, [] where the system does not tell."""
     return sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []

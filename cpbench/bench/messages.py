@@ -2,7 +2,7 @@
 
 A message is sent as a frame (`cpbench.frames`): a header with the name of its class and its fields, followed by its
 `vectors` as raw numbers. What is read is brought to the types of the fields or refused: a worker has run foreign code,
-and may say anything.
+and may send anything.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class OutOfMemory(Failure):
 
 
 class Late(Failure):
-    """The lack of an answer within the limit; the runner's own finding, as `Gone`."""
+    """The answer did not come within the limit; made by the runner itself, as `Gone`."""
 
 
 class Gone(Failure):
@@ -83,7 +83,7 @@ class RefereeCase:
 
 
 class Survey(Message):
-    """Asks what a plan needs to know of a problem. `guesses` : whether the starting points of its file are counted."""
+    """Asks for the facts of a problem that a plan needs. `guesses` : whether to count its file's starting points."""
 
     address: str
     format: str | None
@@ -92,7 +92,7 @@ class Survey(Message):
 
 
 class Open(Message):
-    """Asks to load a problem, unless it is the one that is held."""
+    """Asks to load a problem, unless it is loaded already."""
 
     address: str
     format: str | None
@@ -100,13 +100,13 @@ class Open(Message):
 
 
 class Prepare(Message):
-    """Asks to bring a problem to the solver's node."""
+    """Asks to convert a problem to the solver's node."""
 
     case: RefereeCase
 
 
 class FindStart(Message):
-    """Asks for the point that a solver is to start from. `before` : the step before; `vectors` have its `answer`."""
+    """Asks for the point from which to start. `before` : the preceding step; `vectors` have its `answer`."""
 
     case: RefereeCase
     policy: str
@@ -115,7 +115,7 @@ class FindStart(Message):
 
 
 class Judge(Message):
-    """Asks what an answer is worth; `vectors` are its parts and a `certificate`, none where it was not `answered`.
+    """Asks to judge an answer; `vectors` are its parts and a `certificate`, none where it was not `answered`.
 
     `promise` : the kind of the solver. `proof_seconds` : for the proof of a claim that there is no solution.
     """
@@ -182,14 +182,14 @@ class Prepared(Message):
 
 
 class StartFound(Message):
-    """The place where a solver is to start: its `vectors`, none for a cold start, and what the row tells of it."""
+    """The point from which to start: its `vectors`, none for a cold start, and its description for the row."""
 
     told: str
     vectors: Vectors = field(default_factory=dict[str, Any])
 
 
 class Judged(Message):
-    """The worth of an answer; `vectors` have the packed `answer` and the `proof`, where there are any."""
+    """The verdict on an answer; `vectors` have the packed `answer` and the `proof`, where there are any."""
 
     status: str
     message: str
@@ -243,18 +243,18 @@ class WarmingUp(Message):
 
 
 class CompilingKernels(Message):
-    """Kernels are not in the cache yet: seconds pass in which nothing else is heard."""
+    """Kernels are not in the cache yet: no other message comes for seconds."""
 
 
 class Ready(Message):
-    """The worker takes requests; only one if it is `single`."""
+    """The worker takes requests, only one if it is `single`."""
 
     version: str
     single: bool = False
 
 
 class ProblemLoaded(Message):
-    """The problem is loaded, in so many seconds; from here on the limit of the solve counts."""
+    """The problem is loaded, which took `load` seconds; the limit of the solve counts from here on."""
 
     load: Seconds
 
@@ -309,7 +309,7 @@ def pack(message: Message) -> bytes:
 
 
 def unpack(data: bytes, header_bytes: float = math.inf) -> Message:
-    """Return the message of bytes; raises FrameError where they are none, or their header is longer than
+    """Return the message in bytes; raises FrameError where there is none, or its header is longer than
     `header_bytes`."""
     header, vectors = frames.unpack(data, header_bytes)
     try:
@@ -322,7 +322,7 @@ def unpack(data: bytes, header_bytes: float = math.inf) -> Message:
 
 
 def _read(kind: type, values: dict[str, Any]) -> Any:
-    """Return an instance of a dataclass of what stands in a header."""
+    """Return an instance of a dataclass from the values in a header."""
     for name, exact, read in _conversions(kind):
         if name in values and type(values[name]) is not exact:
             values[name] = read(values[name])
@@ -331,15 +331,14 @@ def _read(kind: type, values: dict[str, Any]) -> Any:
 
 @cache
 def _conversions(kind: Any) -> Sequence[tuple[str, Any, Callable[[Any], Any]]]:
-    """Return the fields of a dataclass that have to be brought to a type: name, the type that need not be read,
-    reader."""
+    """Return the fields of a dataclass whose values are converted: name, type that needs no conversion, converter."""
     hints = get_type_hints(kind)
     found = ((f.name, *_reader(hints[f.name])) for f in dataclasses.fields(kind))
     return [(name, exact, read) for name, exact, read in found if read is not _as_it_is]
 
 
 def _reader(hint: Any) -> tuple[Any, Callable[[Any], Any]]:
-    """Return the type of values that are taken as they are, and what brings others to the type of a field."""
+    """Return the type of values that need no conversion to the type of a field, and the converter of others."""
     origin, parts = get_origin(hint), [_reader(part)[1] for part in get_args(hint) if part is not Ellipsis]
     if hint in (str, bool, float):
         return hint, hint
@@ -370,5 +369,5 @@ def _seconds(value: Any) -> float:
 
 
 def _integer(value: Any) -> int:
-    """Within what the results file keeps."""
+    """Return an integer within the range that the results file stores."""
     return max(-(2**63), min(int(value), 2**63 - 1))

@@ -1,4 +1,4 @@
-"""What comes of a pair: the columns of its row, from what referee and worker say."""
+"""Parts of outcomes: flags, statuses and messages, from what referee and worker report."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from cpbench.bench.results.rows import Outcome
 from cpbench.errors import FormatError
 
 LATE, LATE_SHARE = 0.25, 1.5
-"""An answer that came this many seconds later than so many times what the worker told carries the flag `clock`."""
+"""Seconds, and multiple of the time that the worker reports, after which an answer carries the flag `clock`."""
 
 REMEMBERED, NOTICED = 20.0, 0.01
-"""A first solve of so many seconds at least that took so many times the median of its repeats: they were remembered."""
+"""Ratio of the first solve to the median of its repeats, and seconds of the first, from which the repeats are taken to
+be a cache's."""
 
 
 def marks(result: Result, waited: float, threads: int) -> list[str]:
-    """Return the flags of a row for what a solver did beside its solve.
+    """Return the flags for side effects of a solve.
 
-    `waited` : our own clock [s]. `threads` : those that it may have.
+    waited : seconds by the runner's clock. threads : number that the solver may use.
     """
     found = (
         ("children", result.children > 0),
@@ -41,9 +42,9 @@ def remembered(solves: Sequence[float]) -> bool:
 
 
 def unprepared(why: Message, *, loading: bool) -> Outcome:
-    """Return what comes of a pair whose problem could not be loaded, or not be brought to its solver's node."""
+    """Return the outcome of a pair whose problem could not be loaded, or not be converted to its solver's node."""
     statuses: dict[type, str] = {Declined: "unsupported", Late: "timeout", OutOfMemory: "memout"}
-    if loading or (isinstance(why, Declined) and why.cause == FormatError.__name__):  # in a file no solver has a part
+    if loading or (isinstance(why, Declined) and why.cause == FormatError.__name__):  # not the solver's
         statuses = {OutOfMemory: "memout"}
     return Outcome(
         status=statuses.get(type(why), "error"), message=f"{'loading' if loading else 'conversion'}: {told(why)}"
@@ -51,12 +52,12 @@ def unprepared(why: Message, *, loading: bool) -> Outcome:
 
 
 def told(message: Message) -> str:
-    """Return what a message says in place of another that was expected."""
+    """Return the text of a message that came in place of the expected one."""
     return (message.message if isinstance(message, Failure) else "") or type(message).__name__
 
 
 def iqr(values: Sequence[float]) -> float:
-    """Return distance of the quartiles."""
+    """Return the distance of the quartiles, 0 of a single value."""
     if len(values) < 2:
         return 0.0
     quartiles = statistics.quantiles(values, n=4, method="inclusive")

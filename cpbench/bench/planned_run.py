@@ -1,4 +1,4 @@
-"""Carries a plan out: its pairs into the results file, what it was made with beside them, retries, and the verdict."""
+"""A planned run: its pairs in the results file, with how they were made; running them, retries, and what is missing."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from cpbench.solvers.external import declared
 
 
 class RoundObserver(Protocol):
-    """An observer of how a run goes."""
+    """An observer of the rounds of a run."""
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
-        """Note that the run, or another round of it, begins."""
+        """Take note that a round begins: the first run of pending pairs, or a retry."""
         ...
 
     def progress(self, event: Event) -> None:
@@ -37,12 +37,12 @@ class RoundObserver(Protocol):
         ...
 
     def end(self) -> None:
-        """Note that the round ended, whatever the reason."""
+        """Take note that the round has ended, whatever the reason."""
         ...
 
 
 def require_answers(asked: RunPlan, planned: Sequence[Pair]) -> None:
-    """Refuse steps that are to start from answers that nobody keeps."""
+    """Raise CpbenchError where steps are to start from answers that are not kept."""
     if asked.keep != "all" and any(pair.scene for pair in planned):
         raise CpbenchError(
             f"--keep {asked.keep} with --start previous: a step starts from the kept answer to the one before; leave "
@@ -51,10 +51,10 @@ def require_answers(asked: RunPlan, planned: Sequence[Pair]) -> None:
 
 
 def enter_pairs(store: Store, asked: RunPlan, assembly: Assembly, command: str) -> list[Pair]:
-    """Put the plan into the results: its rows, its files, what is to be run again, and how it was asked for. The pairs
-    that have a row: all but those that an earlier command had to leave out.
+    """Enter a plan in the results: its rows, its files, what is to be run again, and the plan itself.
 
-    Raises StoreError, with the rows as they were, when the file was made with other limits.
+    Returns the pairs that have a row: all but those that an earlier command skipped. Raises StoreError, with the rows
+    unchanged, when the file was made with other limits.
     """
     before = store.meta()
     pairs = skipped.planned(store, assembly.pairs, asked.rerun)
@@ -90,8 +90,8 @@ def run_pending(
     observer: RoundObserver,
     absent: Mapping[str, str] | None = None,
 ) -> None:
-    """Run what is pending, then again what crashed or ran out of time, as often as the plan says. What cannot be run is
-    left out, with the solvers that are `absent` (`skipped.settle`).
+    """Run the pending pairs, then retry those that crashed or timed out as often as the plan says. Pairs that cannot be
+    run are skipped, as are `absent` solvers (`skipped.settle`).
 
     Raises SealError when, at the end, a row is not as this run wrote it.
     """
@@ -120,7 +120,7 @@ def run_pending(
 
 
 def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
-    """Plan steps that began cold, because the step before had failed, again when that one is."""
+    """Plan steps again that began cold because the preceding step had failed, where that one is run again."""
     ordered = sorted((pair for pair in planned if pair.scene), key=lambda pair: pair.step)
     before = predecessors(ordered)
     pending = store.pending()
@@ -136,8 +136,8 @@ def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
 
 
 def statuses(path: Path) -> dict[str, str]:
-    """Return status of every row of a results file by key, and of the pairs that were left out; of none where there
-    is no such file."""
+    """Return the status of every row and of every skipped pair of a results file, by key; nothing where there is no
+    such file."""
     if not path.exists():
         return {}
     with Store(path) as store:
@@ -145,16 +145,16 @@ def statuses(path: Path) -> dict[str, str]:
 
 
 def gaps(store: Store, assembly: Assembly) -> list[str]:
-    """Return what the plan asked for and the results lack: nothing after a run that was carried out to its end."""
+    """Return what the plan asked for and the results lack; nothing after a complete run."""
     waiting = store.pending() & {pair.key for pair in assembly.pairs}
     rows = [f"{len(waiting)} of {counted(len(assembly.pairs), 'pair')} not run"] if waiting else []
-    files = [f"nobody could say what {address} holds" for address in assembly.unread[:1]]
-    more = [f"nor what {len(assembly.unread) - 1} more files hold"] if len(assembly.unread) > 1 else []
+    files = [f"the content of {address} is unknown" for address in assembly.unread[:1]]
+    more = [f"and that of {len(assembly.unread) - 1} more files"] if len(assembly.unread) > 1 else []
     return [*rows, *files, *more]
 
 
 def failures(store: Store, asked: RunPlan, planned: Sequence[Pair]) -> Counter[str]:
-    """Return how many of the planned pairs ended in a status that the plan calls a failure."""
+    """Count the planned pairs that ended in a status which the plan calls a failure."""
     if not asked.fail_on:
         return Counter()
     keys = {pair.key for pair in planned}
@@ -163,13 +163,13 @@ def failures(store: Store, asked: RunPlan, planned: Sequence[Pair]) -> Counter[s
 
 
 def _formats(before: Mapping[str, str], read: Mapping[str, str | None]) -> dict[str, str]:
-    """Return the format by which each file of the results was read, where one was said."""
+    """Return the format by which each file of the results was read, where one was given."""
     kept = {address: name for address, name in before.items() if address not in read}
     return kept | {address: name for address, name in read.items() if name is not None}
 
 
 def _plugin_of_variant(name: str) -> str:
-    """Return the file that makes the solver known of which `name` is a variant: another command needs both."""
+    """Return the file that declares the solver of which `name` is a variant: another command needs both."""
     solver, at, _ = name.partition(declared.AT)
     return declared.origin(solver)[0] if at and solver in solvers else ""
 
@@ -180,8 +180,8 @@ def _sheets(
     versions: Mapping[str, str],
     tunings: Sequence[Tuning],
 ) -> dict[str, Any]:
-    """Return what the results say of each solver in them: those of earlier commands stay, and so do the version of one
-    that had nothing left to do and how one was tuned."""
+    """Return the facts of each solver for the results: those of earlier commands are kept, and so are the version of a
+    solver that had nothing left to do and the record of a tuning."""
     sheets: dict[str, Any] = dict(before)
     tuned = {tuning.label: tuning.as_data() for tuning in tunings}
     for pair in planned:

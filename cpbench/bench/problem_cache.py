@@ -1,4 +1,4 @@
-"""The problem that the referee holds, with all its conversions, each done once, timed, and kept to lift answers."""
+"""The problem that the referee holds, with its conversions: each is done once, timed, and kept to lift answers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from cpbench.formulations.base import Kind, Problem
 
 @dataclass
 class ConvertedProblem:
-    """A problem brought to a node: what solvers load, and what lifts their answers."""
+    """A problem converted to a node: the file that solvers load, and what is needed to lift their answers."""
 
     problem: Problem
     kind: Kind
@@ -41,16 +41,16 @@ class ProblemCache:
         self._held: tuple[str, str | None] = ("", None)
         self._source: Problem | None = None
         self._prepared: dict[tuple[str, str], ConvertedProblem] = {}
-        self._conversions = Charged()
+        self._conversions = TimedConversions()
         self._files = 0
 
     def open(self, address: str, format: str | None, fingerprint: str = "") -> Problem:
-        """Return the problem, loaded unless it is the one that is held; raises ProblemError when it is not the one
+        """Return the problem, which is loaded unless it is held; raises ProblemError when it is not the one that was
         planned."""
         if self._held != (address, format) or self._source is None:
             for prepared in self._prepared.values():
                 Path(prepared.path).unlink(missing_ok=True)
-            self._prepared, self._conversions, self._source = {}, Charged(), None
+            self._prepared, self._conversions, self._source = {}, TimedConversions(), None
             self._source = storage.load(address, format=format)
             self._held = (address, format)
         source = self._source
@@ -64,7 +64,7 @@ class ProblemCache:
         return source
 
     def ready(self, case: RefereeCase) -> tuple[Problem, ConvertedProblem]:
-        """Return the problem, and what became of it at the node; converted when it is asked for the first time."""
+        """Return the problem and its conversion to the node, which is made at the first call."""
         problem = self.open(case.address, case.format, case.fingerprint)
         key = (case.request.name, case.node)
         if key not in self._prepared:
@@ -87,18 +87,18 @@ class ProblemCache:
             arrival.kind,
             arrival.route.label,
             len(arrival.route.steps),
-            self._conversions.seconds(problem, arrival.route),  # not of dead ends before it
+            self._conversions.seconds(problem, arrival.route),  # without those of dead ends
             str(path),
             checksum(arrival.problem),
         )
 
 
-class Charged(graph.Memory):
-    """Conversions, each done and timed once: whether the edge applies, what it promises, and the step.
+class TimedConversions(graph.Memory):
+    """Conversions, each done and timed once: whether the edge applies, and the step.
 
-    What was asked of a problem while routes were sought (a factorization, a least eigenvalue) stays with it; its
-    conversion starts without, so that all it needs is in its time. One that had to load a compiled kernel, which
-    happens once in a process and never again, is done once more.
+    What the search for routes computed of a problem (a factorization, a least eigenvalue) is cached with it; its
+    conversion starts without these, so that its time has all it needs. A conversion that had to load a compiled
+    kernel, which happens once in a process, is repeated.
     """
 
     def __call__(self, edge: Conversion, problem: Problem) -> Problem:
@@ -106,7 +106,7 @@ class Charged(graph.Memory):
         if key not in self._done:
             loaded = _kernels()
             converted, seconds = _timed(edge, problem)
-            if _kernels() != loaded:
+            if _kernels() != loaded:  # the first time has the loading of a kernel in it
                 converted, seconds = _timed(edge, problem)
             self._done[key] = (problem, converted, seconds)
         return self._done[key][1]
@@ -120,7 +120,7 @@ def _timed(edge: Conversion, problem: Problem) -> tuple[Problem, float]:
 
 
 def _kernels() -> set[str]:
-    """Modules of compiled loops that this process has."""
+    """Return the modules of compiled loops that this process has loaded."""
     return {name for name in sys.modules if name.startswith(("numba", "cpbench.conversions.kernels"))}
 
 
@@ -129,5 +129,5 @@ def _without_caches(problem: Problem) -> Problem:
     fresh = copy.copy(problem)
     for name in [n for n in vars(fresh) if isinstance(getattr(type(fresh), n, None), cached_property)]:
         del vars(fresh)[name]
-    vars(fresh)["fingerprint"] = problem.fingerprint  # a name for the provenance, no part of a conversion
+    vars(fresh)["fingerprint"] = problem.fingerprint  # for the provenance
     return fresh

@@ -1,7 +1,7 @@
-"""The process that converts problems, lifts answers and judges them. It shares nothing with the solvers.
+"""The process that converts problems, lifts answers and judges them; it shares no memory with solvers.
 
-It holds one problem at a time, the one whose block of pairs is being run: every conversion of it is done
-once, written to the scratch folder for the solvers to load, and kept here to lift their answers.
+It holds one problem at a time, that of the block being run: every conversion of it is done once, written to the
+scratch folder for the solvers to load, and kept to lift their answers.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from cpbench.errors import CpbenchError, PointError
 from cpbench.formulations.base import Kind, Problem
 
 HISTORY_SECONDS = 30.0
-"""Seconds after which no further iterate of a history is judged; those that were are spread over the whole."""
+"""Seconds after which no further iterate of a history is judged; the judged ones are spread over the whole."""
 PROOF_SECONDS = 20.0
-"""The most seconds in which a proof is looked for, that the problem that was asked has no solution."""
+"""Longest search, in seconds, for a proof that the problem has no solution."""
 
 
 def main(connection: Channel, scratch: str, memory: int) -> None:
@@ -45,7 +45,7 @@ def main(connection: Channel, scratch: str, memory: int) -> None:
             reply = referee.answer(asked)
         except CpbenchError as refusal:
             reply = messages.Declined(str(refusal), type(refusal).__name__)
-        except MemoryError:
+        except MemoryError:  # the runner replaces a referee that says so
             reply = messages.OutOfMemory()
         except Exception as error:
             reply = messages.Failed(f"{type(error).__name__}: {error}")
@@ -53,7 +53,7 @@ def main(connection: Channel, scratch: str, memory: int) -> None:
 
 
 class Referee:
-    """The requests of the runner, with their answers; each raises CpbenchError where the input is bad."""
+    """The requests of the runner and their answers; each raises CpbenchError on bad input."""
 
     def __init__(self, scratch: Path) -> None:
         self._cache = ProblemCache(scratch)
@@ -98,7 +98,7 @@ class Referee:
         )
 
     def prepare(self, case: messages.RefereeCase) -> messages.Prepared:
-        """Bring the problem to the node along the request, into a file that solvers load."""
+        """Convert the problem to the node as requested, into a file that solvers load."""
         _, ready = self._cache.ready(case)
         return messages.Prepared(
             path=ready.path,
@@ -110,7 +110,8 @@ class Referee:
         )
 
     def find_start(self, asked: messages.FindStart) -> messages.StartFound:
-        """Find the point that a solver is to start from, on the converted problem; refuses where there is none."""
+        """Find the point from which a solver is to start, on the converted problem; raises NotApplicable where there is
+        none."""
         case, earlier = asked.case, None
         source, ready = self._cache.ready(case)
         if asked.before is not None:
@@ -159,7 +160,7 @@ class Referee:
         )
 
     def _attempt(self, source: Problem, kind: str, certificate: Any, seconds: float) -> verification.Attempt:
-        """Return a proof of this kind; it is found once, and not found once without a certificate."""
+        """Return a proof of this kind, or the failed search for one; each search without a certificate is made once."""
         held, attempts = self._attempts
         if held != source.fingerprint:
             attempts.clear()
@@ -185,7 +186,7 @@ class Referee:
 
 
 def _open_nodes(problem: Problem, request: Request) -> tuple[str, ...]:
-    """Return nodes that some route of the request reaches, as far as its first edge tells."""
+    """Return nodes that some route of the request reaches, judged by its first edge alone."""
     kinds, via = parse_request(request)
     nodes: list[str] = []
     for node in graph.formulations.names():
@@ -204,7 +205,7 @@ def _routes(source: str, target: str, kinds: frozenset[Kind], via: tuple[Convers
 
 
 def _measured(source: Problem, ready: ConvertedProblem, x: Any, measure: str | None) -> tuple[float, tuple[str, ...]]:
-    """Error of a solver's vector on the problem that was asked, with the flags of a tolerance that it just meets."""
+    """Return the error of a solver's vector on the source problem, with the flags of a tolerance that it just meets."""
     try:
         answer = graph.lift(ready.problem, ready.problem.point_from_vector(x), ready.steps)
         error = verification.judge(source, answer, 0.0, measure).error

@@ -1,6 +1,6 @@
-"""A solve that is always the same, repeated during a run: what it takes more or less is the machine's doing.
+"""A solve that is always the same, repeated during a run: changes of its time are the machine's.
 
-It is LAPACK's and none of ours: a solver that became faster must not look like a machine that did.
+It is LAPACK's, not one of cpbench: a faster solver must not look like a faster machine.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from cpbench.bench.time_limits import START
 from cpbench.bench.worker_pool import Setting
 
 ORDER = 200
-"""Of a dense system: about a millisecond, and half a megabyte that stays in the cache."""
+"""Order of the dense system: about a millisecond, and a third of a megabyte, which stays in the cache."""
 REPEATS = 5
 NAME = f"dense system of order {ORDER}, numpy {np.__version__}"
-"""What is solved, and by whom: the times of two runs that solved something else do not compare."""
+"""System and library: the times of runs with different references do not compare."""
 PATIENCE = 30.0
-"""Seconds to wait for what takes a few milliseconds: longer, and the machine is not fit for measuring."""
+"""Seconds to wait for a solve of milliseconds; a slower machine is not fit for measurements."""
 
 
 class Reference:
@@ -41,9 +41,9 @@ class Reference:
         self._end()
 
     def measure(self) -> tuple[float, float | None]:
-        """Median seconds of the solve, and the load of the machine (where the system tells).
+        """Return the median seconds of the solve, and the load of the machine where the system tells it.
 
-        The seconds are NaN when the process did not answer; the next solve gets another one.
+        The seconds are NaN when the process did not answer; the next solve gets a new process.
         """
         load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
         try:
@@ -64,7 +64,7 @@ class Reference:
 
 
 def main(connection: Channel) -> None:
-    """Solve whenever asked, until the runner closes the connection."""
+    """Solve at every request, until the runner closes the connection."""
     rng = np.random.default_rng(0)
     A, b = rng.standard_normal((ORDER, ORDER)), rng.standard_normal(ORDER)
     np.linalg.solve(A, b)  # LAPACK is loaded

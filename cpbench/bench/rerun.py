@@ -1,4 +1,4 @@
-"""Rows of a results file run once more, by the plan that the file keeps, into another file."""
+"""Runs rows of a results file again, by the plan that the file keeps, into another file."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, StoreError
 
 CHOOSING = ("found", "problems", "keyword", "family", "where", "max_problems", "split")
-"""What of a set chose its problems: they are known."""
+"""Keys of a set that select its problems, which are known here."""
 KEPT = ("seed", "threads", "jobs", "isolate", "affinity")
 
 
 def plan(path: Path, keys: Collection[str], output: Path) -> RunPlan:
-    """Return the plan of a results file for the problems of some of its rows; nothing of it starts a program by itself.
+    """Return the plan of a results file for the problems of some of its rows; it starts no declared program.
 
     Raises StoreError where the file keeps none, UnknownName on solvers that are not loaded.
     """
@@ -33,7 +33,7 @@ def plan(path: Path, keys: Collection[str], output: Path) -> RunPlan:
         told: Mapping[str, Any] = store.meta().get("plan") or {}
         rows = [row for row in store.rows() if row.key in keys]
     if not told.get("sets"):
-        raise StoreError(f"{path}: does not say how its rows were run: none can be run again")
+        raise StoreError(f"{path}: has no plan of its rows: none can be run again")
     sets: list[dict[str, Any]] = []
     for part in told["sets"]:
         programs = [text for text in part.get("solvers", ()) if "{" in text]
@@ -58,8 +58,8 @@ def carry_out(
     observer: RoundObserver,
     reading: Reading,
 ) -> Assembly:
-    """Run the pairs of a plan whose keys are wanted, and the steps of their scenes; the same call goes on with a run
-    that was interrupted. Raises CpbenchError where none of them can be run here; `name` is whose they are."""
+    """Run the pairs of a plan whose keys are wanted, with all steps of their sequences; the same call resumes an
+    interrupted run. Raises CpbenchError where no pair can be run here; `name` is the file they come from."""
     with ExitStack() as stack:
         common = Setting(asked.threads, asked.memory, fresh=asked.isolate == "fresh")
         slots = [stack.enter_context(Slot(s)) for s in settings(common, asked.jobs, pin=asked.affinity)]

@@ -28,7 +28,7 @@ REFERENCE_EVERY = 100
 def settings(common: Setting, jobs: int = 1, *, pin: bool = True) -> list[Setting]:
     """Return one setting a slot; with `pin`, each with cores of its own, where there are enough of them.
 
-    The first cores of the machine, where interrupts and the runner are at home, are given away last.
+    The first cores of the machine, which serve interrupts and the runner, are assigned last.
     """
     allowed = machine.cores()
     enough = pin and len(allowed) >= jobs * common.threads
@@ -43,21 +43,21 @@ class Executor(Protocol):
 
     @property
     def reference(self) -> Setting | None:
-        """Under which the reference is solved here during the run; None where others do the work."""
+        """Setting of the reference solves on this machine; None where other machines solve."""
         ...
 
     @property
     def machines(self) -> Mapping[str, Mapping[str, Any]]:
-        """What each machine is, by host, before the first outcome from there."""
+        """Description of each machine by host, known before its first outcome."""
         ...
 
     def outcomes(self, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
-        """Yield what comes of every pair, with the host that it was run on. Closing the generator stops the work."""
+        """Yield the outcome of every pair, with its host. Closing the generator stops the work."""
         ...
 
 
 class LocalExecutor:
-    """The executor of this machine: one slot at work in this thread, or several in threads of their own."""
+    """The executor of this machine: one slot in this thread, or several in threads of their own."""
 
     def __init__(self, slots: Sequence[Slot]) -> None:
         self._slots = slots
@@ -85,7 +85,7 @@ def execute(
 ) -> None:
     """Run every planned pair that the store has not run yet.
 
-    Rows are written by this thread alone, a transaction each, in the order in which they are there.
+    Rows are written by this thread alone, one transaction each, in the order in which outcomes come.
     """
     todo = blocks.blocks(planned, store.pending(), seed, store.ending)
     if not todo:
@@ -95,6 +95,7 @@ def execute(
     hosts = set[str]()
     with ExitStack() as stack:
         reference = stack.enter_context(Reference(executor.reference)) if executor.reference else None
+        # closed whatever happens, so that an interrupt ends the processes at work
         outcomes = stack.enter_context(closing(executor.outcomes(todo, on_event)))
         if reference:
             store.add_reference(0, *reference.measure())
@@ -109,7 +110,7 @@ def execute(
 
 
 def _one_by_one(slot: Slot, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
-    """Block after block; what has to be compiled is put off, and waited for when nothing else is left."""
+    """Yield outcomes block by block; solvers that have to compile are put off until nothing else is left."""
     waiting = list(todo)
     while waiting:
         now, waiting, idle = waiting, list[Block](), True
@@ -124,7 +125,8 @@ def _one_by_one(slot: Slot, todo: Sequence[Block], on_event: EventHandler) -> Ge
 def _side_by_side(
     slots: Sequence[Slot], todo: Sequence[Block], on_event: EventHandler
 ) -> Generator[tuple[Pair, Outcome]]:
-    """Yield a thread a slot: it waits for processes nearly all the time. Whoever stops listening stops the slots."""
+    """Yield outcomes of several slots, one thread each: a thread mostly waits for processes. Closing this generator
+    stops the slots."""
     waiting: queue.SimpleQueue[Block | None] = queue.SimpleQueue()
     events: queue.SimpleQueue[Event | BaseException | None] = queue.SimpleQueue()
     stopped = threading.Event()

@@ -1,9 +1,9 @@
-"""What a run leaves out: solvers that are not installed, and pairs whose route turned out to be closed.
+"""Pairs that a run skips: of solvers that are not installed, or whose route turned out to be closed.
 
-A row is for what somebody can learn from: a pair that cannot be run says nothing of a solver. Unless the solver was
-asked for by its name, such a pair has no row but is counted under its reason, in the results' `left_out`: a list of
-`status` (missing, licence, unsupported), `node` (of the problems), `reason`, `solvers` (name: pairs) and the `keys` of
-the pairs, which a later command does not try again unless it is told to.
+A pair that cannot be run says nothing about a solver. Unless the solver was named by the user, such a pair has no row
+but is counted under its reason, in `left_out` of the results: a list of `status` (missing, licence, unsupported),
+`node` (of the problems), `reason`, `solvers` (name: pairs) and the `keys` of the pairs, which a later command tries
+again only with `--rerun`.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from cpbench.verification import Status
 
 MISSING, LICENCE = "missing", "licence"
 AGAIN: Mapping[str, tuple[str, ...]] = {"failed": (LICENCE, MISSING), "all": (LICENCE, MISSING, "unsupported")}
-"""What `--rerun` tries again of what was left out."""
+"""Statuses of skipped pairs that `--rerun` tries again."""
 
 
 def planned(store: Store, pairs: Sequence[Pair], rerun: str) -> list[Pair]:
-    """Return the pairs without those that an earlier command has left out and that nobody asks for by name now."""
+    """Return the pairs without those that an earlier command skipped and whose solver is not named now."""
     again = AGAIN.get(rerun, ())
     out = {key for entry in _entries(store) if entry["status"] not in again for key in entry["keys"]}
     return [pair for pair in pairs if pair.named or pair.key not in out]
 
 
 def statuses(store: Store) -> dict[str, str]:
-    """Return what became of the pairs that were left out, by key, in the words of rows."""
+    """Return the statuses of skipped pairs by key, as rows would have them."""
     absent = str(Status.UNAVAILABLE)
     return {
         key: absent if entry["status"] in (MISSING, LICENCE) else entry["status"]
@@ -40,7 +40,7 @@ def statuses(store: Store) -> dict[str, str]:
 
 
 def settle(store: Store, pairs: Iterable[Pair], absent: Mapping[str, str]) -> None:
-    """Take the rows of `pairs` that could not be run, of solvers that nobody named, out of the results, and note why.
+    """Remove the rows of `pairs` that could not be run, of solvers that were not named, from the results; note why.
 
     absent : how to install the solvers for which no pair was planned, by name.
     """
@@ -79,7 +79,7 @@ def _entry(status: str, node: str, reason: str) -> dict[str, Any]:
 
 
 def _status(row: Row) -> str:
-    """Return why a row cannot be: '' where it can. A solver that is broken is no one's choice, and keeps its rows."""
+    """Return why a row is skipped, '' where it is kept: that of a broken solver is, so that somebody mends it."""
     if row.status == Status.UNSUPPORTED:
         return str(Status.UNSUPPORTED)
     state = (row.message or "").partition(":")[0]
@@ -87,5 +87,5 @@ def _status(row: Row) -> str:
 
 
 def _pattern(reason: str) -> str:
-    """Return a reason without its numbers, so that the same cause is one entry."""
+    """Return a reason without its numbers, so that one cause has one entry."""
     return re.sub(r"\d[\d.e+-]*", "#", reason)

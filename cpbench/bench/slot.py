@@ -1,6 +1,6 @@
-"""One place where solves happen, one at a time: a referee, and one persistent worker a solver, with hard limits.
+"""A slot runs pairs one at a time: it has a referee, and a persistent worker for each solver, with hard limits.
 
-Whatever a solver, a conversion or a file does, `Slot.run` returns a row. A run has one slot, or several side by side.
+Whatever a solver, a conversion or a file does, `Slot.run` returns an outcome. A run has one slot or several.
 """
 
 from __future__ import annotations
@@ -37,23 +37,23 @@ from cpbench.verification import MET_TOLERANCE, PROVEN
 Before: TypeAlias = tuple[Pair, str, bytes | None]
 """The pair of the step before in a sequence: its status, and its kept answer."""
 FELL_BACK = "cold: the step before was"
-"""How `started` begins where a step had no answer to start from."""
+"""Beginning of `started` where a step had no answer to start from."""
 NOTHING = Outcome()
-"""What is known of a pair before it is run."""
+"""The outcome of a pair before anything is known of it."""
 FULL = 0.25
-"""Share of the memory limit a worker may hold after a solve; beyond it, the next solve gets a fresh worker."""
+"""Share of the memory limit that a worker may keep after a solve; with more, the next solve gets a fresh worker."""
 
 
 class Refused(CpbenchError):
-    """A file is no problem that a plan could take: it says why."""
+    """A file holds no problem that can be planned; the message says why."""
 
 
 class Unread(CpbenchError):
-    """Nobody could say what a file holds: whoever read it died, ran out of time or of memory."""
+    """The process that read a file died, or ran out of time or memory: its content is unknown."""
 
 
 class NoStart(Exception):
-    """The lack of a point to start from; message and status become the row's."""
+    """Refusal of a pair without a point to start from; message and status become the row's."""
 
     def __init__(self, message: str, status: str = "unsupported") -> None:
         self.status = status
@@ -84,10 +84,10 @@ class Slot:
         self.workers.close()
         self.referee.close()
         self._scratch.remove()
-        folder.remove_abandoned()  # what killed workers had handed to programs of their own
+        folder.remove_abandoned()  # files that killed workers had written for programs of their own
 
     def interrupt(self) -> None:
-        """Kill what is at work, from another thread than the slot's, which then meets the dead."""
+        """Kill the processes at work, from another thread than the slot's, which then finds that they have died."""
         for child in (*self.workers.children, self.referee.child):
             if child is not None:
                 child.kill_all()
@@ -119,10 +119,11 @@ class Slot:
         *,
         patient: bool = True,
     ) -> set[str]:
-        """Start the workers and wait until every one has warmed up, so that none disturbs a measurement.
+        """Start workers and wait until all have warmed up, so that none disturbs a measurement.
 
-        limits : of the solves to come. patient : whether those are waited for whose kernels are not in the cache yet;
-        else they are compiled where nothing is timed, if there is such a core, and their solvers are returned.
+        limits : of the solves to come.
+        patient : whether to wait for solvers whose kernels are not in the cache yet; otherwise these are compiled on a
+            core where nothing is timed, if there is one, and returned.
         """
         waiting = set[str]()
         for name in names:
@@ -140,19 +141,20 @@ class Slot:
         return waiting
 
     def prepare(self, pair: Pair) -> messages.Prepared | Outcome:
-        """Bring the pair's problem to its solver's node, or say what comes of the pair where that cannot be.
+        """Convert the pair's problem to its solver's node; the outcome of the pair where that fails.
 
-        A problem that cannot be loaded, or is not the one that was planned, is told apart by its message.
+        The message distinguishes a problem that cannot be loaded, or is not the one that was planned.
         """
         seconds = REFEREE.limit(pair.limits.seconds)
         opened = self.referee.ask(seconds, messages.Open(pair.address, pair.format, pair.fingerprint), messages.Opened)
+        # loading first, by itself: a failure there is the file's, one below is the conversion's
         if isinstance(opened, messages.Failure):
             return unprepared(opened, loading=True)
         reply = self.referee.ask(seconds, messages.Prepare(messages.RefereeCase.of(pair)), messages.Prepared)
         return unprepared(reply, loading=False) if isinstance(reply, messages.Failure) else reply
 
     def run(self, pair: Pair, prepared: messages.Prepared | Outcome, before: Before | None = None) -> Outcome:
-        """Return the outcome of one pair. Never raises for anything that a solver, a conversion or a file does.
+        """Return the outcome of one pair; never raises, whatever a solver, a conversion or a file does.
 
         `prepared` : by `prepare`. `before` : the step before, where the pair starts from it.
         """
@@ -168,8 +170,9 @@ class Slot:
         )
 
     def _run(self, pair: Pair, prepared: messages.Prepared, before: Before | None) -> Outcome:
-        """Return the outcome of a pair whose problem was converted."""
+        """Return the outcome of a pair whose problem is converted."""
         name = pair.entry.solver
+        # a chain of partials: a failure at any step has the columns that were known until then
         known = partial(
             NOTHING.changed,
             route=prepared.route,
@@ -188,7 +191,7 @@ class Slot:
             return self._solved(pair, prepared, start, worker, known)
         except NoStart as why:
             return known(status=why.status, message=str(why))
-        except Exception as noise:  # a worker may say anything, and fail us in ways that nobody thought of
+        except Exception as noise:  # a worker may send anything, and fail in ways that nobody foresaw
             self.workers.drop(name)
             message = f"the worker sent no valid message: {type(noise).__name__}: {noise}"[:500]
             return known(status="error", message=message)
@@ -196,8 +199,10 @@ class Slot:
     def _solved(
         self, pair: Pair, prepared: messages.Prepared, start: messages.Vectors, worker: Child, known: partial[Outcome]
     ) -> Outcome:
-        """Return the outcome of a pair whose worker is ready; `known` is what of it is known before. Raises
-        FrameError."""
+        """Return the outcome of a pair whose worker is ready; `known` completes what is known of it before.
+
+        Raises FrameError.
+        """
         name, limit = pair.entry.solver, pair.limits.seconds
         asked = messages.Solve(
             path=prepared.path,
@@ -212,7 +217,7 @@ class Slot:
         )
         loaded = False
         try:
-            worker.forget()
+            worker.forget()  # what earlier solves printed is not this one's
             over = time.monotonic() + LOAD.limit(limit)
             worker.send(messages.pack(asked), LOAD.limit(limit))
             reply = messages.ProblemLoaded(messages.Seconds(0.0))
@@ -221,7 +226,7 @@ class Slot:
             if isinstance(reply, messages.ProblemLoaded):
                 known, loaded = partial(known, load=reply.load), True
                 self.workers.loaded(name, prepared.path)
-                begun = time.perf_counter()
+                begun = time.perf_counter()  # a clock beside the worker's, which a solver could falsify
                 reply = hear(worker, limit + GRACE)
                 if isinstance(reply, messages.Result):
                     if reply.children > self.setting.processes:
@@ -239,7 +244,7 @@ class Slot:
             status = "memout" if death.out_of_memory else "crash"
             return known(status=status, message=describe_exit(death), signal=death.signal, code=death.code)
         if isinstance(reply, messages.OutOfMemory):
-            self.workers.drop(name)  # what is left of its memory is not worth trusting
+            self.workers.drop(name)  # a process whose allocations failed is in an unknown state
             return known(status="memout", message=f"over {pair.limits.memory} bytes")
         status = "error"
         if isinstance(reply, messages.ProblemUnsupported):
@@ -247,11 +252,11 @@ class Slot:
         elif isinstance(reply, messages.SolverUnavailable):
             status = "unavailable"
         else:
-            self.workers.drop(name)  # nobody has looked at what it left behind
+            self.workers.drop(name)  # its state after the error was not examined
         return known(status=status, message=told(reply)[: worker_process.WORDS])
 
     def _start_of(self, pair: Pair, before: Before | None) -> tuple[messages.Vectors, str]:
-        """Vectors of the point to start from, none for a cold start, and what the row tells of it; raises NoStart."""
+        """Return the point to start from, empty for a cold start, and its description for the row; raises NoStart."""
         if pair.start == "cold":
             return {}, "cold"
         spec = solvers.get(pair.entry.solver).spec
@@ -275,8 +280,7 @@ class Slot:
     def _answered(
         self, pair: Pair, known: partial[Outcome], worker: Child, result: messages.Result, waited: float, recorded: bool
     ) -> Outcome:
-        """Return the outcome of a pair whose worker returned, `waited` seconds later: repeats, the history, the
-        verdict."""
+        """Return the outcome of a pair whose worker answered after `waited` seconds: repeats, history, verdict."""
         setups, solves, lost = self._repeated(pair, result, worker)
         trail: messages.Recorded | None = None
         if recorded and not lost:
@@ -287,7 +291,7 @@ class Slot:
             or result.threads > pair.limits.threads
             or 0 < pair.limits.memory * FULL < result.grown
         ):
-            self.workers.drop(pair.entry.solver)  # what one problem left behind must not count against the next
+            self.workers.drop(pair.entry.solver)  # what one solve left behind must not count against the next
         once = remembered(solves)
         flags = marks(result, waited, pair.limits.threads)
         flags += [flag for flag, holds in (("repeat", bool(lost)), ("remembered", once)) if holds]
@@ -319,6 +323,7 @@ class Slot:
             message = f"the answer could not be judged: {told(judged)}"
             return timed(flags=",".join(flags), status="error", message="; ".join(filter(None, (message, lost))))
         status, message = judged.status, "; ".join(filter(None, (judged.message, result.message, lost)))
+        # within the grace of a process, but beyond the limit of the solve
         if result.setup + result.solve > pair.limits.seconds:
             status, message = "timeout", f"answered after the limit of {pair.limits.seconds:g} s"
         history = None
@@ -341,10 +346,10 @@ class Slot:
         )
 
     def _repeated(self, pair: Pair, result: messages.Result, worker: Child) -> tuple[list[float], list[float], str]:
-        """Return setup and solve times of the first solve and its repeats, and what became of repeats that failed.
+        """Return setup and solve times of the first solve and its repeats, and why repeats failed.
 
-        The first answer stands whatever happens to a repeat, with its own times. It is judged after the repeats:
-        the referee at work beside them would spoil the times.
+        The first answer stands, with its own times, whatever happens to a repeat. It is judged after the repeats:
+        a referee that works beside them would spoil their times.
         """
         setups, solves = [float(result.setup)], [float(result.solve)]
         more = pair.limits.repeats - 1
@@ -362,7 +367,7 @@ class Slot:
     def _next(
         self, worker: Child, pair: Pair, expected: type[Reply], patience: float, what: str
     ) -> tuple[Reply | None, str]:
-        """Return one more message of a worker that has answered; what it did instead does not cost the answer."""
+        """Return one more message of a worker that has answered, or why there is none: its answer stands either way."""
         try:
             reply = hear(worker, patience)
             if isinstance(reply, expected):

@@ -1,7 +1,7 @@
-"""Where a solver starts from: nowhere, the file's guess, its own last answer, or a known solution with noise.
+"""Starting points: none, the file's guess, the solver's own last answer, or a known solution with noise.
 
-A start belongs to the source problem and is carried to the converted one by the `push` of every conversion on the
-way. Where there is none a run is unsupported (NotApplicable, with the reason): never cold in disguise.
+A start belongs to the source problem and is carried to the converted one by the `push` of every conversion. Where there
+is none the pair is unsupported (NotApplicable, with the reason); it is never run cold instead.
 
     cold         no start
     file         the first of the file's guesses, or the problem's own start; file:K the K-th; file:all each of them, a
@@ -42,9 +42,12 @@ class StartKind(StrEnum):
 
 @dataclass(frozen=True)
 class StartPolicy:
-    """A start policy as asked for. `sigma` : relative size of the noise of `perturbed`, 0 for the solution itself.
+    """A start policy.
 
-    `guess` : which of the file's guesses, counted from 1; EVERY for each of them, which a plan makes pairs of.
+    Attributes
+    ----------
+    sigma : relative size of the noise of `perturbed`, 0 for the solution itself.
+    guess : number of the file's guess, from 1; EVERY for all of them, of which a plan makes a pair each.
     """
 
     kind: StartKind = StartKind.COLD
@@ -52,7 +55,7 @@ class StartPolicy:
     guess: int = 1
 
     def __str__(self) -> str:
-        """Return one text for one policy: part of a row's key."""
+        """Return the text that identifies the policy: part of a row's key."""
         if self.kind is StartKind.PERTURBED:
             return f"{self.kind}:{self.sigma!r}"
         if self.guess == EVERY:
@@ -67,7 +70,7 @@ class StartPolicy:
 
 @dataclass(frozen=True)
 class Before:
-    """The step before: an answer to it that was verified, and where its contacts were (None: not recorded)."""
+    """The preceding step: a verified answer to it, and the positions of its contacts (None: not recorded)."""
 
     point: Any
     contacts: Contacts | None = None
@@ -75,7 +78,7 @@ class Before:
 
 @dataclass(frozen=True)
 class Start:
-    """A starting point, None for a cold start, and what a row tells of it."""
+    """A starting point, None for a cold start, and its description for the row."""
 
     point: Any | None
     told: str
@@ -108,8 +111,8 @@ def parse_start(text: str) -> StartPolicy:
 
 
 def each_start(asked: str, guesses: int) -> list[str]:
-    """Return the policies that one stands for, on a problem whose file has so many guesses; one that has none is
-    asked for the first, so that its row says that there is none.
+    """Return the policies that one stands for, on a problem whose file has this many guesses. Without guesses the first
+    is named, so that the row reports that there is none.
 
     >>> each_start("file:all", 3), each_start("cold", 3), each_start("file:all", 0)
     (['file', 'file:2', 'file:3'], ['cold'], ['file'])
@@ -121,7 +124,7 @@ def each_start(asked: str, guesses: int) -> list[str]:
 
 
 def step_before(address: str, format: str | None, fingerprint: str, answer: Vector) -> Before:
-    """Return the step whose answer was kept as a plain vector; raises FormatError, ProblemError when the file
+    """Return the step whose answer is kept as a plain vector; raises FormatError, and ProblemError when the file has
     changed."""
     problem = storage.load(address, format=format)
     if problem.fingerprint != fingerprint:
@@ -142,9 +145,9 @@ def start(
     seed: int = 0,
     before: Before | None = None,
 ) -> Start:
-    """Return where to start on `converted`, which is `problem` after `steps` conversions.
+    """Return the start on `converted`, which is `problem` after `steps` conversions.
 
-    Raises NotApplicable with the reason where the policy gives no start, or no conversion carries it.
+    Raises NotApplicable with the reason where the policy gives no start, or a conversion cannot carry it.
     """
     begin = start_for(policy, problem, address, tolerance=tolerance, seed=seed, before=before)
     return begin if begin.point is None else Start(carry(begin.point, converted, steps), begin.told)
@@ -159,9 +162,9 @@ def start_for(
     seed: int = 0,
     before: Before | None = None,
 ) -> Start:
-    """Return where to start on the problem at `address` itself; raises NotApplicable, FormatError.
+    """Return the start on the problem at `address` itself; raises NotApplicable, FormatError.
 
-    `before` None means, for `previous`, that there is nothing to go on: the start is cold and says so.
+    before : the preceding step; without it the policy `previous` gives a cold start, which its description says.
     """
     match policy.kind:
         case StartKind.COLD:
@@ -197,7 +200,7 @@ def known_solution(problem: Problem, address: str, tolerance: float) -> Any:
     if not verdict.solved:
         raise NotApplicable(
             "start",
-            f"the solution in the file is none: its error is {verdict.error:.1e}, the tolerance {tolerance:.0e}",
+            f"the solution in the file does not solve it: error {verdict.error:.1e}, tolerance {tolerance:.0e}",
         )
     return found[0]
 
@@ -219,7 +222,7 @@ def perturbed(problem: Problem, solution: Any, sigma: float, seed: int) -> Any:
 
 
 def _blocks(problem: Problem, part: str, size: int) -> list[np.ndarray[Any, np.dtype[np.intp]]]:
-    """Return indices of what has one unit: a part, or the forces and the moments in reactions with rolling friction."""
+    """Return the indices of numbers with one unit: a part, or forces and moments of reactions with rolling friction."""
     index = np.arange(size)
     if part != "r" or not hasattr(problem, "mu_r") or not isinstance(problem, ContactProblem):
         return [index]
@@ -228,7 +231,7 @@ def _blocks(problem: Problem, part: str, size: int) -> list[np.ndarray[Any, np.d
 
 
 def _counted(text: str, number: str) -> int:
-    """K of `file:K`."""
+    """Return K of `file:K`."""
     if not (number.isascii() and number.isdigit() and int(number) >= 1):
         raise CpbenchError(
             f"start '{text}': the guess is '{number}', expected its number from 1 on, as in file:2, or file:all"
@@ -249,8 +252,8 @@ def _from_file(problem: Problem, address: str, policy: StartPolicy) -> Start:
 
 
 def _own(problem: Problem) -> list[Any]:
-    """Return the start that is part of a problem with maps (as MathOptFormat's primal_start), multipliers 0; none
-    where it is 0, as it is where nobody set one."""
+    """Return the start that is part of a problem with maps (as MathOptFormat's primal_start), with multipliers 0; none
+    where it is 0, which is the default."""
     start: Vector | None = getattr(problem, "start", None)
     if start is None or not start.any():
         return []

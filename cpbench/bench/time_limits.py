@@ -1,7 +1,7 @@
-"""How long each phase of a run may take: as long as a solve, but never less than its floor.
+"""Time limits of the phases of a run: that of a solve, but never less than the floor of the phase.
 
-Floors are for what happens on honest machines however short the solves are to be: a slow disk, the start of another
-interpreter, a first compilation. What is not over at its limit is killed with all that it started.
+Floors allow for what takes time on any machine however short the solves are: a slow disk, the start of another
+interpreter, a first compilation. A phase that exceeds its limit is killed with all that it started.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from cpbench.bench.planning.quantities import duration
 
 GRACE = 0.2
-"""Seconds after the limit of a solve at which its process is killed: it and all it started are gone half a second
+"""Seconds after the limit of a solve at which its process is killed; it and all it started have ended half a second
 after the limit."""
 
 
@@ -22,7 +22,7 @@ class Phase:
 
     Attributes
     ----------
-    floor : seconds that it has at least. what : what happens in it.
+    floor : seconds that it may always take. what : what happens in it.
     """
 
     name: str
@@ -30,18 +30,18 @@ class Phase:
     what: str
 
     def limit(self, timeout: float = 0.0) -> float:
-        """Return seconds that it may take where a solve may take `timeout`."""
+        """Return the limit in seconds where a solve may take `timeout`."""
         return max(self.floor, timeout)
 
 
-START = Phase("start", 60.0, "imports of a solver's packages, hello of its program")
-"""Julia says hello after 5 to 20 s; a package is imported from a cold network disk in as many."""
+START = Phase("start", 60.0, "imports of a solver's packages, first message of its program")
+"""Julia answers after 5 to 20 s; the import of a package from a cold network disk takes as long."""
 WARM_UP = Phase("warm-up", 300.0, "compiling, once a machine; the warm-up of a program")
-"""What compiles longest takes 25 s alone on a slow machine, and shares it with other slots."""
+"""The longest compilation takes 25 s alone on a slow machine, which it may share with other slots."""
 LOAD = Phase("load", 30.0, "reading the converted problem, `obstacle`, handing over to a program")
-"""A gigabyte is read in 10 s from a slow disk."""
+"""A gigabyte is read from a slow disk in 10 s."""
 REFEREE = Phase("conversion", 120.0, "reading a file, converting, lifting, judging")
-"""The work of cpbench itself, dense eliminations included: no solver waits for it, or is charged for it."""
+"""The work of cpbench itself, dense eliminations included; it is not part of any solver's time."""
 PHASES = (START, WARM_UP, LOAD, REFEREE)
 
 
@@ -54,7 +54,7 @@ def floors() -> str:
     return ", ".join(f"{phase.name} {duration(phase.floor)}" for phase in PHASES)
 
 
-def told() -> Iterator[tuple[str, str]]:
+def described() -> Iterator[tuple[str, str]]:
     """Yield each phase with its limit, for a reader."""
     yield "solve", "--timeout: set-up, solve, and bringing back the answer"
     for phase in PHASES:

@@ -1,4 +1,4 @@
-"""The process that runs one solver. It loads, warms up, solves and reports; it judges nothing.
+"""The process that runs one solver: it loads problems, warms up, solves and reports; it judges nothing.
 
 Messages in: `Solve`. Messages out: `WarmingUp` once the solver is found to be available, `CompilingKernels` where these
 are not in the cache yet, `Ready`, then for every request `ProblemLoaded` (unless the runner knows that the problem is
@@ -38,73 +38,72 @@ from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers
 
 SHORT = 1.0
-"""Solves below this many seconds are repeated."""
+"""Seconds below which a solve is repeated."""
 WORDS = 2000
-"""Characters of what a solver says that are passed on."""
+"""Characters of a solver's messages that are passed on."""
 COUNTERS, NAME = 100, 100
 """Counters of a solve that are kept, and characters of their names."""
 
 
 def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False, scratch: str = "") -> None:
-    """Serve solves of one solver until the runner closes the connection. It writes below `scratch`.
+    """Serve solves of one solver until the runner closes the connection; the solver may write below `scratch`.
 
-    With `fresh` every solve has a process of its own: forked from this one, or, where that is not safe (no fork on
-    this system, or threads that a fork would not take along), this one, which then serves a single request and says
-    so: `single`.
+    With `fresh` every solve has a process of its own, forked from this one. Where that is not safe (no fork on this
+    system, or threads that a fork would lose) this process serves one request, and announces that as `single`.
     """
-    gc.disable()  # what is imported and compiled is no garbage
+    gc.disable()  # imports and compilation leave hardly any garbage
     solver = solvers.get(solver_name)
-    if scratch:
+    if scratch:  # before the guest is imported, whose code runs from then on
         confine(scratch, own=type(solver).__module__.startswith("cpbench.solvers."))
     available = solver.availability()
     if not available.ok:
         connection.send_bytes(messages.pack(messages.SolverUnavailable(available.detail[-WORDS:], available.state)))
         return
     connection.send_bytes(messages.pack(messages.WarmingUp()))
-    with _telling_of_compilation(connection):
+    with _compilation_reported(connection):
         solver.warmup()
         if formulations.get(solver.spec.node).has_maps():
             interpreter.load()
     version = solver.version()
     gc.enable()
-    limit_memory(memory)
-    bench = Bench(connection, solver)
-    forked = fresh and forks() and bench.meter.threads == 1 and not bench.meter.helpers
+    limit_memory(memory)  # after the warm-up: its memory is not charged to solves
+    runner = SolverRunner(connection, solver)
+    forked = fresh and forks() and runner.meter.threads == 1 and not runner.meter.helpers
     if forked:
-        gc.freeze()  # what is warm is not walked through again in every process forked from it
-    bench.tell(messages.Ready(version[:WORDS], single=fresh and not forked))
+        gc.freeze()  # so that no forked process searches what is loaded for garbage
+    runner.send(messages.Ready(version[:WORDS], single=fresh and not forked))
     while True:
         try:
             asked = messages.unpack(connection.recv_bytes())
         except EOFError:
             return
         assert isinstance(asked, messages.Solve), "the runner asks a worker for nothing else"
-        bench.serve(asked, run_forked if forked else _here)
+        runner.serve(asked, run_forked if forked else _here)
         if fresh and not forked:
             return
 
 
 @contextlib.contextmanager
-def _telling_of_compilation(connection: Channel) -> Generator[None]:
-    """Pass on, once, that the cache of kernels lacks some: it takes seconds in which nothing else is heard."""
-    told: list[str] = []
+def _compilation_reported(connection: Channel) -> Generator[None]:
+    """Send `CompilingKernels`, once, where the cache of kernels lacks some: no other message comes for seconds."""
+    reported: list[str] = []
 
-    def heard(record: logging.LogRecord) -> bool:
-        if not told:
+    def report(record: logging.LogRecord) -> bool:
+        if not reported:
             connection.send_bytes(messages.pack(messages.CompilingKernels()))
-        told.append(record.getMessage())
+        reported.append(record.getMessage())
         return True
 
     kernel_cache.LOG.setLevel(logging.INFO)
-    kernel_cache.LOG.addFilter(heard)
+    kernel_cache.LOG.addFilter(report)
     try:
         yield
     finally:
-        kernel_cache.LOG.removeFilter(heard)
+        kernel_cache.LOG.removeFilter(report)
 
 
-class Bench:
-    """One solver, one problem at a time, one request at a time; each of its steps may run in another process."""
+class SolverRunner:
+    """One solver, which serves one request at a time; each step of it may run in a process of its own."""
 
     def __init__(self, connection: Channel, solver: Solver) -> None:
         self._connection, self._solver = connection, solver
@@ -113,7 +112,7 @@ class Bench:
         self.meter = Meter()
 
     def serve(self, asked: messages.Solve, run: Callable[..., Any]) -> None:
-        """Answer a request; `run` takes each step of it, here or in a process of its own."""
+        """Answer a request; `run` executes each step of it, here or in a process of its own."""
         self._asked = asked
         result = run(lambda: self._safely(self._answer))
         if result is None:
@@ -124,15 +123,15 @@ class Bench:
                 times.append(run(lambda: self._safely(self._repeat)))
                 if times[-1] is None:
                     return
-            self.tell(messages.Repeats(tuple(times)))
+            self.send(messages.Repeats(tuple(times)))
         if asked.history:
             run(lambda: self._safely(self._record))
 
-    def tell(self, message: messages.Message) -> None:
+    def send(self, message: messages.Message) -> None:
         self._connection.send_bytes(messages.pack(message))
 
     def _safely(self, step: Callable[[], Any]) -> Any:
-        """Return what `step` returns; None when it raised, and the runner has been told. SystemExit ends the
+        """Return what `step` returns; None when it raised, which was reported to the runner. SystemExit ends the
         process."""
         me = os.getpid()
         try:
@@ -144,15 +143,15 @@ class Bench:
             if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
                 self._forget()
                 gc.collect()
-                self.tell(messages.OutOfMemory())
+                self.send(messages.OutOfMemory())
             elif isinstance(error, Ended):
                 guard.end_like(error.code)
             elif isinstance(error, NotApplicable):
-                self.tell(messages.ProblemUnsupported(error.obstacle[:WORDS]))
+                self.send(messages.ProblemUnsupported(error.obstacle[:WORDS]))
             elif isinstance(error, Unavailable):
-                self.tell(messages.SolverUnavailable(str(error)[:WORDS]))
+                self.send(messages.SolverUnavailable(str(error)[:WORDS]))
             else:
-                self.tell(messages.Failed(_told(error)))
+                self.send(messages.Failed(_described(error)))
             return None
 
     # --------------------------------------------------------------------------------------------- steps
@@ -162,23 +161,23 @@ class Bench:
         problem = self._loaded()
         why = self._solver.obstacle(problem)
         if why is not None:
-            self.tell(messages.ProblemUnsupported(why[:WORDS]))
+            self.send(messages.ProblemUnsupported(why[:WORDS]))
             return None
         if self._handed is None:
             self._handed = self._solver.hand_over(problem)
         if not self._asked.held:
-            self.tell(messages.ProblemLoaded(messages.Seconds(time.perf_counter() - begun)))
+            self.send(messages.ProblemLoaded(messages.Seconds(time.perf_counter() - begun)))
         asked = self._arguments(problem)
         self.meter.begin()
         output, setup, solve, cpu = _timed(self._solver, self._handed, *asked, self.meter.cpu)
         used = self.meter.end(setup + solve, cpu)
         output = self._solver.collect(output)
-        used["children"] = max(used["children"], self.meter.children)  # a program may start some once it has replied
+        used["children"] = max(used["children"], self.meter.children)  # a program may start processes after its reply
         vectors, counters, notes = _checked(output, problem)
         wrote = checksum(problem) != self._checksum
         if wrote:
             self._forget()
-        self.tell(
+        self.send(
             messages.Result(
                 claim=str(output.claim),
                 answered=output.point is not None,
@@ -197,7 +196,7 @@ class Bench:
 
     def _repeat(self) -> tuple[messages.Seconds, messages.Seconds]:
         asked = self._arguments(self._loaded())
-        self._handed = self._solver.hand_over(self._problem)  # again: a program may remember what it has solved
+        self._handed = self._solver.hand_over(self._problem)  # a program may cache what it has solved
         _, setup, solve, _ = _timed(self._solver, self._handed, *asked, self.meter.cpu)
         return messages.Seconds(setup), messages.Seconds(solve)
 
@@ -205,7 +204,7 @@ class Bench:
         me, problem = os.getpid(), self._loaded()
         found = recorded(self._solver, problem, *self._arguments(problem))
         _end_unless(me)
-        self.tell(found)
+        self.send(found)
         return True
 
     def _loaded(self) -> Problem:
@@ -214,7 +213,7 @@ class Bench:
             self._forget()  # two problems at a time might not fit
             self._problem = shared_problem.read(path)
             self._path, self._checksum = path, checksum(self._problem)
-            if self._asked.checksum not in (None, self._checksum):  # files are within reach of every solver
+            if self._asked.checksum not in (None, self._checksum):  # solvers can write to the files
                 self._forget()
                 raise ValueError(f"loading: {path} is not what the referee wrote")
         return self._problem
@@ -223,7 +222,7 @@ class Bench:
         self._path, self._problem, self._handed = "", None, None
 
     def _arguments(self, problem: Problem) -> tuple[Budget, Any, Any]:
-        """Budget, options and starting point of the request."""
+        """Return budget, options and starting point of the request."""
         asked = self._asked
         first = problem.point_type(**asked.vectors) if asked.vectors else None
         budget = Budget(tolerance=asked.tolerance, seconds=asked.seconds)
@@ -237,9 +236,9 @@ def _here(step: Callable[[], Any]) -> Any:
 def _timed(
     solver: Solver, problem: Any, budget: Budget, options: Any, start: Any, clock: Callable[[], float]
 ) -> tuple[SolverOutput, float, float, float]:
-    """Output, seconds of `setup` and of `solve`, and by `clock` the CPU seconds of both."""
+    """Solve, and return the output, the seconds of `setup` and of `solve`, and the CPU seconds of both by `clock`."""
     me = os.getpid()
-    gc.collect(0)
+    gc.collect(0)  # here, so that it does not happen in the timed part
     cpu = clock()
     begun = time.perf_counter()
     prepared = solver.setup(problem, budget, options)
@@ -252,17 +251,18 @@ def _timed(
 
 
 def _end_unless(me: int) -> None:
-    """End a process that a solver forked and let come back to us: it would speak with the runner as if it were us."""
+    """End a process that a solver forked and that returned from the solver: it would answer the runner as if it were
+    the worker, whose id is `me`."""
     if os.getpid() != me:
         os._exit(0)
 
 
 def _checked(output: Any, problem: Problem) -> tuple[dict[str, Vector], dict[str, int], list[str]]:
-    """Vectors, counters and remarks of what a solver returned; raises TypeError when it is no answer at all."""
+    """Return vectors, counters and remarks of a solver's output; raises TypeError when it is no valid output."""
     if not isinstance(output, SolverOutput):
         raise TypeError(f"returned a {type(output).__name__}, not a SolverOutput")
     if not isinstance(output.claim, Claim):
-        raise TypeError(f"claims {output.claim!r:.100}, which is no Claim")
+        raise TypeError(f"claims {output.claim!r:.100}, which is not a Claim")
     vectors: dict[str, Any] = {}
     if output.point is not None:
         if not isinstance(output.point, problem.point_type):
@@ -277,14 +277,14 @@ def _checked(output: Any, problem: Problem) -> tuple[dict[str, Vector], dict[str
     return vectors, *_counters(output.counters)
 
 
-def _counters(told: Mapping[Any, Any]) -> tuple[dict[str, int], list[str]]:
-    """Return the first of the counters, each an integer of 64 bits by a short name, and remarks on what is left out.
+def _counters(reported: Mapping[Any, Any]) -> tuple[dict[str, int], list[str]]:
+    """Return the first counters, each a 64-bit integer with a short name, and remarks on what is left out.
 
-    To send and to keep a million of them takes seconds, after a solve that was over within its limit.
+    To send and store a million of them would take seconds, after a solve that kept its limit.
     """
     counters: dict[str, int] = {}
     notes: list[str] = []
-    for key, value in itertools.islice(told.items(), COUNTERS):
+    for key, value in itertools.islice(reported.items(), COUNTERS):
         name = str(key)[:NAME]
         try:
             number = operator.index(value)
@@ -295,13 +295,13 @@ def _counters(told: Mapping[Any, Any]) -> tuple[dict[str, int], list[str]]:
             notes.append(f"the counter {name} has {number.bit_length()} bits, 63 are kept")
         else:
             counters[name] = number
-    if len(told) > COUNTERS:
-        notes.append(f"{len(told)} counters, the first {COUNTERS} are kept")
+    if len(reported) > COUNTERS:
+        notes.append(f"{len(reported)} counters, the first {COUNTERS} are kept")
     return counters, notes
 
 
-def _told(error: BaseException) -> str:
-    """Return one line and the last lines of the trace; an exception that cannot even say what it is has its class."""
+def _described(error: BaseException) -> str:
+    """Return class and message of an exception; where its message raises itself, the class and the place."""
     name = type(error).__name__
     try:
         return f"{name}: {error}"[:WORDS]

@@ -20,15 +20,15 @@ from cpbench.bench.time_limits import START, WARM_UP
 Reply = TypeVar("Reply", bound=messages.Message)
 
 AGAIN = 2
-"""How often a command, or a start, is repeated by a fresh process where one was found dead: it may have died of
-something else (Linux kills what is largest where memory is short; what kills its parent kills it too)."""
+"""How often a request, or a start, is repeated with a fresh process after one died: the cause may lie elsewhere (where
+memory is short Linux kills the largest process; what kills a parent ends its children)."""
 PROCESSES = 64
-"""How many processes a solver may have at a time, beside one a thread: so many are dead half a second after its limit,
-and a flood of more is stopped while it is small."""
+"""Processes that a solver may have at a time, beside one for each thread: so many can be killed within half a second
+after its limit, and a flood of more is stopped while it is small."""
 REFEREE_SHARE = 2
-"""How many times the memory limit of a worker the referee has: it holds a problem with all its conversions."""
+"""The referee's memory limit as a multiple of a worker's: it holds a problem with all its conversions."""
 REFEREE_LEAST = 2 * 2**30
-"""Bytes the referee has at least, however little a solver is to get by on."""
+"""Bytes that the referee may use at least, however low the limit of solvers is."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +37,12 @@ class Setting:
 
     Attributes
     ----------
-    threads : of every numerical library, set before it is imported. memory : the largest limit of any solve; the
-    referee gets twice that. fresh : a new process for every solve. cpus : where workers run, () for anywhere;
-    the referee runs elsewhere, for it would leave them cold caches.
-    slots : how many work side by side; rows tell, for their times are not those of a quiet machine.
-    single : one solve is all there will be: what it does not need is not loaded.
+    threads : threads of every numerical library, set before it is imported.
+    memory : largest memory limit of any solve; the referee gets twice that.
+    fresh : whether every solve gets a new process.
+    cpus : cores on which workers run, () for all; the referee runs elsewhere, since it would leave cold caches there.
+    slots : number of slots side by side; a column of rows, since their times are not those of a quiet machine.
+    single : whether there is one solve only, so that nothing is loaded that it does not need.
     """
 
     threads: int = 1
@@ -58,7 +59,7 @@ class Setting:
 
     @property
     def processes(self) -> int:
-        """How many a solver may have at a time, its worker included."""
+        """Number of processes that a solver may have at a time, its worker included."""
         return PROCESSES + self.threads
 
 
@@ -71,10 +72,7 @@ class RefereeClient:
         self.child: Child | None = None
 
     def ask(self, seconds: float, message: messages.Message, expected: type[Reply]) -> Reply | messages.Failure:
-        """Send a message; the reply, or why there is none.
-
-        A process that is found dead may have died of something else: the message is repeated (`AGAIN`).
-        """
+        """Send a message, again where the process died (`AGAIN`); return the reply, or why there is none."""
         data = messages.pack(message)
         reply = self._asked(seconds, data)
         for _ in range(AGAIN):
@@ -82,7 +80,7 @@ class RefereeClient:
                 reply = self._asked(seconds, data)
         if isinstance(reply, (expected, messages.Failure)):
             return reply
-        return messages.Failed(f"the referee said {type(reply).__name__}")
+        return messages.Failed(f"the referee answered with {type(reply).__name__}")
 
     def _asked(self, seconds: float, data: bytes) -> messages.Message:
         try:
@@ -101,7 +99,7 @@ class RefereeClient:
             reply = messages.OutOfMemory() if death.out_of_memory else messages.Gone(describe_exit(death))
         except frames.FrameError as noise:
             reply = messages.Gone(str(noise))
-        self.close()
+        self.close()  # its state is unknown; the next request starts a new one
         if isinstance(reply, messages.OutOfMemory):
             limited = f", limited to {self._limit} bytes" if self._limit else ""
             return messages.OutOfMemory(f"ran out of memory{limited}")
@@ -114,11 +112,11 @@ class RefereeClient:
 
 
 class WorkerPool:
-    """The warm workers, by solver.
+    """Warm workers by solver, replaced when they die, hang or are full.
 
     Attributes
     ----------
-    versions : of the solvers that were started. unavailable : why others cannot be.
+    versions : versions of the solvers that were started. unavailable : why others cannot be started.
     """
 
     def __init__(self, context: Context, setting: Setting, scratch: Path) -> None:
@@ -136,11 +134,11 @@ class WorkerPool:
         return list(self._children.values())
 
     def begin(self, name: str, memory: int) -> None:
-        """Start the process of a worker that will be asked for: it warms up while something else is done."""
+        """Start a worker that will be needed soon: it warms up while the caller does something else."""
         if self.settled(name, memory):
             return
         self.drop(name)
-        with contextlib.suppress(Died):  # whoever asks for it tries again, and learns why
+        with contextlib.suppress(Died):  # `get` tries again, and reports why
             self._begin(name, memory)
 
     def get(
@@ -154,9 +152,9 @@ class WorkerPool:
     ) -> Child | None:
         """Return the worker of a solver, with this memory limit; None where the solver is not available.
 
-        timeout : of a solve, after which the limits of the start and the warm-up go. compiling : called when the worker
-        has to compile before it is ready, which takes seconds and happens once a machine. patient : whether that is
-        waited for; else such a worker is given up, and None.
+        timeout : limit of a solve, from which the limits of start and warm-up follow.
+        compiling : called when the worker has to compile first, which takes seconds and happens once a machine.
+        patient : whether to wait for that; otherwise such a worker is dropped, and None returned.
         """
         if not self.settled(name, memory):
             self.drop(name)
@@ -175,25 +173,25 @@ class WorkerPool:
         return self._children.get(name)
 
     def settled(self, name: str, memory: int) -> bool:
-        """Return whether `get` needs no new process: a worker with this limit is there, or there is none to be had."""
+        """Return whether `get` needs no new process: it has a worker, or the solver is unavailable."""
         child = self._children.get(name)
         return name in self.unavailable or (child is not None and self._memory[name] == memory and child.alive)
 
     def ready(self, name: str, memory: int) -> bool:
-        """Return whether `get` need not wait either."""
+        """Return whether `get` returns at once."""
         return self.settled(name, memory) and name not in self._begun
 
     def loaded(self, name: str, path: str) -> None:
-        """Note that a worker holds this problem; a fresh process takes it along when it ends."""
+        """Note that a worker holds this problem, unless its process ends with the solve (`fresh`)."""
         if not self._setting.fresh:
             self._holds[name] = path
 
     def holds(self, name: str, path: str) -> bool:
-        """Return whether a worker need not load a problem, nor say that it has."""
+        """Return whether a worker has loaded this problem already."""
         return self._holds.get(name) == path
 
     def served(self, name: str) -> None:
-        """After a request: a worker that serves only one makes room for the next."""
+        """Note that a request is done: drop a worker that serves only one."""
         if self._single.get(name):
             self.drop(name)
 
@@ -211,7 +209,7 @@ class WorkerPool:
     def _warmed_up(
         self, name: str, memory: int, timeout: float, compiling: Callable[[], None], patient: bool
     ) -> messages.Ready | messages.CompilingKernels | messages.Failure:
-        """Wait until a new worker is ready, and drop it otherwise; that it has to compile is passed on."""
+        """Wait until a new worker is ready; pass on that it has to compile, and drop it where it fails."""
         phase, told = START, None
         try:
             if name not in self._begun:
@@ -229,7 +227,7 @@ class WorkerPool:
                 child.warm()
                 return told
             if not isinstance(told, (messages.CompilingKernels, messages.SolverUnavailable)):
-                told = messages.Failed(f"in place of being ready it says {told!s:.200}")
+                told = messages.Failed(f"expected Ready, received {told!s:.200}")
         except TimedOut:
             told = messages.Late(f"{phase.name} not over after {phase.limit(timeout):g} s")
         except Died as death:
@@ -240,7 +238,7 @@ class WorkerPool:
         return told
 
     def _begin(self, name: str, memory: int) -> None:
-        """Start the process; raises Died where the system does not let it."""
+        """Start the process; raises Died where the system refuses."""
         setting = self._setting
         arguments = (name, memory, setting.fresh, str(self._scratch))
         limits: dict[str, Any] = {"cpus": setting.cpus, "memory": memory, "processes": setting.processes}

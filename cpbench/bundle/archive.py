@@ -37,7 +37,7 @@ _DATE = (1980, 1, 1, 0, 0, 0)
 
 
 class BundleError(CpbenchError):
-    """A file is no bundle, or not the one that was written."""
+    """A file is not a bundle, or not the one that was written."""
 
     def __init__(self, path: Path, cause: str) -> None:
         super().__init__(f"{path}: {cause}")
@@ -121,7 +121,7 @@ def _opened(path: Path) -> Generator[zipfile.ZipFile]:
     except FileNotFoundError:
         raise BundleError(path, "no such file") from None
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as cause:
-        raise BundleError(path, f"is no bundle of cpbench, or a damaged one ({cause})") from None
+        raise BundleError(path, f"is not a bundle of cpbench, or a damaged one ({cause})") from None
     except OSError as cause:
         raise BundleError(path, f"cannot be unpacked ({cause.strerror or cause})") from None
 
@@ -130,9 +130,9 @@ def _manifest(path: Path, archive: zipfile.ZipFile) -> bytes:
     try:
         entry = archive.getinfo(MANIFEST)
     except KeyError:
-        raise BundleError(path, f"is no bundle of cpbench: it has no {MANIFEST}") from None
+        raise BundleError(path, f"is not a bundle of cpbench: it has no {MANIFEST}") from None
     if entry.file_size > MOST_MANIFEST:
-        raise BundleError(path, f"is no bundle of cpbench: its {MANIFEST} claims {entry.file_size} bytes")
+        raise BundleError(path, f"is not a bundle of cpbench: its {MANIFEST} claims {entry.file_size} bytes")
     with archive.open(entry) as file:
         return file.read(MOST_MANIFEST)
 
@@ -141,9 +141,9 @@ def _checked(path: Path, raw: bytes) -> dict[str, Any]:
     try:
         manifest = json.loads(raw)
     except (ValueError, RecursionError) as cause:
-        raise BundleError(path, f"is no bundle of cpbench: {MANIFEST} is no JSON ({cause})") from None
+        raise BundleError(path, f"is not a bundle of cpbench: {MANIFEST} is not valid JSON ({cause})") from None
     if not isinstance(manifest, dict) or manifest.get("format") != FORMAT:
-        raise BundleError(path, f"is no bundle of cpbench: {MANIFEST} does not say so")
+        raise BundleError(path, f"is not a bundle of cpbench: {MANIFEST} does not say so")
     version = manifest.get("version")
     if not isinstance(version, int) or version > VERSION:
         raise BundleError(path, f"is a bundle of version {version}, this cpbench knows {VERSION}; update cpbench")
@@ -211,7 +211,9 @@ def _require_ours(path: Path, folder: Path, raw: bytes) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         there = sorted(item.name for item in folder.iterdir())
     except OSError as cause:
-        raise BundleError(folder, f"is no folder that could be made ({cause.strerror}); name another with -o") from None
+        raise BundleError(
+            folder, f"is not a folder that could be made ({cause.strerror}); name another with -o"
+        ) from None
     if not there:
         return
     own = folder / MANIFEST

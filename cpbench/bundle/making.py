@@ -114,7 +114,7 @@ def _scrub(store: Store, rows: Sequence[Row], found: Plugins, options: BundleOpt
             raise UnknownName("name for --rename: no solver of the results and no plugin has", old, names & foreign)
         if old in names and (not _NAME.fullmatch(new) or new in names):
             raise CpbenchError(
-                f"--rename {old}={new}: {new or 'nothing'} is no free name of a solver: letters, digits, . + -"
+                f"--rename {old}={new}: {new or 'nothing'} is not a free name of a solver: letters, digits, . + -"
             )
         renames[old] = new
     owner = identity.of_run(store, found.folders)

@@ -128,7 +128,7 @@ def _tables(path: Path, source: str) -> dict[str, dict[str, Any]]:
     try:
         tables: dict[str, Any] = tomllib.loads(source)
     except ValueError as cause:
-        raise CpbenchError(f"{path}: is no TOML: {cause}") from None
+        raise CpbenchError(f"{path}: is not valid TOML: {cause}") from None
     if path.name == plan_file.PROJECT:
         tables = tables.get("tool", {}).get("cpbench", {})
     return tables.get("solver", {})

@@ -69,7 +69,7 @@ class Bundle:
                 try:
                     found += plugins.programs((self.folder / name).read_text(encoding="utf-8"))
                 except (ValueError, AttributeError, TypeError) as cause:
-                    raise BundleError(self.path, f"{name} is no file of tables [solver.NAME] ({cause})") from None
+                    raise BundleError(self.path, f"{name} is not a file of tables [solver.NAME] ({cause})") from None
         return found
 
 
@@ -118,7 +118,7 @@ def plan(bundle: Bundle, jobs: int | None = None) -> tuple[RunPlan, list[str]]:
     try:
         manifest = tomllib.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as cause:
-        raise BundleError(bundle.path, f"{PLAN} is no TOML: {cause}") from None
+        raise BundleError(bundle.path, f"{PLAN} is not valid TOML: {cause}") from None
     parts = manifest.pop("set", [])
     manifest.pop("report", None)
     _require_known(bundle, "", manifest, SETTINGS)
@@ -139,7 +139,7 @@ def plan(bundle: Bundle, jobs: int | None = None) -> tuple[RunPlan, list[str]]:
 
 def _require_known(bundle: Bundle, place: str, table: Any, keys: Collection[str]) -> None:
     if not isinstance(table, dict):
-        raise BundleError(bundle.path, f"{PLAN}: {place}is no table: nothing was run")
+        raise BundleError(bundle.path, f"{PLAN}: {place}is not a table: nothing was run")
     for key in table:
         if key not in keys:
             raise BundleError(bundle.path, f"{PLAN}: {place}{key}: no bundle has that: nothing was run")
@@ -154,7 +154,7 @@ def _read(bundle: Bundle, key: str, value: Any) -> Any:
 
 def _solvers(bundle: Bundle, texts: Any, missing: list[str]) -> tuple[str, ...]:
     if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
-        raise BundleError(bundle.path, f"{PLAN}: solvers: is no list of names: nothing was run")
+        raise BundleError(bundle.path, f"{PLAN}: solvers: is not a list of names: nothing was run")
     known: list[str] = []
     for text in texts:
         if "{" in text:
@@ -169,7 +169,7 @@ def _solvers(bundle: Bundle, texts: Any, missing: list[str]) -> tuple[str, ...]:
 def _addresses(bundle: Bundle, texts: Any) -> tuple[str, ...]:
     """Return addresses below the folder of the bundle, or built in."""
     if not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
-        raise BundleError(bundle.path, f"{PLAN}: problems: is no list of files: nothing was run")
+        raise BundleError(bundle.path, f"{PLAN}: problems: is not a list of files: nothing was run")
     found: list[str] = []
     for text in texts:
         file, _ = split_address(text)

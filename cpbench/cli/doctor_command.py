@@ -29,9 +29,9 @@ def command(warm: bool) -> None:
     for name, value in (*machine.describe().items(), *machine.versions().items()):
         click.echo(f"{name:<12} {value}")
     click.echo("isolation")
-    _print_facts(isolation.detect().told())
+    _print_facts(isolation.detect().described())
     click.echo("limits       killed with all it started half a second later at most")
-    _print_facts(time_limits.told())
+    _print_facts(time_limits.described())
     chosen = list(solvers)
     seen: dict[str, SolverState] = {}
     if warm:

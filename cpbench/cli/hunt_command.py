@@ -49,7 +49,7 @@ def command(
     """
     last = time.monotonic()
 
-    def notice(search: Search) -> None:
+    def on_event(search: Search) -> None:
         nonlocal last
         if not quiet and time.monotonic() - last > EVERY:
             last = time.monotonic()
@@ -65,7 +65,7 @@ def command(
         limits=Limits(timeout, memory, repeats=1),
         tolerance=tolerance,
         node=node,
-        notice=notice,
+        on_event=on_event,
     )
     click.echo(f"{counted(search.tried, 'problem')} of {counted(len(search.best), 'cell')}, seed {seed}")
     rows = [("failure", "found", "reduced to", "digits", "certified", "what it said")]

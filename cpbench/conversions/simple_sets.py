@@ -20,11 +20,11 @@ def no_box(problem: SimpleSetProblem, instead: str) -> str | None:
 
 
 def no_cone(problem: SimpleSetProblem) -> str | None:
-    """Return the message that S is no cone, with the bound or the factor that makes it none; else None."""
+    """Return the message that S is not a cone, with the bound or the factor that makes it none; else None."""
     kind = problem.K.kind
     round_ = np.flatnonzero(np.isin(kind, (Cone.CYLINDER, Cone.BALL)))
     if round_.size:
-        return f"factor {round_[0]} of K is a {_name(kind[round_[0]])}, which is no cone"
+        return f"factor {round_[0]} of K is a {_name(kind[round_[0]])}, which is not a cone"
     lb, ub = problem.lb, problem.ub
     bad = np.flatnonzero((np.isfinite(lb) & (lb != 0.0)) | (np.isfinite(ub) & (ub != 0.0)))
     if bad.size:

@@ -35,7 +35,7 @@ class VItoCP(Conversion):
         if problem.g.rows or problem.d.size:
             return f"X has {problem.g.rows} rows g(z) ≥ 0 and {problem.d.size} rows Cz = d; use vi-ge"
         if problem.b.any():
-            return f"the rows Az ≥ b have max|b| = {abs(problem.b).max():.1e}, so that X is no cone; use vi-ge"
+            return f"the rows Az ≥ b have max|b| = {abs(problem.b).max():.1e}, so that X is not a cone; use vi-ge"
         why = simple_sets.no_cone(problem)
         return f"{why}; use vi-ge" if why else None
 

@@ -42,10 +42,10 @@ def read(variables: Any, outputs: Any, parameters: Mapping[str, float]) -> Map:
         others = [symbol for symbol in ca.symvar(rows) if symbol.__hash__() not in own]
         unknown = [symbol.name() for symbol in others if symbol.name() not in parameters]
         if unknown:
-            raise ProblemError("map", f"has the symbol {unknown[0]}, which is no variable: give it in parameters")
+            raise ProblemError("map", f"has the symbol {unknown[0]}, which is not a variable: give it in parameters")
         function = ca.Function("F", [variables, *others], [rows])
     except (RuntimeError, NotImplementedError) as cause:
-        raise ProblemError("map", f"is no function of the given variables ({_last_line(cause)})") from None
+        raise ProblemError("map", f"is not a function of the given variables ({_last_line(cause)})") from None
     if not function.is_a("SXFunction"):
         try:
             function = function.expand()

@@ -48,7 +48,7 @@ class _Reader:
             return self._build.constant(float(e))
         if e.is_Symbol:
             if e.name not in self._parameters:
-                raise ProblemError("map", f"has the symbol {e.name}, which is no variable: give it in parameters")
+                raise ProblemError("map", f"has the symbol {e.name}, which is not a variable: give it in parameters")
             return self._build.parameter(e.name, self._parameters[e.name])
         name = type(e).__name__
         if name == "Pow":
@@ -73,7 +73,7 @@ class _Reader:
             return total
         if e.is_Boolean and not e.args:
             return self._build.constant(1.0 if bool(e) else 0.0)
-        raise ProblemError("map", f"has SymPy's {name} in {str(e)[:60]}, which is no function of a map")
+        raise ProblemError("map", f"has SymPy's {name} in {str(e)[:60]}, which is not a function of a map")
 
     def _power(self, base: Any, exponent: Any) -> int:
         from sympy import Rational

@@ -73,7 +73,7 @@ class Map:
         if not np.isfinite(self.constants).all():
             raise ProblemError("map.constants", "has a number that is not finite")
         if not np.isin(self.heads, list(Operator)).all():
-            raise ProblemError("map.heads", "has a number that is no operator")
+            raise ProblemError("map.heads", "has a number that is not an operator")
         if any(not 0 <= place < self.constants.size for place in self.named.values()):
             raise ProblemError("map.named", f"has a place that is none of {self.constants.size} constants")
         own = first + np.arange(k)
@@ -85,7 +85,9 @@ class Map:
         ):
             if bad.any():
                 at = int(np.flatnonzero(bad)[0])
-                raise ProblemError(f"map.{name}", f"is {getattr(self, name)[at]} at {at}, which is no earlier value")
+                raise ProblemError(
+                    f"map.{name}", f"is {getattr(self, name)[at]} at {at}, which is not an earlier value"
+                )
 
     # ------------------------------------------------------------------------------------ what it is
 

@@ -26,7 +26,7 @@ def of_problem(problem: Problem) -> tuple[Fact, ...]:
     contact = isinstance(problem, ContactProblem)
     for f in fields(problem):
         shape = f.metadata.get("shape", ())
-        if len(shape) != 2 or shape[1].isdigit():  # a table of coefficients is no operator
+        if len(shape) != 2 or shape[1].isdigit():  # a table of coefficients is not an operator
             continue
         M = getattr(problem, f.name)
         classes = not contact and (problem.node, f.name) not in _OTHER_SETS

@@ -450,5 +450,5 @@ def scaled(value: float, *scales: float) -> float:
 
 
 def squared(value: float) -> float:
-    """Return value², ∞ where that is no number any more: Python's own power raises OverflowError."""
+    """Return value², ∞ where that is not a number any more: Python's own power raises OverflowError."""
     return value * value

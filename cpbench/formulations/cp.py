@@ -52,7 +52,7 @@ class CP(NonlinearProblem, ConicProblem):
     def check(self) -> None:
         super().check()
         if not self.K.conical:
-            raise ProblemError("cp.cone_kind", "has a disk or a ball, which is no cone; use vi")
+            raise ProblemError("cp.cone_kind", "has a disk or a ball, which is not a cone; use vi")
 
     @property
     def point_sizes(self) -> dict[str, int]:

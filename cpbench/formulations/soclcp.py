@@ -48,7 +48,7 @@ class SOCLCP(AffineProblem, ConicProblem):
     def check(self) -> None:
         super().check()
         if not self.K.conical:
-            raise ProblemError("soclcp.cone_kind", "has a cylinder ℝ₊ × disk, which is no cone; use coneqp")
+            raise ProblemError("soclcp.cone_kind", "has a cylinder ℝ₊ × disk, which is not a cone; use coneqp")
 
     @property
     def point_sizes(self) -> dict[str, int]:

@@ -21,7 +21,7 @@ from cpbench.plain_text import printable
 from cpbench.plurals import counted
 from cpbench.reduction.forms import form
 from cpbench.reduction.numbers import digits
-from cpbench.reduction.reduce import Reduced, data_size
+from cpbench.reduction.reduce import LARGE, Reduced, data_size
 from cpbench.reduction.snippets import snippets
 from cpbench.reduction.trials import Asked
 from cpbench.report import canvas, figure_kinds, pictures
@@ -48,7 +48,8 @@ def write_folder(reduced: Reduced, asked: Asked, source: str, folder: Path) -> W
 
     Parameters
     ----------
-    source : what the problem was reduced from, for the report.
+    source : what the problem was reduced from, for the report. Of a problem that stayed large there are no programs
+    and no certificates.
     """
     problem, last = reduced.problem, reduced.last
     folder.mkdir(parents=True, exist_ok=True)
@@ -61,8 +62,9 @@ def write_folder(reduced: Reduced, asked: Asked, source: str, folder: Path) -> W
     written = [folder / "problem.h5", *_picture(problem, points.get("true", points.get("claimed")), folder)]
     title = f"{asked.solver}: {asked.predicate} on a problem of {_sizes(problem)} ({problem.node})"
     linear = form(problem)
-    programs = {} if linear is None else snippets(linear, title, points)
-    level, proofs = _proofs(problem, points)
+    small = data_size(problem) <= LARGE
+    programs = {} if linear is None or not small else snippets(linear, title, points)
+    level, proofs = _proofs(problem, points) if small else ("", [])
     lines = [*_report(reduced, asked, source, title, points), *(f"- {line}" for line in proofs)]
     if programs:
         lines.append(f"- Data and check without cpbench: {', '.join(programs)} (`cc snippet.c -lm && ./a.out`).")

@@ -13,8 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench import matrices
+from cpbench.errors import NotApplicable
 from cpbench.formulations.base import Problem
-from cpbench.reduction.parts import bare
+from cpbench.reduction.parts import SQUARE, bare
 
 P = TypeVar("P", bound=Problem)
 
@@ -28,6 +29,8 @@ OPERATORS = ("M", "W", "Q")
 """Matrices whose definiteness is what kind of problem it is."""
 ROUNDING = 1e-13
 """Eigenvalues below so much of the largest are 0."""
+NOISE = 1e-9
+"""Share of the largest slack up to which one is taken for 0."""
 FIXED = ("cone_kind", "cone_size")
 """Vectors that say what a problem is: they are no numbers to be rounded."""
 
@@ -119,6 +122,22 @@ def _of_factor(problem: P, name: str, count: int) -> P:
     there = values > ROUNDING * values.max(initial=0.0)
     L = rounded(np.linalg.qr((vectors[:, there] * np.sqrt(values[there])).T)[1].T, count)
     return bare(problem, {name: rounded(L @ L.T, 15)})
+
+
+def replanted(problem: P, solution: Any, count: int) -> P:
+    """Return w = Mz + q with a rounded M that has a rounded solution: q = w − Mz, z and w of so many digits each.
+
+    What is degenerate stays so, where rounding q itself would move the pairs that are both 0. Raises NotApplicable.
+    """
+    if problem.node not in SQUARE:
+        raise NotApplicable("replanted", f"{problem.node} is not w = Mz + q alone")
+    names = SQUARE[problem.node]
+    z = next(iter(solution.arrays().values()))
+    slack = next(iter(problem.slacks(solution).values()))
+    top = max(matrices.max_abs(slack), matrices.max_abs(np.asarray(problem.data()[names[1]])))
+    w = np.where(np.abs(slack) > NOISE * top, rounded(slack, count), 0.0)
+    M = rounded(matrices.dense(problem.data()[names[0]]), count)
+    return bare(problem, {names[0]: M, names[1]: rounded(w - M @ rounded(z, count), 15)})
 
 
 def _common(array: Any) -> list[float]:

@@ -15,6 +15,8 @@ FAILURES = tuple(map(str, (
     Status.WRONG, Status.INACCURATE, Status.LOST, Status.CRASH, Status.ERROR, Status.TIMEOUT, Status.MEMOUT,
 )))  # fmt: skip
 """Statuses that are failures whatever other solvers do."""
+GAVE_UP = (str(Status.FAILED), str(Status.MAX_ITER))
+"""Statuses that are failures only where another solver solves the problem."""
 SLOWER, DISAGREES = "slower", "disagrees"
 LEAST_SLOW = 0.01
 """Seconds below which no solve counts as slow: a call of another program takes about a millisecond by itself."""
@@ -37,7 +39,7 @@ class Predicate:
     @property
     def needs_other(self) -> bool:
         """Whether another solver has to solve the problem."""
-        return self.kind in (SLOWER, DISAGREES)
+        return self.kind in (SLOWER, DISAGREES, *GAVE_UP)
 
     def fails(self, outcome: Outcome) -> bool:
         """Return whether an outcome may be the failure, whatever another solver does."""
@@ -68,7 +70,7 @@ def parse_predicate(text: str) -> Predicate:
     kind, _, rest = text.partition(":")
     if kind in FAILURES and not rest:
         return Predicate(kind)
-    if kind == DISAGREES:
+    if kind in (DISAGREES, *GAVE_UP):
         return Predicate(kind, other=rest)
     if kind == SLOWER:
         number, _, other = rest.partition(":")
@@ -78,13 +80,13 @@ def parse_predicate(text: str) -> Predicate:
             factor = 0.0
         if factor > 1.0:
             return Predicate(kind, factor, other)
-    raise CpbenchError(f"--while {text}: is none of {', '.join(FAILURES)}, slower:FACTOR[:OTHER], disagrees[:OTHER]")
+    raise CpbenchError(
+        f"--while {text}: is none of {', '.join((*FAILURES, *GAVE_UP))}, slower:FACTOR[:OTHER], disagrees[:OTHER]"
+    )
 
 
 def predicate_of(status: str) -> Predicate:
     """Return what to hold on to where a row of a run has this status; raises CpbenchError where it is no failure."""
-    if status in FAILURES:
-        return Predicate(status)
-    if status in (*MET_TOLERANCE, *PROVEN, *REFUSED, str(Status.UNRESOLVABLE)):
+    if status not in (*FAILURES, *GAVE_UP):
         raise CpbenchError(f"the status is {status}: that is no failure; see --while")
-    return Predicate(DISAGREES)
+    return Predicate(status)

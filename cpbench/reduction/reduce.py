@@ -147,6 +147,9 @@ class _Steps:
 
     def simpler_numbers(self) -> None:
         """Round the data together, then set entries to 0, then make the others simple one by one."""
+        if numbers.digits(self.best) > max(numbers.DIGITS) and (values := self.trials.solution(self.best)) is not None:
+            for count in numbers.DIGITS:
+                self._accepts(partial(_not_longer, self.best, partial(numbers.replanted, solution=values, count=count)))
         for change in numbers.wholesale(self.best):
             self._accepts(partial(_not_longer, self.best, change))
         if data_size(self.best) > LARGE:

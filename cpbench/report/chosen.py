@@ -46,7 +46,7 @@ class SelectedRows:
 
     Attributes
     ----------
-    kinds : route kind of each label. asked : the tolerance at which was solved, another where `tolerance` was applied
+    kinds : route kind of each label. run_tolerance : that of the run, another where `tolerance` was applied
     to the answers afterwards. looks : of every label of the file, whatever is shown (`analysis.looks`).
     """
 
@@ -54,7 +54,7 @@ class SelectedRows:
     histories: pd.DataFrame
     node: str
     tolerance: float
-    asked: float
+    run_tolerance: float
     problems: int
     looks: Mapping[str, int]
 
@@ -83,7 +83,9 @@ class SelectedRows:
         """Return the end of every guide: N, tolerance, limit, start and what counts as solved."""
         most = rows_of.limit(self.rows)
         starts = ", ".join(sorted({one_line(start) for start in self.rows["start"]} - {""}))
-        judged = f"{self.tolerance:g}" + ("" if self.asked == self.tolerance else f" (asked for: {self.asked:g})")
+        judged = f"{self.tolerance:g}" + (
+            "" if self.run_tolerance == self.tolerance else f" (asked for: {self.run_tolerance:g})"
+        )
         limit = f"{seconds(most)} a solve" if math.isfinite(most) else "none"
         return (
             f"N = {counted(self.problems, 'problem')} of {one_line(self.node)}; tolerance {judged}; limit {limit}; "

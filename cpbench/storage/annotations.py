@@ -108,7 +108,7 @@ def _write_trace(group: h5py.Group, trace: Mapping[str, Any], *, compress: bool)
     scalars: dict[str, Any] = {}
     for name, value in trace.items():
         if "/" in name:
-            raise FormatError(group.name or "", name, "is no name for a trace: it has a '/'")
+            raise FormatError(group.name or "", name, "is not a name for a trace: it has a '/'")
         if isinstance(value, Factorization):
             _write_array(group, name, value.A, compress=compress)
             group[name].attrs["factorization"] = 1

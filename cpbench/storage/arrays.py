@@ -112,7 +112,7 @@ def sparse_from_parts(path: Path, where: str, parts: dict[str, NDArray[Any]]) ->
     if indices.dtype.kind not in "iu" or indptr.dtype.kind not in "iu":
         raise FormatError(path, where, "has indices that are not whole numbers")
     if indptr.size != major + 1 or indptr[0] != 0 or (np.diff(indptr.astype(np.int64)) < 0).any():
-        raise FormatError(path, f"{where}indptr", f"is no list of {major + 1} increasing pointers from 0")
+        raise FormatError(path, f"{where}indptr", f"is not a list of {major + 1} increasing pointers from 0")
     if not data.size == indices.size == indptr[-1]:
         raise FormatError(path, f"{where}data", f"has {data.size} numbers, expected {int(indptr[-1])}")
     if indices.size and (indices.min() < 0 or indices.max() >= minor):
@@ -242,7 +242,7 @@ def _read_rows(path: Path) -> NDArray[Any]:
     try:
         return np.array([list(map(float, row)) for row in rows])
     except ValueError as cause:
-        raise FormatError(path, "", f"holds something that is no number ({cause})") from None
+        raise FormatError(path, "", f"holds something that is not a number ({cause})") from None
 
 
 def _is_number(token: str) -> bool:

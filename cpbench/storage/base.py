@@ -120,7 +120,7 @@ def read_head(path: Path) -> bytes:
     try:
         mode = os.stat(path).st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):  # a pipe may never end, a device neither
-            raise FormatError(path, "", "is no regular file (a pipe or a device), expected a file")
+            raise FormatError(path, "", "is not a regular file (a pipe or a device), expected a file")
         with open(path, "rb", buffering=0) as file:
             head = file.read(_HEAD_BYTES) or b""
     except FileNotFoundError:

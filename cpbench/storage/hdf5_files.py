@@ -80,7 +80,7 @@ def encode_pack(
         for name, problem in problems.items():
             if not name or "/" in name or SEPARATOR in name or name in (".", ".."):
                 raise FormatError(
-                    name or "''", "", f"is no name for a member: it may not be empty or hold '/' or '{SEPARATOR}'"
+                    name or "''", "", f"is not a name for a member: it may not be empty or hold '/' or '{SEPARATOR}'"
                 )
             group = root.create_group(name)
             write_problem(group, problem, compress=compress)

@@ -100,12 +100,12 @@ class Cursor:
         try:
             return np.fromiter(map(float, tokens), np.float64, len(tokens))
         except ValueError as cause:
-            raise self.error(field, f"holds something that is no number ({cause})") from None
+            raise self.error(field, f"holds something that is not a number ({cause})") from None
 
     def finish(self, *, flag: bool = False, answers: tuple[int, ...] = ()) -> None:
         """Refuse numbers after the last one of a layout.
 
-        Allowed are: nothing; text, from the first token that is no number to the end; with `flag`, a lone 0 or 1
+        Allowed are: nothing; text, from the first token that is not a number to the end; with `flag`, a lone 0 or 1
         in one digit (old Siconos writers: 'a guess follows'; coefficients are always printed with an exponent);
         a recorded answer of as many numbers as `answers` lists.
         """
@@ -167,7 +167,7 @@ def _blocks(c: Cursor, name: str, rows: int, cols: int) -> Sparse:
     filled_rows, filled = c.integer(f"{name}/filled1"), c.integer(f"{name}/filled2")
     pointers, columns = c.integers(f"{name}/index1", filled_rows), c.integers(f"{name}/index2", filled)
     if not 1 <= filled_rows <= block_rows + 1 or pointers[0] != 0 or (np.diff(pointers) < 0).any():
-        raise c.error(f"{name}/index1", f"is no list of at most {block_rows + 1} rising pointers from 0")
+        raise c.error(f"{name}/index1", f"is not a list of at most {block_rows + 1} rising pointers from 0")
     if pointers[-1] != count or filled < count or (columns[:count] >= block_cols).any():
         raise c.error(f"{name}/index2", f"does not place {count} blocks in {block_rows}x{block_cols}")
     block_row = np.repeat(np.arange(filled_rows - 1), np.diff(pointers))

@@ -356,3 +356,17 @@ def test_dask_is_imported_by_who_asks_for_it() -> None:
     )
     done = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
+
+
+def test_without_dask_one_line_says_what_to_install() -> None:
+    blocked = (
+        "import sys\n"
+        "sys.modules['distributed'] = None\n"
+        "from cpbench.bench.cluster import connect\n"
+        "from cpbench.bench.worker_pool import Setting\n"
+        "try:\n    connect.start('local', Setting())\n"
+        "except Exception as error:\n    print(type(error).__name__, error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", blocked], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("CpbenchError clusters need Dask (")
+    assert "pip install 'cpbench[dask]'" in done.stdout

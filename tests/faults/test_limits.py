@@ -155,7 +155,7 @@ def test_a_run_without_the_rows_of_a_problem_does_not_end_with_0(bench) -> None:
     done = bench.run(paths, ["lemke"], CPBENCH_PLUGINS=str(bench.folder / "deadly.py"))
     assert done.returncode == 1, done.stderr
     last = done.stderr.splitlines()[-1]
-    assert last.startswith("cpbench: rows are missing: nobody could say what")
+    assert last.startswith("cpbench: rows are missing: the content of")
     assert "p.deadly" in last
     with Store(bench.folder / "r.sqlite") as store:
         assert store.counts() == {"solved": 1}

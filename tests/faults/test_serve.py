@@ -67,7 +67,7 @@ COMMANDS: dict[str, tuple[str, float | None, float | None, str]] = {
     "sh-kill": ("crash", 9, None, "SIGKILL"),
     "sh-none": ("error", None, None, "exited with code 0 and wrote no answer"),
     "sh-claim": ("failed", None, None, "gave up"),
-    "sh-liar": ("error", None, None, "wrote a claim.json that is no JSON object"),
+    "sh-liar": ("error", None, None, "wrote a claim.json that is not a JSON object"),
     "sh-gone": ("unavailable", None, None, "missing: "),
 }
 AWK = r"""#!/bin/sh

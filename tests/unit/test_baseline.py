@@ -111,8 +111,8 @@ def test_two_rows_of_one_pair_are_refused() -> None:
 
 
 BROKEN = [
-    ("", "line 1: is no baseline"),
-    ("node,problem\n", "line 1: is no baseline"),
+    ("", "line 1: is not a baseline"),
+    ("node,problem\n", "line 1: is not a baseline"),
     ("# cpbench baseline 7\n", "line 1: is a baseline of version 7"),
     (baseline.HEADER + "\n", "line 2: is not there"),
     ("{head}\na,b\n", "line 2: is 'a,b', expected node,problem"),
@@ -128,7 +128,7 @@ BROKEN = [
     ("{all}lcp,a,f9,s,exact,1e-06,cold,1,,,solved,,iterations,\n", "line 5: has counter 'iterations'"),
     ("{all}lcp,a,f9,s,exact,1e-06,previous,1,,seq,solved,,,\n", "line 5: has sequence 'seq'"),
     ("{all}lcp,a,,s,exact,1e-06,cold,1,,,solved,,,\n", "line 5: has no fingerprint"),
-    ('{all}lcp,"a,f9\n', "line 5: is no line of a table"),
+    ('{all}lcp,"a,f9\n', "line 5: is not a line of a table"),
 ]
 
 
@@ -331,7 +331,7 @@ def test_the_command_writes_checks_and_updates(tmp_path: Path, cpbench: Callable
             (("idle.sqlite", "-o", "b.csv"), "none of 2 pairs was run"),
             (("text.sqlite", "-o", "b.csv"), "not a results file"),
             (("run.sqlite",), "say -o FILE"),
-            (("run.sqlite", "--check", "text.sqlite"), "line 1: is no baseline"),
+            (("run.sqlite", "--check", "text.sqlite"), "line 1: is not a baseline"),
             (("run.sqlite", "--check", "none.csv"), "no such baseline"),
             (("run.sqlite", "--check", "good.csv", "--fail-on", "regresion"), "unknown change 'regresion'"),
             (("run.sqlite", "--update", "-o", "good.csv", "--accept", "x*"), "--accept PATTERN needs --reason"),

@@ -20,7 +20,7 @@ from cpbench.bench import messages, shared_problem
 from cpbench.bench import slot as slots
 from cpbench.bench.messages import RefereeCase, Survey
 from cpbench.bench.planning import plan
-from cpbench.bench.problem_cache import Charged, ProblemCache
+from cpbench.bench.problem_cache import ProblemCache, TimedConversions
 from cpbench.bench.referee import Referee
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
@@ -373,7 +373,7 @@ def test_loading_a_compiled_kernel_is_no_part_of_a_conversion(monkeypatch):
         return real(self, p)
 
     monkeypatch.setattr(type(edge), "apply", first_slow)
-    charged = Charged()
+    charged = TimedConversions()
     try:
         converted = charged(edge, problem)
     finally:

@@ -120,7 +120,7 @@ def test_a_program_is_that_of_its_checkout(tmp_path: Path) -> None:
     ("plugin", "words", "told"),
     some_by_day(
         [
-            ("none.toml", (), "none.toml: is no file"),
+            ("none.toml", (), "none.toml: is not a file"),
             ("empty.py", (), "empty.py: has no solver"),
             ("lost.py", (), "lost.py: line 1: ModuleNotFoundError"),
             ("empty.toml", (), "empty.toml: has no table [solver.NAME]"),

@@ -402,7 +402,7 @@ def test_words_are_replaced_whole() -> None:
     [
         (("lemke=B",), "lemke is cpbench's own"),
         (("nobody=B",), "unknown name for --rename"),
-        (("mine=psor",), "is no free name"),
+        (("mine=psor",), "is not a free name"),
         (("mine",), "write OLD=NEW"),
     ],
 )
@@ -584,7 +584,7 @@ def test_what_is_no_bundle_is_told_in_a_line(plain: Path, tmp_path: Path, told: 
         out.writestr("a.txt", "a")
     cases = {
         "gone.zip": "no such file",
-        "no.zip": "is no bundle of cpbench",
+        "no.zip": "is not a bundle of cpbench",
         "other.zip": "it has no BUNDLE.json",
         str(zipped(tmp_path / "newer.zip", {}, version=99)): "of version 99, this cpbench knows 1",
         str(zipped(tmp_path / "none.zip", {})): "has no results",
@@ -643,8 +643,8 @@ def test_links_doubles_and_bombs_are_refused(tmp_path: Path) -> None:
         ('[[set]]\nproblems = ["p.h5"]\nsolvers = ["lemke@x={interpreter=\\"./evil\\"}"]', "starts a program"),
         ('[[set]]\nproblems = ["../evil.h5"]\nsolvers = ["lemke"]', "is not in the bundle"),
         ('[[set]]\nproblems = ["/etc"]\nsolvers = ["lemke"]', "is not in the bundle"),
-        ('[[set]]\nproblems = ["p.h5"]', "solvers: is no list of names"),
-        ("[[set", "is no TOML"),
+        ('[[set]]\nproblems = ["p.h5"]', "solvers: is not a list of names"),
+        ("[[set", "is not valid TOML"),
     ],
 )
 def test_a_plan_does_no_more_than_it_should(plain: Path, tmp_path: Path, plan: str, said: str) -> None:

@@ -102,6 +102,6 @@ def test_a_kernel_without_landlock_is_told(monkeypatch: pytest.MonkeyPatch) -> N
     landlock.version.cache_clear()
     try:
         assert landlock.version() == 0
-        assert "no Landlock" in dict(isolation.detect().told())["writes"]
+        assert "no Landlock" in dict(isolation.detect().described())["writes"]
     finally:
         landlock.version.cache_clear()

@@ -434,7 +434,7 @@ def test_the_answer_of_a_qp_by_name(tmp_path: Path) -> None:
         ({"primal": {"z[1]": 0.0, "z[3]": 0.0}}, "none of"),
         ({"primal": [0.0, 0.0]}, "is a list"),
         ({"z": [0.0, "a"]}, "z/1"),
-        ({"z": 1.0}, "is no list"),
+        ({"z": 1.0}, "is not a list"),
         ({"x": [0.0, 0.0]}, "the file holds x"),
         ({"z": [0.0, True]}, "z/1"),
     ],

@@ -285,7 +285,7 @@ def test_casadis_matrix_expressions_are_expanded() -> None:
     ("make", "says"),
     [
         (lambda z: ca.fmod(z, 2), "OP_FMOD"),
-        (lambda z: z + ca.SX.sym("other"), "has the symbol other, which is no variable"),
+        (lambda z: z + ca.SX.sym("other"), "has the symbol other, which is not a variable"),
         (lambda z: z + ca.SX(math.nan), "finite"),
         (lambda z: ca.copysign(z, -1), "OP_COPYSIGN"),
     ],

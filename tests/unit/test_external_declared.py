@@ -92,8 +92,8 @@ MISTAKES = {
     "node = 'lcp'\nserve = 'a'\nwarm_start = 1": "warm_start = 1: expected true or false",
     "node = 'lcp'\nserve = 'a'\nenv = {A = 1}": "env = {'A': 1}: expected a table of texts",
     "node = 'lcp'\nserve = 'a'\nkind = 'exact'": "kind = 'exact': expected equivalent or relaxation",
-    "node = 'lcp'\nserve = 'a'\noptions = {o = []}": "the default of o is no number, text or truth value",
-    "node = 'lcp'\nserve = 'a'\noptions = {tol = 1}": "tol is no name for an option",
+    "node = 'lcp'\nserve = 'a'\noptions = {o = []}": "the default of o is not a number, text or truth value",
+    "node = 'lcp'\nserve = 'a'\noptions = {tol = 1}": "tol is not a name for an option",
     "node = 'lcp'\ncommand = 'a {output}'": "command = 'a {output}': has the placeholder {output}, known are problem,",
     "node = 'lcp'\ncommand = 'a {problem'": "cannot be split into words",
     "node = 'qp'\nserve = 'a'\nexchange = 'fclib'": "the exchange fclib carries",
@@ -116,9 +116,9 @@ def test_a_mistake_is_one_line_with_file_table_and_key(text: str, tmp_path: Path
     ("text", "told"),
     [
         ("[solvers.mine]\nnode = 'lcp'", "has no table [solver.NAME]"),
-        ("[solver", "is no TOML"),
-        ("[solver]\nmine = 1", "[solver.mine]: is no table"),
-        ("[solver.'a b']\nnode = 'lcp'\nserve = 'x'", "[solver.a b]: is no name of a solver"),
+        ("[solver", "is not valid TOML"),
+        ("[solver]\nmine = 1", "[solver.mine]: is not a table"),
+        ("[solver.'a b']\nnode = 'lcp'\nserve = 'x'", "[solver.a b]: is not a name of a solver"),
         ("[solver.lemke]\nnode = 'lcp'\nserve = 'x'", "[solver.lemke]: there is a solver of this name already"),
         ("[solver.'nobody@x']\nserve = 'y'", "unknown solver 'nobody'"),
         ("[solver.'lemke@x']", "says nothing that differs: interpreter, command, serve or env"),
@@ -185,7 +185,7 @@ def test_a_variant_on_the_command_line() -> None:
     ]
     with pytest.raises(DuplicateName, match="was declared otherwise"):
         grids.grid('psor@blas={env={A="2"}}')
-    with pytest.raises(CpbenchError, match="is no inline table of TOML"):
+    with pytest.raises(CpbenchError, match="is not an inline table of TOML"):
         grids.grid("psor@b={env=}")
     with pytest.raises(CpbenchError, match="unknown solver 'psro'"):
         grids.grid('psro@b={env={A="1"}}')
@@ -224,7 +224,7 @@ def test_other_processes_know_what_was_declared(tmp_path: Path) -> None:
     refused = subprocess.run(
         [sys.executable, "-c", script], env={**os.environ, DECLARED: "{"}, capture_output=True, text=True, check=False
     )
-    assert "CPBENCH_SOLVERS: is no JSON" in refused.stderr
+    assert "CPBENCH_SOLVERS: is not valid JSON" in refused.stderr
 
 
 def test_more_tables_than_a_process_can_be_told_are_refused() -> None:

@@ -78,7 +78,7 @@ def test_pipes_and_devices_are_refused(monkeypatch, capsys, tmp_path, command) -
     for name in ("f.h5", "z.dat"):
         assert run(monkeypatch, command, tmp_path / name, *more.get(command, [])) == 2
         err = capsys.readouterr().err
-        assert f"{tmp_path / name}: is no regular file" in err
+        assert f"{tmp_path / name}: is not a regular file" in err
         assert err.count("\n") == 1
 
 
@@ -165,7 +165,7 @@ def test_sizes_that_nothing_holds(text: str) -> None:
 def test_numbers_of_plans_that_nothing_holds(monkeypatch, capsys, tmp_path, digits) -> None:
     for key in ("seed", "memory", "repeats", "jobs"):
         (tmp_path / "plan.toml").write_text(f"{key} = 1{'0' * digits}\n")
-        with pytest.raises(CpbenchError, match=r"too large|is no TOML") as refusal:
+        with pytest.raises(CpbenchError, match=r"too large|is not valid TOML") as refusal:
             plan_file.read(tmp_path / "plan.toml")
         assert "\n" not in str(refusal.value)
         assert len(str(refusal.value)) < 400

@@ -182,7 +182,7 @@ def test_an_unknown_way_is_refused() -> None:
 
 def test_every_way_is_explained() -> None:
     for way in (*WAYS, "open"):
-        told = dict(isolation.detect(way).told())
+        told = dict(isolation.detect(way).described())
         assert set(told) == {"start", "kill", "memory", "guard", "forks", "affinity", "writes", "output"}
 
 

@@ -16,6 +16,7 @@ from cpbench.solvers import Budget, Claim, Trait, solvers
 from cpbench.solvers.native.qp.claims import ErrorMeasure, infeasibility, unboundedness
 from cpbench.solvers.native.qp.dual_active_set import ActiveSet
 from cpbench.solvers.native.qp.kkt_system import KKT, entries
+from cpbench.solvers.native.qp.presolve import presolved, sparse_data
 from cpbench.solvers.native.qp.proximal_active_set import ProximalActiveSetOptions, in_one_call
 from cpbench.solvers.native.qp.scaling import scaled, stacked
 from cpbench.testing import planted
@@ -442,6 +443,66 @@ def test_rows_of_both_kinds_are_stacked() -> None:
     assert (lower[-2:] == upper[-2:]).all()
 
 
+def reducible() -> tuple[QP, Any]:
+    """Every kind of reduction, around a planted solution with its multipliers: z_0 is fixed, row 0 of A bounds z_1 from
+    below and row 1 of C fixes z_2, z_3 is in no row, z_4 is free and in one equation, z_5 free and in one inequality,
+    rows 2 and 3 of A are multiples of each other, the second tighter, row 4 is empty."""
+    Q = np.zeros((9, 9))
+    Q[np.ix_([0, 1, 2, 6, 7], [0, 1, 2, 6, 7])] = planted.square(np.random.default_rng(2), 5, "positive definite")
+    A, C = np.zeros((6, 9)), np.zeros((3, 9))
+    A[0, 1], A[1, [5, 6]], A[2, [6, 7, 8]] = 2.0, [1.5, 1.0], [1.0, -1.0, 2.0]
+    A[3], A[5, [0, 1, 7]] = 3.0 * A[2], [1.0, 2.0, 1.0]
+    C[0, [4, 6, 0]], C[1, 2], C[2, [1, 7, 8]] = [2.0, 1.0, 1.0], -4.0, [1.0, 1.0, -1.0]
+    z = np.array([1.0, 0.5, -2.0, 4.0, 0.3, -0.7, 1.1, -0.4, 0.9])
+    lam, mu, nu = np.array([0.8, 0.6, 0.0, 0.5, 0.0, 0.0]), np.array([-0.7, 1.3, 0.4]), np.zeros(9)
+    nu[[0, 3]] = -1.5, -2.0
+    slack = np.where(lam > 0, 0.0, [0, 0, 1.0, 0, 2.0, 1.0])
+    lb, ub = np.full(9, -np.inf), np.full(9, np.inf)
+    lb[0], ub[[0, 3]], lb[3] = z[0], z[[0, 3]], -5.0
+    problem = QP.build(Q, A.T @ lam + C.T @ mu + nu - Q @ z, A, A @ z - slack, C, C @ z, lb=lb, ub=ub)
+    return problem, (z, lam, mu, nu)
+
+
+def test_presolve_does_all_it_can_and_leads_back() -> None:
+    problem, planted_answer = reducible()
+    assert problem.residuals(QPPoint(*planted_answer)).error <= 1e-14
+    data = sparse_data(problem)
+    found = presolved(data)
+    assert found is not None
+    left, lift = found
+    assert (left.p.size, left.b.size, left.d.size) == (4, 2, 1)
+    matrix = [sp.csr_array((M[2], M[1], M[0]), shape=(M[0].size - 1, 4)).toarray() for M in (left.Q, left.G)]
+    reduced = QP.build(matrix[0], left.p, matrix[1][:2], left.b, matrix[1][2:], left.d, left.lb, left.ub)
+    point = solved("proximal-active-set", reduced, 1e-9).point
+    answer = lift((point.z, point.lam, point.mu, point.nu))
+    assert problem.residuals(QPPoint(*answer)).error <= 1e-9
+    for ours, theirs in zip(answer, planted_answer, strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_presolved_answers_are_those_of_the_whole(seed: int) -> None:
+    """Sparse problems of small numbers, so that everything happens; as the active set has the objective."""
+    rng = np.random.default_rng(seed)
+    n, m, k = 12, 10, 3
+    Q = np.diag(np.where(rng.random(n) < 0.5, rng.integers(1, 4, n), 0).astype(float))
+    A = rng.integers(-1, 2, (m, n)) * (rng.random((m, n)) < rng.uniform(0.08, 0.25))
+    C = rng.integers(-1, 2, (k, n)) * (rng.random((k, n)) < 0.2)
+    A[-2:] = 2 * A[:2]
+    z = rng.integers(-2, 3, n).astype(float)
+    lb = np.where(rng.random(n) < 0.4, z - rng.integers(0, 2, n), -np.inf)
+    ub = np.where(rng.random(n) < 0.4, z + rng.integers(0, 2, n), np.inf)
+    lam, slack = np.where(rng.random(m) < 0.5, rng.random(m), 0.0), rng.integers(0, 2, m)
+    slack = np.where(lam > 0, 0, slack)
+    nu = np.where(z == lb, rng.random(n), 0.0) - np.where(z == ub, rng.random(n), 0.0)
+    A, C = A.astype(float), C.astype(float)
+    p = A.T @ lam + C.T @ rng.standard_normal(k) + nu - Q @ z
+    problem = QP.build(Q, p, A, A @ z - slack, C, C @ z, lb=lb, ub=ub)
+    output = solved("interior-point-qp", problem, 1e-6)
+    assert problem.objective(output.point.z) == pytest.approx(problem.objective(z), rel=1e-5, abs=1e-5)
+    assert presolved(sparse_data(problem)) is not None
+
+
 def small(problem: QP) -> Any:
     """What one compiled call finds, None where it ends without."""
     return in_one_call(problem, 1e-9, ProximalActiveSetOptions())
@@ -466,3 +527,31 @@ def test_one_compiled_call_tells_what_is_not_convex_and_leaves_the_rest() -> Non
         assert output.claim is Claim.FAILED
     assert small(QP.build(np.eye(1), np.ones(1), -np.eye(1), np.ones(1), lb=np.zeros(1))) is None
     assert small(QP.build(np.zeros((1, 1)), np.ones(1))) is None
+
+
+def test_installed_members_are_asked_and_what_they_claim_is_measured() -> None:
+    solver = solvers.get("auto-qp")
+    options = solver.spec.options(members="installed")
+    problem = planted.qp(np.random.default_rng(1), 120, 60, 10)[0]
+    plan = solver.setup(problem, Budget(), options)
+    names = [phase.solver for phase in plan.phases]
+    assert names[0] == "interior-point-qp"
+    assert "clarabel" in names
+    kept = tuple(phase for phase in plan.phases if phase.solver == "clarabel")
+    output = solver.solve(plan._replace(phases=kept, first=None, solver=None), Budget(tolerance=1e-6), options)
+    assert output.claim is Claim.SOLVED
+    assert output.message.startswith("clarabel")
+    assert problem.residuals(output.point).error <= 1e-6
+    output = solver.solve(plan._replace(phases=kept, first=None, solver=None), Budget(tolerance=1e-17), options)
+    assert output.claim is not Claim.SOLVED
+
+
+def test_what_presolve_leaves_without_a_solution_is_proved_on_the_whole() -> None:
+    """A row of one unknown goes, all unknowns stay; two rows contradict each other, or nothing bounds the cost."""
+    A, bounds = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 1.0], [-1.0, -1.0, -1.0]]), (np.zeros(3), np.full(3, 50.0))
+    problem = QP.build(np.eye(3), np.ones(3), A, [0.5, 2.0, -1.0], None, None, *bounds)
+    assert presolved(sparse_data(problem)) is not None
+    assert solvers.get("interior-point-qp").run(problem).claim is Claim.INFEASIBLE
+    free = QP.build(np.zeros((3, 3)), -np.ones(3), A[:2], [0.5, 2.0], lb=np.zeros(3))
+    assert presolved(sparse_data(free)) is not None
+    assert solvers.get("interior-point-qp").run(free).claim is Claim.UNBOUNDED

@@ -128,7 +128,7 @@ def test_billups_problem_needs_another_start(name: str) -> None:
 
 
 def test_iterates_may_leave_the_domain_or_not() -> None:
-    """Nash–Cournot's (10 q)^(1/β) is no number for q < 0; from 1 a full step goes there."""
+    """Nash–Cournot's (10 q)^(1/β) is not a number for q < 0; from 1 a full step goes there."""
     micp = problem("nash-cournot", "nash-cournot-10")
     for project in (True, False):
         for start in (np.ones(10), np.full(10, 10.0)):

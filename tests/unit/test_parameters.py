@@ -158,7 +158,7 @@ def test_models_that_use_them_wrong_are_one_line(model: dict[str, Any], says: st
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: NCP.from_casadi(Z, ROWS), "has the symbol nu, which is no variable"),
+        (lambda: NCP.from_casadi(Z, ROWS), "has the symbol nu, which is not a variable"),
         (lambda: NCP.from_sympy(sympy.symbols("x y"), sympy.symbols("nu x")), "has the symbol nu"),
         (lambda: _ncp(np.nan), "parameter nu = nan"),
         (lambda: _ncp().with_parameters({"mu": 1.0}), "no parameter mu: it has nu"),

@@ -152,8 +152,8 @@ def test_where_plan_files_are_found(tmp_path) -> None:
         ("keep = 'some'", "unknown choice 'some'"),
         ("output = {}", "expected a text, found a table"),
         ("report = true", "expected a text, found a truth value"),
-        ("jobs = ?", "is no TOML: Invalid value (at line 1, column 8)"),
-        ("x = " + "[" * 5000, "is no TOML"),
+        ("jobs = ?", "is not valid TOML: Invalid value (at line 1, column 8)"),
+        ("x = " + "[" * 5000, "is not valid TOML"),
     ],
 )
 def test_a_mistake_is_one_line_with_file_table_key_and_value(tmp_path, text: str, told: str) -> None:
@@ -168,7 +168,7 @@ def test_a_mistake_is_one_line_with_file_table_key_and_value(tmp_path, text: str
 
 def test_bytes_that_are_no_text_and_files_that_are_not_there(tmp_path) -> None:
     (tmp_path / "cpbench.toml").write_bytes(b"\xff\xfe")
-    for path, told in ((tmp_path / "cpbench.toml", "is no TOML"), (tmp_path / "none.toml", "No such file")):
+    for path, told in ((tmp_path / "cpbench.toml", "is not valid TOML"), (tmp_path / "none.toml", "No such file")):
         with pytest.raises(plan_file.PlanError, match=told):
             plan_file.read(path)
 

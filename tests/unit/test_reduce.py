@@ -165,9 +165,19 @@ def test_a_semidefinite_matrix_is_rounded_by_its_factor() -> None:
     assert numbers.digits(changed) <= 2
 
 
+def test_a_degenerate_problem_is_rounded_with_its_solution() -> None:
+    """z = (2.7498…, 0) and w = 0: rounded data alone would make w₂ positive or negative, here it stays 0."""
+    M = np.array([[1.6328125, 0.1375], [0.1375, 1.0]])
+    problem, z = LCP(M=M, q=-M @ np.array([2.74985, 0.0])), np.array([2.74985, 0.0])
+    changed = numbers.replanted(problem, problem.point_type(z=z), 1)
+    assert changed.M.tolist() == [[2.0, 0.1], [0.1, 1.0]]
+    assert changed.q.tolist() == [-6.0, -0.3]
+
+
 def test_what_is_no_failure_is_refused() -> None:
     assert str(parse_predicate("slower:100:lemke")) == "slower:100:lemke"
-    assert str(predicate_of("max_iter")) == "disagrees"
+    assert predicate_of("max_iter").needs_other
+    assert not predicate_of("wrong").needs_other
     for text in ("solved", "slower:1", "slower:fast", "wrong:lemke"):
         with pytest.raises(cpbench.CpbenchError, match="is none of"):
             parse_predicate(text)

@@ -259,7 +259,7 @@ def test_what_is_written_into_a_row_that_waits_is_not_sealed(tmp_path: Path) -> 
         _change(path, ("INSERT INTO answers VALUES (?, 1, 'x')", (PAIRS[1].key,)))
         store.finish(PAIRS[1].key, Outcome(**_result(1)))
         with pytest.raises(
-            SealError, match="1 of its rows cannot be believed: lemke on p0: was changed by somebody else"
+            SealError, match="1 of its rows cannot be believed: lemke on p0: was changed by something else"
         ):
             store.require_unchanged()
         assert PAIRS[1].key not in {key for key, _ in store.answers()}

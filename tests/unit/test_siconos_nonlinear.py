@@ -148,7 +148,7 @@ def test_the_start_is_where_it_begins(name: str) -> None:
 
 
 def test_a_start_outside_of_the_set_is_projected() -> None:
-    """F is no number where the start is; it is at its projection 0."""
+    """F is not a number where the start is; it is at its projection 0."""
     given = NCP(F=graph(1, lambda z: np.log(1.0 + z) - 1.0))
     output = run("siconos-ncp-newton-fb", given, start=[-9.0])
     assert output.claim is Claim.SOLVED
@@ -267,7 +267,7 @@ def test_a_function_that_fails_is_no_answer(solver: str, which: str, tmp_path: P
     ],
 )
 def test_false_claims_are_passed_on_and_not_believed(solver: str, collection: str, name: str, start: Any) -> None:
-    """Siconos' lies: info 0 at z = 0 where F is no number, and an error taken of no row at all."""
+    """Siconos' lies: info 0 at z = 0 where F is not a number, and an error taken of no row at all."""
     given = conversions.get("ncp-micp")().apply(problem(collection, name))[0]
     output = run(solver, given, start)
     assert output.claim is Claim.SOLVED

@@ -92,7 +92,7 @@ def test_verdicts_of_a_stack_are_those_of_each_problem(name: str) -> None:
     rng = np.random.default_rng(7)
     kind, data, planted = FAMILIES[name](rng)
     stack = Stack.of_arrays(kind, data)
-    # right ones, some off by about the tolerance or by far, and what is no number
+    # right ones, some off by about the tolerance or by far, and what is not a number
     size = 10.0 ** rng.choice([-np.inf, -13.0, -8.0, -7.0, -3.0], (K, 1))
     answers = {part: x + size * rng.standard_normal(x.shape) for part, x in planted.items()}
     first = next(iter(answers))

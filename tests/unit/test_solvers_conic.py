@@ -151,7 +151,7 @@ def test_apgd_finds_the_minimum_of_clarabel() -> None:
 
 
 def test_apgd_scales_disks_with_their_unknowns() -> None:
-    """ℝ₊ × disk is no cone: its radius has the units of x. min ½dᵀx² − … has its solution by components."""
+    """ℝ₊ × disk is not a cone: its radius has the units of x. min ½dᵀx² − … has its solution by components."""
     K = ProductCone.of((Cone.CYLINDER, 2, 3, np.array([0.5, 2.0])))
     weight = np.repeat([1e6, 1e-4], 3)
     c = np.array([1.0, 3.0, 4.0, -1.0, 0.3, 0.4])

@@ -195,13 +195,13 @@ def test_noise_comes_from_the_fingerprint_and_the_seed(planted_fc: Any) -> None:
 
 def test_a_solution_that_is_none_is_no_start(planted_fc: Any, tmp_path: Path, shared_data: Path) -> None:
     problem, point = planted_fc
-    with pytest.raises(NotApplicable, match=r"none: its error is \d\.\de[+-]\d\d, the tolerance 1e-08"):
+    with pytest.raises(NotApplicable, match=r"does not solve it: error \d\.\de[+-]\d\d, tolerance 1e-08"):
         start_for(noise(0.1), problem, kept(tmp_path, problem, FCPoint(r=1.1 * point.r)), tolerance=TOLERANCE)
     storage.save(problem, tmp_path / "bare.h5")
     with pytest.raises(NotApplicable, match="start perturbed: the file has no solution"):
         start_for(noise(0.1), problem, str(tmp_path / "bare.h5"), tolerance=TOLERANCE)
     trace = str(shared_data / "fc3d_local" / "Capsules-i125-1213.hdf5")  # zeros as a placeholder
-    with pytest.raises(NotApplicable, match="the solution in the file is none"):
+    with pytest.raises(NotApplicable, match="the solution in the file does not solve it"):
         start_for(noise(0.1), storage.load(trace), trace, tolerance=TOLERANCE)
 
 

@@ -195,7 +195,7 @@ def test_vectors(tmp_path: Path) -> None:
         ("", "is empty"),
         ("# nothing\n", "holds no numbers"),
         ("1 2\n3\n", "row 2: has 1 numbers, expected 2 as in the first row"),
-        ("1\ntwo\n", "holds something that is no number"),
+        ("1\ntwo\n", "holds something that is not a number"),
     ):
         (tmp_path / "bad.csv").write_text(text)
         with pytest.raises(FormatError, match=reason):

@@ -374,7 +374,7 @@ def test_random_damage_never_escapes(tmp_path: Path, rng: np.random.Generator) -
 HEAD = "3\n1\n0\n3\n3\n3 3\n"
 TEXT = {
     "cut": (f"{HEAD}1 0 0 0 2", "M: has 5 numbers left in the file, expected 9"),
-    "word in M": (f"{HEAD}1 0 0 0 x 0 0 0 3 -1 0 0 0.3", "M: holds something that is no number"),
+    "word in M": (f"{HEAD}1 0 0 0 x 0 0 0 3 -1 0 0 0.3", "M: holds something that is not a number"),
     "sizes differ": ("3\n1\n0\n3\n3\n3 4\n1 0 0 0 2 0 0 0 3 -1 0 0 0.3", "M: repeats its size"),
     "storage": ("3\n1\n7\n3\n3\n3 3\n1 0 0", "M/storage: is 7, expected 0 (dense), 1 (blocks) or 2 (sparse)"),
     "huge": ("99999999999\n0\n99999999999\n99999999999\n99999999999 99999999999\n1 2", "numbers left in the file"),
@@ -484,8 +484,8 @@ def test_numpy_and_matlab_files(tmp_path: Path) -> None:
         "not symmetric": ({"P": npy(np.array([[1.0, 2], [0, 1]])), "q": q}, "Q: is not symmetric"),
         "bounds": ({"P": eye, "q": q, "lb": npy(np.ones(2)), "ub": npy(np.zeros(2))}, "lb: exceeds ub at 0"),
         "box index": ({**box, "indices": npy(np.array([0, 5]))}, "indices: hold 5, expected 0 to 1"),
-        "box pointers": ({**box, "indptr": npy(np.array([0, 2]))}, "indptr: is no list of 3 increasing pointers"),
-        "box shape": ({**box, "shape": npy([2**40, 2**40])}, "indptr: is no list of"),
+        "box pointers": ({**box, "indptr": npy(np.array([0, 2]))}, "indptr: is not a list of 3 increasing pointers"),
+        "box shape": ({**box, "shape": npy([2**40, 2**40])}, "indptr: is not a list of"),
         "box count": ({**box, "data": npy(np.ones(1))}, "data: has 1 numbers, expected 2"),
         "contacts": ({"G": npy(np.eye(3)), "g": npy(np.ones(3)), "mus": npy(np.ones(2))}, "G: has shape (3, 3)"),
     }

@@ -124,7 +124,7 @@ def test_pack_and_members(tmp_path: Path) -> None:
         storage.load(path)
     with pytest.raises(FormatError, match="has no member 'x'"):
         storage.load(f"{path}::x")
-    with pytest.raises(FormatError, match="is no name for a member"):
+    with pytest.raises(FormatError, match="is not a name for a member"):
         storage.save_pack({"a/b": CASES["lcp-dense-11"]}, tmp_path / "q.h5")
     assert storage.problem_files([path]) == [f"{path}::{name}" for name in sorted(chosen)]
 

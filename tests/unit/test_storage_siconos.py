@@ -192,7 +192,7 @@ def test_our_files_say_what_they_are(tmp_path: Path, caplog: pytest.LogCaptureFi
     assert storage.load(tmp_path / "3.dat", format="siconos-avi").node == "avi"
     assert "no place for the set X of an AVI" in caplog.text
     (tmp_path / "4.dat").write_text(f"{unsigned}cpbench siconos-relay\n")
-    with pytest.raises(FormatError, match="lb: holds something that is no number"):
+    with pytest.raises(FormatError, match="lb: holds something that is not a number"):
         storage.load(tmp_path / "4.dat")
 
 

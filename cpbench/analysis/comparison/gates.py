@@ -180,7 +180,7 @@ def _changes(before: Mapping[str, float], after: Mapping[str, float], margin: fl
 
 @lru_cache(maxsize=2**14)
 def _read(text: str) -> Mapping[str, float]:
-    """Parse the counters of a row; drop what is no number."""
+    """Parse the counters of a row; drop what is not a number."""
     try:
         found = json.loads(text) if text else {}
     except ValueError:

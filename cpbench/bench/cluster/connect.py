@@ -1,17 +1,20 @@
-"""Where the machines of a cluster come from: a Dask scheduler that is there, processes here, or a batch system."""
+"""Connects to a Dask scheduler that runs, or starts one: with processes here, or jobs of a batch system."""
 
 from __future__ import annotations
 
+import importlib
 import os
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from cpbench.bench.cluster.executor import DaskExecutor
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, FormatError, UnknownName
+
+if TYPE_CHECKING:
+    from cpbench.bench.cluster.executor import DaskExecutor
 
 BATCH = {
     "htcondor": "HTCondorCluster",
@@ -37,7 +40,7 @@ _KEYS = {"cluster", "jobs", "arguments"}
 
 def to_scheduler(address: str, setting: Setting) -> DaskExecutor:
     """Return the executor behind the scheduler at `tcp://host:port`; raises CpbenchError when nobody answers there."""
-    distributed = _distributed()
+    distributed = _optional("distributed", "clusters need Dask")
     if not re.fullmatch(r"\w+://.+:\d+", address):
         raise CpbenchError(f"'{address}' is no address of a Dask scheduler: expected one like tcp://host:8786")
     try:
@@ -46,7 +49,7 @@ def to_scheduler(address: str, setting: Setting) -> DaskExecutor:
         raise CpbenchError(
             f"no Dask scheduler answers at {address} ({cause}); start one with: dask scheduler"
         ) from None
-    return DaskExecutor(client, setting)
+    return _executor(client, setting)
 
 
 def start(what: str, setting: Setting, jobs: int | None = None) -> DaskExecutor:
@@ -57,20 +60,20 @@ def start(what: str, setting: Setting, jobs: int | None = None) -> DaskExecutor:
     """
     name, number, arguments = (what, None, {}) if what in (LOCAL, *BATCH) else _described(what)
     jobs = jobs or number or (os.cpu_count() or 1 if name == LOCAL else 1)
-    distributed = _distributed()
+    distributed = _optional("distributed", "clusters need Dask")
     try:
         if name == LOCAL:
             cluster = distributed.LocalCluster(**{**_LOCAL, "n_workers": jobs, **arguments})
         else:
-            cluster = getattr(_jobqueue(), BATCH[name])(**arguments)
+            cluster = getattr(_optional("dask_jobqueue", "batch systems need dask-jobqueue"), BATCH[name])(**arguments)
             cluster.scale(jobs=jobs)
     except (TypeError, ValueError, OSError, RuntimeError) as cause:
         raise CpbenchError(f"the cluster '{what}' cannot be started: {' '.join(str(cause).split())}") from None
-    return DaskExecutor(distributed.Client(cluster, set_as_default=False), setting, [cluster.close])
+    return _executor(distributed.Client(cluster, set_as_default=False), setting, [cluster.close])
 
 
 def _described(path: str) -> tuple[str, int | None, Mapping[str, Any]]:
-    """Kind, number of jobs and arguments in a file: TOML of ours, or YAML as dask-jobqueue has it."""
+    """Return kind, number of jobs and arguments in a file: TOML of cpbench, or YAML of dask-jobqueue."""
     file = Path(path)
     if not file.is_file():
         raise UnknownName("cluster", path, [LOCAL, *BATCH, "a file"])
@@ -88,7 +91,7 @@ def _described(path: str) -> tuple[str, int | None, Mapping[str, Any]]:
     if jobs is not None and not (isinstance(jobs, int) and jobs > 0):
         raise FormatError(file, "jobs", f"is {jobs!r}, expected a number of jobs")
     if not isinstance(arguments, dict):
-        raise FormatError(file, "arguments", "is no table")
+        raise FormatError(file, "arguments", "is not a table")
     return name, jobs, arguments
 
 
@@ -102,24 +105,22 @@ def _from_yaml(file: Path) -> tuple[str, int | None, Mapping[str, Any]]:
         if name not in BATCH or not isinstance(arguments, dict):
             raise ValueError(name)
     except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as cause:
-        told = " ".join(str(cause).split())
+        why = " ".join(str(cause).split())
         raise FormatError(
-            file, "jobqueue", f"does not hold one table of {', '.join(BATCH)} with its arguments ({told})"
+            file, "jobqueue", f"does not hold one table of {', '.join(BATCH)} with its arguments ({why})"
         ) from None
     return name, None, arguments
 
 
-def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError as cause:
-        raise CpbenchError(f"clusters need Dask ({cause}): pip install 'cpbench[dask]'") from None
-    return distributed
+def _executor(client: Any, setting: Setting, ending: Sequence[Callable[[], None]] = ()) -> DaskExecutor:
+    from cpbench.bench.cluster.executor import DaskExecutor  # not before Dask is known to be installed
+
+    return DaskExecutor(client, setting, ending)
 
 
-def _jobqueue() -> Any:
+def _optional(package: str, why: str) -> Any:
+    """Return a package of the extra `dask`; raises CpbenchError where it is not installed."""
     try:
-        import dask_jobqueue
+        return importlib.import_module(package)
     except ImportError as cause:
-        raise CpbenchError(f"batch systems need dask-jobqueue ({cause}): pip install 'cpbench[dask]'") from None
-    return dask_jobqueue
+        raise CpbenchError(f"{why} ({cause}): pip install 'cpbench[dask]'") from None

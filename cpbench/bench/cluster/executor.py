@@ -107,7 +107,7 @@ class _Run:
         self._client, self._on_event, self._machines = client, on_event, machines
         self._name = f"cpbench-{uuid.uuid4().hex}"
         self._plugin = RemoteWorkerPlugin(self._name, first_message)
-        self._waiting = deque(_Task(block) for block in todo)
+        self._waiting = deque(_Task(block) for block in todo)  # suspects at the end, the rest of a block in front
         self._submitted: dict[str, tuple[_Task, Any]] = {}
         self._ended: queue.SimpleQueue[str] = queue.SimpleQueue()
         self._copies: dict[str, Any] = {}
@@ -124,6 +124,7 @@ class _Run:
             self._refuse(str(cause))
         while self._waiting or self._submitted:
             usable = self._look()
+            # not all at once: messages of large plans would fill the scheduler's memory
             while self._waiting and len(self._submitted) < AHEAD * usable:
                 self._submit(self._waiting.popleft())
             with contextlib.suppress(queue.Empty):

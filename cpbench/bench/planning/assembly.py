@@ -1,4 +1,4 @@
-"""From a plan to its pairs: every problem is surveyed once, every set takes its own, no pair is planned twice."""
+"""Turns a plan into pairs: every problem is surveyed once, every set selects its own, no pair is planned twice."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from cpbench.errors import CpbenchError, NoRoute
 from cpbench.solvers.base import missing, solvers
 
 Reading = Callable[[Sequence[str]], Iterable[str]]
-"""Shows how far the reading of files has come."""
+"""Shows the progress of reading files."""
 
 
 @dataclass(frozen=True)
 class PlannedSet:
-    """A set of the plan as read: its problems by fingerprint (address), its solvers, its pairs."""
+    """A set of the plan with its problems (addresses by fingerprint), its solvers and its pairs."""
 
     asked: ProblemSet
     problems: Mapping[str, str]
@@ -32,7 +32,7 @@ class PlannedSet:
 
 @dataclass(frozen=True)
 class Assembly:
-    """The pairs of a plan, and what was found on the way.
+    """The pairs of a plan, and findings about its files.
 
     `read`, `refused` : addresses of files that are problems, and of those that are none, with the reason. `unread` :
     those among the latter of which nobody could say what they hold: the plan lacks their pairs, if they have any.
@@ -62,9 +62,9 @@ class Assembly:
         return [name for name in dict.fromkeys(asked) if name not in busy]
 
     def require_pairs(self) -> None:
-        """Refuse a plan of nothing, before anything is written: raises CpbenchError, NoRoute.
+        """Raise CpbenchError or NoRoute for a plan without pairs, before anything is written.
 
-        A shard may come out empty: its results file is, too, so that all shards can be merged.
+        A shard may be empty: it gets an empty results file, so that all shards can be merged.
         """
         if any(part.pairs for part in self.parts):
             return
@@ -83,7 +83,7 @@ class Assembly:
 def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: Reading = list) -> Assembly:
     """Return the pairs of a plan; `builtin` is called for the folder of the built-in problems if a set names it.
 
-    Raises CpbenchError when the sets contradict each other, or name what is not there.
+    Raises CpbenchError when the sets contradict each other, or name something that does not exist.
     """
     named = [grids.named(part.solvers) if part.chosen else set[str]() for part in asked.sets]
     every = [_entries(part) for part in asked.sets]
@@ -168,7 +168,7 @@ def _pairs(
 
 
 def _started(part: ProblemSet, chosen: Sequence[Surveyed]) -> dict[str, list[Surveyed]]:
-    """Return the problems by the start that is asked for: a file with three guesses is asked for three."""
+    """Return the problems by start policy: a file with three guesses has three."""
     found: dict[str, list[Surveyed]] = {}
     for asked in part.start:
         for survey in chosen:
@@ -203,14 +203,14 @@ def _survey(
 
 
 def _twins(surveys: Iterable[Surveyed]) -> list[tuple[str, str]]:
-    """Return files that hold the same problem: it is run once, under the first one's name."""
+    """Return files that hold the same problem, which is run once, under the first file's name."""
     first: dict[str, str] = {}
     twins = [(s.address, first.setdefault(s.fingerprint, s.address)) for s in surveys]
     return [(address, before) for address, before in twins if address != before]
 
 
 def _require_same(first: Pair, again: Pair) -> None:
-    """Two sets may meet in a pair, but not with different limits: one row has one limit."""
+    """Raise CpbenchError where two sets share a pair with different limits: a row has one limit."""
     if first.limits != again.limits:
         raise CpbenchError(
             f"sets '{first.set}' and '{again.set}' both ask for {again.label} on {again.address}, with other limits: "

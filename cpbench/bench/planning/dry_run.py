@@ -1,4 +1,4 @@
-"""What a plan would do, in lines: the matrix of problems and solvers, its sets, what is done, how long at most."""
+"""A plan in lines of text: the matrix of problems and solvers, its sets, what is done, the longest time."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from cpbench.plurals import counted
 from cpbench.solvers.base import Trait, solvers
 
 ROWS = 60
-"""Problems that get a row each; more are counted by family."""
+"""Most problems that are listed singly; more are counted by family."""
 WIDTH = 44
 
 
 def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str], room: int | None = None) -> Iterator[str]:
-    """Yield the plan for a reader; `before` has the status of every row that the results file has, by key.
+    """Yield the plan for a reader; `before` has the status of every row in the results file, by key.
 
-    A matrix that is wider than `room` columns is left to its sums.
+    Of a matrix that is wider than `room` columns only the sums are shown.
     """
     yield from _matrix(assembly.pairs, room)
     yield ""
@@ -40,7 +40,7 @@ def lines(asked: RunPlan, assembly: Assembly, before: Mapping[str, str], room: i
 
 
 def to_run(pairs: Sequence[Pair], before: Mapping[str, str], rerun: str) -> list[Pair]:
-    """Return the pairs without those that are done and stay as they are."""
+    """Return the pairs without those whose rows are kept."""
     again: Collection[str] | None = RERUN[rerun] if rerun else ()
     done = {pair.key: before[pair.key] for pair in pairs if before.get(pair.key, "not_run") != "not_run"}
     skipped = {key for key, status in done.items() if again is not None and status not in again}
@@ -48,7 +48,7 @@ def to_run(pairs: Sequence[Pair], before: Mapping[str, str], rerun: str) -> list
 
 
 def _matrix(pairs: Sequence[Pair], room: int | None) -> Iterator[str]:
-    """Yield pairs of every problem by every solver, or their sums; solvers have numbers, which are told below."""
+    """Yield the numbers of pairs by problem and solver, or their sums; a key below names the solvers."""
     names = sorted({pair.entry.solver for pair in pairs})
     single = len({pair.address for pair in pairs}) <= ROWS
     counts = Counter((_row(pair, single), pair.entry.solver) for pair in pairs)
@@ -101,12 +101,12 @@ def _sets(assembly: Assembly) -> Iterator[str]:
 
 
 def longest(todo: Sequence[Pair], asked: RunPlan) -> float:
-    """Return the longest that the solves can take [s]."""
+    """Return the longest time that the solves can take [s]."""
     return sum(_shares(todo, asked)) * (1 + asked.retry)
 
 
 def _shares(todo: Sequence[Pair], asked: RunPlan) -> tuple[float, float, float]:
-    """Return what that is made of: first solves, repeats, solves whose history is kept."""
+    """Return its parts: first solves, repeats, solves whose history is kept."""
     first = sum(pair.limits.seconds + GRACE for pair in todo) / asked.jobs
     more = sum(min(SHORT, pair.limits.seconds) * (pair.limits.repeats - 1) for pair in todo) / asked.jobs
     again = sum(pair.limits.seconds + GRACE for pair in todo if _recorded(pair)) / asked.jobs
@@ -114,7 +114,7 @@ def _shares(todo: Sequence[Pair], asked: RunPlan) -> tuple[float, float, float]:
 
 
 def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
-    """Return the longest that the solves can take, and what that is made of."""
+    """Return the longest time that the solves can take, with its parts, as text."""
     if not todo:
         return "nothing"
     first, more, again = _shares(todo, asked)
@@ -127,7 +127,7 @@ def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
         parts.append(f"{duration(again)} for histories")
     if asked.retry:
         parts.append(f"{counted(asked.retry, 'retry', 'retries')}, as much again each")
-    slots = f" on {asked.jobs} slots" if asked.jobs > 1 else ""
+    slots = f" with {asked.jobs} solves at a time" if asked.jobs > 1 else ""
     return (
         f"worst case {duration(longest(todo, asked))}{slots} ({'; '.join(parts)}); conversions and judging come on top"
     )

@@ -1,4 +1,4 @@
-"""Facts of a problem that a condition may name, measured by the referee of every problem and kept in the results.
+"""Facts of a problem for conditions, measured by the referee of every problem and kept in the results.
 
 Every problem of every run is measured, so that the cost is bounded: passes over the entries of the matrices, and one
 dense decomposition where a side has at most `DENSE` rows. What would cost more is absent, and a condition that names
@@ -23,7 +23,7 @@ DENSE = 200
 """Rows of the largest matrix whose eigenvalues or singular values are computed: some milliseconds."""
 TEXTS = ("node", "family", "name", "sequence")
 GLOBAL = ("gfc", "grfc", "nfc")
-"""Nodes whose n is the number of degrees of freedom; the local ones do not know it."""
+"""Nodes whose n is the number of degrees of freedom, which local ones do not have."""
 NUMBERS: Mapping[str, str] = {
     "unknowns": "numbers in an answer",
     "dimension": "rows of a contact",
@@ -57,7 +57,7 @@ _OPERATORS = ("M", "W", "Q")
 
 
 def features(problem: Problem) -> dict[str, float | str]:
-    """Return the facts that `problem` has, all finite; its sizes are among them, under their symbols.
+    """Return the facts of a problem, all finite, with its sizes under their symbols.
 
     >>> from cpbench.formulations import LCP
     >>> found = features(LCP(M=[[2.0, 0], [1, 2]], q=[-1.0, 1]))
@@ -90,7 +90,7 @@ def features(problem: Problem) -> dict[str, float | str]:
 
 
 def known() -> dict[str, type]:
-    """Return every fact that some problem has, with its type: what a condition may name."""
+    """Return the names and types of all facts, which a condition may name."""
     symbols = {
         symbol
         for formulation in formulations
@@ -102,7 +102,7 @@ def known() -> dict[str, type]:
 
 
 def _of_operator(problem: Problem) -> dict[str, float]:
-    """Symmetry, signs and scales of the operator; its spectrum, or that of H, where that is cheap."""
+    """Return symmetry, signs and scales of the operator, and its spectrum, or that of H, where that is cheap."""
     M: Any
     if isinstance(problem, MLCP):
         M = matrices.block([[problem.A, problem.C], [problem.D, problem.B]])
@@ -147,7 +147,7 @@ def _of_operator(problem: Problem) -> dict[str, float]:
 
 
 def _singular(M: Matrix) -> dict[str, float]:
-    """Rank and condition by singular values, of a matrix one side of which is at most DENSE."""
+    """Return rank and condition by singular values, of a matrix with one side of at most DENSE."""
     if not 0 < min(M.shape) <= DENSE or max(M.shape) > 4 * DENSE:
         return {}
     try:
@@ -157,14 +157,14 @@ def _singular(M: Matrix) -> dict[str, float]:
 
 
 def _ranked(values: Any, shape: tuple[int, ...]) -> dict[str, float]:
-    """Singular values that are above rounding, counted, and their ratio."""
+    """Count the singular values above rounding, and return their ratio."""
     kept = values[values > max(shape) * float(np.finfo(float).eps) * values.max(initial=0.0)]
     found = {"rank": float(kept.size), "deficiency": float(min(shape) - kept.size)}
     return found | ({"condition": float(kept.max()) / float(kept.min())} if kept.size else {})
 
 
 def _of_constraints(problem: Problem) -> dict[str, float]:
-    """Return what there is beside the complementarity, and how much of q asks for an answer other than 0."""
+    """Return sizes beside the complementarity conditions, and the share of q that excludes the answer 0."""
     sizes = problem.sizes()
     found: dict[str, float] = {}
     if isinstance(problem, MLCP):
@@ -187,7 +187,7 @@ def _of_constraints(problem: Problem) -> dict[str, float]:
 
 
 def _of_contacts(problem: Problem, measured: Mapping[str, float]) -> dict[str, float]:
-    """Friction, and how many reactions there are for what they can do."""
+    """Return facts of friction, and the ratio of reactions to degrees of freedom."""
     nc = problem.sizes().get("nc", 0)
     if not nc:
         return {}

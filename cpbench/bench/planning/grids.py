@@ -1,4 +1,4 @@
-"""Solvers as they are asked for: names, globs of names, and grids of options.
+"""Reads solvers as users write them: names, globs of names, and grids of options.
 
     nsgs                                      one entry
     newton-*                                  every solver of that name
@@ -24,20 +24,20 @@ from cpbench.solvers.base import solvers
 from cpbench.solvers.external.declared import declare_text
 
 ALL = "all"
-"""What stands for every solver among the names; without any name a run takes those of `by_default`."""
+"""The name that stands for every solver; without any name a run takes those that are `by_default`."""
 LARGEST = 10_000
-"""Entries of one grid."""
+"""Most entries of one grid."""
 ROUNDING = Decimal("1e-9")
-"""A range meets its end when it comes this close to it, in steps."""
+"""Distance, in steps, within which a range has reached its end."""
 
 
 def by_default() -> list[Entry]:
-    """Return the solvers of a run that names none, with their default options."""
+    """Return the solvers of a run without named solvers, with their default options."""
     return [Entry(solver.spec.name) for solver in solvers if solver.spec.by_default]
 
 
 def named(texts: Iterable[str]) -> set[str]:
-    """Return the solvers that texts ask for by their names, not by a glob: who does wants to know why one cannot be
+    """Return the solvers that texts name, rather than match by a glob: such a solver has a row even where it cannot
     run."""
     exact = (text for text in texts if text.strip() != ALL and not set(text.partition("[")[0]) & set("*?"))
     return {entry.solver for text in exact for entry in grid(text)}

@@ -1,4 +1,4 @@
-"""Names of the built-in problems as paths. Loading a problem needs this and nothing else of the plans."""
+"""Names of the built-in problems as paths; the only module of planning that loading a problem needs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What to run: every pair of a problem and a solver that a requested route may reach, fixed before the run.
+"""Pairs to run: every problem with every solver that a requested route may reach, fixed before the run.
 
 A request names how a solver may be reached: `exact` routes only, a pinned facetization (`inner8`), or routes
 that are merely necessary. The realised route is found while running and recorded beside it.
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
     from cpbench.bench.messages import Surveyed
 
 PREVIOUS = "previous"
-"""The start policy by which a step of a sequence starts from the answer to the step before."""
+"""The start policy by which a step of a sequence starts from the answer to the preceding step."""
 EXACT_KINDS = (str(Kind.EQUIVALENT), str(Kind.ONE_WAY))
 FACET_NODES = ("lcp", "mlcp")
-"""Where facet routes lead: their LCPs are not symmetric, so that no quadratic program is worth a row."""
+"""Targets of facet routes: their LCPs are not symmetric, hence not equivalent to a quadratic program."""
 
 
 BEYOND = {"necessary": Kind.NECESSARY, "relaxed": Kind.RELAXATION}
@@ -39,7 +39,7 @@ BEYOND = {"necessary": Kind.NECESSARY, "relaxed": Kind.RELAXATION}
 
 @dataclass(frozen=True)
 class Limits:
-    """The limits of one solve, and how often it is measured: no part of a row's identity, but columns of it.
+    """Limits of one solve, and how often it is measured: columns of a row, not part of its identity.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Request:
-    """One way to reach solvers: allowed kinds, pinned conversions, nodes it is meant for (empty: all)."""
+    """One way to reach solvers: allowed kinds, fixed conversions, target nodes (empty: all)."""
 
     name: str
     kinds: tuple[str, ...] = EXACT_KINDS
@@ -67,7 +67,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Entry:
-    """A solver with its options, and the label the tables show."""
+    """A solver with its options, and its label in tables."""
 
     solver: str
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -80,7 +80,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Pair:
-    """One row to be: a problem, a request, a solver.
+    """One planned row: a problem, a request, a solver.
 
     `format` : how the file is read where that was said. `set` : the part of the plan it belongs to. `measure` : the
     number its answer is judged by, all of them for None. `start` : the start policy. `sequence`, `step` : place in
@@ -134,12 +134,12 @@ class Pair:
 
     @property
     def label(self) -> str:
-        """What the tables show: the solver with its options, and how it is reached."""
+        """The label in tables: the solver with its options, and how it is reached."""
         return self.entry.label if self.request.name == "exact" else f"{self.entry.label}@{self.request.name}"
 
 
 def exact() -> Request:
-    """Return the default: routes whose every answer is an answer."""
+    """Return the default request: routes that give exact answers only."""
     return Request("exact")
 
 
@@ -173,14 +173,14 @@ def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
 
 
 def _knobs(name: str, known: Mapping[str, Any], said: Mapping[str, str], whole: str) -> dict[str, Any]:
-    """Knobs of a conversion with the types of their defaults."""
+    """Return parameters of a conversion, with the types of their defaults."""
     given: dict[str, Any] = {}
     for knob, value in said.items():
         if knob not in known:
             raise UnknownName(f"parameter of {name}", knob, known)
         kind = type(known[knob])
         if kind not in (int, float, str):
-            raise CpbenchError(f"'{whole}': {knob} is no number; set it from Python")
+            raise CpbenchError(f"'{whole}': {knob} is not a number; set it from Python")
         try:
             given[knob] = kind(value)
         except ValueError:
@@ -200,7 +200,7 @@ def requests(routes: str, counts: Sequence[int]) -> list[Request]:
 
 
 def parse_request(request: Request) -> tuple[frozenset[Kind], tuple[Conversion, ...]]:
-    """Kinds and pinned conversions of a route request."""
+    """Return kinds and fixed conversions of a route request."""
     via = tuple(make(name, dict(parameters)) for name, parameters in request.via)
     return frozenset(Kind(k) for k in request.kinds), via
 

@@ -49,13 +49,13 @@ ONLY_SAID = ("shard", "rerun")
 
 
 class PlanError(CpbenchError):
-    """A plan file says what cannot be: `file: table: key = value: cause`."""
+    """A plan file is not valid; the message is `file: table: key = value: cause`."""
 
 
 @dataclass(frozen=True)
 class PlanFile:
-    """The content of a plan file, read and checked: keys for all sets and for the run, those of each set, and how
-    options of solvers were found."""
+    """The checked content of a plan file: keys of the run and of all sets, keys of each set, and the tunings of
+    solvers."""
 
     path: Path
     top: Mapping[str, Any]
@@ -111,7 +111,7 @@ def _table(path: Path) -> dict[str, Any] | None:
         with path.open("rb") as file:
             found = tomllib.load(file)
     except (ValueError, RecursionError) as cause:  # a number of 5000 digits is a ValueError of Python's own
-        raise PlanError(f"{path}: is no TOML: {str(cause).splitlines()[0]}") from None
+        raise PlanError(f"{path}: is not valid TOML: {str(cause).splitlines()[0]}") from None
     except OSError as cause:
         raise PlanError(f"{path}: cannot be read ({cause.strerror or cause})") from None
     if path.name != PROJECT:
@@ -123,7 +123,7 @@ def _table(path: Path) -> dict[str, Any] | None:
 
 def _tables(value: Any, path: Path, name: str) -> list[dict[str, Any]]:
     if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-        raise PlanError(f"{path}: {name}: is no list of tables; write [[{name}]] above each")
+        raise PlanError(f"{path}: {name}: is not a list of tables; write [[{name}]] above each")
     return value
 
 
@@ -347,4 +347,4 @@ READERS: Mapping[str, Callable[[Any], Any]] = {
     "retry": _whole(0),
     "fail_on": _statuses,
 }
-"""How the value of each key is read, whether a file or the command line gave it."""
+"""Readers of values by key, for files and for the command line."""

@@ -1,4 +1,4 @@
-"""Plan files as text, for commands that write one."""
+"""Writes plan files, for commands that make one."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cpbench.storage.base import write_atomic
 
 
 def beside(folder: Path, text: str) -> str:
-    """Return a problem as a plan in this folder names it."""
+    """Return a problem's address relative to the folder of the plan."""
     return text if text.split("/")[0] == BUILTIN else os.path.relpath(text, folder)
 
 
@@ -24,7 +24,7 @@ def lines(table: Mapping[str, Any]) -> list[str]:
 
 
 def value(told: Any) -> str:
-    """Return a value as plans have it: TOML, in which no limit is "none".
+    """Return a value as TOML, in which "none" stands for no limit.
 
     >>> value([1e-6, "a\\nb", True]), value(float("inf"))
     ('[1e-06, "a\\\\nb", true]', '"none"')

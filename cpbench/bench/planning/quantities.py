@@ -8,7 +8,7 @@ import re
 from cpbench.errors import CpbenchError
 
 LARGEST = 2**63 - 1
-"""What a number of a results file holds."""
+"""Largest integer in a results file."""
 _SECONDS = {"ms": 1e-3, "s": 1.0, "": 1.0, "m": 60.0, "h": 3600.0}
 _PREFIXES = " KMGT"
 

@@ -1,4 +1,4 @@
-"""The plan of a run as it was asked for: sets of problems and solvers, and what all of them share.
+"""The plan of a run as requested: sets of problems and solvers, and what all of them share.
 
 The command line makes one, or a plan file does; where both speak, the command line wins. Everything in it is still
 as it was written (globs, grids, conditions): `assembly` makes the pairs.
@@ -18,7 +18,7 @@ from cpbench.bench.planning.plan import Limits
 from cpbench.bench.planning.tunings import Tuning
 from cpbench.errors import CpbenchError, UnknownName
 
-"""What stands for the folder of the built-in problems among the problems of a set."""
+"""The name of the folder of built-in problems among the problems of a set."""
 
 
 @dataclass(frozen=True)
@@ -82,13 +82,13 @@ class ProblemSet:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """Everything a run does.
+    """Everything that a run does.
 
     Attributes
     ----------
     sets : the parts. output : results file. report : folder of the report, empty for one named after the results,
     None for no report. keep : answers to keep. seed : of the random order. threads : of every library.
-    jobs : slots side by side. isolate : worker or fresh. affinity : whether slots get cores of their own.
+    jobs : number of solves at a time. isolate : worker or fresh. affinity : whether each slot gets cores of its own.
     dask, cluster : other machines. shard : (i, n), the i-th of n parts of all blocks. rerun : what is run again of
     an old file (empty: nothing). retry : times a pair that crashed or ran out of time is run again.
     fail_on : statuses that make the command end with 1. tunings : how options of its solvers were found.
@@ -120,14 +120,14 @@ class RunPlan:
 
     @property
     def suite(self) -> str:
-        """The suite that it is, as it stands and nothing else; '' of any other plan."""
+        """The name of the suite that the plan runs unchanged, '' for any other plan."""
         part = self.sets[0]
         whole = len(self.sets) == 1 and self.shard == (1, 1) and not part.selects
         return part.suite if whole and (part.suite == suites.FULL or not part.chosen) else ""
 
     @property
     def results(self) -> Path:
-        """Where its rows are kept: named after the suite, and the full one after the built-in problems."""
+        """The results file: named after the suite, that of the full suite after the built-in problems."""
         return Path(self.output or ("builtin.sqlite" if self.builtin else f"{self.suite or 'run'}.sqlite"))
 
     @property
@@ -145,7 +145,7 @@ class RunPlan:
         return 0 if 0 in asked else max(asked)
 
     def effective(self, found: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-        """Return what the results keep of the plan; `found` are the fingerprints of the problems of each set."""
+        """Return the plan as results keep it; `found` are the fingerprints of the problems of each set."""
         plan = asdict(self)
         for part in plan["sets"]:
             part["timeout"] = part["timeout"] if math.isfinite(part["timeout"]) else "none"
@@ -165,7 +165,7 @@ def make(
     tunings: Sequence[Tuning] = (),
     suite: Callable[[str], Mapping[str, Any]] | None = None,
 ) -> RunPlan:
-    """Return the plan of values that were read: `given` on the command line, at the `top` of a file and in its `sets`.
+    """Return the plan from values that were read: `given` on the command line, at the `top` of a file, in its `sets`.
 
     The command line wins over a set, a set over the top of its file. `only` : names of the sets to take, all for
     none. suite : the values of a suite by its name, for sets that name no problem; all built-in problems without it.

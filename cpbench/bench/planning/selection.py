@@ -1,4 +1,4 @@
-"""Which problems: globs and packs become addresses, and conditions on surveyed facts choose among them.
+"""Selects problems: globs and packs become addresses, and conditions on surveyed facts choose among them.
 
 Choices are by fingerprint, not by place: the same problems give the same choice on every machine, in whatever order
 the files come.
@@ -29,15 +29,15 @@ FAILED = (
 RERUN: Mapping[str, tuple[str, ...] | None] = {"failed": FAILED, "timeouts": ("timeout",), "all": None}
 """Statuses that `--rerun` runs again; None for any. An `unsupported` pair stays one until the code changes: `all`."""
 RETRIED = ("crash", "timeout", "memout")
-"""Statuses that may be an accident of the machine, which `--retry` gives another chance."""
+"""Statuses that may be accidents of the machine, which `--retry` runs again."""
 
 _WILD = set("*?[")
 
 
 def addresses(texts: Iterable[str], builtin: Callable[[], Path]) -> list[str]:
-    """Addresses of the problems that are meant by files, packs, folders, globs and `builtin`.
+    """Return the addresses of problems in files, packs, folders, globs and `builtin`.
 
-    Raises CpbenchError when one of them is no problem at all.
+    Raises CpbenchError when one of them has no problem.
     """
     found: list[str] = []
     for text in texts:
@@ -49,7 +49,7 @@ def addresses(texts: Iterable[str], builtin: Callable[[], Path]) -> list[str]:
 
 
 def _expanded(text: str) -> list[str]:
-    """Return the paths and members that a glob means; any other text as it is."""
+    """Return the paths and members that match a glob; any other text unchanged."""
     file, separator, member = text.rpartition(SEPARATOR) if SEPARATOR in text else (text, "", "")
     if os.path.exists(text) or not _WILD & set(text):
         return [text]
@@ -75,7 +75,7 @@ def _members(file: str) -> list[str]:
 
 
 def select(part: ProblemSet, surveys: Sequence[Surveyed]) -> list[Surveyed]:
-    """Return the surveyed problems that a set is about; raises CpbenchError when a family is none of theirs."""
+    """Return the surveyed problems that a set selects; raises CpbenchError on an unknown family."""
     chosen = list(surveys)
     if part.family:
         families = {survey.family for survey in surveys}
@@ -105,20 +105,20 @@ def split_of(fingerprint: str) -> str:
 
 
 def _above(surveys: Sequence[Surveyed]) -> str:
-    """Return the folder that all files are in: its name tells none of them apart."""
+    """Return the common folder of all files, whose name does not distinguish them."""
     files = [os.path.abspath(str(split_address(survey.address)[0])) for survey in surveys]
     return os.path.commonpath([os.path.dirname(file) for file in files]) if files else ""
 
 
 def _texts(survey: Surveyed, above: str) -> dict[str, str]:
-    """Return what words are looked for in: the place in the common folder, name, family and node."""
+    """Return the texts that are searched for words: path in the common folder, name, family and node."""
     file, member = split_address(survey.address)
     place = os.path.relpath(os.path.abspath(str(file)), above)
     return {"place": place, "member": member, "problem": survey.problem, "family": survey.family, "node": survey.node}
 
 
 def _some(surveys: Sequence[Surveyed], part: ProblemSet) -> list[Surveyed]:
-    """Return at most `max_problems` different problems, drawn by the seed; of sequences that are followed, first
+    """Return at most `max_problems` different problems, drawn by the seed; of sequences run step by step, the first
     steps."""
     unique = {survey.fingerprint: survey for survey in reversed(surveys)}
 
@@ -131,7 +131,7 @@ def _some(surveys: Sequence[Surveyed], part: ProblemSet) -> list[Surveyed]:
 
 
 def shard(pairs: Iterable[Pair], part: int, parts: int) -> list[Pair]:
-    """Return the pairs of one of several parts: what is run in one go stays in one, and each machine decides alone.
+    """Return the pairs of one of several shards: blocks stay whole, and the choice is the same on every machine.
 
     >>> shard([], 1, 4)
     []
@@ -142,7 +142,7 @@ def shard(pairs: Iterable[Pair], part: int, parts: int) -> list[Pair]:
 
 
 def _unit(pair: Pair) -> str:
-    """Return what stays together; a folder by its last name, which is the same on every machine."""
+    """Return the name of a pair's block, a folder by its last part, which is the same on every machine."""
     return f"sequence {Path(pair.scene[0]).name} {pair.scene[1]}" if pair.scene else f"problem {pair.fingerprint}"
 
 

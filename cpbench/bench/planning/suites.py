@@ -1,4 +1,4 @@
-"""Suites of the built-in problems: what a run takes that names no problem.
+"""Suites of built-in problems, for runs that name no problem.
 
     quick       small problems of every formulation, by the solvers of `SolverSpec.quick`: an answer within a minute
     standard    all built-in problems, by the same solvers
@@ -17,7 +17,7 @@ from cpbench.solvers.base import solvers
 QUICK, STANDARD, FULL = "quick", "standard", "full"
 SUITES = (QUICK, STANDARD, FULL)
 QUICK_SECONDS = 5.0
-"""Limit of a solve of the quick suite [s]: what takes longer there is no answer for who waits for it."""
+"""Limit of a solve of the quick suite [s], whose results are to come within a minute."""
 
 
 def values(suite: str, problems: Callable[[], Sequence[str]]) -> dict[str, Any]:
@@ -35,5 +35,5 @@ def values(suite: str, problems: Callable[[], Sequence[str]]) -> dict[str, Any]:
 
 
 def quick_solvers() -> tuple[str, ...]:
-    """Return names of the solvers that the quick suite takes."""
+    """Return the names of the solvers in the quick suite."""
     return tuple(solver.spec.name for solver in solvers if solver.spec.quick)

@@ -1,4 +1,4 @@
-"""What a plan knows of how options of its solvers were found, and of the problems that were used for it.
+"""Records in a plan of how options of its solvers were tuned, and on which problems.
 
     [[tuning]]
     solver = "nsgs[omega=1.32,shuffle=true]"
@@ -27,7 +27,7 @@ from cpbench.bench.planning.plan import Entry
 from cpbench.errors import CpbenchError
 
 NAMED = 8
-"""Problems that a refusal names; more are counted."""
+"""Most problems that an error message names; more are counted."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +60,12 @@ class Tuning:
         return grids.grid(self.solver)[0].label
 
     def as_data(self) -> dict[str, Any]:
-        """Return it as results files keep it."""
+        """Return the tuning as results files keep it."""
         return {**asdict(self), "problems": list(self.problems)}
 
 
 def read(table: Mapping[str, Any]) -> Tuning:
-    """Return the tuning that a plan file tells of; raises CpbenchError."""
+    """Return the tuning in a table of a plan file; raises CpbenchError."""
     known = {f.name: f.default for f in fields(Tuning)}
     for key, value in table.items():
         if key not in known:
@@ -89,9 +89,9 @@ def read(table: Mapping[str, Any]) -> Tuning:
 def require_unseen(
     tunings: Iterable[Tuning], entries: Sequence[Entry], problems: Sequence[Surveyed], split: str
 ) -> None:
-    """Refuse a set of the test split with problems that one of its solvers was tuned on; `problems` : as surveyed.
+    """Raise CpbenchError for a set of the test split with problems on which one of its solvers was tuned.
 
-    Raises CpbenchError, which names them.
+    problems : as surveyed.
     """
     if split != "test":
         return

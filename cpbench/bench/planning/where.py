@@ -26,7 +26,7 @@ Value: TypeAlias = float | str | bool | None
 Facts: TypeAlias = Mapping[str, float | str]
 
 LONGEST, DEEPEST = 2000, 50
-"""Characters of a condition, and operations inside one another."""
+"""Most characters of a condition, and deepest nesting of operations."""
 NUMBER, TEXT, TRUTH = "number", "text", "condition"
 ALLOWED = "write numbers, 'texts', facts, + - * / // % **, < <= == != > >=, and, or, not, ()"
 _COMPARE: Mapping[type[ast.AST], Callable[..., Any]] = {
@@ -167,7 +167,7 @@ def _joined(parts: list[Expression], decisive: bool) -> Expression:
 
 
 def _applied(kind: str, operation: Callable[..., Any], *parts: Expression) -> Expression:
-    """Apply an operation, numbers as floats, so that no power takes long; unknown where nothing finite comes of it."""
+    """Apply an operation to floats, so that no power takes long; unknown where the result is not finite."""
 
     def value(facts: Facts) -> Value:
         found = [part.value(facts) for part in parts]

@@ -1,7 +1,7 @@
-"""Control groups of Linux, version 2: one for every process of a run, killed and limited as one.
+"""Control groups of Linux, version 2: one for every process of a run, to kill and limit it with its descendants.
 
-The mount is read from /proc/mounts and our place in it from /proc/self/cgroup. A group is made beside our own where
-that is allowed, because version 2 limits nothing in a group that itself holds processes.
+The mount is read from /proc/mounts, the group of this process from /proc/self/cgroup. New groups are made beside that
+one where possible, because version 2 limits nothing below a group that itself holds processes.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Cgroup:
         self.path.mkdir()
 
     def limit_memory(self, growth: int) -> None:
-        """Let the memory of the whole group grow by at most `growth` bytes from what it is now, without swap."""
+        """Limit further growth of the group's memory to `growth` bytes, without swap."""
         limit = int((self.path / "memory.current").read_text()) + growth
         with contextlib.suppress(FileNotFoundError, PermissionError):  # where there is no swap at all
             (self.path / "memory.swap.max").write_text("0")
@@ -51,7 +51,7 @@ class Cgroup:
             return False
 
     def kill(self, seconds: float = 1.0) -> None:
-        """SIGKILL to every process in the group, new ones too; waits until they are gone, or for `seconds`."""
+        """Kill every process in the group (SIGKILL), new ones too; wait until all have ended, or for `seconds`."""
         with contextlib.suppress(OSError):
             (self.path / "cgroup.kill").write_text("1")
             deadline = time.monotonic() + seconds
@@ -71,7 +71,7 @@ class Cgroup:
 
 
 def join(path: str | Path) -> bool:
-    """Put this process into a group; False where that is not allowed."""
+    """Move this process into a group; False where that is not allowed."""
     try:
         (Path(path) / "cgroup.procs").write_text("0")
     except OSError:
@@ -80,8 +80,7 @@ def join(path: str | Path) -> bool:
 
 
 def writable() -> CgroupPlace | None:
-    """Return the folder for groups: where they can limit memory if there is one, else where they can be killed as
-    one."""
+    """Return the folder for groups: one where they can limit memory, else one where they can be killed."""
     found: CgroupPlace | None = None
     for folder in _ours():
         place = _tried(folder)
@@ -92,16 +91,16 @@ def writable() -> CgroupPlace | None:
 
 
 def remove_abandoned(parent: str | Path) -> None:
-    """Remove the empty groups of runs that no longer live."""
+    """Remove the empty groups of runs that have ended."""
     for path in Path(parent).glob(f"{PREFIX}*-*"):
         owner = path.name.removeprefix(PREFIX).partition("-")[0]
         if owner.isdigit() and not psutil.pid_exists(int(owner)):
-            with contextlib.suppress(OSError):  # not empty: not ours to judge
+            with contextlib.suppress(OSError):  # not empty: it may be in use
                 path.rmdir()
 
 
 def _ours() -> list[Path]:
-    """Our own group and those above it, up to the mount."""
+    """Return the group of this process and those above it, up to the mount."""
     try:
         mounts = [line.split() for line in Path("/proc/mounts").read_text().splitlines()]
         lines = Path("/proc/self/cgroup").read_text().splitlines()
@@ -116,8 +115,7 @@ def _ours() -> list[Path]:
 
 
 def _tried(folder: Path) -> CgroupPlace | None:
-    """Return what a group made in `folder` could do, None when none can be made or processes could not be moved
-    there."""
+    """Return what groups in `folder` can do, by a trial; None where none can be made or joined."""
     if not os.access(folder / "cgroup.procs", os.W_OK):
         return None
     trial = folder / f"{PREFIX}{os.getpid()}-trial{next(_numbers)}"

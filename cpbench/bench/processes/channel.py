@@ -1,7 +1,7 @@
-"""Messages over a socket, with deadlines: what comes from a process that ran foreign code may be anything.
+"""Messages over a socket, with deadlines, between the runner and processes that ran foreign code.
 
-A message is a mark, the number of the request it answers, its length and its bytes. No read waits longer than it
-was told to, no length is believed before the bytes are there, and what was sent for an earlier request is dropped.
+A message is a magic number, the number of the request it answers, its length and its bytes. No read waits beyond its
+limit, no memory is reserved for bytes that have not come, and answers to an earlier request are dropped.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ import time
 from cpbench.frames import FrameError
 
 MOST = 2**30
-"""Bytes of the largest message that is taken."""
+"""Bytes of the largest message that is accepted."""
 _HEAD = struct.Struct("<4sIQ")
-_MARK = b"cpb1"
+_MAGIC = b"cpb1"
 _PART = 2**20
 _AT_ONCE = 16
-"""Parts read in one go: who sends without end does not keep the reader from its clock."""
+"""Parts read in one call, so that a sender without end does not keep the reader from its deadline."""
 
 
 class Channel:
@@ -43,9 +43,10 @@ class Channel:
     # ------------------------------------------------------------------------------------ the runner's end
 
     def send(self, message: bytes, seconds: float) -> None:
-        """Send a request; raises OSError when nobody listens, TimeoutError when nobody reads for `seconds`."""
-        self._turn = (self._turn + 1) % 2**32
-        rest = memoryview(_HEAD.pack(_MARK, self._turn, len(message)) + message)
+        """Send a request; raises OSError when the other end is closed, TimeoutError when it does not read within
+        `seconds`."""
+        self._turn = (self._turn + 1) % 2**32  # answers to earlier requests, which were given up, are dropped by it
+        rest = memoryview(_HEAD.pack(_MAGIC, self._turn, len(message)) + message)
         self._socket.setblocking(False)
         with contextlib.suppress(BlockingIOError):  # nearly always there is room at once
             rest = rest[self._socket.send(rest) :]
@@ -55,9 +56,9 @@ class Channel:
             rest = rest[self._socket.send(rest) :]
 
     def receive_nowait(self) -> bytes | None:
-        """Return a whole message if it has come and was not too much to read in one go, else None: ask again.
+        """Return a message if all of it has come and could be read in one call, otherwise None.
 
-        Raises EOFError when the other end is closed, FrameError when what came is no message.
+        Raises EOFError when the other end is closed, FrameError when the bytes are not a message.
         """
         message = self._taken()
         parts = 0
@@ -82,15 +83,15 @@ class Channel:
     # ------------------------------------------------------------------------------------- a child's end
 
     def recv_bytes(self) -> bytes:
-        """Wait for the next request; raises EOFError when the runner is gone."""
+        """Wait for the next request; raises EOFError when the runner has ended."""
         head = self._exactly(_HEAD.size)
         _, self._turn, size = _HEAD.unpack(head)
         return self._exactly(size)
 
     def send_bytes(self, message: bytes) -> None:
-        """Send an answer to the last request; waits until it is taken."""
+        """Send an answer to the last request; waits until all of it is sent."""
         self._socket.setblocking(True)
-        head = _HEAD.pack(_MARK, self._turn, len(message))
+        head = _HEAD.pack(_MAGIC, self._turn, len(message))
         if len(message) <= _PART:  # in one piece: each piece wakes the runner
             self._socket.sendall(head + message)
         else:
@@ -110,22 +111,21 @@ class Channel:
     # -------------------------------------------------------------------------------------------- frames
 
     def _wanted(self) -> int:
-        """Return bytes that are missing of the message at the head of the buffer."""
+        """Return the number of bytes that are missing of the first message in the buffer."""
         if len(self._buffer) < _HEAD.size:
             return _HEAD.size - len(self._buffer)
         return _HEAD.size + self._head()[1] - len(self._buffer)
 
     def _head(self) -> tuple[int, int]:
         mark, turn, size = _HEAD.unpack_from(self._buffer)
-        if mark != _MARK:
-            raise FrameError(f"no message: it begins with {bytes(self._buffer[:16])!r}")
+        if mark != _MAGIC:
+            raise FrameError(f"not a message: it begins with {bytes(self._buffer[:16])!r}")
         if size > self._most:
             raise FrameError(f"a message of {size} bytes, over the limit of {self._most}")
         return turn, size
 
     def _taken(self) -> bytes | None:
-        """Return the message at the head of the buffer when it is whole; those that answer an earlier request are
-        dropped."""
+        """Return the first message in the buffer when it is complete, without answers to earlier requests."""
         while len(self._buffer) >= _HEAD.size:
             turn, size = self._head()
             end = _HEAD.size + size

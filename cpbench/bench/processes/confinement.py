@@ -1,6 +1,6 @@
-"""Where a worker may write: to a temporary folder of its own, to caches and to devices, where the system can see to it.
+"""Restricts a worker to write to a temporary folder of its own, caches and devices, where the system can enforce it.
 
-The results file, the problems, cpbench itself and the key of the seals are out of its reach.
+The results file, the problems, cpbench itself and the key of the seals are then out of its reach.
 """
 
 from __future__ import annotations
@@ -17,13 +17,15 @@ from cpbench.bench.results import seal_key
 
 DEVICES = ("/dev", "/proc/self")
 CACHES = (("XDG_CACHE_HOME", "~/.cache"), ("JULIA_DEPOT_PATH", "~/.julia"), ("CUDA_CACHE_PATH", "~/.nv"))
-"""Where guests keep what they compile: a variable that says so, and where it is else."""
+"""Caches of guests for what they compile: the variable that names each, and its default."""
 _PACKAGE = Path(kernel_cache.__file__).resolve().parent
 
 
 def confine(means: Isolation, scratch: str, own: bool) -> None:
-    """Give this process a temporary folder below `scratch`, and take from it, where the system can, the right to write
-    elsewhere. `own` : whether it runs a solver of cpbench, which compiles into the package's own cache."""
+    """Give this process a temporary folder below `scratch`, and forbid it, where the system can, to write elsewhere.
+
+    own : whether it runs a solver of cpbench, which compiles into the package's own cache.
+    """
     temporary = tempfile.mkdtemp(prefix="worker-", dir=scratch)
     tempfile.tempdir = temporary
     os.environ["TMPDIR"] = temporary
@@ -31,7 +33,7 @@ def confine(means: Isolation, scratch: str, own: bool) -> None:
         return
     caches = [os.environ.get(variable, "").split(os.pathsep)[0] or usual for variable, usual in CACHES]
     compiled = _kernels() if own else []
-    for folder in (caches[0], *compiled):  # only what is there can be allowed, and a new machine has none of them
+    for folder in (caches[0], *compiled):  # only existing folders can be allowed, and on a new machine there are none
         with contextlib.suppress(OSError):
             os.makedirs(os.path.expanduser(folder), exist_ok=True)
     writable = [os.path.realpath(os.path.expanduser(path)) for path in (temporary, *DEVICES, *caches, *compiled)]

@@ -1,9 +1,9 @@
-"""What this system offers to keep solvers apart: how processes start, are killed, and are held to their memory.
+"""Means of the system to isolate solvers: how processes start, are killed, and are limited in their memory.
 
-Linux has it all. Elsewhere processes are spawned, killed as a tree and watched from outside; the same way can be
-asked for on Linux (`CPBENCH_ISOLATION=spawn`), which is how it is tested. `CPBENCH_ISOLATION=group` is Linux
-without control groups, as on a machine where they belong to the administrator, `CPBENCH_ISOLATION=open` Linux without
-Landlock, as with an older kernel: workers may then write wherever their user may.
+Linux has all of them. Elsewhere processes are spawned, killed as a tree and measured from outside.
+`CPBENCH_ISOLATION=spawn` does the same on Linux, which is how it is tested; `group` is Linux without control groups, as
+where they belong to the administrator; `open` is Linux without Landlock, as with an older kernel: workers may then
+write wherever their user may.
 """
 
 from __future__ import annotations
@@ -56,8 +56,8 @@ class Isolation:
         """Whether a warmed-up process may fork one for every solve."""
         return self.start == "forkserver"
 
-    def told(self) -> list[tuple[str, str]]:
-        """Return what holds here, and what it means, line by line."""
+    def described(self) -> list[tuple[str, str]]:
+        """Return the means by name, each with what it implies."""
         return [(what, _MEANING[what][str(getattr(self, what))]) for what in _MEANING]
 
 
@@ -100,7 +100,7 @@ _MEANING = {
 
 
 def detect(asked: str | None = None) -> Isolation:
-    """Return the best that works here, or what is asked for by `asked` or the environment; raises UnknownName."""
+    """Return the best means that work here, or those that `asked` or the environment name; raises UnknownName."""
     asked = os.environ.get(VARIABLE, "") if asked is None else asked
     if asked not in CHOICES:
         raise UnknownName(f"isolation in {VARIABLE}", asked, [c for c in CHOICES if c])
@@ -126,7 +126,7 @@ def detect(asked: str | None = None) -> Isolation:
 
 
 def pin(cpus: Sequence[int]) -> None:
-    """Tie this process and all it starts to cores; raises CpbenchError where that cannot be done."""
+    """Restrict this process and all that it starts to cores; raises CpbenchError where that is not possible."""
     if not cpus:
         return
     if not hasattr(os, "sched_setaffinity"):
@@ -135,17 +135,17 @@ def pin(cpus: Sequence[int]) -> None:
 
 
 def die_with_parent(by: signal.Signals) -> None:
-    """Linux: get this signal when the thread that forked this process ends."""
+    """Have this process get a signal when the thread that forked it ends (Linux)."""
     _prctl(_PR_SET_PDEATHSIG, int(by))
 
 
 def adopt_orphans() -> None:
-    """Linux: become the parent of every descendant whose parent ends."""
+    """Become the parent of every descendant whose parent ends (Linux)."""
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
 
 
 def address_space() -> int:
-    """Return bytes of this process's address space, what RLIMIT_AS counts (0 where the system does not say)."""
+    """Return the size of the address space [bytes], which RLIMIT_AS limits; 0 where the system does not tell."""
     if sys.platform != "linux":
         return 0
     descriptor = os.open("/proc/self/statm", os.O_RDONLY)
@@ -156,7 +156,7 @@ def address_space() -> int:
 
 
 def limit_address_space(growth: int) -> None:
-    """Let the address space grow by at most `growth` bytes from what it is now; that of child processes too."""
+    """Limit further growth of the address space to `growth` bytes, that of child processes too."""
     import resource
 
     limit = address_space() + growth
@@ -169,6 +169,7 @@ def limit_address_space(growth: int) -> None:
 
 
 def no_core_dumps() -> None:
+    """Forbid core dumps, which would fill the disk when solvers crash."""
     if os.name == "posix":
         import resource
 

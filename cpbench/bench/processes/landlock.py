@@ -1,6 +1,6 @@
-"""Landlock: a Linux process gives up, for itself and all it starts, files that it is not going to need.
+"""Landlock: a Linux process gives up its access to files, for itself and all that it starts.
 
-What is not allowed is refused from then on with EACCES, also to root. A confined process can neither trace nor look
+Any other access is refused from then on with EACCES, also to root. A confined process can neither trace nor look
 into the memory of one that is not. Since Linux 5.13; `man 7 landlock` has the rights and their numbers.
 """
 
@@ -23,18 +23,20 @@ _REFER, _TRUNCATE = 1 << 13, 1 << 14
 _FIRST = (1 << 13) - 1
 """All rights of the first version: those above, to remove and to make entries of every kind."""
 _OF_FILES = _EXECUTE | _WRITE_FILE | _READ_FILE | _TRUNCATE
-"""What may be allowed of a file that is no folder."""
+"""Rights that may be given for a file that is not a folder."""
 
 
 @cache
 def version() -> int:
-    """Return the version of Landlock that the kernel offers, 0 for none."""
+    """Return the version of Landlock in the kernel, 0 for none."""
     return max(0, _call(_CREATE_RULESET, None, 0, _ASK_VERSION)) if sys.platform == "linux" else 0
 
 
 def confine(writable: Iterable[str], hidden: str) -> None:
-    """Let this thread, and all that it starts, write below `writable` only, and read nothing below `hidden`; both
-    are absolute, without links, and what is not there is left out. Raises OSError."""
+    """Allow this thread, and all that it starts, to write below `writable` only and to read nothing below `hidden`.
+
+    Paths are absolute and without links; those that do not exist are ignored. Raises OSError.
+    """
     known = _FIRST | (_REFER if version() >= 2 else 0) | (_TRUNCATE if version() >= 3 else 0)
     ruleset = _checked(_call(_CREATE_RULESET, struct.pack("=Q", known), 8, 0))
     try:
@@ -50,7 +52,7 @@ def confine(writable: Iterable[str], hidden: str) -> None:
 
 
 def _beside(hidden: str) -> Iterator[str]:
-    """Yield what lies beside `hidden` and beside every folder above it; no links, which may lead there."""
+    """Yield the siblings of `hidden` and of every folder above it, without links, which may lead to it."""
     folder = "/"
     for name in hidden.strip("/").split("/"):
         with contextlib.suppress(OSError), os.scandir(folder) as entries:
@@ -59,7 +61,7 @@ def _beside(hidden: str) -> Iterator[str]:
 
 
 def _allow(ruleset: int, path: str, rights: int) -> None:
-    """Allow these rights below a path that is there; the same system may have files that nobody opens."""
+    """Allow rights below a path, if it exists and can be opened."""
     with contextlib.suppress(OSError):
         beneath = os.open(path, os.O_PATH | os.O_NOFOLLOW | os.O_CLOEXEC)
         try:
@@ -71,7 +73,7 @@ def _allow(ruleset: int, path: str, rights: int) -> None:
 
 
 def _call(number: int, *arguments: int | bytes | None) -> int:
-    """Return a system call; minus the error number where it failed."""
+    """Make a system call and return its result, minus the error number where it failed."""
     libc = _libc()
     given = (ctypes.c_long(a) if isinstance(a, int) else a for a in arguments)
     done = libc.syscall(ctypes.c_long(number), *given)

@@ -1,7 +1,7 @@
-"""How a process of a run begins: by which means, with what loaded, and its first steps.
+"""Start-up of a run's processes: context, preloads, first steps.
 
-On Linux it comes from a forkserver that has the numerical packages loaded (`preload`): a start takes milliseconds.
-The forkserver itself takes as long as whoever needs it takes to import the same packages: it begins before (`begin`).
+On Linux they come from a forkserver that has loaded the numerical packages (`preload`): a start takes milliseconds. The
+forkserver itself takes as long as a command takes to import the same packages, hence it is started first (`begin`).
 """
 
 from __future__ import annotations
@@ -38,39 +38,41 @@ THREAD_VARIABLES = (
 SAFE_PATH = "PYTHONSAFEPATH"
 WARNINGS = "PYTHONWARNINGS"
 RESTARTS, PAUSE = 8, 1.0
-"""How often a process is tried again that could not be started, and the longest pause before [s]: the forkserver may
-be killed again and again (Linux does so where memory is short), and a new one takes a second to import everything."""
+"""How often a start that failed is repeated, and the longest pause before it [s]: where memory is short Linux may kill
+the forkserver again and again, and a new one takes a second to import everything."""
 NO_LEAKS = "ignore:resource_tracker:UserWarning"
-"""A guest that is killed leaves its semaphores to multiprocessing's tracker, which removes them and need not say so."""
+"""Filter of a warning: multiprocessing's tracker reports semaphores of guests that were killed, and removes them."""
 PASSED_ON = ("CPBENCH_", "NUMBA_")
-"""How variables begin that may have changed since the forkserver began, and that its children are to have."""
+"""Prefixes of variables that children get as they are now, not as they were when the forkserver started."""
 PRELOAD = "cpbench.bench.processes.preload"
 EVERYTHING = "cpbench.bench.processes.preload_everything"
 
 
 @dataclass(frozen=True)
 class Context:
-    """The way that processes of a run are made: by `start`, a context of multiprocessing, with these means of
-    isolation."""
+    """The means to start processes of a run: `start`, a context of multiprocessing, and those of isolation."""
 
     start: Any
     isolation: Isolation
 
 
 def begin(threads: int, *, few: bool) -> None:
-    """Start the forkserver, if there is one, so that it imports what it preloads while we do something else.
+    """Start the forkserver, if the system has one, so that it imports while the caller does something else.
 
-    `few` : as of `context`, which asks for the same. Without effect where it runs.
+    few : as of `context`, which has to be called with the same. Without effect where the forkserver runs.
     """
     if context(threads, few=few).isolation.forks:
-        with _apart_from_here(), contextlib.suppress(OSError, EOFError):  # who needs it tries again, and says why
+        with (
+            _isolated_start(),
+            contextlib.suppress(OSError, EOFError),
+        ):  # `started` tries again
             forkserver.ensure_running()
 
 
 def context(threads: int, asked: str | None = None, *, few: bool = False) -> Context:
-    """Return the means of this system; thread counts are set before anything numerical is imported.
+    """Return the means of this system, after thread counts were set for what is imported from here on.
 
-    few : whether each process loads the solvers and kernels that it needs, or the forkserver all of them once.
+    few : whether each process loads the solvers and kernels that it needs; otherwise the forkserver loads all.
     """
     for variable in THREAD_VARIABLES:
         os.environ[variable] = str(threads)
@@ -97,19 +99,19 @@ class ProcessStart:
 
 
 def passed_on() -> dict[str, str]:
-    """Our variables of `PASSED_ON`, as they are now."""
+    """Return the variables of `PASSED_ON` as they are now."""
     return {name: value for name, value in os.environ.items() if name.startswith(PASSED_ON)}
 
 
 def started(ctx: Any, start: ProcessStart, target: Callable[..., None], args: tuple[Any, ...]) -> Any:
-    """Return a new process running `target(channel, *args)`; a forkserver that somebody killed is replaced. Raises
+    """Return a new process running `target(channel, *args)`; a forkserver that was killed is replaced. Raises
     OSError."""
     why = ""
     for attempt in range(1 + RESTARTS):
         time.sleep(min(PAUSE, 0.1 * 2**attempt) if attempt else 0.0)
         process = ctx.Process(target=_enter, args=(start, target, args), daemon=True)
         try:
-            with _apart_from_here():
+            with _isolated_start():
                 process.start()
             return process
         except (OSError, EOFError) as cause:
@@ -118,11 +120,12 @@ def started(ctx: Any, start: ProcessStart, target: Callable[..., None], args: tu
 
 
 @contextlib.contextmanager
-def _apart_from_here() -> Generator[None]:
-    """Yield the forkserver, where it starts now, is not to import a `numpy.py` of the folder that the run was started
-    in, and
-    its tracker of resources is not to talk of those of guests. Nor is a child to import the script that began the run,
-    as multiprocessing would have it: that script would begin the run again.
+def _isolated_start() -> Generator[None]:
+    """Start processes within this context independently of the current folder and of the running script.
+
+    A forkserver that starts within must not import a `numpy.py` of the current folder, and its resource tracker must
+    not warn about guests. A child must not import the running script, as multiprocessing would: the script would start
+    the run again.
     """
     with _starting:
         main = sys.modules["__main__"]
@@ -139,7 +142,7 @@ def _variables() -> Generator[None]:
     wanted = {
         SAFE_PATH: os.environ.get(SAFE_PATH, "1"),
         WARNINGS: ",".join(filter(None, (os.environ.get(WARNINGS), NO_LEAKS))),
-        PLUGIN_FILES: "",  # a child has those of its own run, which need not be those of the forkserver's first
+        PLUGIN_FILES: "",  # a child gets those of its own run, which may differ from those at the forkserver's start
         DECLARED: "",
     }
     before = {name: os.environ.get(name) for name in wanted}
@@ -155,20 +158,20 @@ def _variables() -> Generator[None]:
 
 
 _starting = threading.Lock()
-"""Held while a process starts: what is changed for it is of the whole process."""
-_here: Isolation | None = None
+"""Held while a process starts, because variables and modules of the whole process are changed for it."""
+_means: Isolation | None = None
 """The means by which this process was started, None in the runner."""
 
 
 def _enter(start: ProcessStart, target: Callable[..., None], args: tuple[Any, ...]) -> None:
-    """First steps of every child: its group, its session, its cores, its guard; its output into the log."""
-    global _here
-    _here = start.isolation
+    """Take the first steps of every child: session, cores, log, guard; then run `target`."""
+    global _means
+    _means = start.isolation
     os.environ.update(start.variables)
     if hasattr(os, "setsid"):
         os.setsid()
     isolation.pin(start.cpus)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the runner's to handle
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the runner handles Ctrl-C
     isolation.no_core_dumps()
     if start.output is not None:
         for descriptor in (1, 2):
@@ -182,17 +185,17 @@ def _enter(start: ProcessStart, target: Callable[..., None], args: tuple[Any, ..
 
 
 def limit_memory(growth: int) -> None:
-    """Let this process grow by at most `growth` bytes (0: no limit), where it is not limited from outside."""
-    if growth > 0 and _here is not None and _here.memory == "rlimit":
+    """Limit the growth of this process to `growth` bytes (0: no limit), where it is not limited from outside."""
+    if growth > 0 and _means is not None and _means.memory == "rlimit":
         isolation.limit_address_space(growth)
 
 
 def confine(scratch: str, *, own: bool) -> None:
-    """Keep what this process writes within `scratch` and caches, where the system can (`confinement.confine`)."""
-    if _here is not None:
-        confinement.confine(_here, scratch, own)
+    """Restrict writing to `scratch` and caches, where the system can (`confinement.confine`)."""
+    if _means is not None:
+        confinement.confine(_means, scratch, own)
 
 
 def forks() -> bool:
     """Return whether this process, started by a runner, may fork."""
-    return _here is not None and _here.forks
+    return _means is not None and _means.forks

@@ -1,7 +1,6 @@
-"""What a child prints: a pipe that a thread of the runner empties, keeping the first and the last part.
+"""Output of a child: a pipe that a thread of the runner empties, keeping the first and the last part.
 
-The pipe bounds what a flood can take, in memory and on disk, whether anybody looks or not; the thread keeps it from
-holding the writer up.
+A pipe bounds the memory that a flood of output takes; the thread keeps a full pipe from blocking the child.
 """
 
 from __future__ import annotations
@@ -12,14 +11,14 @@ import threading
 from typing import Any
 
 PART = 500
-"""Bytes kept of the beginning and of the end of what was printed."""
+"""Bytes kept of the beginning and of the end of the output."""
 _CHUNK = 2**16
 _AT_ONCE = 64
-"""Chunks read in one go: who prints without end does not keep the reader."""
+"""Chunks read in one call, so that output without end does not keep the reader."""
 
 
 class Log:
-    """Reads what is written to `writer`, which is handed to a child and then closed by `started`."""
+    """The output written to `writer`, which is passed to a child and then closed by `started`."""
 
     def __init__(self, ctx: Any) -> None:
         self._reader, self.writer = ctx.Pipe(duplex=False)
@@ -37,7 +36,7 @@ class Log:
         self.writer.close()
 
     def take(self) -> str:
-        """Return what was printed since the last call, its middle left out when there is more than 2 · `PART` bytes."""
+        """Return the output since the last call, without its middle when it has more than 2 · `PART` bytes."""
         with self._lock:
             self._absorb(_AT_ONCE)
             rest = self._seen - len(self._first)
@@ -49,12 +48,12 @@ class Log:
         return text
 
     def forget(self) -> None:
-        """Begin anew, where anything was printed: what came this very moment may still count as new."""
+        """Drop the output so far; what is printed at this moment may still count as new."""
         if self._seen:
             self.take()
 
     def empty(self) -> None:
-        """Read what there is now, for the thread, which need not come back when nobody can write any more."""
+        """Read what there is, for the thread; the pipe is watched no more once its other end is closed."""
         with self._lock:
             if not self._absorb(1):
                 self._unwatch()
@@ -92,7 +91,7 @@ class Log:
 
 
 class _Emptier:
-    """The thread that empties the pipes of all children; it sleeps while nobody prints."""
+    """The thread that empties the pipes of all children; it sleeps while there is no output."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -1,6 +1,6 @@
-"""What a solve used beyond time: memory, threads, children, and whether it wrote to its problem.
+"""Measures what a solve used beside time: memory, threads, children, and whether it wrote to its problem.
 
-All of it is read outside the timed part, in less than 100 µs for small problems.
+This happens outside the timed part, in less than 100 µs for small problems.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ if os.name == "posix":
     import resource
 
 BUSY = 0.05
-"""Seconds from which CPU time over wall time tells how many threads were at work."""
+"""Seconds from which on the ratio of CPU time to wall time counts the busy threads."""
 
 
 class Meter:
-    """Made once the process is warm: what it has by then is not charged to a solve.
+    """A meter of this process, made when that is warm: what it has by then is not charged to a solve.
 
-    `helpers` : the processes that it has when a solve begins: a program that a solver is served by, and those in
-    which that program holds its problem. What they do in a solve counts as done by this one.
+    helpers : its child processes when a solve begins: the program of a solver, and processes of that program that hold
+        the problem. What they use in a solve is charged to the solve.
     """
 
     def __init__(self) -> None:
@@ -43,20 +43,20 @@ class Meter:
 
     @property
     def children(self) -> int:
-        """Processes of this one that run, beyond those that it had when its first solve began.
+        """Number of running child processes beyond those at the beginning of the first solve.
 
-        A program that holds each problem in a child of its own has as many at every solve. One that leaves a process
+        A program that holds each problem in a child has the same number at every solve; one that leaves a process
         behind for every problem has more at the second.
         """
         return max(_count() - (len(self.helpers) if self._there is None else self._there), 0)
 
     @property
     def threads(self) -> int:
-        """Those that this process has now."""
+        """Number of threads of this process."""
         return _tasks()
 
     def cpu(self) -> float:
-        """CPU seconds of this process and its helpers, and of those that they have waited for."""
+        """Return the CPU seconds of this process and its helpers, and of processes that they have waited for."""
         seconds = time.process_time()
         if os.name == "posix":
             ended = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -68,7 +68,7 @@ class Meter:
         return seconds
 
     def begin(self) -> None:
-        """Just before a solve, when the problem is where it is solved."""
+        """Begin to measure, just before a solve, when the solver has the problem."""
         self.helpers = descendants()
         if self._there is None:
             self._there = len(self.helpers)
@@ -80,12 +80,12 @@ class Meter:
         self._faults = _faults()
 
     def end(self, seconds: float, cpu: float) -> dict[str, Any]:
-        """Just after a solve that took these wall and CPU seconds.
+        """Return what was used, just after a solve that took these wall and CPU seconds.
 
-        `peak` : bytes of resident memory that it needed on top of what was there; None where processes were at work
-        that have ended, of which the system keeps no such figure. `grown` : bytes of address space since the warm-up.
-        `threads` : those that it started and left, or kept busy, its own included. `children` : its processes that
-        still run.
+        peak : resident memory [bytes] that it needed beyond what there was; None where processes took part that have
+            ended, since the system keeps no such figure of them.
+        grown : bytes of address space since the warm-up. threads : those that it started and left, or kept busy, its
+            own included. children : processes that it started and that still run.
         """
         busy = round(cpu / seconds) if seconds >= BUSY else 1
         return {
@@ -100,15 +100,15 @@ class Meter:
 
 
 def descendants() -> tuple[psutil.Process, ...]:
-    """Return the processes that descend from this one and run."""
+    """Return the running descendants of this process."""
     if os.name == "posix" and not guard.has_children():
         return ()
     return tuple(guard.descendants(psutil.Process()))
 
 
 def _count() -> int:
-    """Return how many processes descend from this one: `descendants`, where the system lists children (Linux) without
-    a look at every process there is, which takes milliseconds."""
+    """Return the number of running descendants; where the system lists children (Linux) without a look at all
+    processes, which takes milliseconds."""
     if os.name == "posix" and not guard.has_children():
         return 0
     try:
@@ -118,7 +118,7 @@ def _count() -> int:
 
 
 def checksum(problem: Problem) -> int:
-    """Return the CRC-32 of the numbers of a problem; arrays are read-only, but not every solver asks."""
+    """Return the CRC-32 of the numbers of a problem: arrays are read-only, but compiled code can write to them."""
     value = 0
     for matrix in problem.data().values():
         parts: list[Any] = [matrix.data, matrix.indices, matrix.indptr] if sp.issparse(matrix) else [matrix]
@@ -131,7 +131,7 @@ def checksum(problem: Problem) -> int:
 
 
 def _tasks() -> int:
-    """Threads of this process. A folder has a link from itself, from its parent, and from every folder in it."""
+    """Return the number of threads: a folder has a link from itself, its parent, and each folder in it."""
     try:
         return os.stat("/proc/self/task").st_nlink - 2
     except OSError:
@@ -139,7 +139,7 @@ def _tasks() -> int:
 
 
 def _forget_peak(process: str = "self") -> None:
-    """Linux: let the high-water mark of resident memory begin anew."""
+    """Reset the high-water mark of resident memory (Linux)."""
     try:
         descriptor = os.open(f"/proc/{process}/clear_refs", os.O_WRONLY)
     except OSError:
@@ -159,7 +159,7 @@ def _peak() -> int:
 
 
 def _faults() -> int:
-    """Page faults of all processes that this one has waited for: none is without."""
+    """Return the page faults of all processes that this one has waited for: 0 means that there was no process."""
     if os.name != "posix":
         return 0
     ended = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -167,7 +167,7 @@ def _faults() -> int:
 
 
 def _peak_of(pid: int) -> int:
-    """Return the same for another process, where the system tells (Linux), else 0."""
+    """Return the high-water mark of another process [bytes], 0 where the system does not tell it."""
     try:
         with open(f"/proc/{pid}/status") as status:
             return next((1024 * int(line.split()[1]) for line in status if line.startswith("VmHWM")), 0)

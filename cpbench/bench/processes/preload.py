@@ -27,7 +27,7 @@ MODULES = (
 
 
 def preload() -> None:
-    """Import them; what cannot be imported is left to whoever needs it, who will say why."""
+    """Import them; a module that cannot be imported is left to the process that needs it, which reports why."""
     with uncollected():
         for module in MODULES:
             with contextlib.suppress(Exception):

@@ -1,8 +1,7 @@
-"""What the forkserver loads beside `preload` where many processes will be forked: all modules of formats, conversions
-and solvers, those compiled kernels that lie in the cache, and which packages are installed.
+"""Modules that the forkserver loads beside those of `preload` where many processes will be forked: all formats,
+conversions and solvers, the kernels in the cache, and the list of installed packages.
 
-It takes a second of which one solve by one solver needs a tenth. A kernel that has yet to be compiled is left to the
-solver that needs it.
+This takes a second, of which one solver needs a tenth. A kernel that is not compiled yet is left to its solver.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from cpbench.solvers.native import linear_program
 
 
 def preload() -> None:
-    """Load them; what cannot be loaded is left to whoever needs it, who will say why."""
+    """Load them; what cannot be loaded is left to the process that needs it, which reports why."""
     with uncollected():
         for registry in (formulations.formulations, storage.formats, conversions.conversions, solvers.solvers):
             with contextlib.suppress(Exception):
@@ -27,7 +26,7 @@ def preload() -> None:
                 if kernel_cache.is_compiled(module):
                     kernel_cache.load(module)
         linear_program.load()
-        package_version("numpy")  # reads what is installed, once for all
+        package_version("numpy")  # reads the installed packages once for all processes
     gc.freeze()  # nor by anybody forked from here
 
 

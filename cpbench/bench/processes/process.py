@@ -1,7 +1,6 @@
-"""One child process with hard limits: apart from all others, its memory limited, its output kept, killed with all
-that it started.
+"""A child process with hard limits: isolated, its memory limited, its output kept, killed with all that it started.
 
-On Linux every child has its guard (`guard`); what else holds where is said by `isolation`.
+On Linux every child has a guard (`guard`); `isolation` describes what else each system offers.
 """
 
 from __future__ import annotations
@@ -24,21 +23,21 @@ from cpbench.bench.processes.launch import Context, ProcessStart, passed_on, sta
 from cpbench.bench.processes.log import Log
 
 LOOK = 0.05
-"""Seconds between two looks at a child that says nothing."""
-LAST_WORDS, LAST_WORDS_SPAWNED = 0.5, 5.0
-"""Seconds that a child has to end after it closed its connection: one that was spawned takes its interpreter down."""
-BURIAL = 0.2
+"""Seconds between two looks at a child that sends nothing."""
+EXIT, EXIT_SPAWNED = 0.5, 5.0
+"""Seconds that a child has to end after it closed its connection; one that was spawned shuts its interpreter down."""
+GUARD_EXIT = 0.2
 """Seconds that a guard has to end after all that it guarded was killed."""
-LISTENING = 30.0
-"""Seconds within which a child takes a message, where no phase of a run says otherwise."""
+ACCEPT = 30.0
+"""Seconds within which a child has to take a message, where no phase of a run has another limit."""
 
 
 class TimedOut(Exception):
-    """The lack of a message within the limit."""
+    """Error of a child that sent no message within the limit."""
 
 
 class Died(Exception):
-    """The child ended: `signal` (a number) or `code`, and what it printed (first and last part)."""
+    """The child ended: `signal` (a number) or exit `code`, and the first and last part of its output."""
 
     def __init__(self, code: int | None, output: str, *, reason: str = "", out_of_memory: bool = False) -> None:
         self.signal = -code if code is not None and code < 0 else None
@@ -56,21 +55,21 @@ class Died(Exception):
 
     @property
     def out_of_memory(self) -> bool:
-        """Whether it was killed for its memory, or its last words were of an allocation that failed."""
+        """Whether it was killed for its memory, or its output names an allocation that failed."""
         return self._out_of_memory or "bad_alloc" in self.output or "MemoryError" in self.output
 
 
 class Child:
-    """A process running `target(channel, *args)`, apart from all others.
+    """A process running `target(channel, *args)`, isolated from all others.
 
     Parameters
     ----------
-    cpus : cores it is tied to, () for none.
-    memory : bytes by which it may grow once it is `warm`, where that is watched from outside; where it is not
-    (`rlimit`), the target limits itself by `limit_memory`.
-    processes : how many it may start, all that descend from it counted, where the system tells (0: no limit).
+    cpus : cores on which it runs, () for all.
+    memory : bytes by which it may grow once it is `warm`, where that is measured from outside; otherwise (`rlimit`)
+        the target limits itself by `limit_memory`.
+    processes : number of descendants that it may have, where the system lists them (0: no limit).
 
-    Raises Died when the system does not let it start.
+    Raises Died when the system refuses to start it.
     """
 
     def __init__(
@@ -122,13 +121,13 @@ class Child:
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs: one may die while nobody asks it anything."""
+        """Whether it still runs; it may die between two requests."""
         if self._over:
             return False
         return self._process.exitcode is None if self._end is None else not self._end.poll(0)
 
-    def send(self, message: bytes, seconds: float = LISTENING) -> None:
-        """Send a request. Raises Died when nobody listens any more, TimedOut when nobody reads."""
+    def send(self, message: bytes, seconds: float = ACCEPT) -> None:
+        """Send a request. Raises Died when the other end is closed, TimedOut when it does not read."""
         try:
             self._channel.send(message, seconds)
         except TimeoutError:
@@ -137,10 +136,10 @@ class Child:
             raise self._death() from None
 
     def receive(self, seconds: float) -> bytes:
-        """Return the next message about the last request; raises TimedOut, Died, or FrameError when it is none.
+        """Return the next message about the last request; raises TimedOut, Died, FrameError.
 
-        The end of the process is waited for beside the channel, which children of its own may hold open after it.
-        What it sent before it died still counts.
+        Waits for the end of the process as well as for the channel, which its own children may hold open after it.
+        A message that it sent before it died still counts.
         """
         deadline = time.monotonic() + seconds
         ended = False
@@ -162,7 +161,7 @@ class Child:
             self._look()
 
     def warm(self) -> None:
-        """Count its growth from here on; without effect when said before."""
+        """Count its growth from here on; without effect when called before."""
         if self._warm:
             return
         self._warm = True
@@ -181,10 +180,9 @@ class Child:
             self._log.forget()
 
     def kill_all(self) -> None:
-        """SIGKILL to the child and all that it started, until nobody is left.
+        """Kill the child and all that it started (SIGKILL); `receive` in another thread raises Died.
 
-        Whoever waits for its messages learns of the death. A guard is given a moment to bury the dead, who would
-        otherwise be left to a system that may not care for them.
+        A guard gets a moment to reap what was killed: in a container there may be no other process that does.
         """
         if self._cgroup is not None:
             self._cgroup.kill()
@@ -195,14 +193,14 @@ class Child:
                 with contextlib.suppress(psutil.Error):
                     process.kill()
         if self._isolation.guard and self._lives():
-            self._join(BURIAL)
+            self._join(GUARD_EXIT)
         while self._lives() and time.monotonic() < deadline:
             with contextlib.suppress(psutil.Error):
                 cast(psutil.Process, self._first).kill()
             self._join(LOOK)
 
     def kill(self) -> None:
-        """Kill it (`strike`) and wait for its end."""
+        """Kill it with all that it started and wait for its end."""
         self.kill_all()
         self._join(LOOK)
         self._release()
@@ -210,7 +208,7 @@ class Child:
     # ------------------------------------------------------------------------------------------- within
 
     def _release(self) -> None:
-        """Give back pipes, sockets and the control group."""
+        """Close pipes and sockets and remove the control group."""
         self._selector.close()
         self._channel.close()
         if self._lifeline is not None:
@@ -221,19 +219,19 @@ class Child:
             self._cgroup.remove()
 
     def _join(self, seconds: float) -> None:
-        """Wait for the end. Whoever has taken the exit code remembers it: nothing is left to be read from then on,
-        and the forkserver hangs up only a moment later."""
+        """Wait for the end and remember it: the exit code can be read once, and the forkserver closes its pipe a moment
+        later."""
         self._process.join(seconds)
         self._over = self._process.exitcode is not None
 
     def _lives(self) -> bool:
-        """Return whether the process is there, whatever is told of it: who could tell may have been killed itself."""
+        """Return whether the process exists, by the system itself: the forkserver, which reports it, may have died."""
         return self._first is not None and self._first.is_running() and _lives(self._first)
 
     def _family(self) -> list[psutil.Process]:
-        """Return the living among the descendants of the child and (where there are sessions) those in its session.
+        """Return the living descendants of the child and, where there are sessions, the members of its session.
 
-        The child itself is among them unless it is a guard.
+        The child itself is included unless it is a guard.
         """
         members: dict[int, psutil.Process] = {}
         with contextlib.suppress(psutil.Error):
@@ -249,7 +247,7 @@ class Child:
         return [process for process in members.values() if _lives(process)]
 
     def _look(self) -> None:
-        """Raise Died when the child has outgrown what is watched from here; once in `LOOK` seconds."""
+        """Raise Died when the child exceeds a limit that is measured here; checks once in `LOOK` seconds."""
         now = time.monotonic()
         if now - self._looked < LOOK:
             return
@@ -262,8 +260,7 @@ class Child:
             raise Died(None, self.output(), reason=crowded(self._processes))
 
     def _resident(self) -> int:
-        """Return bytes of resident memory of the largest among the child and its descendants, who share what they
-        forked."""
+        """Return the resident memory [bytes] of the largest among child and descendants: forks share theirs."""
         sizes = [0]
         with contextlib.suppress(psutil.Error):
             family = [] if self._first is None else [self._first, *self._first.children(recursive=True)]
@@ -273,23 +270,23 @@ class Child:
         return max(sizes)
 
     def _death(self) -> Died:
-        """Return why it ended; one that goes on without its connection is killed."""
-        self._join(LAST_WORDS if self._isolation.forks else LAST_WORDS_SPAWNED)
+        """Return why it ended; a child that goes on without its connection is killed."""
+        self._join(EXIT if self._isolation.forks else EXIT_SPAWNED)
         reason = "closed its connection" if self.alive and self._family() else ""
         if reason:
             self.kill_all()
-        self._join(guard.PATIENCE)  # a guard that is about to say how its worker ended
+        self._join(guard.PATIENCE)  # a guard that is about to end as its worker did
         full = self._cgroup is not None and self._cgroup.out_of_memory
         return Died(None if reason else self._process.exitcode, self.output(), reason=reason, out_of_memory=full)
 
 
 def crowded(most: int) -> str:
-    """Return why a child was killed, or its answer not taken, that started more processes than it may."""
+    """Return the reason to kill a child, or refuse its answer, that had too many processes."""
     return f"more than {most} processes at a time"
 
 
 def _cgroup(means: Isolation) -> Cgroup | None:
-    """Return a new control group where there are any; without one, the family is killed one by one."""
+    """Return a new control group where there are any; without one, processes are killed one by one."""
     if means.cgroups:
         with contextlib.suppress(OSError):
             return Cgroup(means.cgroups)
@@ -297,7 +294,7 @@ def _cgroup(means: Isolation) -> Cgroup | None:
 
 
 def _found(pid: int) -> psutil.Process | None:
-    """Return the process, by its id and the time it began: no other one is ever taken for it."""
+    """Return the process, identified by its id and its start: ids are used again."""
     try:
         return psutil.Process(pid)
     except psutil.Error:

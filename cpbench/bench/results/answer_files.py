@@ -1,11 +1,11 @@
-"""Answers made elsewhere: which file of a folder answers which problem, and what is told beside them.
+"""Answers made elsewhere: which file of a folder answers which problem, and what is reported with them.
 
 An entry of the folder is a file or a folder in the form of some exchange, named after its problem or its fingerprint
 (8 digits of it at least). HDF5 answers that carry a fingerprint are known by that. `cpbench export --answers` writes
 all answers to one HDF5 file: a group a problem, which has its fingerprint, with a data set for every solver.
 
-What is told: a table with the columns problem, seconds[, iterations, claim], and `claim.json`: in the folder an object
-problem -> claim, in the folder of one answer an object with claim, seconds, iterations.
+Reported values: a table with the columns problem, seconds[, iterations, claim], and `claim.json`: in the folder an
+object problem -> claim, in the folder of one answer an object with claim, seconds, iterations.
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ from cpbench.storage.hdf5_tree import SIGNATURE, open_tree
 
 CLAIMS = "claim.json"
 ENDINGS = ("timeout", "memout", "crash", "unsupported")
-"""What may be told instead of a claim where there is none: how the solve ended."""
+"""How a solve may have ended without a claim."""
 _SUFFIXES = (".mof.json", ".json", ".h5", ".hdf5", ".npz", ".npy", ".csv", ".txt", ".mtx")
 _COLUMNS = ("problem", "seconds", "iterations", "claim")
 _SHORTEST = 8
-"""Digits of a fingerprint that name a problem."""
+"""Fewest digits of a fingerprint that name a problem."""
 
 Read: TypeAlias = Callable[[Problem], Any]
 """The answer to a problem; raises FormatError."""
 
 
 @dataclass(frozen=True)
-class Told:
-    """The facts told of a solve; None and "" where it is not."""
+class Reported:
+    """Reported facts of a solve; None and "" where they are not reported."""
 
     claim: str = ""
     seconds: float | None = None
     iterations: int | None = None
 
-    def over(self, other: Told) -> Told:
-        """Return what this tells, the rest from `other`."""
-        return Told(
+    def over(self, other: Reported) -> Reported:
+        """Return these facts, completed from `other`."""
+        return Reported(
             self.claim or other.claim,
             other.seconds if self.seconds is None else self.seconds,
             other.iterations if self.iterations is None else self.iterations,
@@ -56,15 +56,15 @@ class Told:
 
 @dataclass(frozen=True)
 class ForeignAnswer:
-    """One answer, not read yet: where it is, how it is read, what its own folder tells."""
+    """An answer that is not read yet: its place, its reader, what its own folder reports."""
 
     place: str
     read: Read
-    told: Told = Told()
+    reported: Reported = Reported()
 
 
 class Names:
-    """Names and fingerprints of the problems, for what other people call them."""
+    """Names and fingerprints of the problems, to find the one that somebody else's name means."""
 
     def __init__(self, problems: Iterable[tuple[str, str]]) -> None:
         self._fingerprints: set[str] = set()
@@ -74,7 +74,7 @@ class Names:
             self._named.setdefault(name, set()).add(fingerprint)
 
     def find(self, word: str) -> str:
-        """Fingerprint of the problem that is called so, "" where none is; raises CpbenchError when several are."""
+        """Return the fingerprint of the problem with this name, "" for none; raises CpbenchError for several."""
         found = self._named.get(word, set())
         if not found and len(word) >= _SHORTEST:
             found = {f for f in self._fingerprints if f.startswith(word.lower())}
@@ -89,7 +89,7 @@ def find(
 ) -> tuple[dict[str, ForeignAnswer], list[str]]:
     """Return the answers by fingerprint, and a line for each that answers none of the problems.
 
-    Raises CpbenchError when there are two for one problem, FormatError when `source` holds none at all.
+    Raises CpbenchError when a problem has two answers, FormatError when `source` holds none.
     """
     if not source.exists():
         raise FormatError(source, "", "no such file or folder")
@@ -109,17 +109,17 @@ def find(
     return found, stray
 
 
-def told(source: Path, times: Path | None, names: Names) -> tuple[dict[str, Told], list[str]]:
-    """Return what the table of times and the folder's claims tell, by fingerprint, and a line for each unknown
+def reported(source: Path, times: Path | None, names: Names) -> tuple[dict[str, Reported], list[str]]:
+    """Return what the table of times and the folder's claims report, by fingerprint, and a line for each unknown
     problem."""
-    found: dict[str, Told] = {}
+    found: dict[str, Reported] = {}
     stray: list[str] = []
     entries = _claims(source / CLAIMS) if source.is_dir() else []
     entries += _times(times) if times is not None else []
     for place, word, entry in entries:
         fingerprint = names.find(word)
         if fingerprint:
-            found[fingerprint] = entry.over(found.get(fingerprint, Told()))
+            found[fingerprint] = entry.over(found.get(fingerprint, Reported()))
         else:
             stray.append(f"{place}: no problem is called {word}")
     return found, stray
@@ -129,7 +129,7 @@ def told(source: Path, times: Path | None, names: Names) -> tuple[dict[str, Told
 
 
 def _in_folder(folder: Path, exchange: str | None) -> list[tuple[list[str], ForeignAnswer]]:
-    """Return what the entries of a folder may be called, and how they are read."""
+    """Return the possible names of each entry of a folder, with its answer."""
     listed: list[tuple[list[str], ForeignAnswer]] = []
     for entry in sorted(folder.iterdir()):
         if entry.name.startswith(".") or entry.name == CLAIMS:
@@ -138,13 +138,13 @@ def _in_folder(folder: Path, exchange: str | None) -> list[tuple[list[str], Fore
             continue
         words = [entry.name, *(entry.name[: -len(s)] for s in _SUFFIXES if entry.name.lower().endswith(s))]
         own = entry / CLAIMS
-        said = _told(own, _object(own)) if entry.is_dir() and own.is_file() else Told()
+        said = _facts(own, _object(own)) if entry.is_dir() and own.is_file() else Reported()
         listed.append(([*_fingerprint(entry), *words[::-1]], ForeignAnswer(str(entry), _reader(entry, exchange), said)))
     return listed
 
 
 def _reader(entry: Path, exchange: str | None) -> Read:
-    """Return how a file or folder is read: by the exchange that is asked for, or by what it looks like."""
+    """Return the reader of a file or folder: of the exchange that is named, or the one that fits it."""
     if exchange is not None:
         chosen = exchanges.get(exchange)
     elif entry.is_dir():
@@ -157,7 +157,7 @@ def _reader(entry: Path, exchange: str | None) -> Read:
 
 
 def _fingerprint(entry: Path) -> list[str]:
-    """Return what an HDF5 answer says of its problem."""
+    """Return the fingerprint of its problem in an HDF5 answer, as a list that is empty where there is none."""
     if not entry.is_file() or entry.suffix.lower() not in (".h5", ".hdf5"):
         return []
     try:
@@ -172,7 +172,7 @@ def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str
     """Return the answers by `solver` in a file of `cpbench export --answers`, or the only one of each problem."""
     with path.open("rb") as file:
         if file.read(8) != SIGNATURE:
-            raise FormatError(path, "", "is no folder of answers, and no HDF5 file of cpbench export --answers")
+            raise FormatError(path, "", "is not a folder of answers, and no HDF5 file of cpbench export --answers")
     listed: list[tuple[list[str], ForeignAnswer]] = []
     with open_tree(path) as root:
         for name in root.names():
@@ -191,7 +191,7 @@ def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str
             listed.append(
                 (
                     [fingerprint, name],
-                    ForeignAnswer(f"{path}::{name}", lambda p, x=vector: _point(path, p, x), Told(claim)),
+                    ForeignAnswer(f"{path}::{name}", lambda p, x=vector: _point(path, p, x), Reported(claim)),
                 )
             )
     return listed
@@ -204,15 +204,15 @@ def _point(path: Path, problem: Problem, vector: Any) -> Any:
         raise FormatError(path, "", str(cause)) from None
 
 
-# --------------------------------------------------------------------------------------------------- told
+# ----------------------------------------------------------------------------------------------- reported
 
 
-def _claims(path: Path) -> list[tuple[str, str, Told]]:
+def _claims(path: Path) -> list[tuple[str, str, Reported]]:
     if not path.is_file():
         return []
     entries = _object(path)
     return [
-        (str(path), word, _told(path, cast("dict[str, Any]", said) if isinstance(said, dict) else {"claim": said}))
+        (str(path), word, _facts(path, cast("dict[str, Any]", said) if isinstance(said, dict) else {"claim": said}))
         for word, said in entries.items()
     ]
 
@@ -234,8 +234,8 @@ def _is_table(path: Path) -> bool:
     return [word.strip().lower() for word in head.split(",")][:2] == list(_COLUMNS[:2])
 
 
-def _times(path: Path) -> list[tuple[str, str, Told]]:
-    """Return (place, problem, what is told) of every line; raises FormatError."""
+def _times(path: Path) -> list[tuple[str, str, Reported]]:
+    """Return (place, problem, reported facts) of every line; raises FormatError."""
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = list(csv.reader(file))
@@ -244,7 +244,7 @@ def _times(path: Path) -> list[tuple[str, str, Told]]:
     head = [word.strip().lower() for word in lines[0]] if lines else []
     if head[:1] != ["problem"] or "seconds" not in head or not set(head) <= set(_COLUMNS):
         raise FormatError(path, "line 1", f"is {','.join(head)[:80]!r}, expected problem,seconds[,iterations,claim]")
-    found: list[tuple[str, str, Told]] = []
+    found: list[tuple[str, str, Reported]] = []
     for number, line in enumerate(lines[1:], 2):
         if not any(cell.strip() for cell in line):
             continue
@@ -252,12 +252,12 @@ def _times(path: Path) -> list[tuple[str, str, Told]]:
         if len(line) != len(head):
             raise FormatError(path, place, f"has {len(line)} cells, expected {len(head)}")
         cells = dict(zip(head, (cell.strip() for cell in line), strict=True))
-        found.append((f"{path}: {place}", cells["problem"], _told(path, cells, place)))
+        found.append((f"{path}: {place}", cells["problem"], _facts(path, cells, place)))
     return found
 
 
-def _told(path: Path, said: Mapping[str, Any], place: str = "") -> Told:
-    """Return the value, checked; raises FormatError."""
+def _facts(path: Path, said: Mapping[str, Any], place: str = "") -> Reported:
+    """Return the reported facts, checked; raises FormatError."""
 
     def number(name: str) -> float | None:
         given = said.get(name)
@@ -276,4 +276,4 @@ def _told(path: Path, said: Mapping[str, Any], place: str = "") -> Told:
     if claim and claim not in known:
         raise FormatError(path, place or "claim", f"has claim {str(claim)[:40]!r}, expected one of {', '.join(known)}")
     iterations = number("iterations")
-    return Told(str(claim), number("seconds"), None if iterations is None else int(iterations))
+    return Reported(str(claim), number("seconds"), None if iterations is None else int(iterations))

@@ -1,4 +1,5 @@
-"""Kept answers: the numbers of a point, compressed; the problem knows its parts."""
+"""Kept answers: the numbers of a point as a compressed .npy file, which `numpy.load` reads too; the problem knows how
+they split into parts."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ def unpack(blob: bytes) -> Any:
 
 @lru_cache(maxsize=2**10)
 def _header(size: int) -> bytes:
-    """Return what stands before the numbers of a .npy file with one vector of float64."""
+    """Return the header of a .npy file with one vector of float64."""
     buffer = io.BytesIO()
     np.lib.format.write_array_header_1_0(
         buffer, {"descr": np.dtype(np.float64).str, "fortran_order": False, "shape": (size,)}

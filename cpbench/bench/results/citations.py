@@ -1,4 +1,4 @@
-"""Where the problems of a results file were published: what their files say, read again at their addresses."""
+"""Citations of the problems of a results file, read from the problem files."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from cpbench.errors import CpbenchError
 
 
 def citations(store: Store) -> dict[str, str]:
-    """Citation by family, of the families whose files are still there, the same, and have one.
+    """Return citations by family, of families whose files still exist, are unchanged, and have one.
 
-    One problem is read of each file of a family; what the files of one family say is joined.
+    One problem of each file is read; the citations of one family's files are joined.
     """
     formats: Mapping[str, str] = store.meta().get("formats", {})
     found: dict[str, list[str]] = {}

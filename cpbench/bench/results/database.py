@@ -1,6 +1,6 @@
-"""The SQLite file of results as a file: who may open it, how, what is refused, how it is written and read.
+"""Opens, checks, writes and reads the SQLite file of results.
 
-One process writes, held by a lock that dies with it; any number read, and leave the file as it is.
+One process writes, by a lock that ends with it; any number of others read, and leave the file as it is.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Database:
     def __init__(self, path: Path, *, create: bool = False) -> None:
         self._path = path
         self._real = Path(os.path.realpath(path))
-        """Where the file is, whatever links lead there: SQLite's helper files are beside it."""
+        """The path without links: SQLite's helper files are beside it."""
         self._guard = threading.RLock()
         self._lock: Lock | None = None
         self._db: sqlite3.Connection | None = None
@@ -72,22 +72,22 @@ class Database:
 
     @property
     def connection(self) -> sqlite3.Connection:
-        """SQLite's; raises StoreError when the file was closed."""
+        """The connection of SQLite; raises StoreError when the file was closed."""
         if self._db is None:
             raise StoreError(f"{self._path}: was closed")
         return self._db
 
     @property
     def file(self) -> Path | None:
-        """Where another process reads the same rows; None while this one writes, or holds them in memory."""
+        """The file from which others read the same rows; None while this process writes, or has them in memory."""
         name = str(self.connection.execute("PRAGMA database_list").fetchone()[2])
         return Path(name) if name and self._lock is None else None
 
     @contextmanager
     def transaction(self) -> Generator[sqlite3.Connection]:
-        """Yield all of what is written within, or nothing of it."""
+        """Write within this context all or nothing."""
         db = self.connection
-        with self._guard, self._told():
+        with self._guard, self._errors_explained():
             db.execute("BEGIN IMMEDIATE")
             try:
                 yield db
@@ -99,40 +99,40 @@ class Database:
 
     def read(self, query: str, parameters: Iterable[Any] = ()) -> list[tuple[Any, ...]]:
         """Return all rows of a query."""
-        with self._guard, self._told():
+        with self._guard, self._errors_explained():
             return self.connection.execute(query, tuple(parameters)).fetchall()
 
     def stream(self, query: str) -> Iterator[tuple[Any, ...]]:
-        """Yield rows of a query, not all at once."""
+        """Yield rows of a query without holding all of them."""
         for found in self.chunks(query, 256):
             yield from found
 
     def chunks(self, query: str, size: int) -> Iterator[list[tuple[Any, ...]]]:
         """Yield rows of a query, so many at a time."""
-        with self._told():
+        with self._errors_explained():
             cursor = self.connection.execute(query)
         while True:
-            with self._told():
+            with self._errors_explained():
                 found = cursor.fetchmany(size)
             if not found:
                 return
             yield found
 
     def settle(self) -> None:
-        """Bring all that is written into the one file; raises StoreError when that fails, where `close` would leave
-        it in the log beside the file."""
-        with self._guard, self._told():
+        """Move what is in SQLite's log into the file; raises StoreError when that fails, where `close` would leave the
+        log."""
+        with self._guard, self._errors_explained():
             self.connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
 
     def require_whole(self) -> None:
-        """Check the file; raises StoreError when its pages do not fit together."""
+        """Check the file; raises StoreError when its pages are inconsistent."""
         (told,) = self.read("PRAGMA quick_check(1)")[0]
         if told != "ok":
             raise _explained(self._path, sqlite3.DatabaseError(told), sqlite3.SQLITE_CORRUPT)
 
     @contextmanager
-    def _told(self) -> Generator[None]:
-        """Yield what SQLite or a value it cannot store raises becomes a StoreError with the cause."""
+    def _errors_explained(self) -> Generator[None]:
+        """Turn exceptions of SQLite, and of values that it cannot store, into a StoreError with the cause."""
         try:
             yield
         except UnicodeDecodeError as cause:  # of a name in the schema, as sqlite3 hands it on
@@ -143,10 +143,10 @@ class Database:
     # -------------------------------------------------------------------------------------------- open
 
     def _examine(self, create: bool) -> None:
-        """Refuse what is no results file before anything of it or beside it is touched.
+        """Raise StoreError for anything but a results file, before it or files beside it are touched.
 
-        The file itself is opened by SQLite alone: a plain open and close would drop the locks that another connection
-        of this process has on it.
+        Only SQLite opens the file: a plain open and close would release the locks that another connection of this
+        process has on it.
         """
         path = self._path
         if path.is_dir():
@@ -158,7 +158,7 @@ class Database:
         if not path.parent.is_dir():
             raise StoreError(f"{path}: there is no folder {path.parent}; make it first")
         if path.exists():
-            with self._told(), contextlib.closing(self._connect("immutable=1")) as db:
+            with self._errors_explained(), contextlib.closing(self._connect("immutable=1")) as db:
                 try:
                     self._require(int(db.execute("PRAGMA user_version").fetchone()[0]))
                 except sqlite3.DatabaseError as cause:
@@ -177,7 +177,7 @@ class Database:
         return found
 
     def _open_to_write(self) -> None:
-        with self._told():
+        with self._errors_explained():
             db = self._db = self._connect("mode=rwc")
             self.found = found = self._require(schema.version(db))
             use_journal(db, self._path)
@@ -190,9 +190,8 @@ class Database:
                 schema.migrate(db, found)
 
     def _open_to_read(self) -> None:
-        """Open as if to write, and then do not write: SQLite reads what a killed run left in its log, and leaves no
-        helper files behind."""
-        with self._told():
+        """Open as for writing, but only read: SQLite then uses the log of a killed run, and leaves no helper files."""
+        with self._errors_explained():
             try:
                 self._db = self._connect("mode=rw")
                 found = schema.version(self._db)
@@ -212,8 +211,8 @@ class Database:
                 schema.migrate(self._db, found)
 
     def _open_unwritable(self) -> None:
-        """Open the file as it is where SQLite cannot make its helper files (a read-only folder, a full disk), or,
-        where a killed run left a log beside it, a copy of both."""
+        """Open the file unchanged where SQLite cannot make helper files (a read-only folder, a full disk), or a copy of
+        file and log where a killed run left a log."""
         if self._db is not None:
             self._db.close()
         logs = [path for path in (Path(f"{self._real}-wal"), Path(f"{self._real}-journal")) if path.exists()]
@@ -237,7 +236,7 @@ class Database:
 
 
 def use_journal(db: sqlite3.Connection, path: Path) -> str:
-    """Write ahead where readers share memory, else into a rollback journal; the mode in use.
+    """Use a write-ahead log where readers share memory, else a rollback journal; return the mode.
 
     A commit survives kill -9 either way; on a power cut the last rows may be lost, the file stays whole. An fsync
     a row would cost milliseconds.
@@ -251,7 +250,7 @@ def use_journal(db: sqlite3.Connection, path: Path) -> str:
 
 
 def _file_system(path: Path) -> str:
-    """Type of the file system that holds `path`, '' where the system does not tell."""
+    """Return the type of the file system of `path`, '' where the system does not tell."""
     try:
         mounts = [line.split() for line in Path("/proc/self/mounts").read_text().splitlines()]
     except OSError:
@@ -266,7 +265,7 @@ def _file_system(path: Path) -> str:
 
 
 def _explained(path: Path, cause: Exception, code: int = 0) -> StoreError:
-    """Return one line: the file, the cause, what to do; `code` : of SQLite, where the cause has none."""
+    """Return an error in one line: the file, the cause, what to do. `code` : of SQLite, where the cause has none."""
     code = getattr(cause, "sqlite_errorcode", code) & 0xFF
     kept = "what was finished is kept, and the same command goes on"
     told = {
@@ -283,7 +282,7 @@ def _explained(path: Path, cause: Exception, code: int = 0) -> StoreError:
 
 
 def _locked(path: Path) -> Lock:
-    """Take the right to write a results file."""
+    """Lock a results file for writing; raises StoreError."""
     try:
         return Lock(path)
     except Held as holder:

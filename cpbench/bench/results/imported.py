@@ -1,7 +1,7 @@
-"""Answers made elsewhere as rows: judged here, on the problem that was asked, and marked by where they were made.
+"""Rows of answers made elsewhere: judged here on the source problem, and marked by their origin.
 
-Every problem of a formulation that some answer is to has a row, also where there is no answer. What a row says of time
-is what was told: `solve` and `reported`, by another machine, under limits that nobody here knows.
+Every problem of a formulation with some answer has a row, even without an answer. Its times, `solve` and `reported`,
+are those that were reported, by another machine, under unknown limits.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from cpbench import storage, verification
 from cpbench.bench import machine
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results import answer_files, answers
-from cpbench.bench.results.answer_files import ENDINGS, ForeignAnswer, Names, Told
+from cpbench.bench.results.answer_files import ENDINGS, ForeignAnswer, Names, Reported
 from cpbench.bench.results.rows import Outcome, Planned
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, FormatError, PointError, StoreError
@@ -26,10 +26,10 @@ from cpbench.formulations.base import Problem
 from cpbench.verification import Status
 
 REQUEST = "imported"
-"""In place of a route: nobody here knows how the solver was reached. It ends the label, so that tables show it."""
+"""In place of a route, which is not known here. It ends the label, so that tables show it."""
 NO_ANSWER = "no answer in the folder"
 ELSEWHERE = "another machine"
-"""The origin of answers of which nothing else is told."""
+"""The origin of answers without a more precise one."""
 
 
 @dataclass(frozen=True)
@@ -69,15 +69,15 @@ def import_answers(
     command: str = "",
     force: bool = False,
 ) -> Imported:
-    """Put a row for every problem that was asked into `store`; `force` replaces rows of an earlier import.
+    """Put a row for every problem into `store`; `force` replaces rows of an earlier import.
 
-    Raises CpbenchError when the answers, or what is told of them, cannot be told apart, StoreError when a row is there.
+    Raises CpbenchError when answers or reported facts are ambiguous, StoreError when a row exists.
     """
     done = Imported()
     asked = _survey(addresses, format, origin, done)
     names = Names((pair.problem, pair.fingerprint) for pair in asked.values())
     found, stray = answer_files.find(source, names, origin.solver, origin.tolerance, exchange)
-    told, unknown = answer_files.told(source, times, names)
+    told, unknown = answer_files.reported(source, times, names)
     done.stray = [*stray, *unknown]
     if not found:
         raise CpbenchError(f"{source}: none of its answers is to a problem that was asked ({done.stray[0]})")
@@ -88,8 +88,8 @@ def import_answers(
     _note(store, origin, wanted, command, format, done)
     for pair in wanted:
         answer = found.get(pair.fingerprint)
-        said = told.get(pair.fingerprint, Told())
-        outcome = _judged(pair, answer, said if answer is None else answer.told.over(said), origin)
+        said = told.get(pair.fingerprint, Reported())
+        outcome = _judged(pair, answer, said if answer is None else answer.reported.over(said), origin)
         store.put(Planned.of(pair), outcome)
         done.counts[outcome.status] += 1
         if answer is None:
@@ -144,7 +144,7 @@ def _require_new(store: Store, wanted: Sequence[Pair], force: bool) -> None:
 def _note(
     store: Store, origin: Origin, wanted: Sequence[Pair], command: str, format: str | None, done: Imported
 ) -> None:
-    """Note what the report says of the solver, and of the file when it is a new one."""
+    """Note the facts of the solver for the report, and those of the file when it is new."""
     meta = store.meta()
     if "command" not in meta:
         store.set_meta(
@@ -158,8 +158,8 @@ def _note(
     store.note_files([pair.address for pair in wanted], done.refused)
 
 
-def _judged(pair: Pair, answer: ForeignAnswer | None, told: Told, origin: Origin) -> Outcome:
-    """Return what an answer, or what is told of it, is worth."""
+def _judged(pair: Pair, answer: ForeignAnswer | None, told: Reported, origin: Origin) -> Outcome:
+    """Return the outcome of an answer, or of what is reported without one."""
     ending = told.claim if told.claim in ENDINGS else ""
     claim = "" if ending else told.claim or ("solved" if answer is not None else "")
     verdict, blob, message, verify = verification.no_answer(pair.tolerance), None, "", None
@@ -173,7 +173,7 @@ def _judged(pair: Pair, answer: ForeignAnswer | None, told: Told, origin: Origin
             verdict = verification.judge(problem, point, pair.tolerance, pair.measure)
             verify, blob = time.perf_counter() - begun, answers.pack(point)
         except (FormatError, PointError) as refusal:
-            message = f"the answer is none: {refusal}"
+            message = f"the answer is not valid: {refusal}"
     status = ending or str(verification.status(verdict, claim))
     if answer is not None and blob is None and not ending:
         status = str(Status.ERROR)

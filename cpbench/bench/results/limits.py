@@ -16,13 +16,12 @@ def limits_of(row: Planned) -> tuple[float | None, int | None, int | None, int |
 
 
 def agree(old: tuple[Any, ...], asked: tuple[Any, ...]) -> bool:
-    """Return whether results of these limits may stand in one file; an old limit that is not known (None) is no
-    obstacle."""
+    """Return whether results with these limits may share a file; an unknown old limit (None) agrees with any."""
     return all(a is None or a == b for a, b in zip(old, asked, strict=True))
 
 
 def difference(name: str, old: tuple[Any, ...], asked: tuple[Any, ...]) -> str:
-    """Return why a file does not take limits that do not `agree` with the old ones of set `name`."""
+    """Return why a file refuses limits that do not `agree` with the old ones of set `name`."""
     for limit, before, now in zip(LIMITS.values(), old, asked, strict=True):
         if before is not None and before != now:
             made = f"set '{name}' was made" if name else "was made"

@@ -1,7 +1,7 @@
-"""Several results files into one: shards of a plan, or runs that are comparable.
+"""Merges results files: shards of a plan, or comparable runs.
 
-Times under other limits, on other machines or of other versions do not compare. Such files are refused, or, when that
-is asked for, the rows concerned carry the flag `mixed` and the meta table says what differed.
+Times with other limits, machines or versions do not compare. Such files are refused, or, with `mixed`, the rows
+concerned carry the flag `mixed` and the meta table names the differences.
 """
 
 from __future__ import annotations
@@ -24,24 +24,24 @@ from cpbench.errors import StoreError
 
 FLAG = "mixed"
 PREFER = ("first", "last")
-"""Which of two rows of one key is taken. The better of two is no choice: it would flatter whoever ran twice."""
+"""Which of two rows of one key is taken. The better one is no option: it would favour whoever ran twice."""
 _TABLES = {"refused", "references"}
-"""What the facts of a run have of tables of their own."""
+"""Facts of a run that have tables of their own."""
 _measured = attrgetter(*MEASURED)
 _PASSING = {"load"}
-"""What a description of a machine says of the moment."""
+"""Momentary entries of a machine's description."""
 
 
 @dataclass(frozen=True)
 class Disagreement:
-    """Something that must not differ and does: `what` differs between which files, and the rows it spoils."""
+    """A difference between files that must not be: `what` differs, and the rows that it affects."""
 
     what: str
     column: str = ""
     value: Any = None
 
-    def spoils(self, row: Row) -> bool:
-        """Return whether a finished row is concerned; a difference without a column concerns every row."""
+    def affects(self, row: Row) -> bool:
+        """Return whether it affects a finished row; a difference without a column affects every row."""
         return row.status != "not_run" and (not self.column or getattr(row, self.column) == self.value)
 
 
@@ -59,7 +59,7 @@ class _Facts:
 
 
 def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = False, prefer: str = "") -> list[str]:
-    """Write the rows of all inputs, with their answers and histories, to a new results file; what differed.
+    """Write the rows of all inputs, with their answers and histories, to a new results file; return the differences.
 
     Rows of one key: the one that was run is taken; of two that were run, by `prefer` (first, last) the one of the
     first or the last file. Inputs stay as they are, and the output is there when it is complete.
@@ -117,7 +117,7 @@ def _facts(store: Store) -> _Facts:
         found.tolerances.setdefault(row.set, set()).add(row.tolerance)
         found.measures.setdefault(row.set, set()).add(row.measure or "")
         found.fingerprints.setdefault(row.problem, set()).add(row.fingerprint)
-        if row.origin:  # it says itself that it was made elsewhere, under limits that nobody here knows
+        if row.origin:  # made elsewhere, under unknown limits
             continue
         found.limits.setdefault(row.set, set()).add(limits_of(row))
         if row.version:
@@ -126,7 +126,7 @@ def _facts(store: Store) -> _Facts:
     meta = store.meta()
     if judged:
         found.cpbench = {str(meta.get("cpbench", ""))}
-    if ran:  # a shard that has no row says nothing of what it was run on
+    if ran:  # a shard without rows has not been run on any machine
         descriptions = list(store.machines().values()) or [meta.get("machine") or {}]
         found.machines = {_machine(description) for description in descriptions}
     return found
@@ -137,7 +137,7 @@ def _machine(description: Mapping[str, Any]) -> str:
 
 
 def _between(stores: Sequence[Store], facts: Sequence[_Facts], i: int, j: int) -> Iterator[Disagreement]:
-    """Yield what keeps the files i and j apart."""
+    """Yield the differences between the files i and j."""
     names, (one, other) = f"{stores[i].path} and {stores[j].path}", (facts[i], facts[j])
 
     def told(kind: str, a: Iterable[Any], b: Iterable[Any], of: str = "") -> str:
@@ -175,7 +175,7 @@ def _limit_that_differs(a: set[tuple[Any, ...]], b: set[tuple[Any, ...]]) -> tup
 
 
 def _telling(mine: _Facts, theirs: _Facts) -> list[str]:
-    """Return what is told of machines: the entries that no machine of the other file has."""
+    """Return the entries of machines that no machine of the other file has."""
     known = [item for text in theirs.machines for item in json.loads(text).items()]
     said = (", ".join(f"{k} {v}" for k, v in json.loads(text).items() if (k, v) not in known) for text in mine.machines)
     return [text for text in said if text] or [f"{len(mine.machines)} kinds"]
@@ -186,7 +186,7 @@ def _listed(values: Iterable[Any]) -> str:
 
 
 def _chosen(stores: Sequence[Store], prefer: str) -> dict[str, int]:
-    """Return which file each key's row is taken from."""
+    """Return the file from which each key's row is taken."""
     chosen: dict[str, int] = {}
     seen: dict[str, int] = {}
     for index, store in enumerate(stores):
@@ -214,9 +214,9 @@ def _rows(stores: Sequence[Store], chosen: Mapping[str, int], differences: Seque
         for row in store.rows():
             if chosen[row.key] != index:
                 continue
-            spoiled = any(difference.spoils(row) for difference in differences)
+            affected = any(difference.affects(row) for difference in differences)
             flags = [flag for flag in (row.flags or "").split(",") if flag]
-            yield replace(row, flags=",".join([*flags, FLAG])) if spoiled and FLAG not in flags else row
+            yield replace(row, flags=",".join([*flags, FLAG])) if affected and FLAG not in flags else row
 
 
 def _merge_facts(made: Store, stores: Sequence[Store], differences: Sequence[str]) -> None:
@@ -251,7 +251,7 @@ def _merge_facts(made: Store, stores: Sequence[Store], differences: Sequence[str
 
 
 def _whole(plan: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the plan that a shard is of."""
+    """Return the plan that a shard belongs to."""
     return {**plan, "shard": [1, 1], "output": "", "report": None}
 
 

@@ -1,4 +1,4 @@
-"""Judging kept answers again, and checking kept proofs: another measure or tolerance, no solver."""
+"""Judges kept answers again, and checks kept proofs: by another measure or tolerance, without a solver."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from cpbench.formulations.base import Kind, Problem
 from cpbench.plurals import counted
 
 NO_ROUTE = ("", "direct")
-"""Routes of a solver that was given the problem itself, and of an answer made elsewhere."""
+"""Routes of an answer made elsewhere, and of a solver of the source problem itself."""
 
 
 def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None) -> Iterator[str]:
@@ -43,7 +43,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
             problem: Problem | None = None
             for row in group:
                 blob = store.ending(row.key)[1]
-                if row.status in ENDINGS:  # that came too late, or so it was told: whatever its worth
+                if row.status in ENDINGS:  # it came too late, or was reported to: its quality does not matter
                     continue
                 if blob is None and row.status not in verification.PROVEN:
                     continue

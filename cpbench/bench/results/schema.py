@@ -1,4 +1,4 @@
-"""The tables of a results file, by version, and how an older file becomes one of today.
+"""Tables of a results file, by version, and the migration of older files.
 
 Version 1 had one set of limits a file, in `meta`; since version 2 they are columns of every row, and histories,
 reference solves and machines have tables of their own. Version 3 keeps the features of the problems, version 4
@@ -43,13 +43,13 @@ _NEW_IN_4 = (
 
 
 def create(db: sqlite3.Connection) -> None:
-    """Make the tables of this version; the caller's transaction holds them."""
+    """Make the tables of this version, within the caller's transaction."""
     for statement in (*_SHARED_WITH_1, *_NEW_IN_2, *_NEW_IN_3, *_NEW_IN_4, f"PRAGMA user_version={SCHEMA}"):
         db.execute(statement)
 
 
 def version(db: sqlite3.Connection) -> int | None:
-    """Return the version of a file's tables: 0 of an empty file, None of one that holds no results."""
+    """Return the version of a file's tables: 0 for an empty file, None for one of something else."""
     tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     found = int(db.execute("PRAGMA user_version").fetchone()[0])
     if not tables and found == 0:
@@ -58,7 +58,7 @@ def version(db: sqlite3.Connection) -> int | None:
 
 
 def migrate(db: sqlite3.Connection, found: int) -> None:
-    """Bring the tables of version `found` to this one, in one transaction: a file has its old tables or the new."""
+    """Migrate the tables of version `found`, in one transaction: a file has its old tables or the new."""
     db.execute("BEGIN IMMEDIATE")
     try:
         for step in _STEPS[found - 1 :]:
@@ -93,14 +93,14 @@ def _from_1(db: sqlite3.Connection) -> None:
 
 
 def _from_2(db: sqlite3.Connection) -> None:
-    """Leave the features of its problems out: whoever needs them reads the problems again."""
+    """Add the table of features, which is empty for older rows."""
     for statement in _NEW_IN_3:
         db.execute(statement)
 
 
 def _from_3(db: sqlite3.Connection) -> None:
-    """Older rows have no seals and no certificates: a reader says so. What they asked of a converted problem is not
-    known, so that their statuses stay."""
+    """Add certificates and seals, which older rows do not have, as readers report. What tolerance they asked of a
+    converted problem is unknown, so that their statuses stay."""
     for statement in _NEW_IN_4:
         db.execute(statement)
     if "target_tolerance" not in {name for _, name, *_ in db.execute("PRAGMA table_info(rows)")}:

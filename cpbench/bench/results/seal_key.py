@@ -1,7 +1,7 @@
 """The key with which this user's runs seal their rows.
 
 It lies in a folder of the user's own, which workers may not read where the system can forbid it (`confinement`): never
-in a results file, in the environment or in what a worker inherits. Whoever has it can seal whatever he likes.
+in a results file, in the environment or in what a worker inherits. Whoever has it can seal any row.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Key:
 
     @property
     def name(self) -> str:
-        """Eight digits by which seals say whose they are; they tell nothing of the secret."""
+        """Eight digits that identify the key in seals and reveal nothing of the secret."""
         return hashlib.blake2b(self.secret, digest_size=4, person=b"cpbench key").hexdigest()
 
 
@@ -48,8 +48,7 @@ def find() -> Key | None:
 
 
 def for_one_file(content: Iterable[str]) -> Key:
-    """Return a key for a file that is not to tell whose it is: the same for the same content, and unlike the user's
-    own."""
+    """Return a key for an anonymous file: the same for the same content, and unlike the user's own."""
     mixed = hashlib.blake2b(key=find_or_make().secret, digest_size=BYTES, person=b"cpbench file")
     for text in content:
         mixed.update(text.encode() + b"\n")
@@ -68,7 +67,7 @@ def find_or_make() -> Key:
         try:
             with os.fdopen(descriptor, "w") as file:
                 file.write(made.secret.hex())
-            with contextlib.suppress(FileExistsError):  # of two runs that begin together, one makes it
+            with contextlib.suppress(FileExistsError):  # of two runs that start together, the first one's stays
                 os.link(name, folder() / "key")
         finally:
             os.unlink(name)

@@ -1,4 +1,4 @@
-"""Results files as commands and scripts read them: only those whose rows are as a run wrote them."""
+"""Opens results files for commands and scripts, after a check of their seals."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ logger = logging.getLogger("cpbench.results")
 
 
 def sealed(path: Path) -> Store:
-    """Return the file, open for reading, after its seals were checked; what could not be checked is said. Raises
-    SealError."""
+    """Open a file for reading and check its seals; warn of what could not be checked. Raises SealError."""
     store = Store(path)
     try:
         found = store.audit()

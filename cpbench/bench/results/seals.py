@@ -1,4 +1,4 @@
-"""Seals of rows: what tells that a row, and what is kept of it, is as a run of this user wrote it.
+"""Seals of rows: evidence that a row, with its answer, history and proof, is as a run of this user wrote it.
 
 A seal has five parts: the name of the key, digests of what was planned, of what was measured and of what is kept
 (answer, history, proof), and a digest of these with the key. Anybody can check the digests, which finds bits that were
@@ -33,11 +33,11 @@ READ = (
     " LEFT JOIN answers USING (key) LEFT JOIN histories USING (key) LEFT JOIN certificates USING (key)"
     " LEFT JOIN seals USING (key)"
 )
-"""All that is sealed, and the seal."""
+"""Query of all that is sealed, and the seal."""
 BROKEN = "broken"
-"""In place of a seal: the run found that somebody else had written the row."""
+"""In place of a seal where the run found that something else had written the row."""
 NAMED = 20
-"""Rows that a message names."""
+"""Most rows that a message names."""
 _encode = json.JSONEncoder(separators=(",", ":"), check_circular=False).encode
 _FIRST, _LAST = len(PLANNED), len(COLUMNS)
 _PLACE = {name: place for place, name in enumerate(COLUMNS)}
@@ -64,7 +64,7 @@ class Audit:
     note: str = ""
 
     def require(self) -> None:
-        """Require belief in all rows: raises SealError when there is a row that cannot be believed."""
+        """Raise SealError when there is a row that cannot be believed."""
         if not self.broken:
             return
         listed = "; ".join(map(str, self.broken[:NAMED]))
@@ -76,19 +76,19 @@ class Audit:
 
 
 def sealed(values: Sequence[Any], key: Key) -> str:
-    """Return the seal of what `READ` gives of a row."""
+    """Return the seal of a row with the values that `READ` selects."""
     digests = ".".join(_digests(values, key.name))
     return f"{key.name}.{digests}.{_signed(digests, key)}"
 
 
 def same_plan(one: str, other: str) -> bool:
-    """Return whether two seals are of rows of which the same was planned."""
+    """Return whether two seals are of rows with the same planned columns."""
     return one.split(".")[1:2] == other.split(".")[1:2]
 
 
 def _digests(values: Sequence[Any], name: str) -> tuple[str, str, str]:
-    """Return of what was planned, measured and kept; they hold for one key, so that its name cannot be exchanged
-    alone."""
+    """Return the digests of what was planned, measured and kept; they depend on the key's name, so that it cannot be
+    exchanged alone."""
     person = name.encode()
     kept = hashlib.blake2b(digest_size=SIZE, person=person)
     for part in values[_LAST:-1]:
@@ -102,7 +102,7 @@ def _digests(values: Sequence[Any], name: str) -> tuple[str, str, str]:
 
 
 def _digest(first: int, values: Sequence[Any], person: bytes) -> str:
-    """Return of some columns, '' where one has raw bytes, which no run writes."""
+    """Return the digest of some columns, '' where one has raw bytes, which no run writes."""
     present = tuple([value is not None for value in values])
     try:
         text = _names(first, present) + _encode(list(compress(values, present)))
@@ -129,7 +129,7 @@ def audit(
 ) -> Audit:
     """Check every row of a file against its seal, and against what `written` remembers of this run by key.
 
-    unsealed : the file is older than seals; its rows are only held against themselves.
+    unsealed : the file is older than seals; only contradictions within its rows are found.
     """
     database.require_whole()
     broken: list[Broken] = []
@@ -161,7 +161,7 @@ def audit(
 
 def _note(path: str, unsealed: bool, key: Key | None, whose: str, count: int) -> str:
     if unsealed:
-        return f"{path}: was made by an older cpbench, and its rows have no seals: nobody can tell whether they changed"
+        return f"{path}: was made by an older cpbench, and its rows have no seals: changes cannot be found"
     if whose and (key is None or whose != key.name):
         return (
             f"{path}: its {count} rows are sealed by the key {whose} of another user or machine: of changes only "
@@ -171,15 +171,15 @@ def _note(path: str, unsealed: bool, key: Key | None, whose: str, count: int) ->
 
 
 def unfit(values: Sequence[Any], key: Key | None, written: Mapping[str, str] | None) -> str:
-    """Return why a seal does not fit its row, '' where it does."""
+    """Return why a seal does not match its row, '' where it does."""
     seal = values[-1]
     if seal is None:
         return "has no seal"
     if seal == BROKEN:
-        return "was changed by somebody else while it was run"
+        return "was changed by something else while it was run"
     name, *digests = str(seal).split(".")
     if len(digests) != len(PARTS) + 1 or len(name) != NAME or not name.isascii():
-        return "its seal is none"
+        return "its seal is not valid"
     signature = digests.pop()
     differ = [part for part, old, now in zip(PARTS, digests, _digests(values, name), strict=True) if old != now]
     if differ:
@@ -190,14 +190,14 @@ def unfit(values: Sequence[Any], key: Key | None, written: Mapping[str, str] | N
 
 
 def _lost(database: Database, written: Mapping[str, str], seen: set[str]) -> Iterator[Broken]:
-    """Yield rows that were there."""
+    """Yield rows that have disappeared."""
     orphans = {str(key) for (key,) in database.read("SELECT key FROM seals WHERE key NOT IN (SELECT key FROM rows)")}
     for key in sorted(orphans | (written.keys() - seen)):
         yield Broken(key, f"row {key}", "is missing")
 
 
 def contradiction(values: Sequence[Any]) -> str:
-    """Return what a row says against itself, '' where nothing."""
+    """Return how a row contradicts itself, '' where it does not."""
     status, error, tolerance = (values[_PLACE[name]] for name in ("status", "error", "tolerance"))
     if status == "not_run" and (error is not None or values[_PLACE["finished"]] is not None):
         return "is not_run and has results"

@@ -47,7 +47,7 @@ class Store:
     removed, so that they are planned and run again; all others are sealed anew by this user's key, or by `key`.
     `opened` says what was found. For reading, `audit` checks them.
 
-    Raises StoreError when the file is no results file, is of a newer version, is being written by another process or
+    Raises StoreError when the file is not a results file, is of a newer version, is being written by another process or
     cannot be written; SealError; from every method StoreError, when SQLite fails.
     """
 
@@ -59,7 +59,7 @@ class Store:
         self._written: dict[str, str] | None = None
         """What this process knows of the seals by key, None where it only reads."""
         self._database = Database(self.path, create=create)
-        try:
+        try:  # whatever fails from here on, the lock must not stay
             self._key = key or (seal_key.find_or_make() if create else seal_key.find())
             self.opened = self._take_over(expel) if create else Audit(str(self.path))
             self._kept = int(self._database.read("SELECT coalesce(sum(bytes), 0) FROM answers")[0][0])
@@ -78,8 +78,8 @@ class Store:
         self._database.close()
 
     def settle(self) -> None:
-        """Bring all that is written into the one file; raises StoreError when that fails, where `close` would leave
-        it in the log beside the file."""
+        """Move what is in SQLite's log into the file; raises StoreError when that fails, where `close` would leave the
+        log."""
         self._database.settle()
 
     # ------------------------------------------------------------------------------------------- seals
@@ -90,8 +90,8 @@ class Store:
         return seals.audit(self._database, str(self.path), self._key, self._written, unsealed=unsealed)
 
     def require_unchanged(self) -> None:
-        """Check who writes: raises SealError when somebody else wrote into the file that this process writes. The
-        rows concerned are marked, so that later commands find them whatever their seals say."""
+        """Raise SealError when something else wrote into the file that this process writes; the rows concerned are
+        marked, so that later commands find them."""
         found = self.audit()
         if not found.broken:
             return
@@ -102,7 +102,7 @@ class Store:
         found.require()
 
     def _take_over(self, expel: bool) -> Audit:
-        """Check what is there, and vouch for it from here on."""
+        """Check the existing rows, and seal them by this user's key."""
         found = self.audit()
         if not expel:
             found.require()
@@ -124,15 +124,15 @@ class Store:
     def _changed(self, db: sqlite3.Connection, keys: Iterable[str]) -> set[str]:
         """Return which of the rows are not as this process wrote them: what is written into them is never sealed
         again."""
-        assert self._written is not None, "only who writes a file seals"
+        assert self._written is not None, "only the process that writes a file seals"
         rows = ((key, db.execute(_ONE, (key,)).fetchone()) for key in keys)
         return {key for key, row in rows if row and seals.unfit(row, self._key, self._written)}
 
     def _seal(self, db: sqlite3.Connection, keys: Iterable[str], changed: Collection[str] = ()) -> None:
         """Seal rows as SQLite has stored them, but those that somebody else had changed before, or whose plan is
         another than this process knows; part of the transaction that wrote them."""
-        assert self._key is not None, "only who writes a file seals"
-        assert self._written is not None, "only who writes a file seals"
+        assert self._key is not None, "only the process that writes a file seals"
+        assert self._written is not None, "only the process that writes a file seals"
         made = {key: seals.sealed(db.execute(_ONE, (key,)).fetchone(), self._key) for key in keys}
         for key, seal in made.items():
             if key in changed or not seals.same_plan(self._written.get(key, seal), seal):
@@ -156,7 +156,7 @@ class Store:
             db.executemany("INSERT OR REPLACE INTO refused VALUES (?, ?)", [(_text(a), _text(r)) for a, r in refused])
 
     def note_machine(self, host: str, description: Mapping[str, Any]) -> None:
-        """Note what a machine that solves is; told once a run."""
+        """Store the description of a machine that solves."""
         with self._database.transaction() as db:
             db.execute("INSERT OR REPLACE INTO machines VALUES (?, ?)", (host, json.dumps(dict(description))))
 
@@ -167,18 +167,18 @@ class Store:
             db.executemany("INSERT OR REPLACE INTO problems VALUES (?, ?)", noted)
 
     def add_reference(self, pairs: int, seconds: float, loadavg: float | None = None) -> None:
-        """Add a solve of the reference just now, after so many pairs: what it took [s], NaN if it failed, and the
-        load of the machine."""
+        """Add a reference solve of this moment: pairs run before, its time [s] (NaN if it failed), and the load of the
+        machine."""
         at = time.strftime("%Y-%m-%dT%H:%M:%S")
         self.add_references([{"at": at, "pairs": pairs, "seconds": seconds, "loadavg": loadavg}])
 
     def add_references(self, solves: Iterable[Mapping[str, Any]]) -> None:
-        """Solves as `references` gives them."""
+        """Add reference solves as `references` returns them."""
         with self._database.transaction() as db:
             db.executemany("INSERT INTO reference VALUES (:at, :pairs, :seconds, :loadavg)", map(dict, solves))
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Whole rows, as `rows` gives them, in one transaction."""
+        """Add rows as `rows` yields them, in one transaction."""
         keys: list[str] = []
 
         def values(row: Row) -> tuple[Any, ...]:
@@ -201,7 +201,7 @@ class Store:
             if answer is not None and keep:
                 db.execute("INSERT INTO answers VALUES (?, ?, ?)", (row.key, len(answer), answer))
                 self._kept += len(answer)
-            assert self._written is not None, "only who writes a file seals"
+            assert self._written is not None, "only the process that writes a file seals"
             self._written.pop(row.key, None)  # its plan may be another one
             self._seal(db, [row.key])
 
@@ -211,7 +211,7 @@ class Store:
         histories: Iterable[tuple[str, bytes]],
         certificates: Iterable[tuple[str, str, bytes]],
     ) -> None:
-        """Answers, histories and certificates of rows that are there, as the methods of these names give them."""
+        """Add answers, histories and certificates of existing rows, as the methods of these names yield them."""
         keys: dict[str, None] = {}  # in their order: equal files have equal bytes
 
         def noted(items: Iterable[Any]) -> Iterator[Any]:
@@ -242,7 +242,7 @@ class Store:
     def _require_same_limits(self, rows: Sequence[Planned]) -> None:
         columns = ", ".join(LIMITS)
         known: dict[str, set[tuple[Any, ...]]] = {}
-        ours = "coalesce(origin, '') = ''"  # under which limits others solved is not known
+        ours = "coalesce(origin, '') = ''"  # the limits of imported answers are unknown
         for name, *limits in self._database.read(f'SELECT DISTINCT "set", {columns} FROM rows WHERE {ours}'):
             known.setdefault(name, set()).add(tuple(limits))
         resumed = bool(known)
@@ -333,7 +333,7 @@ class Store:
 
     def withdraw(self, keys: Iterable[str]) -> None:
         """Take rows out of the results, with all that is kept of them."""
-        assert self._written is not None, "only who writes a file seals"
+        assert self._written is not None, "only the process that writes a file seals"
         gone = [(key,) for key in keys]
         with self._database.transaction() as db:
             for table in (*_KEPT, "seals", "rows"):

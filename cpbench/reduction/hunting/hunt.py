@@ -88,7 +88,7 @@ class Search:
     finds: dict[tuple[str, str], Find] = field(default_factory=dict)
 
 
-Notice = Callable[[Search], None]
+EventHandler = Callable[[Search], None]
 
 
 def hunt(
@@ -101,7 +101,7 @@ def hunt(
     limits: plan.Limits | None = None,
     tolerance: float = 1e-6,
     node: str = "",
-    notice: Notice = lambda search: None,
+    on_event: EventHandler = lambda search: None,
 ) -> tuple[Search, list[Shown]]:
     """Search for problems on which `solver` lies, crashes or is slow and which `other` solves; reduce what is found.
 
@@ -129,7 +129,7 @@ def hunt(
                 record = {"number": search.tried, "origin": origin, **_tried(search, trials, problem, folder)}
                 log.write(json.dumps(record) + "\n")
             search.tried += 1
-            notice(search)
+            on_event(search)
     return search, list(_reduced(search, asked, folder, begun + seconds))
 
 

@@ -93,7 +93,7 @@ class ScipyMinimize(Solver):
                 found, point = self.minimize(prepared, np.array(first), limit, budget.tolerance, look)
         except _OutOfTime:
             return SolverOutput(claim=Claim.MAX_ITER, message="out of time")
-        except (ValueError, np.linalg.LinAlgError) as error:  # a value or a derivative is no number
+        except (ValueError, np.linalg.LinAlgError) as error:  # a value or a derivative is not a number
             return SolverOutput(claim=Claim.FAILED, message=f"{type(error).__name__}: {error}")
         done = int(found.get("nit", 0))  # none of a program whose unknowns are all fixed
         counters = {"iterations": done, "evaluations": int(found.get("nfev", 0))}

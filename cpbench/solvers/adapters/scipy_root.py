@@ -143,7 +143,7 @@ class ScipyRoot(Solver):
                 message = " ".join(str(reason).split())  # one of MINPACK's has two lines
         except _Enough:
             message = watched.message
-        except (ValueError, ZeroDivisionError, np.linalg.LinAlgError) as error:  # F or a step is no number
+        except (ValueError, ZeroDivisionError, np.linalg.LinAlgError) as error:  # F or a step is not a number
             message = f"{type(error).__name__}: {error}"
         done = watched.counters["iterations"] >= limit
         claim = Claim.MAX_ITER if done else Claim.FAILED

@@ -39,7 +39,7 @@ def tables(label: str, root: Path, plugin: str, python: str | None = None) -> Ta
     root = root.absolute()
     path = root / plugin
     if not path.is_file():
-        raise CpbenchError(f"{path}: is no file: say where the plugin of the solver is, in words of {root}")
+        raise CpbenchError(f"{path}: is not a file: say where the plugin of the solver is, in words of {root}")
     if path.suffix == registry.TABLES:
         if python is not None:
             raise CpbenchError(f"{path}: declares programs; --python is for solvers in Python")

@@ -167,6 +167,6 @@ def _claimed_output(solver: str, handed: HandedOver) -> SolverOutput:
             except (ValueError, RecursionError):
                 claimed = None
             if not isinstance(claimed, dict):
-                raise ProgramError(f"{solver}: wrote a {CLAIM} that is no JSON object: {text[:200]!r}")
+                raise ProgramError(f"{solver}: wrote a {CLAIM} that is not a JSON object: {text[:200]!r}")
             return output(solver, {"claim": "solved", **claimed}, handed)
     return SolverOutput(claim=Claim.SOLVED, point=handed)

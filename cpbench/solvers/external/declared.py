@@ -64,7 +64,7 @@ def declare(name: str, table: Any, origin: str, folder: str | Path = ".") -> Sol
     """
     place = f"{origin}: [solver.{_quoted(name)}]" if origin else f"[solver.{_quoted(name)}]"
     if not isinstance(table, dict):
-        raise CpbenchError(f"{place}: is no table")
+        raise CpbenchError(f"{place}: is not a table")
     plain = _placed(_checked(name, table, place), Path(folder).absolute())
     solvers.discover()  # what another process declared is known before it is declared again
     if name in _declared:
@@ -99,7 +99,7 @@ def declare_file(path: str | Path) -> None:
     try:
         found = tomllib.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as cause:
-        raise CpbenchError(f"{path}: is no TOML: {cause}") from None
+        raise CpbenchError(f"{path}: is not valid TOML: {cause}") from None
     except OSError as cause:
         raise CpbenchError(f"{path}: cannot be read ({cause.strerror or cause})") from None
     declare_all(found.get("solver"), path)
@@ -125,9 +125,9 @@ def _inherited() -> dict[str, Any]:
     try:
         tables = json.loads(text) if text else {}
     except (ValueError, RecursionError) as cause:
-        raise CpbenchError(f"{DECLARED}: is no JSON: {cause}") from None
+        raise CpbenchError(f"{DECLARED}: is not valid JSON: {cause}") from None
     if not isinstance(tables, dict):
-        raise CpbenchError(f"{DECLARED}: is no JSON object of tables")
+        raise CpbenchError(f"{DECLARED}: is not a JSON object of tables")
     return tables
 
 
@@ -143,7 +143,9 @@ def declare_text(text: str) -> str | None:
         found = tomllib.loads(f"table = {table}")
     except (ValueError, RecursionError) as cause:
         reason = str(cause).replace("(at line 1, column", "(column")
-        raise CpbenchError(f"solver '{text}': is no inline table of TOML, as {{serve=\"./mine\"}}: {reason}") from None
+        raise CpbenchError(
+            f"solver '{text}': is not an inline table of TOML, as {{serve=\"./mine\"}}: {reason}"
+        ) from None
     declare(name, found["table"], "")
     _texts[name] = text.strip()
     return name
@@ -246,7 +248,7 @@ def _options(name: str, defaults: Table) -> type:
 def _checked(name: str, table: Mapping[str, Any], place: str) -> dict[str, Any]:
     base, at, label = name.partition(AT)
     if not _NAME.fullmatch(base) or (at and not _NAME.fullmatch(label)):
-        raise CpbenchError(f"{place}: is no name of a solver: letters, digits, . + - _, and NAME@LABEL of a variant")
+        raise CpbenchError(f"{place}: is not a name of a solver: letters, digits, . + - _, and NAME@LABEL of a variant")
     if at and _ROUTE.fullmatch(label):
         raise CpbenchError(f"{place}: {label} is the name of a route, which labels of rows show as {name}: rename it")
     keys = VARIANT_KEYS if at else KEYS
@@ -343,9 +345,9 @@ def _defaults(value: Any) -> dict[str, Any]:
     for name, default in value.items():
         if not name.isidentifier() or name in PLACEHOLDERS:
             taken = ", ".join(PLACEHOLDERS)
-            raise CpbenchError(f"{name} is no name for an option: letters, digits and _, and none of {taken}")
+            raise CpbenchError(f"{name} is not a name for an option: letters, digits and _, and none of {taken}")
         if not isinstance(default, bool | int | float | str):
-            raise CpbenchError(f"the default of {name} is no number, text or truth value")
+            raise CpbenchError(f"the default of {name} is not a number, text or truth value")
     return value
 
 

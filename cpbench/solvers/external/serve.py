@@ -150,7 +150,7 @@ def _exchange(path: Path) -> Exchange:
     for exchange in exchanges:
         if exchange.suffix and path.name.endswith(exchange.suffix):
             return exchange
-    raise FormatError(path, "", "is no file or folder of any exchange")
+    raise FormatError(path, "", "is not a file or folder of any exchange")
 
 
 if __name__ == "__main__":

@@ -116,7 +116,7 @@ def _relay(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
 def _soclcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """Return SecondOrderConeLinearComplementarityProblem.h: n, nc, M, q, cone ends, tau; second-order cones alone."""
     if (data["cone_kind"] != SECOND_ORDER).any():
-        raise ValueError("has a factor that is no second-order cone")
+        raise ValueError("has a factor that is not a second-order cone")
     n, nc = len(data["q"]), len(data["cone_size"])
     ends = np.concatenate([[0], np.cumsum(data["cone_size"])])
     fields = {

@@ -24,11 +24,14 @@ NEAR, LIMIT, BROKEN, STALLED, LARGE = 0, 1, 2, 3, 4
 broke down, tᵀz does not fall, the iterate has grown to `bar`."""
 DONE, SINCE = 0, 1
 """Places of `counts`: iterations done, when tᵀz was least."""
-SIZE, BEST, BAR = 0, 1, 2
+SIZE, BEST, BAR, DELTA = 0, 1, 2, 3
 """Places of `sizes`: what tᵀz is compared with (the larger part of the objective), the least relative tᵀz, the size of
-an iterate that may be on its way along a ray."""
+an iterate that may be on its way along a ray, the regularization."""
 FIXED = 1e12
 """What stands on the diagonal for an unknown whose bounds are equal."""
+SOLVED, COARSER, COARSEST = 1e-3, 100.0, 1e-4
+"""A linear system of which a larger share is left is factored again with so many times the regularization, up to a
+largest one."""
 SHORT = 0.1
 """A shorter step is tried again, more centrally."""
 INSIDE = 0.1
@@ -80,10 +83,10 @@ def _gather(H, G, g, lower, upper, scale, iterate, sizes):
 
 
 @njit(
-    types.boolean(CSR, CSR, DATA, DATA, DATA, types.float64, SYSTEM, ITERATE, types.float64, OUT),
+    types.boolean(CSR, CSR, DATA, DATA, DATA, types.float64, SYSTEM, ITERATE, OUT),
     **_FAST,
 )
-def begin(H, G, g, lower, upper, scale, system, iterate, delta, sizes):
+def begin(H, G, g, lower, upper, scale, system, iterate, sizes):
     """Write the regularized least-squares point, its slacks and multipliers pushed inside; False where the system
     breaks down."""
     x, y, t, z, _, work = iterate
@@ -99,7 +102,7 @@ def begin(H, G, g, lower, upper, scale, system, iterate, delta, sizes):
         else:
             theta[i - n] = 0.0 if equal else 1.0
             b[i - n] = near
-    if not factor_system(H, G, system, w, theta, delta):
+    if not factor_system(H, G, system, w, theta, sizes[DELTA]):
         return False
     solve_system(H, G, system, w, theta, a, b, x, v)
     for i in range(n):
@@ -211,7 +214,8 @@ def _step(H, G, g, lower, upper, system, iterate, delta, share, enough, sizes):
             else:
                 b[i - n] = lower[i] - s[i] if equal else theta[i - n] * total
         if corrector or not count:
-            solve_system(H, G, system, w, theta, a, b, dx, v)
+            if not solve_system(H, G, system, w, theta, a, b, dx, v) < SOLVED:
+                return 1
         else:  # the predictor only says how far to aim and what the products of its steps are: it is not refined
             apply(system, a, b, dx, v)
         for i in range(n):
@@ -262,30 +266,32 @@ def _step(H, G, g, lower, upper, system, iterate, delta, share, enough, sizes):
             z[N + i] += alpha * dz[N + i]
         if i >= n and lower[i] == upper[i]:
             y[i] -= alpha * v[i - n]
-    return 0 if np.isfinite(largest(x)) else 1
+    return 0
 
 
 @njit(
     types.int64(
         *(CSR, CSR, DATA, DATA, DATA, types.float64, SYSTEM, ITERATE),
-        *(types.float64, types.float64, types.float64, types.float64, INT, OUT, types.int64),
+        *(types.float64, types.float64, types.float64, INT, OUT, types.int64),
     ),
     **_FAST,
 )
-def advance(H, G, g, lower, upper, scale, system, iterate, delta, share, near, enough, counts, sizes, until):
+def advance(H, G, g, lower, upper, scale, system, iterate, share, near, enough, counts, sizes, until):
     """Make one step, and more until there is a reason to come back.
 
     Parameters
     ----------
-    delta : regularization. share : of the step to the boundary. near : of tᵀz, relative to its size. enough : tᵀz
+    share : of the step to the boundary. near : of tᵀz, relative to its size. enough : tᵀz
         below which nothing is gained, relative as well. until : iterations.
     """
     x, y, t, z = iterate[:4]
     while True:
         if counts[DONE] >= until:
             return LIMIT
-        if _step(H, G, g, lower, upper, system, iterate, delta, share, enough * sizes[SIZE], sizes):
-            return BROKEN
+        while _step(H, G, g, lower, upper, system, iterate, sizes[DELTA], share, enough * sizes[SIZE], sizes):
+            if sizes[DELTA] >= COARSEST:
+                return BROKEN
+            sizes[DELTA] *= COARSER
         counts[DONE] += 1
         _gather(H, G, g, lower, upper, scale, iterate, sizes)
         gap = _products(t, z, lower, upper) / sizes[SIZE]

@@ -162,7 +162,7 @@ def factor(indptr, indices, data, diagonals, parent, starts, rows, L, D, S, tail
 def dense_factor(S, diagonals):
     """Overwrite the lower triangle of a quasi-definite S by L below its diagonal and D on it; False at a NaN.
 
-    diagonals : (N,) what stands for a pivot that rounding has turned, as in `factor`.
+    diagonals : (N,) those of the whole matrix.
     """
     N = S.shape[0]
     for begin in range(0, N, BLOCK):

@@ -165,9 +165,9 @@ def _left(H, G, w, theta, a, b, x, v, c, d):
     return top
 
 
-@njit(types.void(CSR, CSR, SYSTEM, OUT, OUT, OUT, OUT, OUT, OUT), **_FAST)
+@njit(types.float64(CSR, CSR, SYSTEM, OUT, OUT, OUT, OUT, OUT, OUT), **_FAST)
 def solve_system(H, G, system, w, theta, a, b, x, v):
-    """Set x, v ← the solution for a, b, refined while that helps."""
+    """Set x, v ← the solution for a, b, refined while that helps; return what is left, relative to these."""
     n, N = a.size, a.size + b.size
     work = system[16]
     c, d, dx, dv = work[N : N + n], work[N + n : 2 * N], work[2 * N : 2 * N + n], work[2 * N + n : 3 * N]
@@ -177,7 +177,7 @@ def solve_system(H, G, system, w, theta, a, b, x, v):
     error = _left(H, G, w, theta, a, b, x, v, c, d)
     for _ in range(REFINEMENTS):
         if not error > ACCURATE * size:
-            return
+            break
         apply(system, c, d, dx, dv)
         for i in range(n):
             dx[i] += x[i]
@@ -185,12 +185,13 @@ def solve_system(H, G, system, w, theta, a, b, x, v):
             dv[i] += v[i]
         now = _left(H, G, w, theta, a, b, dx, dv, e, f)
         if not now < error:
-            return
+            break
         put(x, dx)
         put(v, dv)
         put(c, e)
         put(d, f)
         error = now
+    return error / size if size > 0.0 else error
 
 
 READY = True

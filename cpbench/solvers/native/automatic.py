@@ -28,6 +28,7 @@ from cpbench.solvers.base import (
 )
 
 TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
+NATIVE = "cpbench.solvers.native."
 WORTH = 1.0
 """A scaled error is about 1 at zero: an answer beyond that is no start for the next solver."""
 
@@ -197,7 +198,9 @@ class _Run:
     def take(self, phase: SolverPhase, solver: Solver, output: SolverOutput) -> None:
         """Take what a solver came to."""
         self._count(output)
-        if output.claim is Claim.SOLVED and output.point is not None:
+        if not type(solver).__module__.startswith(NATIVE):  # what others claim is measured
+            self._keep(phase.solver, output)
+        elif output.claim is Claim.SOLVED and output.point is not None:
             self._messages.append(f"{phase.solver}: solved")
             self._end(output, recorded=Trait.HISTORY in solver.spec.traits)
         elif output.certificate is not None:

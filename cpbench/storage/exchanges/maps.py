@@ -49,11 +49,11 @@ class NpyMaps(NpyFolder):
                 raise FormatError(path, lacking[0], "is missing, expected a part of a map")
             inputs, constants, *whole = (arrays[f"{name}.{part}"] for part in _PARTS)
             if inputs.shape != (1,) or not all(np.issubdtype(a.dtype, np.integer) for a in (inputs, *whole)):
-                raise FormatError(path, name, "is no list of operations: its numbers are not whole")
+                raise FormatError(path, name, "is not a list of operations: its numbers are not whole")
             try:
                 found[name] = Map(int(inputs[0]), constants, whole[0], whole[1], whole[2], whole[3])
             except (ProblemError, ValueError, TypeError) as cause:
-                raise FormatError(path, name, f"is no map ({cause})") from None
+                raise FormatError(path, name, f"is not a map ({cause})") from None
         return found
 
 

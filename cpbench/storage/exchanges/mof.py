@@ -88,7 +88,7 @@ def _listed(path: Path, found: Mapping[str, Any], name: str, size: int) -> Vecto
     values = found.get(name, [] if not size else None)
     if not isinstance(values, list):
         held = ", ".join(list(found)[:5]) or "nothing"
-        raise FormatError(path, name, f"is no list, expected {size} numbers; the file holds {held}")
+        raise FormatError(path, name, f"is not a list, expected {size} numbers; the file holds {held}")
     values = cast("list[Any]", values)
     if len(values) != size:
         raise FormatError(path, name, f"has {len(values)} numbers, expected {size}")

@@ -4,18 +4,32 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 from cpbench.formulations.qp import QP
 from cpbench.solvers import warming
-from cpbench.solvers.base import Budget, SolverSpec, register
+from cpbench.solvers.base import Budget, SolverSpec, missing, register, solvers
 from cpbench.solvers.native.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
-from cpbench.solvers.native.qp.proximal_active_set import SMALL
+from cpbench.solvers.native.qp.proximal_active_set import SMALL, ProximalActiveSetOptions
+from cpbench.solvers.options import searched
 
 LARGE = 300
 """Unknowns beyond which conjugate gradients on faces are ahead of factorizations where there are no rows."""
 STEPS = 5
 """Of conjugate gradients on faces, times √n, a product with Q each: on a grid in the plane one face takes about √n."""
+
+
+OTHERS = ("clarabel", "piqp", "highs", "proxqp", "osqp")
+"""Solvers of other packages, those first that solve the most of the Maros-Meszaros problems."""
+
+
+@dataclass(frozen=True)
+class AutoQPOptions:
+    """Options of auto-qp. `members` : native, or installed: after our interior point solvers of other packages are
+    asked, as far as these are installed; what they say counts only where we measure it."""
+
+    members: str = searched("native", choices=("native", "installed"))
 
 
 @register
@@ -25,7 +39,9 @@ class AutoQP(AutomaticChoice):
     Conjugate gradients on faces first where there are many unknowns and bounds alone.
     """
 
-    spec: ClassVar[SolverSpec] = automatic_spec("qp", "auto-qp", "active set or interior point, by size")
+    spec: ClassVar[SolverSpec] = replace(
+        automatic_spec("qp", "auto-qp", "active set or interior point, by size"), options=AutoQPOptions
+    )
     members: ClassVar[tuple[str, ...]] = (
         "dual-active-set",
         "proximal-active-set",
@@ -35,13 +51,19 @@ class AutoQP(AutomaticChoice):
     )
     kernels: ClassVar[tuple[str, ...]] = ("qp_small", "qp_interior", "qp_sparse", "minimum_degree", "mprgp")
 
-    def setup(self, problem: QP, budget: Budget, options: Any) -> Plan:
-        if not 0 < problem.p.size <= SMALL:
-            return super().setup(problem, budget, options)
-        # one compiled call, which finds out by itself whether Q is convex
-        phases = tuple(self.phases(problem))
-        solver = warming.ready(phases[0].solver, quickly=True)
-        return Plan(problem, phases, problem, solver.spec.options(), solver)
+    def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Plan:
+        if 0 < problem.p.size <= SMALL:
+            # one compiled call, which finds out by itself whether Q is convex
+            phases = tuple(self.phases(problem))
+            solver = warming.ready(phases[0].solver, quickly=True)
+            plan = Plan(problem, phases, problem, ProximalActiveSetOptions(), solver)
+        else:
+            plan = super().setup(problem, budget, options)
+        if options.members == "native":
+            return plan
+        others = tuple(SolverPhase(name) for name in OTHERS if not missing(solvers.get(name).spec))
+        before = 1 + [phase.solver for phase in plan.phases].index("interior-point-qp")
+        return plan._replace(phases=(*plan.phases[:before], *others, *plan.phases[before:]))
 
     def phases(self, problem: QP) -> Sequence[SolverPhase]:
         n, rows = problem.p.size, problem.b.size + problem.d.size

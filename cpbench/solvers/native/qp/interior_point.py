@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -14,8 +15,9 @@ from cpbench.kernel_cache import load
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress, next_stop
-from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, infeasible, unbounded
+from cpbench.solvers.native.qp.claims import ErrorMeasure, Parts, convex_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.kkt_system import KKT, Entries
+from cpbench.solvers.native.qp.presolve import SparseQP, presolved, sparse_data
 from cpbench.solvers.native.qp.scaling import Scales, sparse_scaled
 from cpbench.solvers.options import fixed, searched
 
@@ -58,7 +60,10 @@ class Path:
         self._sides = sides
         iterate = self.x, self.y, sides[0], sides[1], np.zeros(n), work
         self._data = H, G, scales.g, scales.lower, scales.upper, scales.c, system, iterate
-        self._counts, self._sizes = np.zeros(2, dtype=np.int64), np.array([0.0, math.inf, LARGE])
+        self._counts, self._sizes = (
+            np.zeros(2, dtype=np.int64),
+            np.array([0.0, math.inf, LARGE, options.regularization]),
+        )
         self.stops: Any = self._kernel
 
     @property
@@ -68,12 +73,12 @@ class Path:
 
     def begin(self) -> bool:
         """Go to the first iterate; return False where the linear system breaks down."""
-        return self._kernel.begin(*self._data, self._options.regularization, self._sizes)
+        return self._kernel.begin(*self._data, self._sizes)
 
     def advance(self, tolerance: float, until: int, *, polish: bool = False) -> int:
         """Make one iteration, and more until there is a reason to come back, which is returned."""
         enough = ENOUGH * tolerance * (tolerance**0.5 if polish else 1.0)
-        how = self._options.regularization, self._options.to_boundary, NEAR * tolerance, enough
+        how = self._options.to_boundary, NEAR * tolerance, enough
         return self._kernel.advance(*self._data, *how, self._counts, self._sizes, until)
 
     def undecided(self) -> float:
@@ -118,42 +123,82 @@ class InteriorPoint(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        scales, H, G = sparse_scaled(prepared)
-        measure, path = ErrorMeasure(prepared, record), Path(scales, H, G, options)
-        deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
-        limit, stops, polished = budget.iterations or options.max_iterations, path.stops, 0
+        measure, data = ErrorMeasure(prepared, record), sparse_data(prepared)
+        run = _Run(prepared, data, budget, options, measure, record)
+        reduced = presolved(data)
+        if reduced is not None:
+            output = run.along(*reduced)
+            # what does not end well is asked of the whole, where rays prove something
+            if output.claim is Claim.SOLVED or run.over:
+                return output
+        return run.along(data, lambda parts: parts)
+
+
+class _Run:
+    """State of a solve: of what presolve has left first, then of the whole."""
+
+    def __init__(
+        self,
+        problem: QP,
+        whole: SparseQP,
+        budget: Budget,
+        options: QPInteriorPointOptions,
+        measure: ErrorMeasure,
+        record: Record | None,
+    ) -> None:
+        self._problem, self._whole, self._budget, self._options = problem, whole, budget, options
+        self._measure, self._record = measure, record
+        self._deadline = time.monotonic() + budget.seconds
+        self._limit, self._done, self._factorizations = budget.iterations or options.max_iterations, 0, 0
+
+    @property
+    def over(self) -> bool:
+        """Whether iterations or time are spent."""
+        return self._done >= self._limit or time.monotonic() > self._deadline
+
+    def along(self, data: SparseQP, lift: Callable[[Parts], Parts]) -> SolverOutput:
+        """Follow the path of a problem, this one or what presolve has left of it."""
+        scales, H, G = sparse_scaled(data)
+        path, progress, measure = Path(scales, H, G, self._options), Progress(STALL), self._measure
+        stops, polished, tolerance, earlier = path.stops, 0, self._budget.tolerance, self._done
         before = path.x.copy(), path.y.copy()
         outcome = stops.LIMIT if path.begin() else stops.BROKEN
         while True:
-            counters = {"iterations": path.done, "factorizations": path.done + 1}
-            last = path.done >= limit or time.monotonic() > deadline
-            answer = scales.parts(path.x, path.y)
+            self._done = earlier + path.done
+            counters = {"iterations": self._done, "factorizations": self._factorizations + path.done + 1}
+            last = self.over
             near = last or outcome in (stops.NEAR, stops.STALLED, stops.BROKEN)
-            error = measure.see(path.done, answer, passing=not near) if near or record is not None else math.inf
-            if near and measure.least <= budget.tolerance:
+            error = math.inf
+            if near or self._record is not None:
+                error = measure.see(self._done, lift(scales.parts(path.x, path.y)), passing=not near)
+            if near and measure.least <= tolerance:
                 enough = last or outcome != stops.NEAR or polished == POLISH or error > measure.least
-                if enough or path.undecided() <= budget.tolerance:
-                    return measure.conclude(budget, counters)
+                if enough or path.undecided() <= tolerance:
+                    return measure.conclude(self._budget, counters)
                 polished += 1
+            ended: tuple[Claim, str] | None = None
             if outcome == stops.BROKEN:
-                message = f"the linear system broke down at error {measure.least:.1e} after {path.done} iterations"
-                return measure.conclude(budget, counters, Claim.FAILED, message)
-            if last:
-                message = f"error {measure.least:.1e} after {path.done} iterations"
-                return measure.conclude(budget, counters, Claim.MAX_ITER, message)
-            trouble = progress.trouble(path.done, error) if outcome == stops.NEAR else None
-            if outcome == stops.STALLED:
-                trouble = f"stalled at {measure.least:.1e} after {path.done} iterations"
-            if trouble is not None or outcome == stops.LARGE:
-                proved = _proved(prepared, scales, path, before, counters)
+                message = f"the linear system broke down at error {measure.least:.1e} after {self._done} iterations"
+                ended = Claim.FAILED, message
+            elif last:
+                ended = Claim.MAX_ITER, f"error {measure.least:.1e} after {self._done} iterations"
+            elif outcome == stops.STALLED:
+                ended = Claim.FAILED, f"stalled at {measure.least:.1e} after {self._done} iterations"
+            elif outcome == stops.NEAR and (trouble := progress.trouble(path.done, error)) is not None:
+                ended = Claim.FAILED, trouble
+            if data is self._whole and (outcome in (stops.STALLED, stops.LARGE) or ended is not None):
+                proved = _proved(self._problem, scales, path, before, counters)
                 if proved is not None:
                     return proved
                 path.grown()
-            if trouble is not None:
-                return measure.conclude(budget, counters, Claim.FAILED, trouble)
+            if ended is not None:
+                self._factorizations += path.done + 1
+                return measure.conclude(self._budget, counters, *ended)
             before = path.x.copy(), path.y.copy()
-            until = limit if math.isinf(budget.seconds) else min(limit, path.done + CHUNK)
-            outcome = path.advance(budget.tolerance, next_stop(path.done, until, record), polish=polished > 0)
+            until = self._limit - earlier
+            if not math.isinf(self._budget.seconds):
+                until = min(until, path.done + CHUNK)
+            outcome = path.advance(tolerance, next_stop(path.done, until, self._record), polish=polished > 0)
 
 
 def _proved(

@@ -16,7 +16,8 @@ from cpbench.formulations.qp import QP, QPPoint
 from cpbench.kernel_cache import load
 from cpbench.matrices import Dense, Matrix, Vector, max_abs
 from cpbench.solvers.native.qp.claims import KERNEL
-from cpbench.solvers.native.qp.kkt_system import Entries, entries
+from cpbench.solvers.native.qp.kkt_system import Entries
+from cpbench.solvers.native.qp.presolve import SparseQP, sparse_data
 
 PASSES = 4
 """Of equilibration; every one takes the root of what is left."""
@@ -26,7 +27,7 @@ PASSES = 4
 class Scales:
     """problem : what was asked. g (n,), lower, upper (n + r,). D (n,), E (r,), c : the scales."""
 
-    problem: QP
+    problem: QP | SparseQP
     g: Vector
     lower: Vector
     upper: Vector
@@ -63,7 +64,7 @@ def stacked(problem: QP) -> tuple[Vector, Vector, Dense]:
     return *limits(problem), G
 
 
-def limits(problem: QP) -> tuple[Vector, Vector]:
+def limits(problem: QP | SparseQP) -> tuple[Vector, Vector]:
     """Return bounds of z and then of the rows [A; C]."""
     lower = np.concatenate([problem.lb, problem.b, problem.d])
     return lower, np.concatenate([problem.ub, np.full(problem.b.size, np.inf), problem.d])
@@ -73,7 +74,7 @@ def scaled(problem: QP, *, keep_sparse: bool = False) -> ScaledQP:
     """Return the scaled problem, dense unless `keep_sparse` and some of its matrices are sparse."""
     n, r = problem.p.size, problem.b.size + problem.d.size
     if keep_sparse and any(matrices.is_sparse(M) for M in (problem.Q, problem.A, problem.C)):
-        scales, H, G = sparse_scaled(problem)
+        scales, H, G = sparse_scaled(sparse_data(problem))
         return ScaledQP(
             **vars(scales),
             H=sp.csr_array((H[2], H[1], H[0]), shape=(n, n)),
@@ -86,19 +87,19 @@ def scaled(problem: QP, *, keep_sparse: bool = False) -> ScaledQP:
     return ScaledQP(**vars(scales), H=scales.c * H, G=G)
 
 
-def sparse_scaled(problem: QP) -> tuple[Scales, Entries, Entries]:
+def sparse_scaled(data: SparseQP) -> tuple[Scales, Entries, Entries]:
     """Return the scales, and H and G as the kernels take sparse matrices."""
-    kernel = load("cpbench.solvers.kernels.qp_sparse")
-    indptr, indices, data = entries(problem.Q)
-    H, G = (indptr.copy(), indices.copy(), data.copy()), kernel.stacked(entries(problem.A), entries(problem.C))
-    D, E = np.ones(problem.p.size), np.ones(problem.b.size + problem.d.size)
-    kernel.equilibrate(H, G, D, E, PASSES)
-    scales = _scales(problem, D, E, max_abs(H[2]))
+    (indptr, indices, numbers), (G_indptr, G_indices, G_numbers) = data.Q, data.G
+    H: Entries = indptr.copy(), indices.copy(), numbers.copy()
+    G: Entries = G_indptr.copy(), G_indices.copy(), G_numbers.copy()
+    D, E = np.ones(data.p.size), np.ones(data.b.size + data.d.size)
+    load("cpbench.solvers.kernels.qp_sparse").equilibrate(H, G, D, E, PASSES)
+    scales = _scales(data, D, E, max_abs(H[2]))
     H[2][:] *= scales.c
     return scales, H, G
 
 
-def _scales(problem: QP, D: Vector, E: Vector, top: float) -> Scales:
+def _scales(problem: QP | SparseQP, D: Vector, E: Vector, top: float) -> Scales:
     """top : of the scaled Q."""
     g, by, (lower, upper) = D * problem.p, np.concatenate([1.0 / D, E]), limits(problem)
     c = float(2.0 ** -np.round(np.log2(max(top, max_abs(g)) or 1.0)))
