@@ -15,8 +15,6 @@ import struct
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
-import numpy as np
-
 FLOATS = frozenset({"<f8"})
 NUMBERS = FLOATS | {"<f4", "|u1", "<u2", "<u4", "<i4", "<i8"}
 """Types of arrays that a reader may allow."""
@@ -41,6 +39,8 @@ def pack(header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None, ali
     >>> header["claim"], arrays["z"].tolist()
     ('solved', [1.0, 2.0])
     """
+    import numpy as np  # here, for processes begin before it is imported (`bench.processes.launch`)
+
     raw: list[tuple[str, bytes, str | None]] = [
         (name, a, None) if isinstance(a, bytes) else (name, np.ascontiguousarray(a, np.float64).tobytes(), "<f8")
         for name, a in (arrays or {}).items()
@@ -54,6 +54,8 @@ def parts(header: Mapping[str, Any], arrays: Mapping[str, Any], aligned: int = 1
 
     finite : whether the header is for a reader that knows no NaN; raises ValueError where it has one.
     """
+    import numpy as np
+
     raw: list[tuple[str, Any, int, str | None]] = []
     for name, a in arrays.items():
         if isinstance(a, bytes):
@@ -87,6 +89,8 @@ def unpack(
     Raises FrameError where `data` is malformed, its header longer than `header_bytes`, or an array not of one of the
     `types`.
     """
+    import numpy as np
+
     whole = memoryview(data)
     try:
         (length,) = _LENGTH.unpack_from(whole)
