@@ -14,7 +14,7 @@ from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Problem
 
 if TYPE_CHECKING:
-    from cpbench.diagnosis.attempts import Trial
+    from cpbench.diagnosis.attempts import SolverTrial
     from cpbench.diagnosis.diagnose import Diagnosis
 
 SECONDS = 10.0
@@ -49,14 +49,16 @@ def diagnose(
     >>> found.cause.kind, found.cause.numbers["period"], found.remedy.remedy.text
     ('cycling', 2, 'auto-lcp (automatic choice)')
     """
-    from cpbench.diagnosis.attempts import Trial
+    from cpbench.diagnosis.attempts import SolverTrial
     from cpbench.diagnosis.diagnose import diagnose as diagnosed
 
-    trial = Trial(problem=problem, solver=solver, tolerance=tolerance, seconds=seconds, via=tuple(via), start=start)
+    trial = SolverTrial(
+        problem=problem, solver=solver, tolerance=tolerance, seconds=seconds, via=tuple(via), start=start
+    )
     return diagnosed(trial)
 
 
-def diagnose_apart(trial: Trial, limits: Limits) -> Diagnosis:
+def diagnose_apart(trial: SolverTrial, limits: Limits) -> Diagnosis:
     """Do the same with every solve in another process, which is stopped at the limits."""
     from cpbench.diagnosis.apart import Apart
     from cpbench.diagnosis.attempts import attempt
@@ -66,14 +68,18 @@ def diagnose_apart(trial: Trial, limits: Limits) -> Diagnosis:
         return diagnosed(trial, partial(attempt, run=run))
 
 
-def trial_of(problem: Problem, solver: str, *, tolerance: float, seconds: float, via: Sequence[str] = ()) -> Trial:
+def trial_of(
+    problem: Problem, solver: str, *, tolerance: float, seconds: float, via: Sequence[str] = ()
+) -> SolverTrial:
     """Return what to explain, from what was asked."""
-    from cpbench.diagnosis.attempts import Trial
+    from cpbench.diagnosis.attempts import SolverTrial
 
-    return Trial(problem=problem, solver=solver, tolerance=tolerance, seconds=seconds, via=tuple(via))
+    return SolverTrial(problem=problem, solver=solver, tolerance=tolerance, seconds=seconds, via=tuple(via))
 
 
-def trial_of_row(results: Path, problem: str, label: str, *, tolerance: float | None, seconds: float | None) -> Trial:
+def trial_of_row(
+    results: Path, problem: str, label: str, *, tolerance: float | None, seconds: float | None
+) -> SolverTrial:
     """Return what a row of a results file ran: its problem, solver, options, route, tolerance and limit.
 
     `problem` is its name or address, `label` that of the solver. `tolerance`, `seconds` : others than the row's.

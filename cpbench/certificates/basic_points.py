@@ -35,7 +35,7 @@ class Support:
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt:
+class ExactPoint:
     """A support with its exact solution, or what stops the proof."""
 
     support: Support | None
@@ -45,7 +45,7 @@ class Attempt:
 
 def exact_point(
     P: Mixed, K: ExactRows, states: States, near: Vector, moved: Mapping[int, Any] | None = None
-) -> Attempt:
+) -> ExactPoint:
     """Return the exact point with these states; what is redundant among the basic unknowns is held near `near`.
 
     `moved` has rationals for unknowns that are at no bound though their state says so: no support of a solution then.
@@ -59,7 +59,7 @@ def exact_point(
     columns: list[Index] = []
     for own_rows, own_columns in blocks(P.K, basic):
         if own_rows.size > LARGEST:
-            return Attempt(None, [], f"{own_rows.size} unknowns hang together, {LARGEST} is the most that is solved")
+            return ExactPoint(None, [], f"{own_rows.size} unknowns hang together, {LARGEST} is the most that is solved")
         part = solve(K, own_rows, own_columns, sides(P, K, own_rows, x))
         if part is None:
             all_columns = own_columns
@@ -69,14 +69,14 @@ def exact_point(
                 x[j] = rational(held[j])
             part = solve(K, own_rows, own_columns, sides(P, K, own_rows, x))
             if part is None:
-                return Attempt(None, [], "the system of the active set is singular")
+                return ExactPoint(None, [], "the system of the active set is singular")
         for j, value in zip(own_columns.tolist(), part, strict=True):
             x[j] = value
         rows.append(own_rows)
         columns.append(own_columns)
     none = np.zeros(0, dtype=np.int64)
     ends = np.cumsum([part.size for part in rows], dtype=np.int64)
-    return Attempt(Support(held, np.concatenate([none, *rows]), np.concatenate([none, *columns]), ends), x)
+    return ExactPoint(Support(held, np.concatenate([none, *rows]), np.concatenate([none, *columns]), ends), x)
 
 
 def sides(P: Mixed, K: ExactRows, rows: Index, x: Sequence[Any]) -> list[Any]:

@@ -3,37 +3,19 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 
 from cpbench.certificates.contact_balls import NAMES, OPEN, SLIDE, STICK, ContactSystem, Scene, States, states_of
 from cpbench.certificates.exact_rows import Index
-from cpbench.certificates.krawczyk import PARTS, digits, enclose
+from cpbench.certificates.krawczyk import PARTS, Enclosed, digits, enclose, no_box
 from cpbench.certificates.redundant import implied, reduced
-from cpbench.matrices import Dense, Vector
+from cpbench.matrices import Vector
 
 ROUNDS = 12
 LARGEST = 3000
 """Unknowns of the largest system that is enclosed: its inverse is dense."""
-
-
-@dataclass(frozen=True, eq=False)
-class Enclosed:
-    """States with a box that holds a solution, or what stops the proof.
-
-    Attributes
-    ----------
-    states : (nc,). dropped : equations that others imply exactly. centre : (N, PARTS) doubles whose sums are the
-    centre. radius : (N,), 0 where an unknown is held. reason : '' where there is a box.
-    """
-
-    states: States
-    dropped: Index
-    centre: Dense
-    radius: Vector
-    reason: str = ""
 
 
 def enclose_contacts(scene: Scene, x: Vector, seconds: float) -> Enclosed:
@@ -41,7 +23,7 @@ def enclose_contacts(scene: Scene, x: Vector, seconds: float) -> Enclosed:
     deadline = time.perf_counter() + seconds
     states = states_of(scene, x)
     if x.size > LARGEST:
-        return _none(states, f"{x.size} unknowns hang together, {LARGEST} is the most that is enclosed")
+        return no_box(states, f"{x.size} unknowns hang together, {LARGEST} is the most that is enclosed")
     units, reason, tried = scene.sizes(x), "", set[bytes]()
     for _ in range(ROUNDS):
         if states.tobytes() in tried or time.perf_counter() > deadline:
@@ -53,7 +35,7 @@ def enclose_contacts(scene: Scene, x: Vector, seconds: float) -> Enclosed:
         part = reduced(system, dropped, _start(scene, states, x), units, open_rows)
         box = enclose(part, part.held[part.columns], units[part.columns])
         if box.reason:
-            return _none(states, reason or _hyperstatic(scene, states, box.reason))
+            return no_box(states, reason or _hyperstatic(scene, states, box.reason))
         with digits():
             wrong = system.broken(part.full(box.x))
         if not wrong:
@@ -66,16 +48,12 @@ def enclose_contacts(scene: Scene, x: Vector, seconds: float) -> Enclosed:
         word = "grazes: it cannot be told whether it is" if better is None else "is not"
         reason = reason or f"contact {c} {word} {NAMES[states[c]]}{more}"
         if all(state is None for _, state in wrong):
-            return _none(states, reason)
+            return no_box(states, reason)
         states = states.copy()
         for at, state in wrong:
             if state is not None:
                 states[at] = state
-    return _none(states, reason or "the time is over")
-
-
-def _none(states: States, reason: str) -> Enclosed:
-    return Enclosed(states, np.zeros(0, dtype=np.int64), np.zeros((0, PARTS)), np.zeros(0), reason)
+    return no_box(states, reason or "the time is over")
 
 
 def _implied(scene: Scene, states: States) -> Index:

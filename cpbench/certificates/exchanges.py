@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.certificates.active_sets import BASIC, LOWER, UPPER, States
-from cpbench.certificates.basic_points import Attempt, exact_point, row_value, violations
+from cpbench.certificates.basic_points import ExactPoint, exact_point, row_value, violations
 from cpbench.certificates.exact_rows import ExactRows, rational
 from cpbench.certificates.mixed import Mixed
 from cpbench.matrices import Vector
@@ -24,11 +24,11 @@ STEPS = 200
 """Rows that enter, and unknowns that leave for one of them."""
 
 
-def exchanged(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: float) -> Attempt:
+def exchanged(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: float) -> ExactPoint:
     """Walk from an active set to one whose exact point meets all conditions; without a support where that fails."""
     tried = set[bytes]()
     if time.perf_counter() > deadline:
-        return Attempt(None, [])
+        return ExactPoint(None, [])
     current = _regular(P, K, states, near, deadline)
     while current is not None and current.tobytes() not in tried and len(tried) < STEPS:
         tried.add(current.tobytes())
@@ -45,7 +45,7 @@ def exchanged(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: fl
             for i, state in wrong[:1]:
                 moved[i] = state
         current = _regular(P, K, moved, near, deadline)
-    return Attempt(None, [])
+    return ExactPoint(None, [])
 
 
 def _regular(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: float) -> States | None:

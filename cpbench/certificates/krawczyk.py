@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from flint import arb, arb_mat, ctx
 
+from cpbench.certificates.exact_rows import Index
 from cpbench.matrices import Dense, Vector
 
 PRECISION = 256
@@ -36,7 +37,7 @@ _LEAST = 1e-290
 """Outweighs what underflow takes from sums of products."""
 
 
-class System(Protocol):
+class SmoothSystem(Protocol):
     """F: ℝⁿ → ℝⁿ, smooth on the boxes that are asked for."""
 
     def residual(self, x: Sequence[Any]) -> list[Any]:
@@ -53,7 +54,7 @@ class System(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
+class ZeroBox:
     """A box with exactly one zero, or what stops the proof.
 
     Attributes
@@ -99,7 +100,29 @@ def digits(bits: int = PRECISION) -> Any:
         ctx.prec = before
 
 
-def enclose(system: System, start: Vector, units: Vector) -> Box:
+@dataclass(frozen=True, eq=False)
+class Enclosed:
+    """States of the unknowns with a box that holds a solution, or what stops the proof.
+
+    Attributes
+    ----------
+    states : one of each contact, or of each unknown. dropped : equations that others imply exactly. centre : (n, PARTS)
+    doubles whose sums are the centre. radius : (n,), 0 where an unknown is held. reason : '' where there is a box.
+    """
+
+    states: Any
+    dropped: Index
+    centre: Dense
+    radius: Vector
+    reason: str = ""
+
+
+def no_box(states: Any, reason: str) -> Enclosed:
+    """Return what is known where no box was found."""
+    return Enclosed(states, np.zeros(0, dtype=np.int64), np.zeros((0, PARTS)), np.zeros(0), reason)
+
+
+def enclose(system: SmoothSystem, start: Vector, units: Vector) -> ZeroBox:
     """Find a box around a zero near `start`; `units` are the sizes of the unknowns, all positive.
 
     Where an inverse in doubles has too few digits, small systems are tried with one of balls.
@@ -111,7 +134,7 @@ def enclose(system: System, start: Vector, units: Vector) -> Box:
     return box
 
 
-def _by_balls(system: System, start: Vector, units: Vector) -> Box:
+def _by_balls(system: SmoothSystem, start: Vector, units: Vector) -> ZeroBox:
     """Return the same with everything in balls."""
     with digits():
         n, scale = start.size, list(map(arb, units.tolist()))
@@ -135,7 +158,7 @@ def _by_balls(system: System, start: Vector, units: Vector) -> Box:
         sizes = [up(shift[i, 0] / scale[i]) for i in range(n)]
         if not np.isfinite(sizes).all():
             return _none("the system is not defined near the answer")
-        box = Box(parts, (2.0 * max(sizes) + FINEST) * units)
+        box = ZeroBox(parts, (2.0 * max(sizes) + FINEST) * units)
         x = box.x
         E = arb_mat([[arb(int(i == j)) for j in range(n)] for i in range(n)]) - C * arb_mat(system.ball_jacobian(x))
         moved = E * arb_mat([[a - b] for a, b in zip(x, centre, strict=True)]) - shift
@@ -148,7 +171,7 @@ def _middle(matrix: Any) -> Any:
     return arb_mat([[v.mid() for v in row] for row in matrix.tolist()])
 
 
-def _by_doubles(system: System, start: Vector, units: Vector) -> Box:
+def _by_doubles(system: SmoothSystem, start: Vector, units: Vector) -> ZeroBox:
     with digits():
         centre = [arb(v) for v in start.tolist()]
         C, step = None, np.full(start.size, np.inf)
@@ -173,11 +196,11 @@ def _by_doubles(system: System, start: Vector, units: Vector) -> Box:
         return _tested(system, centre, C, units)
 
 
-def _none(reason: str) -> Box:
-    return Box(np.zeros((0, PARTS)), np.zeros(0), reason)
+def _none(reason: str) -> ZeroBox:
+    return ZeroBox(np.zeros((0, PARTS)), np.zeros(0), reason)
 
 
-def _tested(system: System, near: Sequence[Any], C: Dense, units: Vector) -> Box:
+def _tested(system: SmoothSystem, near: Sequence[Any], C: Dense, units: Vector) -> ZeroBox:
     """Apply Krawczyk's test, in units of the unknowns; the centre is rounded to sums of doubles first."""
     parts = sums_of_doubles(near)
     centre = balls(parts, np.zeros(len(near)))
@@ -185,7 +208,7 @@ def _tested(system: System, near: Sequence[Any], C: Dense, units: Vector) -> Box
     if not np.isfinite(shift).all():
         return _none("the system is not defined near the answer")
     radius = 2.0 * shift + SMALL
-    box = Box(parts, radius * units * _OUT)
+    box = ZeroBox(parts, radius * units * _OUT)
     J, spread = system.jacobian(box.x)
     if not (np.isfinite(J).all() and np.isfinite(spread).all()):
         return _none("the system is not smooth near the answer")

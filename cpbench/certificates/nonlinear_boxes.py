@@ -13,7 +13,7 @@ from cpbench.certificates.active_sets import BASIC, LOWER, UPPER, States
 from cpbench.certificates.affine_parts import dependent_rows
 from cpbench.certificates.exact_points import rounded
 from cpbench.certificates.exact_rows import Index, rational
-from cpbench.certificates.krawczyk import PARTS, balls, digits, enclose
+from cpbench.certificates.krawczyk import PARTS, Enclosed, balls, digits, enclose, no_box
 from cpbench.certificates.map_balls import exact_values, jacobian, slopes, values
 from cpbench.certificates.redundant import reduced
 from cpbench.expressions import Map
@@ -80,24 +80,6 @@ class BasicSystem:
         return [[rows[i].get(j, arb(0)) for j in columns] for i in self.basic.tolist()]
 
 
-@dataclass(frozen=True, eq=False)
-class Enclosed:
-    """States with a box that holds a solution, or what stops the proof.
-
-    Attributes
-    ----------
-    states : (n,) −1, 0, 1. dropped : basic equations, by their places among these, that others imply exactly.
-    centre : (n, PARTS) doubles whose sums are the centre. radius : (n,), 0 where an unknown is held. reason : '' where
-    there is a box.
-    """
-
-    states: States
-    dropped: Index
-    centre: Dense
-    radius: Vector
-    reason: str = ""
-
-
 def enclose_nonlinear(P: Bounded, z: Vector) -> Enclosed:
     """Find a box that holds a solution near z."""
     states, reason, tried = _states(P, z), "", set[bytes]()
@@ -107,19 +89,14 @@ def enclose_nonlinear(P: Bounded, z: Vector) -> Enclosed:
         if not found.reason:
             return found
         reason, states = reason or found.reason, better
-    return _none(states, reason)
-
-
-def _none(states: States, reason: str) -> Enclosed:
-    nothing = np.zeros(0, dtype=np.int64)
-    return Enclosed(states, nothing, np.zeros((0, PARTS)), np.zeros(0), reason)
+    return no_box(states, reason)
 
 
 def _enclosed(P: Bounded, z: Vector, states: States) -> tuple[Enclosed, States]:
     """Return the box of an active set, or what stops it; and the active set that may be better."""
     basic = np.flatnonzero(states == BASIC).astype(np.int64)
     if basic.size > LARGEST:
-        return _none(states, f"{basic.size} unknowns hang together, {LARGEST} is the most that is enclosed"), states
+        return no_box(states, f"{basic.size} unknowns hang together, {LARGEST} is the most that is enclosed"), states
     held = np.where(states == LOWER, P.lo, np.where(states == UPPER, P.hi, z))
     system = BasicSystem(P, basic, held)
     # an unknown of size 0 has that of all: its equation says nothing of its unit
@@ -129,12 +106,12 @@ def _enclosed(P: Bounded, z: Vector, states: States) -> tuple[Enclosed, States]:
         at_bounds = {int(i): float(held[i]) for i in np.flatnonzero(states != BASIC)}
         dropped = dependent_rows(P.F, basic.tolist(), at_bounds)
         if not dropped.size:
-            return _none(states, box.reason), states
+            return no_box(states, box.reason), states
         with digits():
             part = reduced(system, dropped, held[basic], units, np.zeros(0, dtype=np.int64))
         box = enclose(part, part.held[part.columns], units[part.columns])
         if box.reason:
-            return _none(states, box.reason), states
+            return no_box(states, box.reason), states
         basic = basic[part.columns]
     centre, radius = np.zeros((z.size, PARTS)), np.zeros(z.size)
     centre[:, 0] = held
@@ -149,7 +126,7 @@ def _enclosed(P: Bounded, z: Vector, states: States) -> tuple[Enclosed, States]:
     better = states.copy()
     for i, state, _ in certain:
         better[i] = state
-    return _none(states, f"{what} unknown {certain[0][0]}{more}"), better
+    return no_box(states, f"{what} unknown {certain[0][0]}{more}"), better
 
 
 def _broken(P: Bounded, states: States, x: Sequence[Any]) -> list[tuple[int, int, bool]]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.certificates.active_sets import BASIC, States, candidates, solved
-from cpbench.certificates.basic_points import Attempt, exact_point, violations
+from cpbench.certificates.basic_points import ExactPoint, exact_point, violations
 from cpbench.certificates.exact_rows import ExactRows, nearest
 from cpbench.certificates.exchanges import exchanged
 from cpbench.certificates.faces import interior
@@ -26,12 +26,12 @@ ROUNDS, SINGLE = 10, 40
 """Changes of the active set: at all wrong places, then at the first wrong one."""
 
 
-def prove(P: Mixed, x: Vector, seconds: float) -> Attempt:
+def prove(P: Mixed, x: Vector, seconds: float) -> ExactPoint:
     """Look for an exact solution near x, for about so many seconds."""
     deadline = time.perf_counter() + seconds
     K, tried, reason = ExactRows.of(P.K), set[bytes](), "no active set was found"
     if not np.isfinite(P.K @ x + P.c).all():
-        return Attempt(None, [], "sums of its rows are beyond all doubles")
+        return ExactPoint(None, [], "sums of its rows are beyond all doubles")
     known = [(states, near) for states, near in candidates(P, x) if np.isfinite(P.K @ near + P.c).all()]
     # each as it is first: what is nearest to the answer is the better proof, and pivots may go far away
     for changes in (0, ROUNDS + SINGLE):
@@ -49,23 +49,23 @@ def prove(P: Mixed, x: Vector, seconds: float) -> Attempt:
         found = exchanged(P, K, states, near, deadline)
         if found.support is not None:
             return found
-    return Attempt(None, [], reason)
+    return ExactPoint(None, [], reason)
 
 
 def _pivoted(
     P: Mixed, K: ExactRows, states: States, near: Vector, changes: int, tried: set[bytes], deadline: float
-) -> Attempt:
+) -> ExactPoint:
     """Return the exact point of an active set, or of one that so many changes lead to."""
     first = ""
     for count in range(changes + 1):
         if count and states.tobytes() in tried:
-            return Attempt(None, [], first)
+            return ExactPoint(None, [], first)
         tried.add(states.tobytes())
         if time.perf_counter() > deadline:
-            return Attempt(None, [], first or "the time is over")
+            return ExactPoint(None, [], first or "the time is over")
         found = exact_point(P, K, states, near)
         if found.support is None:
-            return Attempt(None, [], found.reason)
+            return ExactPoint(None, [], found.reason)
         wrong = violations(P, K, found.x)
         if not wrong:
             return found
@@ -82,9 +82,9 @@ def _pivoted(
             states[i] = state
         there = solved(P, states, near)
         if there is None:
-            return Attempt(None, [], first)
+            return ExactPoint(None, [], first)
         near = there
-    return Attempt(None, [], first)
+    return ExactPoint(None, [], first)
 
 
 def _told(P: Mixed, x: Sequence[Any], wrong: list[tuple[int, int]]) -> str:

@@ -12,7 +12,7 @@ from flint import arb, fmpq_mat
 from scipy.linalg import qr
 
 from cpbench.certificates.exact_rows import ExactRows, Index, rational, regular_part
-from cpbench.certificates.krawczyk import System
+from cpbench.certificates.krawczyk import SmoothSystem
 from cpbench.matrices import Dense, Sparse, Vector
 
 
@@ -39,7 +39,7 @@ def _rationals(dense: Dense) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
+class ReducedSystem:
     """A system without some equations, and with some unknowns held.
 
     Attributes
@@ -48,7 +48,7 @@ class Reduced:
     those of the others count.
     """
 
-    whole: System
+    whole: SmoothSystem
     rows: Index
     columns: Index
     held: Vector
@@ -77,7 +77,7 @@ class Reduced:
         return [[table[i][j] for j in self.columns.tolist()] for i in self.rows.tolist()]
 
 
-def reduced(system: System, dropped: Index, x: Vector, units: Vector, solved: Index) -> Reduced:
+def reduced(system: SmoothSystem, dropped: Index, x: Vector, units: Vector, solved: Index) -> ReducedSystem:
     """Hold as many unknowns at the answer as equations are dropped, so that the rest is well conditioned.
 
     `solved` are equations that say what the unknowns of the same places are, which x holds already.
@@ -90,4 +90,4 @@ def reduced(system: System, dropped: Index, x: Vector, units: Vector, solved: In
         top = np.abs(block).max(axis=1)
         order: Any = qr(block / np.where(top > 0, top, 1.0)[:, None], mode="r", pivoting=True, check_finite=False)[1]
         columns = np.sort(columns[np.asarray(order)[: rows.size]])
-    return Reduced(system, rows, columns, x)
+    return ReducedSystem(system, rows, columns, x)

@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.certificates.active_sets import BASIC, LOWER, UPPER, States, at_bounds
-from cpbench.certificates.basic_points import LARGEST, Attempt, Support, row_value, sides, violations
+from cpbench.certificates.basic_points import LARGEST, ExactPoint, Support, row_value, sides, violations
 from cpbench.certificates.exact_rows import ExactRows, Index, rational, solve
 from cpbench.certificates.mixed import Mixed
 from cpbench.matrices import Vector
@@ -32,24 +32,24 @@ ACCURACY = 1e-10
 """HiGHS' least feasibility tolerance."""
 
 
-def at_vertex(P: Mixed, K: ExactRows, near: Vector, deadline: float) -> Attempt:
+def at_vertex(P: Mixed, K: ExactRows, near: Vector, deadline: float) -> ExactPoint:
     """Return the exact point of a vertex near `near` that meets all conditions; without a support where none is found.
 
     Rows that depend on others to rounding are not 0 together at any exact point: one that is on the right side of 0
     gets its unknown back to the bound, and the others are tried again.
     """
     if importlib.util.find_spec("highspy") is None:
-        return Attempt(None, [])
+        return ExactPoint(None, [])
     reason = ""
     for small in SMALL:
         found = _mended(P, K, _states(P, near, small), near, deadline)
         if found.support is not None:
             return found
         reason = reason or found.reason
-    return Attempt(None, [], reason)
+    return ExactPoint(None, [], reason)
 
 
-def _mended(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: float) -> Attempt:
+def _mended(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: float) -> ExactPoint:
     """Return the exact point of a vertex, after rows that depend on others were let go."""
     for _ in range(ROUNDS):
         found = _vertex(P, K, states, near, deadline - time.perf_counter())
@@ -65,28 +65,28 @@ def _mended(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: floa
         if not loose:
             i, state = wrong[0]
             if state == BASIC and states[i] == BASIC and P.lo[i] == -np.inf and P.hi[i] == np.inf:
-                return Attempt(
+                return ExactPoint(
                     None, [], f"row {i} is 0 to rounding, and depends on others with which it is not 0 exactly"
                 )
-            return Attempt(None, [])
-    return Attempt(None, [])
+            return ExactPoint(None, [])
+    return ExactPoint(None, [])
 
 
-def _vertex(P: Mixed, K: ExactRows, states: States, near: Vector, seconds: float) -> Attempt:
+def _vertex(P: Mixed, K: ExactRows, states: States, near: Vector, seconds: float) -> ExactPoint:
     """Return the exact point of a vertex that the simplex method finds; without a support where it finds none."""
     found = _basis(P, states, near, seconds)
     if found is None:
-        return Attempt(None, [])
+        return ExactPoint(None, [])
     held, rows, columns = found
     if rows.size > LARGEST:
-        return Attempt(None, [], f"{rows.size} unknowns hang together, {LARGEST} is the most that is solved")
+        return ExactPoint(None, [], f"{rows.size} unknowns hang together, {LARGEST} is the most that is solved")
     x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
     part = solve(K, rows, columns, sides(P, K, rows, x))
     if part is None:
-        return Attempt(None, [])
+        return ExactPoint(None, [])
     for j, value in zip(columns.tolist(), part, strict=True):
         x[j] = value
-    return Attempt(Support(held, rows, columns, np.array([rows.size])), x)
+    return ExactPoint(Support(held, rows, columns, np.array([rows.size])), x)
 
 
 def _basis(P: Mixed, states: States, near: Vector, seconds: float) -> tuple[Vector, Index, Index] | None:

@@ -12,7 +12,7 @@ from cpbench.cli.options import Command, memory_option, quiet_option, seed_optio
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import DURATION, FOLDER, POSITIVE
 from cpbench.plurals import counted
-from cpbench.reduction.hunting.hunt import Search, hunt
+from cpbench.reduction.hunting.hunt import HuntState, hunt
 
 EVERY = 10.0
 """Seconds between two lines of progress."""
@@ -49,7 +49,7 @@ def command(
     """
     last = time.monotonic()
 
-    def on_event(search: Search) -> None:
+    def on_event(search: HuntState) -> None:
         nonlocal last
         if not quiet and time.monotonic() - last > EVERY:
             last = time.monotonic()

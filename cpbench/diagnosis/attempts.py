@@ -32,7 +32,7 @@ PROOF_SECONDS = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trial:
+class SolverTrial:
     """A question to a solver: a problem, limits, a start.
 
     Attributes
@@ -82,7 +82,7 @@ class Raw:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Attempt:
+class TrialOutcome:
     """Outcome of a trial, measured on the problem that was asked.
 
     Attributes
@@ -92,7 +92,7 @@ class Attempt:
     route, kind : the conversions, and what they promise with the solver. raw : what the solver said.
     """
 
-    trial: Trial
+    trial: SolverTrial
     status: str
     message: str = ""
     answer: Any = None
@@ -137,7 +137,7 @@ class _Recorder:
         }
 
 
-def attempt(trial: Trial, run: Run | None = None) -> Attempt:
+def attempt(trial: SolverTrial, run: Run | None = None) -> TrialOutcome:
     """Solve, whatever comes of it, and measure the answer here; raises UnknownName.
 
     `run` solves a problem of the solver's own formulation; None: in this process.
@@ -145,26 +145,26 @@ def attempt(trial: Trial, run: Run | None = None) -> Attempt:
     solver = trial.named[0]
     state = solver.availability()
     if not state.ok:
-        return Attempt(trial=trial, status=Status.UNAVAILABLE, message=state.detail)
+        return TrialOutcome(trial=trial, status=Status.UNAVAILABLE, message=state.detail)
     try:
         arrival = trial.arrive()
     except (NoRoute, NotApplicable) as refusal:
-        return Attempt(trial=trial, status=Status.UNSUPPORTED, message=str(refusal))
+        return TrialOutcome(trial=trial, status=Status.UNSUPPORTED, message=str(refusal))
     converted, steps = arrival.problem, len(arrival.route.steps)
     why = solver.obstacle(converted)
     if why is not None:
         message = f"{trial.solver}: {why}"
-        return Attempt(trial=trial, status=Status.UNSUPPORTED, message=message, route=arrival.route.label)
+        return TrialOutcome(trial=trial, status=Status.UNSUPPORTED, message=message, route=arrival.route.label)
     budget = Budget(tolerance=graph.tolerance(converted, trial.tolerance, steps), seconds=trial.seconds)
     try:
         start = None if trial.start is None else graph.push(converted, trial.start, steps)
     except NotApplicable as refusal:
-        return Attempt(trial=trial, status=Status.UNSUPPORTED, message=str(refusal), route=arrival.route.label)
+        return TrialOutcome(trial=trial, status=Status.UNSUPPORTED, message=str(refusal), route=arrival.route.label)
     raw = (run or solve_here)(trial.solver, converted, budget, start)
     kind = max(arrival.kind, solver.spec.kind, key=lambda kind: kind.rank)
     if raw.status:
         found: dict[str, Any] = {"route": arrival.route.label, "kind": kind, "raw": raw}
-        return Attempt(trial=trial, status=raw.status, message=raw.message, **found)
+        return TrialOutcome(trial=trial, status=raw.status, message=raw.message, **found)
     judged = judge_answer(
         trial.problem,
         converted,
@@ -183,7 +183,7 @@ def attempt(trial: Trial, run: Run | None = None) -> Attempt:
         ),
     )
     late = raw.seconds > trial.seconds and judged.status not in MET_TOLERANCE
-    return Attempt(
+    return TrialOutcome(
         trial=trial,
         status=Status.TIMEOUT if late else judged.status,
         message="; ".join(filter(None, [judged.message, raw.message])),

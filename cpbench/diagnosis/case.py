@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from cpbench.diagnosis.attempts import Attempt, Trial
+from cpbench.diagnosis.attempts import SolverTrial, TrialOutcome
 from cpbench.facts import Fact, of_problem
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Solver
@@ -19,12 +19,12 @@ FINEST = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class FailedTrial:
     """A trial that failed. `attempt` : solves, here or in another process."""
 
-    trial: Trial
-    failed: Attempt
-    attempt: Callable[[Trial], Attempt]
+    trial: SolverTrial
+    failed: TrialOutcome
+    attempt: Callable[[SolverTrial], TrialOutcome]
 
     @property
     def problem(self) -> Problem:
@@ -48,7 +48,7 @@ class Case:
         if name is None:
             return None
         for tolerance in (max(TIGHT * self.trial.tolerance, FINEST), self.trial.tolerance):
-            trial = Trial(problem=self.problem, solver=name, tolerance=tolerance, seconds=self.trial.seconds)
+            trial = SolverTrial(problem=self.problem, solver=name, tolerance=tolerance, seconds=self.trial.seconds)
             found = self.attempt(trial)
             if found.solved and found.answer is not None:
                 return found.answer
@@ -60,7 +60,7 @@ class Remedy:
     """Trial of what may be done about a cause. `back` : carries its answer to the problem that was asked."""
 
     text: str
-    trial: Trial
+    trial: SolverTrial
     back: Callable[[Any], Any] | None = None
 
 
@@ -79,6 +79,6 @@ class Cause:
     evidence: str
     numbers: Mapping[str, float] = field(default_factory=dict)
     proved: bool = False
-    without: Trial | None = None
+    without: SolverTrial | None = None
     change: str = ""
     remedies: tuple[Remedy, ...] = ()

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from cpbench import verification
-from cpbench.diagnosis.attempts import Attempt, Trial, attempt
-from cpbench.diagnosis.case import Case, Cause, Remedy
+from cpbench.diagnosis.attempts import SolverTrial, TrialOutcome, attempt
+from cpbench.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.diagnosis.causes import DETECTORS
 from cpbench.diagnosis.remedies import others
 
@@ -21,7 +21,7 @@ class Tried:
     the remedy."""
 
     remedy: Remedy
-    attempt: Attempt
+    attempt: TrialOutcome
     error: float
     works: bool
 
@@ -42,7 +42,7 @@ class Diagnosis:
     also : other causes that were found.
     """
 
-    failed: Attempt
+    failed: TrialOutcome
     cause: Cause | None
     confirmed: bool | None = None
     tried: tuple[Tried, ...] = ()
@@ -82,7 +82,7 @@ class Diagnosis:
             yield f"  tried      {one}"
 
 
-def diagnose(trial: Trial, attempt: Callable[[Trial], Attempt] = attempt) -> Diagnosis:
+def diagnose(trial: SolverTrial, attempt: Callable[[SolverTrial], TrialOutcome] = attempt) -> Diagnosis:
     """Solve, and where that fails look for the first cause and for a remedy that works.
 
     A cause that is proved comes first; then one without which the same solver succeeds, then one that could not be
@@ -91,7 +91,7 @@ def diagnose(trial: Trial, attempt: Callable[[Trial], Attempt] = attempt) -> Dia
     failed = attempt(trial)
     if failed.solved:
         return Diagnosis(failed, None)
-    case = Case(trial, failed, attempt)
+    case = FailedTrial(trial, failed, attempt)
     found: list[tuple[Cause, bool | None, Tried | None]] = []
     for detect in DETECTORS:
         cause = detect(case)
@@ -115,7 +115,7 @@ def diagnose(trial: Trial, attempt: Callable[[Trial], Attempt] = attempt) -> Dia
     )
 
 
-def _without(case: Case, cause: Cause) -> Tried | None:
+def _without(case: FailedTrial, cause: Cause) -> Tried | None:
     """Try the problem without the cause; None where that is not known, or not needed."""
     if cause.proved or cause.without is None:
         return None
@@ -124,7 +124,7 @@ def _without(case: Case, cause: Cause) -> Tried | None:
     return _measured(case, remedy, case.attempt(remedy.trial))
 
 
-def _tried(case: Case, cause: Cause | None, again: Tried | None) -> Iterator[Tried]:
+def _tried(case: FailedTrial, cause: Cause | None, again: Tried | None) -> Iterator[Tried]:
     """Try remedies until one works; none where a proof says that there is no solution."""
     if cause is not None and cause.proved and cause.kind in verification.PROVEN:
         return
@@ -139,7 +139,7 @@ def _tried(case: Case, cause: Cause | None, again: Tried | None) -> Iterator[Tri
             return
 
 
-def _measured(case: Case, remedy: Remedy, found: Attempt) -> Tried:
+def _measured(case: FailedTrial, remedy: Remedy, found: TrialOutcome) -> Tried:
     """Measure the answer of a remedy on the problem that was asked."""
     if remedy.back is None or found.answer is None:
         return Tried(remedy, found, found.error, found.solved)

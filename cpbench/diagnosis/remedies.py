@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from cpbench.diagnosis.case import Case, Remedy
+from cpbench.diagnosis.case import FailedTrial, Remedy
 from cpbench.solvers.base import Solver, solvers
 from cpbench.solvers.native.automatic import automatic_solvers
 
 NATIVE = "cpbench.solvers.native."
 
 
-def others(case: Case) -> Iterator[Remedy]:
+def others(case: FailedTrial) -> Iterator[Remedy]:
     """Yield trials by other solvers, by exact conversions, first the automatic choice of the problem's formulation.
 
     Then follow our solvers of that formulation, and of the failed solver's, one of each method but the one that failed.
@@ -31,6 +31,6 @@ def others(case: Case) -> Iterator[Remedy]:
                 yield _remedy(case, solver)
 
 
-def _remedy(case: Case, solver: Solver) -> Remedy:
+def _remedy(case: FailedTrial, solver: Solver) -> Remedy:
     trial = replace(case.trial, solver=solver.spec.name, via=())
     return Remedy(text=f"{solver.spec.name} ({solver.spec.method})", trial=trial)

@@ -9,14 +9,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench import matrices
-from cpbench.diagnosis.attempts import Trial
+from cpbench.diagnosis.attempts import SolverTrial
 from cpbench.matrices import Matrix
 
 MATRIX = {"lcp": "M", "relay": "M", "avi": "M", "mlcp": "A", "qp": "Q", "fc": "W"}
 """The matrix of each formulation that is shifted."""
 
 
-def shifted(trial: Trial, *, definite: bool = False) -> Trial | None:
+def shifted(trial: SolverTrial, *, definite: bool = False) -> SolverTrial | None:
     """Return the trial on the problem with its matrix plus its mean size (with `definite` also its negative part).
 
     None for formulations without such a matrix.

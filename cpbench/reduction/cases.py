@@ -14,9 +14,9 @@ from cpbench.bench.planning.places import located
 from cpbench.bench.results.sealed import sealed
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.generators.collection import address_text, builtin_folder
-from cpbench.reduction.folder import Written, write_folder
+from cpbench.reduction.folder import WrittenFiles, write_folder
 from cpbench.reduction.predicate import Predicate, parse_predicate, predicate_of
-from cpbench.reduction.reduce import Progress, Reduced, reduce
+from cpbench.reduction.reduce import Progress, ReducedFailure, reduce
 from cpbench.reduction.trials import Asked, Trials
 
 JOURNAL = "journal.jsonl"
@@ -24,7 +24,7 @@ JOURNAL = "journal.jsonl"
 
 
 @dataclass(frozen=True)
-class Case:
+class FailingCase:
     """A problem and how a solver fails on it."""
 
     address: str
@@ -39,14 +39,14 @@ def case_of(
     *,
     tolerance: float = 1e-6,
     via: Sequence[str] = (),
-) -> Case:
+) -> FailingCase:
     """Return the case of a problem; raises UnknownName on a solver."""
     for name in filter(None, (solver, predicate.other)):
         plan.parse_entry(name)
-    return Case(located(address, builtin_folder), Asked(solver, predicate, tolerance, limits, tuple(via)))
+    return FailingCase(located(address, builtin_folder), Asked(solver, predicate, tolerance, limits, tuple(via)))
 
 
-def case_of_row(results: Path, problem: str, label: str, failure: str | None, limits: plan.Limits) -> Case:
+def case_of_row(results: Path, problem: str, label: str, failure: str | None, limits: plan.Limits) -> FailingCase:
     """Return the case of a row of a results file: its solver with its options and its tolerance.
 
     Parameters
@@ -68,12 +68,12 @@ def case_of_row(results: Path, problem: str, label: str, failure: str | None, li
     entry = plan.Entry(row.solver, json.loads(row.options))
     predicate = parse_predicate(failure) if failure else predicate_of(row.status)
     routes = "exact" if row.request == "exact" else "all"
-    return Case(row.address, Asked(entry.label, predicate, row.tolerance, limits, routes=routes))
+    return FailingCase(row.address, Asked(entry.label, predicate, row.tolerance, limits, routes=routes))
 
 
 def reduce_case(
-    case: Case, folder: Path, seconds: float, progress: Progress = lambda problem, tried: None
-) -> tuple[Reduced, Written]:
+    case: FailingCase, folder: Path, seconds: float, progress: Progress = lambda problem, tried: None
+) -> tuple[ReducedFailure, WrittenFiles]:
     """Reduce a case for so many seconds, going on where the folder has a journal of it.
 
     Raises NoFailure, NoRoute; CpbenchError where the folder is of another case.

@@ -21,7 +21,7 @@ from cpbench.plain_text import printable
 from cpbench.plurals import counted
 from cpbench.reduction.forms import form
 from cpbench.reduction.numbers import digits
-from cpbench.reduction.reduce import LARGE, Reduced, data_size
+from cpbench.reduction.reduce import LARGE, ReducedFailure, data_size
 from cpbench.reduction.snippets import snippets
 from cpbench.reduction.trials import Asked
 from cpbench.report import canvas, figure_kinds, pictures
@@ -36,14 +36,14 @@ PROOF_SECONDS = 10.0
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenFiles:
     """Files of a reduced failure, and the level of the certificate of its true answer, "" where none was sought."""
 
     files: tuple[Path, ...]
     level: str
 
 
-def write_folder(reduced: Reduced, asked: Asked, source: str, folder: Path) -> Written:
+def write_folder(reduced: ReducedFailure, asked: Asked, source: str, folder: Path) -> WrittenFiles:
     """Write `problem.h5`, `report.md`, `problem.svg` and the programs, replacing what is there.
 
     Parameters
@@ -72,7 +72,7 @@ def write_folder(reduced: Reduced, asked: Asked, source: str, folder: Path) -> W
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
         written.append(folder / name)
-    return Written(tuple(written), level)
+    return WrittenFiles(tuple(written), level)
 
 
 def _point(problem: Problem, outcome: Outcome | None) -> Any:
@@ -101,7 +101,7 @@ def _picture(problem: Problem, point: Any, folder: Path) -> Iterator[Path]:
 # ------------------------------------------------------------------------------------------- the report
 
 
-def _report(reduced: Reduced, asked: Asked, source: str, title: str, points: dict[str, Any]) -> Iterator[str]:
+def _report(reduced: ReducedFailure, asked: Asked, source: str, title: str, points: dict[str, Any]) -> Iterator[str]:
     problem, outcome, other = reduced.problem, reduced.last.outcome, reduced.last.other
     ended = "" if reduced.complete else ", not to the end: the time was over"
     yield f"# {title}"

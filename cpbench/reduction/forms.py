@@ -14,7 +14,7 @@ from cpbench.product_cones import Cone
 
 
 @dataclass(frozen=True)
-class Block:
+class ConeBlock:
     """A cone over consecutive unknowns: normal, then `slides` and `rolls` tangential ones, with their coefficients.
 
     ‖x_T‖ ≤ μ x_N, ‖x_M‖ ≤ μ_r x_N, F̂ in the dual cone and x·F̂ = 0.
@@ -42,7 +42,7 @@ class Form:
     lo: Vector
     hi: Vector
     names: Mapping[str, int]
-    blocks: tuple[Block, ...] = ()
+    blocks: tuple[ConeBlock, ...] = ()
     friction: bool = False
 
     def vector(self, point: Any) -> Vector:
@@ -113,7 +113,7 @@ def _contacts(P: Any, start: int) -> dict[str, Any]:
     d, rolling = P.dimension, hasattr(P, "mu_r")
     slides = (d - 1) // 2 if rolling else d - 1
     blocks = tuple(
-        Block(start + d * c, slides, d - 1 - slides, float(P.mu[c]), float(P.mu_r[c]) if rolling else 0.0)
+        ConeBlock(start + d * c, slides, d - 1 - slides, float(P.mu[c]), float(P.mu_r[c]) if rolling else 0.0)
         for c in range(P.nc)
     )
     return {"blocks": blocks, "friction": True}
@@ -163,18 +163,18 @@ def _cone_program(P: Any) -> Form | None:
     return rows.form({"x": n, "y": m}, blocks=blocks)
 
 
-def _sets(P: Any, start: int, *, dual: bool) -> tuple[Vector, Vector, tuple[Block, ...]] | None:
+def _sets(P: Any, start: int, *, dual: bool) -> tuple[Vector, Vector, tuple[ConeBlock, ...]] | None:
     """Return the box and the blocks of the unknowns that are in K, or in K* where s = Ax + b is in K."""
     boxes = {Cone.FREE: (-INF, INF), Cone.ZERO: (0.0, 0.0), Cone.NONNEGATIVE: (0.0, INF)}
     if dual:
         boxes |= {Cone.FREE: (0.0, 0.0), Cone.ZERO: (-INF, INF)}
     sides: list[tuple[float, float]] = []
-    blocks: list[Block] = []
+    blocks: list[ConeBlock] = []
     for kind, size, mu in zip(P.cone_kind, P.cone_size.astype(int), P.cone_mu, strict=True):
         if kind in boxes:
             sides += [boxes[kind]] * size
         elif kind == Cone.SECOND_ORDER and 0 < mu < INF:
-            blocks.append(Block(start + len(sides), size - 1, 0, float(1 / mu if dual else mu), 0.0))
+            blocks.append(ConeBlock(start + len(sides), size - 1, 0, float(1 / mu if dual else mu), 0.0))
             sides += [(-INF, INF)] * size
         else:
             return None

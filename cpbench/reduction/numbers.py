@@ -36,7 +36,7 @@ FIXED = ("cone_kind", "cone_size")
 
 
 @dataclass(frozen=True)
-class Entry:
+class NumberPlaces:
     """Places of the data that have one number: an entry of a matrix, with its mirror image where that is equal."""
 
     field: str
@@ -166,9 +166,9 @@ def _rounded(problem: P, names: tuple[str, ...], count: int) -> P:
 # ------------------------------------------------------------------------------------------- one by one
 
 
-def entries(problem: Problem) -> list[Entry]:
+def entries(problem: Problem) -> list[NumberPlaces]:
     """Return the numbers of the data that are not 0, one by one."""
-    found: list[Entry] = []
+    found: list[NumberPlaces] = []
     for name, value in problem.data().items():
         if name in FIXED:
             continue
@@ -179,9 +179,9 @@ def entries(problem: Problem) -> list[Entry]:
             if mirrored and place > other and array[other] == x:
                 continue
             both = mirrored and place < other and array[other] == x
-            found.append(Entry(name, (place, other) if both else (place,), x))
+            found.append(NumberPlaces(name, (place, other) if both else (place,), x))
     for name, F in problem.maps().items():
-        found += [Entry(name, ((k,),), x) for k, x in enumerate(F.constants.tolist()) if x != 0]
+        found += [NumberPlaces(name, ((k,),), x) for k, x in enumerate(F.constants.tolist()) if x != 0]
     return found
 
 
@@ -211,7 +211,7 @@ def _near(x: float) -> Iterator[float]:
         yield float(f"{other:.{count - 1}e}")
 
 
-def changed(problem: P, changes: Mapping[Entry, float]) -> P:
+def changed(problem: P, changes: Mapping[NumberPlaces, float]) -> P:
     """Return the problem with other values of some entries."""
     arrays: dict[str, Any] = {}
     maps: dict[str, Any] = {}

@@ -63,7 +63,7 @@ ALONE = (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE)
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class RemovablePart:
     """Indices that leave a problem together. places : dimension symbol -> indices of it."""
 
     name: str
@@ -91,10 +91,10 @@ def _cone_symbol(problem: Any) -> str:
     return shapes_of(type(problem))[name][0] if name else ""
 
 
-def kinds(problem: Problem) -> dict[str, list[Part]]:
+def kinds(problem: Problem) -> dict[str, list[RemovablePart]]:
     """Return what may be left out, by kind, in the order in which it is tried."""
     law: Any = problem
-    found: dict[str, list[Part]] = {}
+    found: dict[str, list[RemovablePart]] = {}
     sizes, taken = problem.sizes(), set[str]()
     if hasattr(law, "rows_of"):
         d, rows = law.dimension, shapes_of(type(problem))[law.rows_of][0]
@@ -116,8 +116,8 @@ def kinds(problem: Problem) -> dict[str, list[Part]]:
     return {kind: parts for kind, parts in found.items() if parts}
 
 
-def _part(name: str, places: Mapping[str, Any]) -> Part:
-    return Part(name, {symbol: np.asarray(list(where), np.int64) for symbol, where in places.items()})
+def _part(name: str, places: Mapping[str, Any]) -> RemovablePart:
+    return RemovablePart(name, {symbol: np.asarray(list(where), np.int64) for symbol, where in places.items()})
 
 
 def _bodies(M: Matrix) -> Iterator[list[int]]:
@@ -127,7 +127,7 @@ def _bodies(M: Matrix) -> Iterator[list[int]]:
         yield np.flatnonzero(label == body).tolist()
 
 
-def _factors(problem: Any, symbol: str) -> Iterator[Part]:
+def _factors(problem: Any, symbol: str) -> Iterator[RemovablePart]:
     start = 0
     for kind, size in zip(problem.cone_kind, problem.cone_size.astype(int), strict=True):
         rows = range(start, start + size)
@@ -138,7 +138,7 @@ def _factors(problem: Any, symbol: str) -> Iterator[Part]:
 # ------------------------------------------------------------------------------------------- the rest
 
 
-def without(problem: P, parts: Sequence[Part], values: Any = None) -> P:
+def without(problem: P, parts: Sequence[RemovablePart], values: Any = None) -> P:
     """Return the problem without some parts, which are held at their values in a point, or at 0; raises ProblemError.
 
     What was known of the problem is left out: its origin, the way it was made and what its contacts are.
@@ -176,7 +176,7 @@ SQUARE: Mapping[str, tuple[str, str]] = {
 """Formulations with w = Mz + q alone: the matrix and the vector."""
 
 
-def condensed(problem: P, parts: Sequence[Part]) -> P:
+def condensed(problem: P, parts: Sequence[RemovablePart]) -> P:
     """Return the problem without parts whose rows are eliminated as equations: M_xx − M_xy M_yy⁻¹ M_yx in place of
     M_xx. The rest of a solution stays one where w is 0 in the parts, as in contacts that stick.
 

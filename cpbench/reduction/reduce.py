@@ -21,8 +21,8 @@ from cpbench.formulations.base import Problem
 from cpbench.graph import arrive, nodes_of_maps
 from cpbench.reduction import numbers
 from cpbench.reduction.minimize import minimized
-from cpbench.reduction.parts import Part, condensed, kinds, without
-from cpbench.reduction.trials import Trial, Trials
+from cpbench.reduction.parts import RemovablePart, condensed, kinds, without
+from cpbench.reduction.trials import CandidateOutcome, Trials
 from cpbench.solvers.base import solvers
 
 LARGE = 400
@@ -30,7 +30,7 @@ LARGE = 400
 
 
 @dataclass(frozen=True, eq=False)
-class Reduced:
+class ReducedFailure:
     """A reduced failure.
 
     Attributes
@@ -41,8 +41,8 @@ class Reduced:
 
     problem: Problem
     source: Problem
-    first: Trial
-    last: Trial
+    first: CandidateOutcome
+    last: CandidateOutcome
     tried: int
     complete: bool
 
@@ -55,7 +55,7 @@ class NoFailure(CpbenchError):
     """A solver that does not fail on the problem as it was given."""
 
 
-def reduce(problem: Problem, trials: Trials, progress: Progress = lambda problem, tried: None) -> Reduced:
+def reduce(problem: Problem, trials: Trials, progress: Progress = lambda problem, tried: None) -> ReducedFailure:
     """Reduce a problem while the failure holds that `trials` look for. Raises NoFailure, NoRoute."""
     first = trials.begin(problem)
     if not first.holds:
@@ -73,7 +73,7 @@ def reduce(problem: Problem, trials: Trials, progress: Progress = lambda problem
         steps.fewer_parts()
         steps.simpler_numbers()
     last = trials.again(steps.best)
-    return Reduced(steps.best, problem, first, last, trials.tried, not trials.over)
+    return ReducedFailure(steps.best, problem, first, last, trials.tried, not trials.over)
 
 
 def data_size(problem: Problem) -> int:
@@ -132,16 +132,16 @@ class _Steps:
             self._minimize(kind, without)
             self._minimize(kind, condensed)
 
-    def _minimize(self, kind: str, leave_out: Callable[[Problem, Sequence[Part]], Problem]) -> None:
+    def _minimize(self, kind: str, leave_out: Callable[[Problem, Sequence[RemovablePart]], Problem]) -> None:
         whole, parts = self.best, kinds(self.best).get(kind, [])
 
-        def holds(kept: Sequence[Part]) -> bool:
+        def holds(kept: Sequence[RemovablePart]) -> bool:
             chosen = set(map(id, kept))
             return self._accepts(lambda: leave_out(whole, [part for part in parts if id(part) not in chosen]))
 
         minimized(parts, holds)
 
-    def _essential(self, entry: numbers.Entry) -> bool:
+    def _essential(self, entry: numbers.NumberPlaces) -> bool:
         """Return whether an entry is on the diagonal of a semidefinite matrix: 0 there would make a massless body."""
         return entry.field in self._definite and entry.places[0][0] == entry.places[0][-1]
 
@@ -172,12 +172,12 @@ def _not_longer(problem: Problem, change: Callable[[Problem], Problem]) -> Probl
     return problem if after > before else changed
 
 
-def _zeroed(whole: Problem, given: Sequence[numbers.Entry], kept: Sequence[numbers.Entry]) -> Problem:
+def _zeroed(whole: Problem, given: Sequence[numbers.NumberPlaces], kept: Sequence[numbers.NumberPlaces]) -> Problem:
     left = set(map(id, kept))
     return numbers.changed(whole, {entry: 0.0 for entry in given if id(entry) not in left})
 
 
-def _changed(problem: Problem, entry: numbers.Entry, value: float) -> Problem:
+def _changed(problem: Problem, entry: numbers.NumberPlaces, value: float) -> Problem:
     return numbers.changed(problem, {entry: value})
 
 

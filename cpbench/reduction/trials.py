@@ -46,7 +46,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class Trial:
+class CandidateOutcome:
     """The outcome of a candidate.
 
     Attributes
@@ -93,7 +93,7 @@ class Trials:
         """Whether the time is over."""
         return time.monotonic() > self.end
 
-    def begin(self, problem: Problem) -> Trial:
+    def begin(self, problem: Problem) -> CandidateOutcome:
         """Try the problem as it was given: whether the solver fails, and whether another one solves it, which every
         candidate has to allow from then on. Raises NoRoute."""
         trial = self._tried(problem, ask_other=True)
@@ -126,20 +126,20 @@ class Trials:
         except PointError:
             return None
 
-    def again(self, problem: Problem) -> Trial:
+    def again(self, problem: Problem) -> CandidateOutcome:
         """Try a problem once more, whatever is remembered of it."""
         return self._tried(problem, ask_other=True)
 
-    def _tried(self, problem: Problem, ask_other: bool = False) -> Trial:
+    def _tried(self, problem: Problem, ask_other: bool = False) -> CandidateOutcome:
         self.tried += 1
         predicate, outcome = self.asked.predicate, self.solve(problem, self.asked.solver)
         fails = predicate.fails(outcome)
         if not (ask_other or (fails and self.solvable)):
-            return Trial(fails, outcome)
+            return CandidateOutcome(fails, outcome)
         name, other = self._beside(problem)
         if self.solvable:
             fails = other is not None and predicate.holds(outcome, other)
-        return Trial(fails, outcome, other, name)
+        return CandidateOutcome(fails, outcome, other, name)
 
     def _beside(self, problem: Problem) -> tuple[str, Outcome | None]:
         """Solve a problem by the solver that was named, or by the first of ours that solves it: the nearest automatic

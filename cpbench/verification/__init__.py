@@ -1,6 +1,6 @@
 """From an answer to a verdict and a status; knows no solver."""
 
-from cpbench.verification.certificates import Attempt, Proof, certified_infeasible, holds, packed, prove, unpacked
+from cpbench.verification.certificates import Proof, ProofAttempt, certified_infeasible, holds, packed, prove, unpacked
 from cpbench.verification.published import PublishedMeasure
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
@@ -26,8 +26,8 @@ __all__ = [
     "REFUSED",
     "TARGET_UNRESOLVABLE",
     "VERIFIED",
-    "Attempt",
     "Proof",
+    "ProofAttempt",
     "PublishedMeasure",
     "Status",
     "Verdict",

@@ -62,7 +62,7 @@ _KINDS: dict[str, type[Infeasible] | type[Unbounded]] = {kind.kind: kind for kin
 
 
 @dataclass(frozen=True)
-class Attempt:
+class ProofAttempt:
     """A proof, or none, and what is known then."""
 
     proof: Proof | None
@@ -94,7 +94,7 @@ def certified_infeasible(problem: Problem, certificate: Vector | None) -> bool:
     return _infeasible(known, _given(problem, known, certificate), time.perf_counter() + SECONDS).proof is not None
 
 
-def prove(problem: Problem, kind: str, certificate: Vector | None = None, seconds: float = SECONDS) -> Attempt:
+def prove(problem: Problem, kind: str, certificate: Vector | None = None, seconds: float = SECONDS) -> ProofAttempt:
     """Look for a proof that the problem is `infeasible` or `unbounded` (`kind`), for so many seconds.
 
     `certificate` is a solver's vector for this very problem; without one, or where it leads nowhere, linear programs
@@ -102,17 +102,17 @@ def prove(problem: Problem, kind: str, certificate: Vector | None = None, second
     """
     known, goal = conditions(problem), objective(problem)
     if known is None or (kind == Unbounded.kind and goal is None):
-        return Attempt(None, f"{kind} was claimed; no exact proof of that is known for {problem.node}")
+        return ProofAttempt(None, f"{kind} was claimed; no exact proof of that is known for {problem.node}")
     deadline = time.perf_counter() + seconds
     if goal is not None and kind == Unbounded.kind:
         point = _point(known, deadline)
         if point is None:
-            return Attempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
+            return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
         for direction in hints.rays(known, goal, deadline):
             for ray in _rays(known, goal.Q, direction, deadline):
                 if known.recedes(ray) and goal.falls(point, ray):
-                    return Attempt(Unbounded(tuple(point), tuple(ray)), f"proved: {Unbounded.statement}")
-        return Attempt(None, "unbounded was claimed; no ray was found along which the objective falls, exactly")
+                    return ProofAttempt(Unbounded(tuple(point), tuple(ray)), f"proved: {Unbounded.statement}")
+        return ProofAttempt(None, "unbounded was claimed; no ray was found along which the objective falls, exactly")
     return _infeasible(known, chain(_given(problem, known, certificate), hints.multipliers(known, deadline)), deadline)
 
 
@@ -143,7 +143,7 @@ def _given(problem: Problem, known: Polyhedron, certificate: Vector | None) -> l
     return [multipliers(problem, certificate)]
 
 
-def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float) -> Attempt:
+def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float) -> ProofAttempt:
     """Return the first proof among the vectors, or the largest radius that they prove."""
     radius = _ZERO
     for vector in vectors:
@@ -155,12 +155,12 @@ def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float) -
                 continue
             gamma, excess = combined
             if excess == 0:
-                return Attempt(Infeasible(tuple(y)), f"proved: {Infeasible.statement}")
+                return ProofAttempt(Infeasible(tuple(y)), f"proved: {Infeasible.statement}")
             radius = max(radius, gamma / excess)
     if radius == 0:
-        return Attempt(None, "infeasible was claimed; no certificate of it holds in exact arithmetic")
+        return ProofAttempt(None, "infeasible was claimed; no certificate of it holds in exact arithmetic")
     size = f"‖{known.unknowns}‖∞ < {_digits(radius)}"
-    return Attempt(None, f"infeasible was claimed; what is proved exactly: no solution with {size}")
+    return ProofAttempt(None, f"infeasible was claimed; what is proved exactly: no solution with {size}")
 
 
 def _multipliers(known: Polyhedron, vector: Vector, deadline: float) -> Iterator[Rationals]:

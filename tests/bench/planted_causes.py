@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 import cpbench as cp
-from cpbench.diagnosis.attempts import Trial, attempt
+from cpbench.diagnosis.attempts import SolverTrial, attempt
 from cpbench.diagnosis.diagnose import diagnose
 from cpbench.generators.symbols import log, mapped, unknowns
 from cpbench.verification import MET_TOLERANCE, PROVEN
@@ -34,8 +34,8 @@ class Plant:
     """A trial with a cause, and its twin without."""
 
     kind: str
-    bad: Trial
-    twin: Trial
+    bad: SolverTrial
+    twin: SolverTrial
 
 
 def definite(rng: Random, n: int, condition: float = 10.0, skew: float = 0.0) -> Any:
@@ -57,7 +57,7 @@ def planted_lcp(rng: Random, M: Any, *, degenerate: int = 0) -> cp.LCP:
 def each(kind: str, bad: cp.LCP | Any, twin: Any, solvers: list[str], **both: Any) -> Iterator[Plant]:
     """Yield a plant a solver."""
     for solver in solvers:
-        trial = Trial(problem=bad, solver=solver, seconds=5.0, **both)
+        trial = SolverTrial(problem=bad, solver=solver, seconds=5.0, **both)
         yield Plant(kind, trial, replace(trial, problem=twin))
 
 
@@ -100,7 +100,7 @@ def rounding(rng: Random) -> Iterator[Plant]:
     n = int(rng.integers(20, 40))
     lcp = planted_lcp(rng, definite(rng, n))
     for solver in ("lemke", "newton-min", "pgs", "interior-point-lcp"):
-        bad = Trial(problem=lcp, solver=solver, tolerance=float(10.0 ** -rng.uniform(17, 19)))
+        bad = SolverTrial(problem=lcp, solver=solver, tolerance=float(10.0 ** -rng.uniform(17, 19)))
         yield Plant("rounding", bad, replace(bad, tolerance=1e-8))
 
 
@@ -110,11 +110,11 @@ def iterations(rng: Random) -> Iterator[Plant]:
     lcp = planted_lcp(rng, definite(rng, n, 50.0))
     limit = int(rng.integers(2, 6))
     for solver in ("pgs", "psor", "mprgp", "interior-point-lcp"):
-        trial = Trial(problem=lcp, solver=f"{solver}[max_iterations={limit}]")
+        trial = SolverTrial(problem=lcp, solver=f"{solver}[max_iterations={limit}]")
         yield Plant("iterations", trial, replace(trial, solver=solver))
     fc = contacts(rng, 4)
     for solver in ("nsgs", "admm-fc"):
-        trial = Trial(problem=fc, solver=f"{solver}[max_iterations={limit}]", tolerance=1e-8)
+        trial = SolverTrial(problem=fc, solver=f"{solver}[max_iterations={limit}]", tolerance=1e-8)
         yield Plant("iterations", trial, replace(trial, solver=solver))
 
 
@@ -308,7 +308,7 @@ def out_of_time(rng: Random) -> Iterator[Plant]:
     n = int(rng.integers(150, 250))
     lcp = planted_lcp(rng, definite(rng, n, 1e3))
     for solver in ("projection-vi", "extragradient-avi", "nesterov-qp", "interior-point-lcp"):
-        trial = Trial(problem=lcp, solver=solver, seconds=0.002)
+        trial = SolverTrial(problem=lcp, solver=solver, seconds=0.002)
         yield Plant("time", trial, replace(trial, seconds=10.0))
 
 

@@ -194,7 +194,7 @@ def test_balls_hold_what_numpy_computes(operator: Operator, checker: Any) -> Non
             assert centre[:, j] == pytest.approx(slopes, rel=1e-12, abs=1e-14)
         assert (spread <= 1e-14 * np.maximum(np.abs(centre), 1e-3)).all()
         own = {"inputs": np.array(F.inputs), **F.arrays()}
-        other = map_values.duals(own, [map_values.Dual.of(v, k) for k, v in enumerate(x)])
+        other = map_values.duals(own, [map_values.DualBall.of(v, k) for k, v in enumerate(x)])
         assert [float(d.v) for d in other] == pytest.approx([float(v) for v in values], rel=1e-15)
         slopes = [[float(d.d.get(j, flint.arb(0))) for j in range(2)] for d in other]
         assert np.array(slopes) == pytest.approx(centre, rel=1e-13, abs=1e-15)

@@ -1,8 +1,10 @@
-"""Docstrings of functions begin with a verb, those of classes with a noun; ruff's D401 lets the words below pass."""
+"""Docstrings of functions begin with a verb, those of classes with a noun (ruff's D401 lets the words below pass), and
+a public class has its name for itself."""
 
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -51,3 +53,11 @@ def test_the_words_are_found() -> None:
     assert list(_refused(source)) == [(1, "The"), (3, "A⁻¹b"), (5, "What")]
     fine = '@property\ndef f():\n    """The sum."""\ndef g():\n    """Return it."""\nclass C:\n    """The sums."""\n'
     assert not list(_refused(fine))
+
+
+def test_no_public_class_name_is_defined_twice() -> None:
+    files = [path for path in PACKAGE.rglob("*.py") if path.relative_to(PACKAGE).parts[0] not in EXEMPT]
+    nodes = [node for path in files for node in ast.parse(path.read_text()).body]
+    names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef) and not node.name.startswith("_"))
+    assert len(names) > 500
+    assert [name for name, count in names.items() if count > 1] == []

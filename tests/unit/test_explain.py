@@ -12,7 +12,7 @@ from command_line import cpbench as command
 
 import cpbench as cp
 from cpbench.diagnosis.apart import Apart
-from cpbench.diagnosis.attempts import Trial, attempt
+from cpbench.diagnosis.attempts import SolverTrial, attempt
 from cpbench.diagnosis.causes.cycling import period
 from cpbench.diagnosis.diagnose import diagnose
 from cpbench.diagnosis.scaled import scaled
@@ -122,7 +122,7 @@ def test_a_solver_that_ends_its_process_has_a_cause_and_a_remedy(tmp_path: Path)
 
 
 def test_the_same_is_found_apart() -> None:
-    trial = Trial(problem=SPIN, solver="pgs")
+    trial = SolverTrial(problem=SPIN, solver="pgs")
     here = attempt(trial)
     with Apart() as run:
         there = attempt(trial, run)

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from certificate_file import Matrix, exact, require
 from flint import arb, arb_mat, ctx, fmpq_mat
-from map_values import Dual, dependent, duals, rationals
+from map_values import DualBall, dependent, duals, rationals
 
 ctx.prec = 256
 OPEN, STICK, SLIDE, SMOOTH = 0, 1, 2, 3
 
 
-def krawczyk(F: Callable[[list[Any]], list[Dual]], evidence: dict[str, Any], rows: list[int]) -> list[Any]:
+def krawczyk(F: Callable[[list[Any]], list[DualBall]], evidence: dict[str, Any], rows: list[int]) -> list[Any]:
     """Return the box as balls; raises ValueError unless some rows of F vanish in it for the unknowns with a radius."""
     centre = [sum(map(arb, parts), arb(0)) for parts in evidence["centre"].tolist()]
     radius = evidence["radius"].tolist()
@@ -24,7 +24,7 @@ def krawczyk(F: Callable[[list[Any]], list[Dual]], evidence: dict[str, Any], row
     box = [c + arb(0, r) if r > 0 else c for c, r in zip(centre, radius, strict=True)]
     if not free:
         return box
-    slopes, values = F([Dual.of(v, j) for j, v in enumerate(box)]), F([Dual.of(v, -1) for v in centre])
+    slopes, values = F([DualBall.of(v, j) for j, v in enumerate(box)]), F([DualBall.of(v, -1) for v in centre])
     place = {j: k for k, j in enumerate(free)}
     table = [[slopes[i].d.get(j, arb(0)) for j in place] for i in rows]
     require(all(v.is_finite() for row in table for v in row), "the system is not smooth in the box")
@@ -55,7 +55,7 @@ def distance(answer: list[float], box: list[Any], claimed: float) -> None:
     require(near, "the answer is farther from the box")
 
 
-class Scene:
+class ContactEquations:
     """u = Vx + q, Lx + a = 0, x = (y, r), of a contact problem."""
 
     def __init__(self, node: str, d: dict[str, Any]) -> None:
@@ -84,16 +84,16 @@ class Scene:
             for rows, constants in ((self.L, self.a), (self.V, self.q))
         )
 
-    def system(self, states: list[int]) -> Callable[[list[Any]], list[Dual]]:
+    def system(self, states: list[int]) -> Callable[[list[Any]], list[DualBall]]:
         """Return the equations of these states."""
 
-        def F(x: list[Any]) -> list[Dual]:
-            found, u = self.apply(x, lambda v: Dual(arb(v), {}))
+        def F(x: list[Any]) -> list[DualBall]:
+            found, u = self.apply(x, lambda v: DualBall(arb(v), {}))
             for c, state in enumerate(states):
                 v, r = u[3 * c : 3 * c + 3], x[self.k + 3 * c : self.k + 3 * c + 3]
                 if state == SLIDE:
                     speed = (v[1] * v[1] + v[2] * v[2]).sqrt()
-                    limit = r[0] * Dual(arb(self.mu[c]), {})
+                    limit = r[0] * DualBall(arb(self.mu[c]), {})
                     found += [v[0], speed * r[1] + limit * v[1], speed * r[2] + limit * v[2]]
                 else:
                     found += r if state == OPEN else v if state == STICK else [v[0], r[1], r[2]]
@@ -133,7 +133,7 @@ def _put(K: list[dict[int, float]], row: int, column: int, block: Matrix, sign: 
 
 def contacts(own: dict[str, Any], data: dict[str, Any], answer: Any, evidence: dict[str, Any]) -> None:
     """Check a box, or an exact point, of a contact problem in space."""
-    scene = Scene(own["node"], data)
+    scene = ContactEquations(own["node"], data)
     require(len(scene.q) == 3 * len(scene.mu), "is no contact in space")
     start = data["f"].size if own["node"] == "gfc" else 0
     given = answer[start : start + len(scene.q)].tolist()
@@ -181,7 +181,7 @@ def maps(own: dict[str, Any], data: dict[str, Any], answer: Any, evidence: dict[
     )
     require(not dropped or dropped <= dependent(F, basic, held), "an equation was dropped that others do not imply")
     box = krawczyk(lambda x: duals(F, x), evidence, [i for k, i in enumerate(basic) if k not in dropped])
-    for i, f in enumerate(duals(F, [Dual(v, {}) for v in box])):
+    for i, f in enumerate(duals(F, [DualBall(v, {}) for v in box])):
         s, v = states[i], box[i]
         fine = lo[i] <= v <= hi[i] if s == 0 else lo[i] == hi[i] or (f.v >= 0 if s < 0 else f.v <= 0)
         require(bool(fine), f"a condition at unknown {i} is not certain")

@@ -17,37 +17,37 @@ BINARY = [
 NAN = arb("nan")
 
 
-class Dual:
+class DualBall:
     """A ball with its derivatives, by the number of the unknown."""
 
     def __init__(self, v: Any, d: dict[int, Any]) -> None:
         self.v, self.d = v, d
 
     @classmethod
-    def of(cls, v: Any, number: int) -> Dual:
+    def of(cls, v: Any, number: int) -> DualBall:
         """Return an unknown, or a constant where the number is negative."""
         return cls(v, {number: arb(1)} if number >= 0 else {})
 
-    def chain(self, value: Any, slope: Any) -> Dual:
+    def chain(self, value: Any, slope: Any) -> DualBall:
         """Return a function of it."""
-        return Dual(value, {j: slope * d for j, d in self.d.items()})
+        return DualBall(value, {j: slope * d for j, d in self.d.items()})
 
-    def __add__(self, other: Any) -> Dual:
+    def __add__(self, other: Any) -> DualBall:
         """Sum, of a number too."""
-        if not isinstance(other, Dual):
-            return Dual(self.v + other, self.d)
+        if not isinstance(other, DualBall):
+            return DualBall(self.v + other, self.d)
         d = dict(self.d)
         for j, slope in other.d.items():
             d[j] = d[j] + slope if j in d else slope
-        return Dual(self.v + other.v, d)
+        return DualBall(self.v + other.v, d)
 
     __radd__ = __add__
 
-    def __mul__(self, other: Dual) -> Dual:
+    def __mul__(self, other: DualBall) -> DualBall:
         """Product."""
         return self.chain(self.v * other.v, other.v) + other.chain(arb(0), self.v)
 
-    def sqrt(self) -> Dual:
+    def sqrt(self) -> DualBall:
         """Square root, differentiable where it is positive."""
         root = self.v.sqrt() if self.v >= 0 else NAN
         return self.chain(root, 1 / (2 * root) if self.v > 0 else NAN)
@@ -63,15 +63,15 @@ def operations(F: dict[str, Any]) -> list[tuple[str, int, int]]:
     return found
 
 
-def duals(F: dict[str, Any], x: list[Dual]) -> list[Dual]:
+def duals(F: dict[str, Any], x: list[DualBall]) -> list[DualBall]:
     """Return F(x) with derivatives; not finite where F may have a kink or be undefined."""
-    known = [*x, *(Dual(arb(v), {}) for v in F["constants"].tolist())]
+    known = [*x, *(DualBall(arb(v), {}) for v in F["constants"].tolist())]
     for name, a, b in operations(F):
         known.append(unary(name, known[a]) if b < 0 else binary(name, known[a], known[b]))
     return [known[k] for k in F["outputs"].tolist()]
 
 
-def unary(name: str, a: Dual) -> Dual:
+def unary(name: str, a: DualBall) -> DualBall:
     """Return an operation with one argument."""
     v, one = a.v, arb(1)
     if name == "sqrt":
@@ -96,7 +96,7 @@ def unary(name: str, a: Dual) -> Dual:
     return a.chain(f, slope())
 
 
-def binary(name: str, a: Dual, b: Dual) -> Dual:
+def binary(name: str, a: DualBall, b: DualBall) -> DualBall:
     """Return an operation with two arguments."""
     v, w = a.v, b.v
     if name in ("add", "sub"):
@@ -111,7 +111,7 @@ def binary(name: str, a: Dual, b: Dual) -> Dual:
             f = v**w if v > 0 else NAN
             return a.chain(f, w * f / v) + b.chain(arb(0), f * v.log() if v > 0 else NAN)
         if whole == 0:
-            return Dual(arb(1), {})
+            return DualBall(arb(1), {})
         fine = whole > 0 or not v.contains(0)
         return a.chain(power(v, whole), whole * power(v, whole - 1)) if fine else a.chain(NAN, NAN)
     if name == "atan2":
@@ -121,7 +121,7 @@ def binary(name: str, a: Dual, b: Dual) -> Dual:
         chosen = None if not (v < w or v >= w) else a if (v < w) == (name == "min") else b
         return chosen or (a + b).chain(NAN, NAN)
     if name == "choose":
-        return (a + b).chain(NAN, NAN) if truth(v) is None else b if truth(v) else Dual(arb(0), {})
+        return (a + b).chain(NAN, NAN) if truth(v) is None else b if truth(v) else DualBall(arb(0), {})
     known = decided(name, v, w)
     return (a + b).chain(NAN if known is None else arb(int(known)), NAN if known is None else arb(0))
 

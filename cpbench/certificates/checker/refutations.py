@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from ball_proofs import Scene
+from ball_proofs import ContactEquations
 from certificate_file import require
 from flint import arb
-from map_values import Dual, duals
+from map_values import DualBall, duals
 from polyhedral_proofs import mixed
 
 INF = float("inf")
@@ -22,13 +22,13 @@ def refutation(own: dict[str, Any], data: dict[str, Any], answer: Any) -> None:
         k = data["f"].size if node == "gfc" else 0
         n = data["mu"].size * (data["w" if node == "gfc" else "q"].size // data["mu"].size)
         # (v, r, λ) and (r, λ) of the file are (v, λ, r) and (λ, r) here
-        scene = Scene(node, data)
+        scene = ContactEquations(node, data)
         none = contradicted(scene, [*box[:k], *box[k + n :], *box[k : k + n]])
     elif "F" in data:
         n = answer.size
         lo, hi = {"ncp": (np.zeros(n), [INF] * n), "equation": ([-INF] * n, [INF] * n)}.get(node, (None, None))
         lo, hi = (lo, hi) if lo is not None else (data["lb"], data["ub"])
-        none = misses([d.v for d in duals(data["F"], [Dual(v, {}) for v in box])], box, lo, hi)
+        none = misses([d.v for d in duals(data["F"], [DualBall(v, {}) for v in box])], box, lo, hi)
     else:
         require(node in ("lcp", "relay", "mlcp"), "multipliers of others are not refuted")
         K, c, lo, hi, _ = mixed(node, data)
@@ -45,7 +45,7 @@ def misses(f: list[Any], box: list[Any], lo: Any, hi: Any) -> bool:
     return False
 
 
-def contradicted(scene: Scene, x: list[Any]) -> bool:
+def contradicted(scene: ContactEquations, x: list[Any]) -> bool:
     """Return whether some equation or contact cannot hold."""
     equations, u = scene.apply(x, arb)
     if any(row > 0 or row < 0 for row in equations):

@@ -6,7 +6,7 @@ allowed, what the problem lacks, what the iterates show, and last what a solver 
 
 from collections.abc import Callable
 
-from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.case import Cause, FailedTrial
 from cpbench.diagnosis.causes.cone import wrong_cone
 from cpbench.diagnosis.causes.cycling import cycling
 from cpbench.diagnosis.causes.degenerate import degenerate
@@ -25,7 +25,7 @@ from cpbench.diagnosis.causes.start import start
 from cpbench.diagnosis.causes.time import time_limit
 from cpbench.diagnosis.causes.unbounded import unbounded
 
-DETECTORS: tuple[Callable[[Case], Cause | None], ...] = (
+DETECTORS: tuple[Callable[[FailedTrial], Cause | None], ...] = (
     infeasible,
     unbounded,
     rounding,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cpbench.diagnosis.case import Case, Cause, Remedy
+from cpbench.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.verification import Status
 
 
-def wrong_cone(case: Case) -> Cause | None:
+def wrong_cone(case: FailedTrial) -> Cause | None:
     """Name the conversion, or the solver, that approximates or drops a term, where its answer misses the problem."""
     failed = case.failed
     if failed.kind.exact or failed.status != Status.APPROXIMATE:

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.case import Cause, FailedTrial
 from cpbench.matrices import Vector
 
 SAME = 1e-6
@@ -16,7 +16,7 @@ LONGEST = 50
 """The longest period that is looked for."""
 
 
-def cycling(case: Case) -> Cause | None:
+def cycling(case: FailedTrial) -> Cause | None:
     """Find the least period p ≥ 2 with which iterates repeat while they move, to the end."""
     found = period(case.failed.raw.iterations, case.failed.raw.iterates)
     if found is None:

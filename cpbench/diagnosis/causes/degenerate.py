@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from cpbench import matrices
-from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.case import Cause, FailedTrial
 from cpbench.plurals import counted
 
 
-def degenerate(case: Case) -> Cause | None:
+def degenerate(case: FailedTrial) -> Cause | None:
     """Count the pairs of a known answer that are both zero, to the square root of the tolerance."""
     P: Any = case.problem
     if P.node not in ("lcp", "ncp", "mlcp") or case.known is None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.case import Cause, FailedTrial
 
 GROWN = 1e3
 """By how much the iterates have to grow in the second half of what was kept."""
 
 
-def diverging(case: Case) -> Cause | None:
+def diverging(case: FailedTrial) -> Cause | None:
     """Measure the growth of the iterates, each with the next, over the second half of those that were kept."""
     X = case.failed.raw.iterates
     if len(X) < 6:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.case import Cause, FailedTrial
 from cpbench.diagnosis.shifted import shifted
 from cpbench.formulations.contact import ContactProblem
 
 
-def hyperstatic(case: Case) -> Cause | None:
+def hyperstatic(case: FailedTrial) -> Cause | None:
     """Count the reactions less the rank of the operator that takes them to velocities."""
     if not isinstance(case.problem, ContactProblem):
         return None

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench import verification
-from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.case import Cause, FailedTrial
 from cpbench.plurals import counted
 from cpbench.verification.certificates import Infeasible
 
 SECONDS = 5.0
 
 
-def infeasible(case: Case) -> Cause | None:
+def infeasible(case: FailedTrial) -> Cause | None:
     """Look for multipliers that contradict the problem's linear conditions, in rational arithmetic (Farkas)."""
     proof = verification.prove(case.problem, Infeasible.kind, seconds=min(SECONDS, case.trial.seconds)).proof
     if not isinstance(proof, Infeasible):

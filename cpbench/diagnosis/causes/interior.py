@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.optimize import linprog
 
-from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.case import Cause, FailedTrial
 from cpbench.verification.polyhedra import Polyhedron, conditions
 
 ROOM = 1e-9
@@ -20,7 +20,7 @@ LARGEST = 3000
 """Unknowns of the largest linear program."""
 
 
-def no_interior(case: Case) -> Cause | None:
+def no_interior(case: FailedTrial) -> Cause | None:
     """Find the point with the most room to the sides of all inequalities, by a linear program."""
     if case.problem.node not in NODES:
         return None
@@ -64,7 +64,7 @@ def _room(P: Polyhedron) -> float | None:
     return float(found.x[-1]) if found.status == 0 else None
 
 
-def _relaxed(case: Case) -> Any:
+def _relaxed(case: FailedTrial) -> Any:
     """Return the trial with wider inequalities."""
     P: Any = case.problem
     if P.node == "qp":

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cpbench import brackets
-from cpbench.diagnosis.case import Case, Cause, Remedy
+from cpbench.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Claim
 from cpbench.verification import Status
@@ -17,7 +17,7 @@ MORE = 100
 """How many times the limit is tried."""
 
 
-def iterations(case: Case) -> Cause | None:
+def iterations(case: FailedTrial) -> Cause | None:
     """Read from the residuals how many iterations are missing; ask for a hundred times as many."""
     if case.failed.raw.claim != Claim.MAX_ITER or case.failed.status == Status.TIMEOUT:
         return None

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from cpbench.diagnosis.case import Case, Cause, Remedy
+from cpbench.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.verification import Status
 
 FINEST = 1e-15
 """The tightest tolerance that is asked for."""
 
 
-def lost(case: Case) -> Cause | None:
+def lost(case: FailedTrial) -> Cause | None:
     """Compare the error on the solver's own problem with that of the lifted answer."""
     failed = case.failed
     if failed.status != Status.LOST:

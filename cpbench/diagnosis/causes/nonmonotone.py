@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.case import Cause, FailedTrial
 from cpbench.diagnosis.shifted import shifted
 
 SUBJECTS = {"lcp": "M", "relay": "M", "avi": "M", "qp": "Q", "fc": "W", "mlcp": "[[A, C], [D, B]]"}
 
 
-def nonmonotone(case: Case) -> Cause | None:
+def nonmonotone(case: FailedTrial) -> Cause | None:
     """Look at the least eigenvalue of the symmetric part of the problem's matrix."""
     subject = SUBJECTS.get(case.problem.node)
     fact = next((f for f in case.source_facts if f.name == "definiteness" and f.matrix == subject), None)

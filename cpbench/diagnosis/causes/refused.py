@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.case import Cause, FailedTrial
 from cpbench.verification import Status
 
 
-def refused(case: Case) -> Cause | None:
+def refused(case: FailedTrial) -> Cause | None:
     """Repeat the obstacle that was named."""
     if case.failed.status not in (Status.UNSUPPORTED, Status.UNAVAILABLE):
         return None

@@ -6,13 +6,13 @@ import math
 from dataclasses import replace
 
 from cpbench.diagnosis.attempts import floor_of
-from cpbench.diagnosis.case import Case, Cause, Remedy
+from cpbench.diagnosis.case import Cause, FailedTrial, Remedy
 
 ABOVE = 10.0
 """How far above the floor a tolerance is that can be met."""
 
 
-def rounding(case: Case) -> Cause | None:
+def rounding(case: FailedTrial) -> Cause | None:
     """Compare the tolerance with the rounding floor of the measured error, at the answer or at a known one."""
     floor = case.failed.floor or floor_of(case.problem, case.known)
     if floor < case.trial.tolerance:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cpbench.diagnosis.case import Case, Cause, Remedy
+from cpbench.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.diagnosis.scaled import scaled
 
 DECADES = 3.0
@@ -13,7 +13,7 @@ TIGHTER = 0.1
 """Share of the tolerance that is asked for in other units: what counts is measured in those of the problem."""
 
 
-def scale(case: Case) -> Cause | None:
+def scale(case: FailedTrial) -> Cause | None:
     """Compare the sizes of the rows with those in units, powers of two, in which the entries are alike."""
     found = scaled(case.problem)
     if found is None or found.before - found.after < DECADES:

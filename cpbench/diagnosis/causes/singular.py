@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cpbench import facts, matrices
-from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.case import Cause, FailedTrial
 from cpbench.diagnosis.scaled import scaled
 from cpbench.diagnosis.shifted import shifted
 from cpbench.matrices import Matrix
@@ -15,7 +15,7 @@ from cpbench.matrices import Matrix
 BLOCKS = {"mlcp": "A", "qp": "Q", "lcp": "M", "relay": "M", "avi": "M"}
 
 
-def singular(case: Case) -> Cause | None:
+def singular(case: FailedTrial) -> Cause | None:
     """Count the rank of the block that methods of the formulation factor, or of the Jacobian where the solver ended."""
     P: Any = case.problem
     if P.node in BLOCKS:

@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.diagnosis.case import Case, Cause, Remedy
+from cpbench.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.matrices import Vector
 
 TRIED = (1.0, 0.1, 10.0)
 """Distances of other starts from the first one."""
 
 
-def start(case: Case) -> Cause | None:
+def start(case: FailedTrial) -> Cause | None:
     """Evaluate F and its Jacobian at the problem's start; look for one nearby where both are finite."""
     P: Any = case.problem
     if getattr(P, "F", None) is None or not isinstance(getattr(P, "start", None), np.ndarray):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cpbench.diagnosis.case import Case, Cause, Remedy
+from cpbench.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.verification import Status
 
 MORE = 10.0
@@ -12,7 +12,7 @@ LONGEST = 60.0
 """Seconds of the longest try."""
 
 
-def time_limit(case: Case) -> Cause | None:
+def time_limit(case: FailedTrial) -> Cause | None:
     """Ask again with ten times the time, at most a minute."""
     longer = min(MORE * case.trial.seconds, LONGEST)
     if case.failed.status != Status.TIMEOUT or longer <= case.trial.seconds:

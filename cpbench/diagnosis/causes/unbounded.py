@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench import verification
-from cpbench.diagnosis.case import Case, Cause
+from cpbench.diagnosis.case import Cause, FailedTrial
 from cpbench.plurals import counted
 from cpbench.verification.certificates import Unbounded
 
 SECONDS = 5.0
 
 
-def unbounded(case: Case) -> Cause | None:
+def unbounded(case: FailedTrial) -> Cause | None:
     """Look for a feasible point and a ray along which the objective falls for ever, in rational arithmetic."""
     proof = verification.prove(case.problem, Unbounded.kind, seconds=min(SECONDS, case.trial.seconds)).proof
     if not isinstance(proof, Unbounded):

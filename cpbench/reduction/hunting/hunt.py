@@ -28,7 +28,7 @@ from cpbench.errors import CpbenchError, NoRoute, PointError
 from cpbench.formulations.base import Problem
 from cpbench.generators.collection import builtin_folder
 from cpbench.graph import candidates
-from cpbench.reduction.cases import Case, reduce_case
+from cpbench.reduction.cases import FailingCase, reduce_case
 from cpbench.reduction.hunting.cells import AXES, Cell, cell
 from cpbench.reduction.hunting.families import FAMILIES
 from cpbench.reduction.hunting.mutations import mutated
@@ -78,7 +78,7 @@ class Shown:
 
 
 @dataclass
-class Search:
+class HuntState:
     """State of a search: what was tried, by cell."""
 
     seed: int
@@ -88,7 +88,7 @@ class Search:
     finds: dict[tuple[str, str], Find] = field(default_factory=dict)
 
 
-EventHandler = Callable[[Search], None]
+EventHandler = Callable[[HuntState], None]
 
 
 def hunt(
@@ -102,7 +102,7 @@ def hunt(
     tolerance: float = 1e-6,
     node: str = "",
     on_event: EventHandler = lambda search: None,
-) -> tuple[Search, list[Shown]]:
+) -> tuple[HuntState, list[Shown]]:
     """Search for problems on which `solver` lies, crashes or is slow and which `other` solves; reduce what is found.
 
     Parameters
@@ -119,7 +119,7 @@ def hunt(
     node = node or _node(solver, other)
     folder.mkdir(parents=True, exist_ok=True)
     begun = time.monotonic()
-    search = Search(seed)
+    search = HuntState(seed)
     with Trials(asked, begun + seconds * (1 - REDUCE_SHARE)) as trials, (folder / "tried.jsonl").open("w") as log:
         seeds = _seeds(node)
         while search.tried == 0 or not trials.over:
@@ -149,7 +149,7 @@ def _seeds(node: str) -> list[Problem]:
     return [problem for problem in found if unknowns(problem) <= LARGEST]
 
 
-def _next(search: Search, node: str, seeds: Sequence[Problem]) -> tuple[str, Problem] | None:
+def _next(search: HuntState, node: str, seeds: Sequence[Problem]) -> tuple[str, Problem] | None:
     """Return where the next problem comes from, and it; None where what was drawn is none."""
     rng = np.random.default_rng([search.seed, search.tried])
     families = FAMILIES.get(node, ())
@@ -174,7 +174,7 @@ def _next(search: Search, node: str, seeds: Sequence[Problem]) -> tuple[str, Pro
         return None
 
 
-def _parent(search: Search, rng: np.random.Generator) -> tuple[Problem, Any] | None:
+def _parent(search: HuntState, rng: np.random.Generator) -> tuple[Problem, Any] | None:
     """Return the problem of a cell: every second time of one that was visited least, else of a promising one."""
     if not search.best:
         return None
@@ -191,7 +191,7 @@ def _parent(search: Search, rng: np.random.Generator) -> tuple[Problem, Any] | N
     return problem, solution
 
 
-def _tried(search: Search, trials: Trials, problem: Problem, folder: Path) -> dict[str, Any]:
+def _tried(search: HuntState, trials: Trials, problem: Problem, folder: Path) -> dict[str, Any]:
     """Try a problem on both solvers, keep it where it belongs; returns a record of it."""
     if not 0 < unknowns(problem) <= LARGEST:
         return {"size": unknowns(problem)}
@@ -247,7 +247,7 @@ def _point(problem: Problem, outcome: Outcome) -> Any:
         return None
 
 
-def _keep(search: Search, kind: str, outcome: Outcome, problem: Problem, folder: Path) -> None:
+def _keep(search: HuntState, kind: str, outcome: Outcome, problem: Problem, folder: Path) -> None:
     """Note a find; the first of its kind is written to a file, a smaller one replaces it."""
     words = re.sub(r"[-+]?\d[\d.e+-]*", "#", outcome.message or "")[:80]
     known = search.finds.get((kind, words))
@@ -260,13 +260,13 @@ def _keep(search: Search, kind: str, outcome: Outcome, problem: Problem, folder:
     search.finds[kind, words] = Find(kind, words, number, path, times)
 
 
-def _reduced(search: Search, asked: Asked, folder: Path, end: float) -> Iterator[Shown]:
+def _reduced(search: HuntState, asked: Asked, folder: Path, end: float) -> Iterator[Shown]:
     """Reduce each find in the time that is left, and yield what the table shows of it."""
     finds = list(search.finds.values())
     for k, find in enumerate(finds):
         predicate = Predicate(find.kind, FACTOR if find.kind == SLOWER else 0.0, asked.predicate.other)
         share = max((end - time.monotonic()) / (len(finds) - k), 5.0)
-        case = Case(str(find.path), Asked(asked.solver, predicate, asked.tolerance, asked.limits))
+        case = FailingCase(str(find.path), Asked(asked.solver, predicate, asked.tolerance, asked.limits))
         place = folder / find.path.stem
         try:
             reduced, written = reduce_case(case, place, share)

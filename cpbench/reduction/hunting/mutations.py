@@ -15,7 +15,7 @@ from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
 from cpbench.matrices import dense
 from cpbench.reduction.numbers import FIXED, FRICTION, OPERATORS, rounded
-from cpbench.reduction.parts import Part, bare, kinds, shapes_of, without
+from cpbench.reduction.parts import RemovablePart, bare, kinds, shapes_of, without
 from cpbench.reduction.reduce import semidefinite
 
 Rng = np.random.Generator
@@ -44,7 +44,7 @@ def mutated(problem: Problem, solution: Any, rng: Rng) -> tuple[str, Problem]:
     raise CpbenchError(f"no mutation of {problem.node} applies")
 
 
-def _any_part(problem: Problem, rng: Rng) -> Part:
+def _any_part(problem: Problem, rng: Rng) -> RemovablePart:
     groups = list(kinds(problem).values())
     group = groups[int(rng.integers(len(groups)))]
     return group[int(rng.integers(len(group)))]

@@ -50,7 +50,7 @@ class ContactInteriorPointOptions:
     stall_window: int = fixed(30)
 
 
-class InteriorPoint(ContactMethod):
+class ContactInteriorPoint(ContactMethod):
     """Interior points of one problem, step by step. `shifted` : whether De Saxcé's term is there."""
 
     shifted: ClassVar[bool] = True
@@ -102,7 +102,7 @@ class InteriorPoint(ContactMethod):
         return None if length >= SHORTEST else f"steps of length {length:.0e}"
 
 
-class _Relaxed(InteriorPoint):
+class _Relaxed(ContactInteriorPoint):
     shifted: ClassVar[bool] = False
 
 
@@ -187,7 +187,7 @@ class InteriorPointContact(ContactSolver):
         "Acary, Armand, Nguyen and Shpakovych 2024; Nesterov and Todd 1998; Mehrotra 1992",
         ContactInteriorPointOptions,
     )
-    method: ClassVar[Any] = InteriorPoint
+    method: ClassVar[Any] = ContactInteriorPoint
 
 
 @register

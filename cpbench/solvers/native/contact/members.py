@@ -15,7 +15,7 @@ import numpy as np
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget
 from cpbench.solvers.native.contact.admm import ADMMContactOptions, ContactSplitting
-from cpbench.solvers.native.contact.interior_point import ContactInteriorPointOptions, InteriorPoint
+from cpbench.solvers.native.contact.interior_point import ContactInteriorPoint, ContactInteriorPointOptions
 from cpbench.solvers.native.contact.newton_equation import ContactFunction
 from cpbench.solvers.native.contact.policy import iteration_work, point_work, step_work, sweep_work
 from cpbench.solvers.native.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
@@ -163,7 +163,7 @@ class InteriorMember(Member):
 
     def begin(self, r: Vector) -> None:
         nothing = np.zeros(r.size)
-        self._points = InteriorPoint(self._contacts, ContactInteriorPointOptions(), nothing, Budget())
+        self._points = ContactInteriorPoint(self._contacts, ContactInteriorPointOptions(), nothing, Budget())
 
     def advance(self, most: int, deadline: float) -> None:
         self.over = self._points.step(1, 0.0, 0.0) is not None
