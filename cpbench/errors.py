@@ -6,9 +6,11 @@ Every message says what is wrong, shows the evidence and names what to do. All o
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
-from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
 
 LISTED = 30
 """Known names that a message shows where none is near the unknown one."""
@@ -54,6 +56,8 @@ class UnknownName(CpbenchError):
     """A name is in no registry; the nearest known ones are offered."""
 
     def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        import difflib  # not for `cpbench --help`, which no name is sought for
+
         known = sorted(known)
         near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
         more = f", and {len(known) - LISTED} more" if len(known) > LISTED else ""

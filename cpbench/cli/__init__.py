@@ -1,4 +1,4 @@
-"""The command line. Commands are imported when they are called: `--help` and completion load no numpy."""
+"""The command line. Commands are imported when they are called: `--help` and completion load click and little else."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import importlib
 import io
 import os
 import sys
-import traceback
 from typing import Any
 
 import click
@@ -16,7 +15,6 @@ from cpbench.cli import ahead
 from cpbench.errors import CpbenchError, FormatError, SealError
 from cpbench.imports import uncollected
 from cpbench.plain_text import printable
-from cpbench.registry import PLUGIN_FILES
 
 COMMANDS = {
     "run": "Run every reachable solver on every problem, judge the answers, write the report.",
@@ -60,6 +58,8 @@ def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[s
         if not (path.endswith((".py", ".toml")) and os.path.isfile(path)):
             raise FormatError(path, "", "--plugin takes a Python file or a .toml file with tables [solver.NAME]")
     if files:
+        from cpbench.registry import PLUGIN_FILES
+
         before = os.environ.get(PLUGIN_FILES)
         given = [os.path.abspath(path) for path in files]
         os.environ[PLUGIN_FILES] = os.pathsep.join([*([before] if before else []), *given])
@@ -96,6 +96,8 @@ class LazyGroup(click.Group):
             formatter.write_dl(list(COMMANDS.items()))
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
+        from cpbench.registry import PLUGIN_FILES
+
         if args and not os.environ.get(PLUGIN_FILES):
             ahead.begin(args)
         try:
@@ -143,6 +145,8 @@ def main() -> None:
         sys.stderr.close()
         sys.exit(0)
     except Exception:
+        import traceback
+
         traceback.print_exc()
         click.echo("cpbench: this is a bug; please report it with the lines above", err=True)
         sys.exit(3)

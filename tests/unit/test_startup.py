@@ -47,6 +47,17 @@ def _processor_seconds(code: str) -> float:
     return float(_said(f"{code}\nimport time; print(time.process_time())", PYTHONDONTWRITEBYTECODE=""))
 
 
+def test_help_loads_nothing_beyond_click() -> None:
+    """Beside five modules of our own: what the help of a group without commands loads."""
+    code = (
+        "import sys, click; click.Group('bare').main(['--help'], standalone_mode=False); before = set(sys.modules); "
+        "from cpbench.cli import cli; cli.main(['--help'], standalone_mode=False); "
+        "print(*sorted(sys.modules.keys() - before - {'cpbench', 'gc'}))"
+    )
+    ours = ["cpbench.cli", "cpbench.cli.ahead", "cpbench.errors", "cpbench.imports", "cpbench.plain_text"]
+    assert _said(code).splitlines()[-1].split() == ours
+
+
 LIBRARIES = "import scipy.sparse.linalg; from cpbench.kernel_cache import load; load('cpbench.solvers.kernels.tableau')"
 """What no first solve can do without: SciPy's sparse matrices, numba, and the first of its kernels."""
 
