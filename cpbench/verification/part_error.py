@@ -21,7 +21,9 @@ The sum of products is the duality gap: a pair of which both are √ε is optima
 - Unknowns that grow without bound would pass on problems without a solution, for they are in the sizes. So the square
   of what no answer may have (a row on the wrong side), over the constants of the part alone, must be within ε, too.
   That is strict where a solution's own multipliers are a million times the prices (QFORPLAN): a gradient that misses
-  5e-9 of its terms misses 4 % of the prices there, and is wrong at 1e-6.
+  5e-9 of its terms misses 4 % of the prices there, and is wrong at 1e-6. Rounding of terms that cancel is taken off
+  such a row, for the exact solution rounded to doubles leaves as much. Where that is `EXPLAINED` of the constants, or
+  could be all of them, the answer would solve other constants as well, and it is `unresolvable`.
 """
 
 from __future__ import annotations
@@ -42,6 +44,9 @@ from cpbench.verification.sets import Flags, joined
 
 HEARD = 0.1
 """Share of an idle constant that other terms of its row must reach for it to give a size."""
+EXPLAINED = 0.1
+"""Share of the constants of its part that is taken off a row as rounding, from which on the answer says nothing of
+them."""
 _PARTS: WeakKeyDictionary[Frame, Parts] = WeakKeyDictionary()
 
 
@@ -137,7 +142,9 @@ def block_errors(system: System, parts: Parts, sums: Vector) -> BlockErrors:
     # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing there
     wrong |= (frame.amplification * EPS >= 1.0) & (frame.norms(system.f) > 0)
     floors = noise * units.f * frame.amplification * wrong
-    return BlockErrors(blocks, components, _beyond(system, noise, units.data), also, floors, units.absolute)
+    beyond, explained = _beyond(system, noise, units.data)
+    floors[explained] = np.maximum(floors[explained], EXPLAINED**2)
+    return BlockErrors(blocks, components, beyond, also, floors, units.absolute)
 
 
 def _gap(system: System, parts: Parts, units: _Units) -> tuple[Vector, Vector]:
@@ -153,13 +160,23 @@ def _gap(system: System, parts: Parts, units: _Units) -> tuple[Vector, Vector]:
     return conditions, products[parts.part]
 
 
-def _beyond(system: System, noise: Vector, data_unit: Vector) -> Vector:
-    """Return the rows that no unknown may have, over the constants, less what rounding leaves of terms that cancel."""
+def _beyond(system: System, noise: Vector, data_unit: Vector) -> tuple[Vector, Flags]:
+    """Return the rows that no unknown may have, over the constants, less what rounding leaves of terms that cancel; and
+    of which blocks that explains the constants (`EXPLAINED`)."""
     frame = system.frame
     f = np.abs(system.f) - frame.spread(noise)
     f = np.copysign(np.maximum(f, 0.0, out=f), system.f)
     unit = frame.spread(data_unit)
-    return joined(frame.sets, frame.count, lambda part: part.excess(f, unit))
+
+    def excess(f: Vector) -> Vector:
+        return joined(frame.sets, frame.count, lambda part: part.excess(f, unit))
+
+    beyond, hidden = excess(f), noise * data_unit
+    explained = hidden >= 1.0  # no digit of the constants is in the row
+    if (hidden * frame.amplification >= EXPLAINED).any():
+        less = np.maximum(excess(system.f), 0.0) - np.maximum(beyond, 0.0)
+        explained |= frame.any(less >= EXPLAINED)
+    return beyond, explained
 
 
 def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flags) -> _Units:

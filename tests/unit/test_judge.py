@@ -140,6 +140,55 @@ def test_a_contact_that_misses_its_law_beside_a_large_self_stress_is_flagged() -
     assert not verdict.solved or "contact" in verdict.flags
 
 
+def _squeezed(rng: np.random.Generator, contacts: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """W of a point that contacts hold from all sides, a motion that opens all of them as far as others close, and
+    reactions along the normals that are in balance."""
+    normals = rng.standard_normal((contacts, 3))
+    normals[-1] = -normals[:-1].sum(axis=0)
+    sizes = np.linalg.norm(normals, axis=1)
+    frames = [np.linalg.qr(np.column_stack([n, rng.standard_normal((3, 2))]))[0] for n in normals]
+    H = np.hstack([np.column_stack([n / size, F[:, 1:]]) for n, size, F in zip(normals, sizes, frames, strict=True)])
+    stress = np.zeros(3 * contacts)
+    stress[::3] = sizes / sizes.max()
+    return H.T @ H, H.T @ rng.standard_normal(3), stress
+
+
+@pytest.mark.parametrize("tolerance", [1e-10, 1e-6, 1e-3])
+@pytest.mark.parametrize("power", [3, 9, 13, 14, 14.5, 15, 16, 18, 22, 28, 60, 120])
+def test_reactions_that_grow_solve_no_problem_without_a_solution(power: float, tolerance: float) -> None:
+    """All contacts close at 1 more than one motion can undo: by Gordan's theorem no reactions open them. Beyond 1/eps
+    the sum Wr + q has no digit of q, and its rounding may have any sign."""
+    rng = np.random.default_rng(29)
+    for contacts in (2, 3, 5, 8):
+        W, motion, stress = _squeezed(rng, contacts)
+        q = motion / np.abs(motion).max()
+        q[::3] -= 1.0
+        problem = FrictionContact(W=W, q=q, mu=np.full(contacts, 0.5), dimension=3)
+        bounded = np.linalg.lstsq(W, -q)[0]
+        for _ in range(5):
+            roundings = 1.0 + 2.0**-52 * rng.integers(-2, 3, stress.size)
+            verdict = judge(problem, FCPoint(r=bounded + 10.0**power * stress * roundings), tolerance)
+            assert not verdict.solved, (contacts, verdict.error)
+
+
+@pytest.mark.parametrize("power", [0, 3, 6, 9, 12])
+def test_reactions_in_balance_change_no_right_answer(power: float) -> None:
+    rng = np.random.default_rng(31)
+    for contacts in (2, 3, 5, 8):
+        W, _, stress = _squeezed(rng, contacts)
+        inside = np.tile([1.0, 0.1, -0.2], contacts) * rng.uniform(0.5, 2.0, 3 * contacts)
+        problem = FrictionContact(W=W, q=-W @ inside, mu=np.full(contacts, 0.5), dimension=3)
+        verdict = judge(problem, FCPoint(r=inside + 10.0**power * stress), 1e-8)
+        assert verdict.solved, (contacts, verdict)
+
+
+@pytest.mark.parametrize("size", [1e3, 1e12, 1e15, 1e16, 1e25, 1e100])
+def test_prices_that_grow_solve_no_lcp_without_a_solution(size: float) -> None:
+    """w = (z₁ − z₂ − 1, z₂ − z₁ − 1) has the sum −2."""
+    verdict = judge(LCP(M=[[1.0, -1.0], [-1.0, 1.0]], q=[-1.0, -1.0]), LCPPoint(z=[size, size]), 1e-6)
+    assert not verdict.solved, verdict
+
+
 def test_a_problem_without_constants_is_measured_absolutely() -> None:
     problem = LCP(M=np.eye(2), q=np.zeros(2))
     verdict = judge(problem, LCPPoint(z=[1e-9, 0.0]), 1e-6)
