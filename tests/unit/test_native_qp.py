@@ -13,6 +13,7 @@ from cpbench.formulations import QP
 from cpbench.formulations.qp import QPPoint
 from cpbench.kernel_cache import load
 from cpbench.solvers import Budget, Claim, Trait, solvers
+from cpbench.solvers.native.qp import dual_active_set
 from cpbench.solvers.native.qp.claims import ErrorMeasure, infeasibility, unboundedness
 from cpbench.solvers.native.qp.dual_active_set import ActiveSet
 from cpbench.solvers.native.qp.kkt_system import KKT, entries
@@ -330,6 +331,31 @@ def test_the_dual_active_set_finds_what_enumeration_finds() -> None:
             np.testing.assert_allclose(method.x(), found, atol=1e-9)
 
 
+@pytest.mark.parametrize("warm", [False, True])
+def test_the_dual_active_set_may_stop_after_any_operation(warm: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Looks at the clock come after bounded work, and nothing depends on when they come."""
+    n, r = 30, 60
+    unit = 4 * n * (n + r)
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        H, g = planted.square(rng, n, "positive definite"), 10.0 * rng.standard_normal(n)
+        G, lower = rng.standard_normal((r, n)), np.r_[np.full(n, -0.5), rng.standard_normal(r) - 2.0]
+        upper = np.r_[np.full(n, 0.5), lower[n : n + 3], np.full(r - 3, np.inf)]
+        y = np.where(rng.random(n + r) < 0.5, np.where(np.isfinite(upper), rng.standard_normal(n + r), 1.0), 0.0)
+        answers = []
+        for most in (10**12, 0):
+            monkeypatch.setattr(dual_active_set, "CHUNK", most)
+            method, calls = ActiveSet(H, G, lower, upper, 1e-11), 0
+            method.begin(g, y if warm else None)
+            while (outcome := method._advance(10_000)) == method.stops.LIMIT:
+                assert method._state[method.stops.OPERATIONS] <= most + unit
+                calls += 1
+            assert (calls > 10) == (most == 0)
+            answers.append((outcome, method.passes, method.x(), method.multipliers()))
+        np.testing.assert_equal(answers[0], answers[1])
+        assert answers[0][0] in (method.stops.SOLVED, method.stops.INFEASIBLE)
+
+
 def enumerated(H: np.ndarray, g: np.ndarray, G: np.ndarray, lower: np.ndarray) -> np.ndarray | None:
     for size in range(len(g) + 1):
         for active in itertools.combinations(range(len(lower)), size):
@@ -555,3 +581,27 @@ def test_what_presolve_leaves_without_a_solution_is_proved_on_the_whole() -> Non
     free = QP.build(np.zeros((3, 3)), -np.ones(3), A[:2], [0.5, 2.0], lb=np.zeros(3))
     assert presolved(sparse_data(free)) is not None
     assert solvers.get("interior-point-qp").run(free).claim is Claim.UNBOUNDED
+
+
+def rendezvous(steps: int, duration: float = 1000.0) -> QP:
+    """A point comes to rest at a place with least thrust, each of three thrusts up to 1, by the trapezoidal rule: of
+    the kind of UBH1 of CUTEst."""
+    T, half = steps + 1, 0.5 * duration / steps
+    D = sp.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(steps, T))
+    M = sp.diags_array([half, half], offsets=[0, 1], shape=(steps, T))
+    C = sp.kron(sp.block_array([[D, -M, None], [None, D, -M]]), sp.eye_array(3)).tocsr()
+    lb, ub = np.full(9 * T, -np.inf), np.full(9 * T, np.inf)
+    lb[6 * T :], ub[6 * T :] = -1.0, 1.0
+    ends = (0, 1000.0), (3 * steps, 10.0), (3 * T, -10.0), (3 * (T + steps), 0.0)
+    for at, value in ends:
+        lb[at : at + 3] = ub[at : at + 3] = value
+    Q = sp.diags_array(np.r_[np.zeros(6 * T), np.ones(3 * T)]).tocsr()
+    return QP.build(Q, np.zeros(9 * T), C=C, d=np.zeros(6 * steps), lb=lb, ub=ub)
+
+
+def test_the_interior_point_goes_on_where_more_regularization_does_not_help() -> None:
+    """The last right-hand sides are rounding of much larger iterates: what a linear system leaves of them is not
+    small, whatever is added to its diagonal."""
+    problem = rendezvous(500)
+    output = solved("interior-point-qp", problem)
+    assert output.counters["iterations"] <= 20

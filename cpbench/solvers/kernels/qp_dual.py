@@ -19,10 +19,14 @@ JOINED, GONE, RAY = 0, 1, 2
 """What `_enter` did."""
 FREE = -1
 """The place of a row outside W."""
+LEAVING = -2
+"""The place of a row that is about to leave W."""
 COUNT, PASSES, INNER, TOGETHER, ALONE, PART, STUCK, REFINED = 0, 1, 2, 3, 4, 5, 6, 7
+OPERATIONS, BUILT, LEFT, ROOM, STATES = 8, 9, 10, 11, 12
 """Places of `state`: rows in W, passes done, whether W is not yet optimal, whether rows joined together, whether the
 next joins alone, the part of the free places that rows may take, how often the dual function did not gain, passes for
-accuracy alone."""
+accuracy alone. Operations of this call. What a call may leave to the next one: rows of M that were looked at for the
+first W, places of W that are not yet searched for leaving rows, rows that may still join together. Their number."""
 PATIENCE = 50
 """So often the dual function may stand still, rows joining one at a time, before the method gives up."""
 FIRST_PART = 5
@@ -137,6 +141,21 @@ def _drop(R, W, where, k, count):
             second[i] = c * g - s * f
 
 
+@njit(types.boolean(_OUT2, _INT, _INT, _INT, types.int64), **_FAST)
+def _leave(R, W, where, state, most):
+    """Remove the rows that are to leave W; return whether `most` operations were enough."""
+    while state[LEFT] > 0:
+        if state[OPERATIONS] > most:
+            return False
+        state[LEFT] -= 1
+        k, count = state[LEFT], state[COUNT]
+        if where[W[k]] == LEAVING:
+            _drop(R, W, where, k, count)
+            state[COUNT] = count - 1
+            state[OPERATIONS] += 3 * (count - k) ** 2 + count
+    return True
+
+
 @njit(types.void(_MATRIX, _VECTOR, _VECTOR, _INT, types.int64, _OUT), **_FAST)
 def _primal(M, v0, y, W, count, v):
     """Set v = v₀ + Mᵀy."""
@@ -161,6 +180,7 @@ def _enter(M, p, sign, most, y, R, W, where, side, state, work):
     while True:
         count = state[COUNT]
         length = _outside(M, R, W, count, p, work)
+        state[OPERATIONS] += count * (count + M.shape[1]) + M.shape[1]
         if length > PARALLEL and count < M.shape[1]:
             _join(R, W, where, p, length, work, count)
             state[COUNT] = count + 1
@@ -191,30 +211,56 @@ def _enter(M, p, sign, most, y, R, W, where, side, state, work):
         y[W[leaving]] = 0.0
         _drop(R, W, where, leaving, count)
         state[COUNT] = count - 1
+        state[OPERATIONS] += 3 * (count - leaving) ** 2 + count
 
 
-@njit(types.void(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), **_FAST)
-def begin(M, lower, upper, v0, v, y, R, W, where, side, state, work):
-    """Build W from the equalities and the rows of which y is not 0, less those that depend on others: their share of y
-    goes to the others where signs allow it.
+@njit(types.void(_MATRIX, _VECTOR, _OUT, _OUT, _INT, _INT), **_FAST)
+def begin(M, v0, v, y, where, state):
+    """Begin again from y, W empty: `advance` builds it.
 
     Arrays as for `advance`.
     """
     where[:] = FREE
-    state[COUNT] = 0
-    for p in range(y.size):
+    state[COUNT] = state[BUILT] = state[LEFT] = state[ROOM] = 0
+    for k in range(v.size):
+        v[k] = v0[k]
+    for i in range(y.size):
+        if y[i] != 0.0:
+            row, by = M[i], y[i]
+            for k in range(v.size):
+                v[k] += by * row[k]
+
+
+@njit(
+    types.boolean(
+        *(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT),
+        types.int64,
+    ),
+    **_FAST,
+)
+def _build(M, lower, upper, v0, v, y, R, W, where, side, state, work, most):
+    """Build W from the equalities and the rows of which y is not 0, less those that depend on others: their share of y
+    goes to the others where signs allow it. Return whether `most` operations were enough."""
+    while state[BUILT] < y.size:
+        if state[OPERATIONS] > most:
+            return False
+        p = state[BUILT]
         equal = lower[p] == upper[p]
         if equal or y[p] != 0.0:
             side[p] = 0 if equal else (1 if y[p] > 0.0 else -1)
             _enter(M, p, -1.0 if y[p] > 0.0 else 1.0, abs(y[p]), y, R, W, where, side, state, work)
-    state[INNER] = 1 if state[COUNT] > 0 else 0
-    _primal(M, v0, y, W, state[COUNT], v)
+        state[BUILT] = p + 1
+        if state[BUILT] == y.size:
+            state[INNER] = 1 if state[COUNT] > 0 else 0
+            _primal(M, v0, y, W, state[COUNT], v)
+    return True
 
 
-@njit(types.int64(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), **_FAST)
+@njit(types.void(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), **_FAST)
 def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work):
-    """Make one pass; return how many rows have left W."""
+    """Make one pass; the rows that are to leave W are marked."""
     count = state[COUNT]
+    state[OPERATIONS] += count * (count + 2 * v.size) + v.size
     change = work
     for j in range(count):
         i = W[j]
@@ -226,69 +272,91 @@ def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work
         i = W[j]
         if not state[TOGETHER] and side[i] * (y[i] + change[j]) < 0.0:
             step = min(step, -y[i] / change[j])
-    left = 0
-    for j in range(count - 1, -1, -1):
+    state[INNER], state[LEFT] = 0, count
+    for j in range(count):
         i = W[j]
         after = y[i] + step * change[j]
         if side[i] * (y[i] + change[j]) < 0.0 and (-y[i] / change[j] <= step or side[i] * after <= 0.0):
             y[i] = 0.0
-            _drop(R, W, where, j, count - left)
-            left += 1
+            where[i] = LEAVING
+            state[INNER] = 1
         else:
             y[i] = after
-    state[COUNT] = count - left
-    state[INNER] = 1 if left > 0 else 0
-    _primal(M, v0, y, W, count - left, v)
-    return left
+    _primal(M, v0, y, W, count, v)
 
 
-@njit(types.void(_MATRIX, types.float64, _OUT, _VECTOR, _VECTOR, _OUT2, _INT, _INT, _INT, _INT, _OUT), **_FAST)
-def _join_others(M, least, violation, lower, upper, R, W, where, side, state, work):
-    """Add the rows violated by `least` at least to W, the worst first; those that nearly depend on it do not."""
-    room = (M.shape[1] - state[COUNT]) // state[PART]
-    while room > 0:
+@njit(
+    types.boolean(
+        *(_MATRIX, types.float64, _OUT, _VECTOR, _VECTOR, _OUT2, _INT, _INT, _INT, _INT, _OUT, types.int64),
+    ),
+    **_FAST,
+)
+def _join_others(M, least, violation, lower, upper, R, W, where, side, state, work, most):
+    """Add the rows violated by `least` at least to W, the worst first; those that nearly depend on it do not. Return
+    whether `most` operations were enough."""
+    while state[ROOM] > 0:
+        if state[OPERATIONS] > most:
+            return False
         p, worst = -1, least
         for i in range(violation.size):
             if abs(violation[i]) > worst:
                 p, worst = i, abs(violation[i])
         if p < 0:
-            return
-        length = _outside(M, R, W, state[COUNT], p, work)
+            state[ROOM] = 0
+            return True
+        count = state[COUNT]
+        length = _outside(M, R, W, count, p, work)
+        state[OPERATIONS] += count * (count + M.shape[1]) + violation.size
         if length > APART:
             side[p] = 0 if lower[p] == upper[p] else (1 if violation[p] > 0.0 else -1)
-            _join(R, W, where, p, length, work, state[COUNT])
-            state[COUNT] += 1
+            _join(R, W, where, p, length, work, count)
+            state[COUNT] = count + 1
             state[TOGETHER] = 1
-            room -= 1
+            state[ROOM] -= 1
         violation[p] = 0.0
+    return True
 
 
 @njit(
     types.int64(
         *(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT, _OUT, _OUT),
-        *(types.int64, types.float64),
+        *(types.int64, types.int64, types.float64),
     ),
     **_FAST,
 )
-def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before, work, max_passes, tolerance):
-    """Make passes until v is feasible, or `max_passes` are done. On INFEASIBLE y is the ray that proves it.
+def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before, work, max_passes, most, tolerance):
+    """Make passes until v is feasible, or `max_passes` are done, or soon after `most` operations: the next call goes on
+    where this one has stopped, and v and y belong together all the time. On INFEASIBLE y is the ray that proves it.
 
     Parameters
     ----------
     M : (N, n). lower, upper : (N,), equal for equalities. v0, v : (n,). y : (N,). R : (n, n). W : (n,).
-    where : (N,) place in W or FREE. side : (N,) of rows in W: 1 lower, -1 upper, 0 equality. state : (8,).
-    gained : (1,) value of the dual function when rows joined last. before : (N,) y then. work : (3n + N,).
+    where : (N,) place in W, FREE or LEAVING. side : (N,) of rows in W: 1 lower, -1 upper, 0 equality. state :
+    (STATES,). gained : (2,) value of the dual function when rows joined last, and the violation with which others join
+    them. before : (N,) y then. work : (3n + N,), kept between calls.
     tolerance : on violations, relative to the bound and to v.
     """
     N, n = M.shape
     violation = work[3 * n :]
     floor = 4.0 * np.finfo(np.float64).eps * np.sqrt(float(n)) * np.sqrt(dot(v0, v0))
+    state[OPERATIONS] = 0
     while True:
+        if not _build(M, lower, upper, v0, v, y, R, W, where, side, state, work, most):
+            return LIMIT
+        if not _join_others(M, gained[1], violation, lower, upper, R, W, where, side, state, work, most):
+            return LIMIT
+        if not _leave(R, W, where, state, most):
+            return LIMIT
         while state[INNER]:
-            if state[PASSES] >= max_passes:
+            if state[PASSES] >= max_passes or state[OPERATIONS] > most:
                 return LIMIT
             state[PASSES] += 1
             _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work)
+            if not _leave(R, W, where, state, most):
+                return LIMIT
+        if state[OPERATIONS] > most:
+            return LIMIT
+        state[OPERATIONS] += N * n
         size = np.sqrt(dot(v, v))
         if not size < np.inf:
             return STALLED
@@ -321,7 +389,7 @@ def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before,
                 put(y, before)
                 state[PART] *= 2
                 state[TOGETHER] = 0
-                begin(M, lower, upper, v0, v, y, R, W, where, side, state, work)
+                begin(M, v0, v, y, where, state)
                 state[ALONE] = 1
                 continue
             state[STUCK] += 1
@@ -338,7 +406,7 @@ def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before,
             _primal(M, v0, y, W, state[COUNT], v)
         elif not state[ALONE]:
             violation[p] = 0.0
-            _join_others(M, SHARE * worst, violation, lower, upper, R, W, where, side, state, work)
+            gained[1], state[ROOM] = SHARE * worst, (n - state[COUNT]) // state[PART]
         state[ALONE] = 0
 
 

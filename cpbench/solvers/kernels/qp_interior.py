@@ -24,14 +24,16 @@ NEAR, LIMIT, BROKEN, STALLED, LARGE = 0, 1, 2, 3, 4
 broke down, tᵀz does not fall, the iterate has grown to `bar`."""
 DONE, SINCE = 0, 1
 """Places of `counts`: iterations done, when tᵀz was least."""
-SIZE, BEST, BAR, DELTA = 0, 1, 2, 3
+SIZE, BEST, BAR, DELTA, LEFT = 0, 1, 2, 3, 4
 """Places of `sizes`: what tᵀz is compared with (the larger part of the objective), the least relative tᵀz, the size of
-an iterate that may be on its way along a ray, the regularization."""
+an iterate that may be on its way along a ray, the regularization, what a linear system may leave."""
 FIXED = 1e12
 """What stands on the diagonal for an unknown whose bounds are equal."""
 SOLVED, COARSER, COARSEST = 1e-3, 100.0, 1e-4
 """A linear system of which a larger share is left is factored again with so many times the regularization, up to a
-largest one."""
+largest one, as long as that leaves less."""
+USEFUL = 1.0
+"""Where that does not help, a step is one that leaves less than this share: its right-hand side may be rounding."""
 SHORT = 0.1
 """A shorter step is tried again, more centrally."""
 INSIDE = 0.1
@@ -158,11 +160,12 @@ def _products(t, z, lower, upper):
 
 
 @njit(
-    types.int64(CSR, CSR, DATA, DATA, DATA, SYSTEM, ITERATE, types.float64, types.float64, types.float64, OUT), **_FAST
+    types.float64(CSR, CSR, DATA, DATA, DATA, SYSTEM, ITERATE, types.float64, types.float64, types.float64, OUT),
+    **_FAST,
 )
 def _step(H, G, g, lower, upper, system, iterate, delta, share, enough, sizes):
-    """Take one predictor and corrector step; 1 where the linear system breaks down. enough : tᵀz that is small
-    enough."""
+    """Return the share that the linear system leaves, infinite where it breaks down; take one predictor and corrector
+    step where that is less than `sizes[LEFT]`. enough : tᵀz that is small enough."""
     x, y, t, z, left, work = iterate
     n, N = x.size, y.size
     w, theta, a, b = work[:n], work[N : 2 * N - n], work[2 * N : 2 * N + n], work[3 * N : 4 * N - n]
@@ -186,9 +189,12 @@ def _step(H, G, g, lower, upper, system, iterate, delta, share, enough, sizes):
         else:
             theta[i - n] = 0.0 if equal else 1.0 / total
     if not (np.isfinite(largest(w)) and np.isfinite(largest(theta))):
-        return 1
+        return np.inf
     if not factor_system(H, G, system, w, theta, delta):
-        return 1
+        return np.inf
+    dt[:] = 0.0  # what an attempt before this one has left may be no number
+    dz[:] = 0.0
+    error = 0.0
     mu = _products(t, z, lower, upper) / max(count, 1)
     aim = second = alpha = 0.0
     for corrector in range(3 if count else 1):
@@ -214,8 +220,9 @@ def _step(H, G, g, lower, upper, system, iterate, delta, share, enough, sizes):
             else:
                 b[i - n] = lower[i] - s[i] if equal else theta[i - n] * total
         if corrector or not count:
-            if not solve_system(H, G, system, w, theta, a, b, dx, v) < SOLVED:
-                return 1
+            error = solve_system(H, G, system, w, theta, a, b, dx, v)
+            if not error < sizes[LEFT]:
+                return error if np.isfinite(error) else np.inf
         else:  # the predictor only says how far to aim and what the products of its steps are: it is not refined
             apply(system, a, b, dx, v)
         for i in range(n):
@@ -266,7 +273,7 @@ def _step(H, G, g, lower, upper, system, iterate, delta, share, enough, sizes):
             z[N + i] += alpha * dz[N + i]
         if i >= n and lower[i] == upper[i]:
             y[i] -= alpha * v[i - n]
-    return 0
+    return error
 
 
 @njit(
@@ -288,10 +295,19 @@ def advance(H, G, g, lower, upper, scale, system, iterate, share, near, enough, 
     while True:
         if counts[DONE] >= until:
             return LIMIT
-        while _step(H, G, g, lower, upper, system, iterate, sizes[DELTA], share, enough * sizes[SIZE], sizes):
-            if sizes[DELTA] >= COARSEST:
+        least, best = np.inf, sizes[DELTA]
+        while True:
+            error = _step(H, G, g, lower, upper, system, iterate, sizes[DELTA], share, enough * sizes[SIZE], sizes)
+            if error < sizes[LEFT]:
+                break
+            if error < least:
+                least, best = error, sizes[DELTA]
+            if sizes[DELTA] < COARSEST and (least == error or least == np.inf):
+                sizes[DELTA] *= COARSER
+            elif least < USEFUL:
+                sizes[DELTA], sizes[LEFT] = best, USEFUL
+            else:
                 return BROKEN
-            sizes[DELTA] *= COARSER
         counts[DONE] += 1
         _gather(H, G, g, lower, upper, scale, iterate, sizes)
         gap = _products(t, z, lower, upper) / sizes[SIZE]

@@ -15,12 +15,15 @@ from cpbench.solvers.kernels.qp_dual import (
     PART,
     PASSES,
     SOLVED,
+    STATES,
     advance,
     begin,
     normalise,
 )
 from cpbench.solvers.kernels.vectors import put
 
+MANY = 2**62
+"""Operations that are enough for any problem of this size."""
 NOT_CONVEX = 4
 """The outcome, beside those of `qp_dual`, where no factorization says that Q is positive semidefinite."""
 SCALINGS = 4
@@ -144,7 +147,7 @@ def solve(Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, most, z,
             norms[k] = 1.0
     v0, v, y, g, x, best = np.empty(n), np.empty(n), np.zeros(sides), np.empty(n), np.zeros(n), np.empty(2 * n + r)
     R, W, where, side = np.empty((n, n)), np.empty(n, np.int64), np.empty(sides, np.int64), np.empty(sides, np.int64)
-    state, gained, before = np.zeros(8, np.int64), np.empty(1), np.empty(sides)
+    state, gained, before = np.zeros(STATES, np.int64), np.empty(2), np.empty(sides)
     work, judge = np.empty(3 * n + sides), np.empty(2 * n)
     for i in range(n):
         g[i] = D[i] * p[i]
@@ -159,8 +162,9 @@ def solve(Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, most, z,
         state[:] = 0
         state[PASSES], state[PART] = passes, FIRST_PART
         gained[0] = -1.0
-        begin(M, lower, upper, v0, v, y, R, W, where, side, state, work)
-        outcome = advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before, work, most, feasible)
+        begin(M, v0, v, y, where, state)
+        how = gained, before, work, most, MANY, feasible
+        outcome = advance(M, lower, upper, v0, v, y, R, W, where, side, state, *how)
         counts[0] = state[PASSES]
         if outcome == INFEASIBLE:
             return INFEASIBLE

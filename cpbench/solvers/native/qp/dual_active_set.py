@@ -26,8 +26,8 @@ from cpbench.solvers.native.qp.claims import (
 from cpbench.solvers.native.qp.scaling import stacked
 from cpbench.solvers.options import fixed, searched
 
-CHUNK = 1000
-"""Passes between looks at the clock."""
+CHUNK = 200_000_000
+"""Operations between looks at the clock, a tenth of a second or two."""
 
 
 @dataclass(frozen=True)
@@ -69,8 +69,8 @@ class ActiveSet:
         self._v, self._y = np.empty(n), np.zeros(N)
         integers = np.empty((3, max(N, n)), dtype=np.int64)
         self._factors = np.empty((n, n)), integers[0, :n], integers[1, :N], integers[2, :N]
-        self._state = np.zeros(8, dtype=np.int64)
-        self._gained, self._before, self._work = np.empty(1), np.empty(N), np.empty(3 * n + N)
+        self._state = np.zeros(self._kernel.STATES, dtype=np.int64)
+        self._gained, self._before, self._work = np.empty(2), np.empty(N), np.empty(3 * n + N)
         self._size, self._x_bounds = lower.size, (lower[:n], upper[:n])
 
     def begin(self, g: Vector, y: Vector | None) -> None:
@@ -81,7 +81,7 @@ class ActiveSet:
         passes = self.passes
         self._state[:] = 0
         self._state[self._kernel.PASSES], self._state[self._kernel.PART] = passes, self._kernel.FIRST_PART
-        self._kernel.begin(*self._rows, self._v0, self._v, self._y, *self._factors, self._state, self._work)
+        self._kernel.begin(self._rows[0], self._v0, self._v, self._y, self._factors[2], self._state)
 
     def _advance(self, until: int) -> int:
         return self._kernel.advance(
@@ -95,6 +95,7 @@ class ActiveSet:
             self._before,
             self._work,
             until,
+            CHUNK,
             self._tolerance,
         )
 
@@ -103,7 +104,7 @@ class ActiveSet:
         then."""
         while True:
             done = self.passes
-            until = min(limit, done + (CHUNK if watch is None else 1 + done // SHARE))
+            until = limit if watch is None else min(limit, done + 1 + done // SHARE)
             outcome = self._advance(until)
             if outcome != self.stops.LIMIT or self.passes >= limit or time.monotonic() > deadline:
                 return outcome

@@ -60,11 +60,9 @@ class Path:
         self._sides = sides
         iterate = self.x, self.y, sides[0], sides[1], np.zeros(n), work
         self._data = H, G, scales.g, scales.lower, scales.upper, scales.c, system, iterate
-        self._counts, self._sizes = (
-            np.zeros(2, dtype=np.int64),
-            np.array([0.0, math.inf, LARGE, options.regularization]),
-        )
         self.stops: Any = self._kernel
+        self._counts = np.zeros(2, dtype=np.int64)
+        self._sizes = np.array([0.0, math.inf, LARGE, options.regularization, self.stops.SOLVED])
 
     @property
     def done(self) -> int:
