@@ -130,13 +130,11 @@ class InteriorPoint(Solver):
         measure, data = ErrorMeasure(prepared, record), sparse_data(prepared)
         run = _Run(prepared, data, budget, options, measure, record)
         reduced, whole = presolved(data), (data, _unchanged)
-        # what does not end well is asked of the whole, where rays prove something
-        forms = [whole] if reduced is None else [reduced, whole]
-        for form in forms:
-            output = run.along(*form)
-            if output.claim is Claim.SOLVED or output.certificate is not None or run.over:
-                return output
-        return run.along(*forms[0], DAMPING) if prepared.d.size else output
+        first = whole if reduced is None else reduced
+        output = run.along(*first)
+        if reduced is not None and not run.ended(output):  # rays prove something about the whole alone
+            output = run.along(*whole)
+        return output if run.ended(output) or not prepared.d.size else run.along(*first, DAMPING)
 
 
 def _unchanged(parts: Parts) -> Parts:
@@ -164,6 +162,10 @@ class _Run:
     def over(self) -> bool:
         """Whether iterations or time are spent."""
         return self._done >= self._limit or time.monotonic() > self._deadline
+
+    def ended(self, output: SolverOutput) -> bool:
+        """Return whether nothing is left to find, or to find it with."""
+        return output.claim is Claim.SOLVED or output.certificate is not None or self.over
 
     def along(self, data: SparseQP, lift: Callable[[Parts], Parts], damping: float = 0.0) -> SolverOutput:
         """Follow the path of a problem, this one or what presolve has left of it, from its beginning."""
