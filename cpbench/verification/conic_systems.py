@@ -15,6 +15,7 @@ import scipy.sparse as sp
 
 from cpbench.matrices import Vector
 from cpbench.verification import sets
+from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.frame import Frame, System, Terms, block_norms
 from cpbench.verification.parallel_rows import ParallelRows
 from cpbench.verification.systems import RowsFrame, beside_rows, kept
@@ -121,7 +122,8 @@ def nlp(P: Any, point: Any) -> System:
     z, lam, mu = point.z, point.lam, point.mu
     g, h, Jg, Jh = P.g(z), P.h(z), sp.csr_array(P.g.jacobian(z)), sp.csr_array(P.h.jacobian(z))
     gradient = P.f.jacobian(z).toarray().ravel()
-    curvature = abs(sp.csr_array(P.f.hessian(z, np.ones(1))))
+    own = sp.csr_array(P.f.hessian(z, np.ones(1)))
+    curvature = abs(own)
     for F, weights in ((P.g, lam), (P.h, mu)):
         if F.rows:
             curvature = curvature + abs(sp.csr_array(F.hessian(z, weights)))
@@ -129,21 +131,37 @@ def nlp(P: Any, point: Any) -> System:
         P, z, gradient, curvature, [sets.Box.of(np.arange(z.size), P.lb, P.ub)], np.arange(z.size),
         rows=[Jg, Jh], values=[g, h], constants=[g - Jg @ z, h - Jh @ z],
         signs=[(0.0, g.size), (-np.inf, h.size)], multipliers=np.concatenate([lam, mu]), nu=point.nu,
+        prices=_prices(P, z, gradient, own, gradient - curvature @ z),
     )  # fmt: skip
+
+
+def _prices(P: Any, z: Vector, gradient: Vector, hessian: Any, otherwise: Vector) -> Vector:
+    """Return the constants of the rows of ∇f that are linear, 0 below rounding, and of other rows those given.
+
+    The rows of a quadratic objective have the constants that it has as a QP: where they are 0, what is left of sizes
+    of terms, z₂ − z₁ beside z₂ + z₁, is no price.
+    """
+    change = sp.coo_array(sp.csr_array(P.f.hessian(2.0 * z, np.ones(1))) - hessian)
+    sizes = abs(hessian)
+    largest = sizes.max(axis=1).toarray().ravel() if sizes.nnz else np.zeros(z.size)
+    rows = change.coords[0]
+    curved = ~(np.abs(change.data) <= ROUNDINGS * EPS * largest[rows])  # no number is no constant
+    linear = np.bincount(rows[curved], minlength=z.size) == 0
+    prices = gradient - hessian @ z
+    prices[np.abs(prices) <= ROUNDINGS * EPS * (np.abs(gradient) + sizes @ np.abs(z))] = 0.0
+    return np.where(linear, prices, otherwise)
 
 
 def _with_rows(
     P: Any, z: Vector, force: Vector, slope: Any, own: list[Any], block: Any, *, rows: Any = (), values: Any = (),
     constants: Any = (), signs: Any = (), multipliers: Vector | None = None, nu: Vector | None = None,
-    moving: Vector | None = None,
+    moving: Vector | None = None, prices: Vector | None = None,
 ) -> System:  # fmt: skip
     """Return F(z) less the rows' multipliers beside z, and each row beside its multiplier; `moving` are the sizes of
-    the terms of bounds that depend on z."""
+    the terms of bounds that depend on z, `prices` the constants of F where they are known."""
     slope = sp.csr_array(slope)
     first = int(block[-1]) + 1 if len(block) else 0
-    constant = force - slope @ z
-    if P.node != "nlp":
-        constant = _of_one_degree(P.F, z, force, slope, constant)
+    constant = _of_one_degree(P.F, z, force, slope, force - slope @ z) if prices is None else prices
     load = _norms(constant, block)
     if multipliers is None:
         found = caps(P.F, z, force, slope) if P.node in ("ncp", "micp", "equation") else None

@@ -14,11 +14,13 @@ from lecture.numerics.examples.maps import mapped
 from cpbench.conversions.base import make
 from cpbench.formulations import LCP, QP, QVI, FCPoint, FrictionContact, LCPPoint, QPPoint, Relay
 from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.formulations.nlp import NLPPoint
 from cpbench.formulations.qvi import QVIPoint
+from cpbench.generators import generators
 from cpbench.generators.equations import powell_singular
 from cpbench.matrices import dense
 from cpbench.testing import planted, planted_contact
-from cpbench.testing.cases import cases
+from cpbench.testing.cases import Case, cases
 from cpbench.verification import judge
 from cpbench.verification.backward_error import backward_error
 from cpbench.verification.equilibration import equilibrate
@@ -296,3 +298,36 @@ def test_multipliers_of_a_joint_that_cancel_hide_nothing(rng: np.random.Generato
     more = dataclasses.replace(problem, G=np.hstack([G, G[:, [0, 0]]]), b=np.append(problem.b, [problem.b[0]] * 2))
     there = dataclasses.replace(wrong, lam=np.append(wrong.lam, [2.0**40, -(2.0**40)]))
     assert judge(more, there, 1e-6).error == pytest.approx(judge(problem, wrong, 1e-6).error, rel=0.5)
+
+
+@pytest.mark.parametrize("case", cases("qp"), ids=lambda case: case.name)
+@pytest.mark.parametrize("step", [0.0, 1e-7, 1e-4, 1.0])
+def test_a_quadratic_program_has_its_error_as_an_nlp(case: Case, step: float, rng: np.random.Generator) -> None:
+    edge = make("qp-nlp")
+    program, trace = edge.apply(case.problem)
+    point = QPPoint(*(x * (1.0 + step * rng.standard_normal(x.size)) for x in dataclasses.astuple(case.point)))
+    error = measure(case.problem, point).error
+    assert measure(program, edge.push(point, trace)).error == pytest.approx(error, rel=0.5, abs=1e-14)
+
+
+@pytest.mark.parametrize(("z", "solved"), [([0.0, -1.1e-16], True), ([-1e-8, -1e-8], True), ([0.0, 1e-3], False)])
+def test_what_is_left_of_terms_that_cancel_is_no_price(z: list[float], solved: bool) -> None:
+    """min z₂ + 1e-5 (z₂ − z₁)² over z₂ ≥ 0 (Hock and Schittkowski 3): ∇f has no constant in its first row."""
+    program = QP.build(2e-5 * np.array([[1.0, -1.0], [-1.0, 1.0]]), [0.0, 1.0], lb=[-np.inf, 0.0])
+    edge = make("qp-nlp")
+    nlp, trace = edge.apply(program)
+    point = QPPoint(np.array(z), np.zeros(0), np.zeros(0), np.array([0.0, 1.0]))
+    assert judge(program, point, 1e-6).solved == solved
+    assert judge(nlp, edge.push(point, trace), 1e-6).solved == solved
+
+
+def test_a_force_that_vanishes_by_a_power_is_no_price() -> None:
+    """min (z₁ − z₂)² + (z₂ − z₃)⁴ over (1 + z₂²) z₁ + z₃⁴ = 3 (Hock and Schittkowski 26), at ones but for 1e-4 along
+    z₁ = z₂: its linearization there has constants of 1e-11, as large as the force that is left."""
+    found = generators.get("hock-schittkowski-nonlinear").instances()
+    program: Any = next(i.problem for i in found if i.name == "hs26")
+    for step, solved in ((0.0, True), (1e-4, True), (1e-1, False)):
+        z1 = 1.0 - step
+        z = np.array([z1, z1, (3.0 - (1.0 + z1 * z1) * z1) ** 0.25])
+        verdict = judge(program, NLPPoint(z=z, lam=np.zeros(0), mu=np.zeros(1), nu=np.zeros(3)), 1e-6)
+        assert verdict.solved == solved, (step, verdict.error)

@@ -127,3 +127,14 @@ def test_an_answer_is_a_start_that_costs_nothing(shared_data: Path) -> None:
     warm = solver.run(problem, budget, start=solver.run(problem, budget).point)
     assert warm.claim is Claim.SOLVED
     assert warm.counters["iterations"] == 0
+
+
+@pytest.mark.parametrize(("tolerance", "most"), [(1e-4, 5_000), (1e-8, 7_000)])
+def test_plain_sweeps_solve_what_acceleration_does_not(shared_data: Path, tolerance: float, most: int) -> None:
+    """`nsgs` needs 1,710 and 5,034 sweeps; accelerated ones stand still at 3e-4, and Newton steps cost more."""
+    problem = storage.load(shared_data / "fc3d_local" / "mj_soup60_mu08-nc140.hdf5")
+    output = solvers.get("auto-fc").run(problem, Budget(tolerance=tolerance))
+    assert_claim(problem, output.point, tolerance)
+    assert "plain sweeps" in output.message
+    assert output.counters["newton_steps"] == 0
+    assert output.counters["sweeps"] <= most

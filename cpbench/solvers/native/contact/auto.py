@@ -34,7 +34,7 @@ class AutoContactOptions:
     points and iterations of ADMM together."""
 
     sweeps: int = searched(50, low=10, high=500, log=True)
-    max_iterations: int = fixed(200_000)
+    max_iterations: int = fixed(400_000)
 
 
 @register

@@ -17,10 +17,13 @@ from cpbench.solvers.base import Budget
 from cpbench.solvers.native.contact.admm import ADMMContactOptions, ContactSplitting
 from cpbench.solvers.native.contact.interior_point import ContactInteriorPoint, ContactInteriorPointOptions
 from cpbench.solvers.native.contact.newton_equation import ContactFunction
-from cpbench.solvers.native.contact.policy import iteration_work, point_work, step_work, sweep_work
+from cpbench.solvers.native.contact.policy import SweepProgress, iteration_work, point_work, step_work, sweep_work
 from cpbench.solvers.native.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
 from cpbench.solvers.native.contact.semismooth_newton import ContactNewtonOptions, NewtonPhase
-from cpbench.solvers.native.contact.sweeps import ScaledContacts, Sweeps
+from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, ScaledContacts, Sweeps
+
+PIECE = 2_000
+"""Sweeps between two looks at the clock."""
 
 
 class Member(ABC):
@@ -44,9 +47,14 @@ class Member(ABC):
         self.steps = self.factorizations = 0
 
     @property
-    def due(self) -> float:
+    def allowed(self) -> float:
         """Work that it will have had after its next turn [ns]: twice as much every time."""
         return math.inf if self.over else self.expected * self.cost * 2.0**self.turns
+
+    @property
+    def due(self) -> float:
+        """That work, or less where it is expected to be done sooner [ns]."""
+        return self.allowed
 
     @property
     @abstractmethod
@@ -122,6 +130,40 @@ class ProximalMember(Member):
         self.steps += points.newton_steps - steps
         self.factorizations += points.factorizations - before
         self.spent += max(points.factorizations - before, 1) * self.cost
+
+
+class PlainMember(Member):
+    """Sweeps without acceleration: where contacts keep changing their state, extrapolations only lead astray.
+
+    Their error falls at a steady rate, which says when they are done.
+    """
+
+    unit, counter, expected = "plain sweeps", "sweeps", 1200
+
+    def __init__(self, contacts: ScaledContacts, start: Vector, tolerance: float) -> None:
+        super().__init__(contacts, sweep_work(contacts.rows))
+        self._start, self._tolerance = start, tolerance
+
+    @property
+    def r(self) -> Vector:
+        return self._sweeps.best
+
+    @property
+    def due(self) -> float:
+        if self.over or self.steps == 0:
+            return self.allowed
+        spent = round(self.spent / self.cost)
+        turn = round(self.allowed / self.cost) - spent
+        return SweepProgress(self.cost, turn, spent, self.steps, 1.0, self._sweeps.error).due(self._tolerance)
+
+    def begin(self, r: Vector) -> None:
+        self._sweeps = AcceleratedSweeps(self._contacts.rows, self._start, self._contacts.rows.plain)
+
+    def advance(self, most: int, deadline: float) -> None:
+        count = max(math.ceil((self.allowed - self.spent) / self.cost), 1)
+        self.over = not self._sweeps.sweep(min(count, most, PIECE), self._tolerance)
+        made, self.steps = self._sweeps.done - self.steps, self._sweeps.done
+        self.spent += max(made, 1) * self.cost
 
 
 class ADMMMember(Member):

@@ -1,7 +1,7 @@
 """The phases of the automatic choice on contact: sweeps, Newton steps, proximal points, ADMM, interior points.
 
-Sweeps begin at the best point so far, the other methods (`members`) go their own ways; each goes on until it has had
-what was expected of it. `policy` says which is next.
+Accelerated sweeps begin at the best point so far, the other methods (`members`) go their own ways; each goes on until it
+has had what was expected of it. `policy` says which is next.
 """
 
 from __future__ import annotations
@@ -14,7 +14,15 @@ import numpy as np
 from cpbench.formulations.contact import FCPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Record
-from cpbench.solvers.native.contact.members import ADMMMember, InteriorMember, Member, NewtonMember, ProximalMember
+from cpbench.solvers.native.contact.members import (
+    PIECE,
+    ADMMMember,
+    InteriorMember,
+    Member,
+    NewtonMember,
+    PlainMember,
+    ProximalMember,
+)
 from cpbench.solvers.native.contact.newton_equation import ContactFunction
 from cpbench.solvers.native.contact.policy import SweepProgress, next_method, sweep_work
 from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, ScaledContacts
@@ -23,8 +31,6 @@ GAINED = 0.1
 """A method that took the error below this times what it was has not failed; from so much nearer what failed may not."""
 SHORTER = 8
 """Sweeps are so many times fewer again where another method has come much nearer."""
-PIECE = 2_000
-"""Sweeps between two looks at the clock."""
 
 
 def counters(sweeps: int) -> dict[str, int]:
@@ -64,6 +70,7 @@ class Phases:
             "natural": NewtonMember(contacts, start, ContactFunction.NATURAL_MAP),
             "proximal": ProximalMember(contacts),
             "admm": ADMMMember(contacts),
+            "plain": PlainMember(contacts, start, budget.tolerance),
         }
 
     def phase(self) -> None:
@@ -114,7 +121,7 @@ class Phases:
 
     def _advance(self, member: Member) -> int:
         """Give a method its turn."""
-        first, due = member.steps, member.due
+        first, due = member.steps, member.allowed
         if np.isinf(member.level) or (member.takes_start and self.error <= GAINED * member.level):
             member.begin(self.best)
             member.level = self.error
