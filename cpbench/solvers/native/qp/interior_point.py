@@ -37,8 +37,8 @@ DAMPING = 1e-6
 """Weight of proximal steps of the multipliers of equations, data scaled to size one: where equations depend on others,
 rounding makes their multipliers drift without end, by what is left of the equations over this at most. Where they do
 not, exact steps are ahead."""
-CHUNK = 20
-"""Iterations between looks at the clock."""
+CHUNK, OPERATIONS = 20, 1e8
+"""Iterations between looks at the clock, and operations of factorizations: the fewer of both, but one iteration."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,10 @@ class QPInteriorPointOptions:
 
 
 class Path:
-    """The iterates on one problem: x, and y of (x, Gx), the multipliers of lower sides less those of upper ones."""
+    """The iterates on one problem: x, and y of (x, Gx), the multipliers of lower sides less those of upper ones.
+
+    chunk : iterations between looks at the clock.
+    """
 
     def __init__(
         self, scales: Scales, H: Entries, G: Entries, options: QPInteriorPointOptions, damping: float = 0.0
@@ -60,12 +63,13 @@ class Path:
         n, N = scales.g.size, scales.lower.size
         self._kernel = load("cpbench.solvers.kernels.qp_interior")
         self._options = options
-        system = KKT(H, G, options.regularization, (scales.lower == scales.upper)[n:]).system
+        kkt = KKT(H, G, options.regularization, (scales.lower == scales.upper)[n:])
+        self.chunk = max(int(min(CHUNK, OPERATIONS / max(kkt.operations, 1.0))), 1)
         self.x, self.y = np.zeros(n), np.zeros(N)
         sides, work = np.zeros((2, 2 * N)), np.zeros(12 * N)
         self._sides = sides
         iterate = self.x, self.y, sides[0], sides[1], np.zeros(n), work
-        self._data = H, G, scales.g, scales.lower, scales.upper, scales.c, system, iterate
+        self._data = H, G, scales.g, scales.lower, scales.upper, scales.c, kkt.system, iterate
         self.stops: Any = self._kernel
         self._counts = np.zeros(2, dtype=np.int64)
         self._sizes = np.array([0.0, math.inf, LARGE, options.regularization, self.stops.SOLVED, damping])
@@ -208,7 +212,7 @@ class _Run:
             before = path.x.copy(), path.y.copy()
             until = self._limit - earlier
             if not math.isinf(self._budget.seconds):
-                until = min(until, path.done + CHUNK)
+                until = min(until, path.done + path.chunk)
             outcome = path.advance(tolerance, next_stop(path.done, until, self._record), polish=polished > 0)
 
 

@@ -39,6 +39,7 @@ class KKT:
     """The system of H (n, n) and G (r, n) with the regularization `delta`.
 
     equal : rows that have θ = 0, or nearly so, in every system, none by default. Dense where that takes less time.
+    operations : of one factorization, counted as those of a sparse factor.
     """
 
     def __init__(self, H: Entries, G: Entries, delta: float, equal: NDArray[np.bool_] | None = None) -> None:
@@ -50,6 +51,7 @@ class KKT:
         self._rest, self._equal = np.flatnonzero(~zero), np.flatnonzero(zero)
         m, k = self._rest.size, self._equal.size
         last = np.empty(m), np.zeros(5 * (n + r))
+        self.operations = (m * n * n + (n + k) ** 3 / 3.0) / BLAS
         if H[2].size + G[2].size < FULL * n * (n + r):
             count, pattern = self._analysed()
             # operations for every number of columns that are eliminated as sparse ones
@@ -58,7 +60,8 @@ class KKT:
             first = max(n + r - MOST_TAIL, 0)
             tail = first + int(np.argmin(work[first:]))
             tail = tail if n + r - tail >= LEAST_TAIL else n + r
-            if work[tail] <= (m * n * n + (n + k) ** 3 / 3.0) / BLAS:
+            if work[tail] <= self.operations:
+                self.operations = float(work[tail])
                 self.system = (*self._sparse(count[:tail], pattern), *last)
                 return
         self.system = (*self._dense(m, k), *last)
