@@ -274,19 +274,6 @@ def test_every_file_of_siconos_to_eight_digits(shared_data: Path, solver: str) -
             assert output.claim is Claim.SOLVED, (file.stem, output.message)
 
 
-@pytest.mark.parametrize("solver", ["newton-min-mlcp", "newton-fb-mlcp", "interior-point-mlcp"])
-def test_a_row_that_is_small_beside_others_is_right_too(solver: str) -> None:
-    """Reduced by cpbench reduce: v = (0, 0, 1e-4); errors of 1e-6 of the whole were errors of a percent of v₃."""
-    problem = MLCP(
-        A=np.zeros((1, 1)), C=np.array([[1.0, 0, 0]]), D=np.array([[-1.0], [-1.0], [0.0]]), B=np.diag([0.0, 0.0, 1.0]),
-        a=np.zeros(1), b=np.array([1.0, 0.0, -1e-4]),
-    )  # fmt: skip
-    output = solvers.get(solver).run(problem, Budget(tolerance=1e-6))
-    assert output.claim is Claim.SOLVED
-    assert output.point.v[2] == pytest.approx(1e-4, rel=1e-9)
-    assert judge(problem, output.point, 1e-6).solved
-
-
 @pytest.mark.parametrize("solver", ALL)
 def test_limits_are_kept(solver: str) -> None:
     """One iteration, or no time: an answer that claims nothing."""

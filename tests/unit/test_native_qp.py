@@ -605,3 +605,19 @@ def test_the_interior_point_goes_on_where_more_regularization_does_not_help() ->
     problem = rendezvous(500)
     output = solved("interior-point-qp", problem)
     assert output.counters["iterations"] <= 20
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_equations_that_depend_on_others_are_no_obstacle(seed: int) -> None:
+    """A third of the equations are sums of the others, up to rounding of unknowns of size 1e4; planted solution."""
+    rng = np.random.default_rng(seed)
+    m, n = 40, 100
+    own = np.where(rng.random((m, n)) < 0.1, rng.standard_normal((m, n)), 0.0)
+    C = sp.csr_array(np.vstack([own, rng.standard_normal((m // 2, m)) @ own]))
+    z = np.where(rng.random(n) < 0.5, 1e4 * rng.random(n) + 0.1, 0.0)
+    nu = np.where(z > 0.0, 0.0, rng.random(n) + 0.1)
+    Q = sp.diags_array(np.where(rng.random(n) < 0.2, rng.random(n), 0.0)).tocsr()
+    p = C.T @ rng.standard_normal(C.shape[0]) + nu - Q @ z
+    problem = QP.build(Q, p, C=C, d=C @ z, lb=np.zeros(n))
+    output = solved("interior-point-qp", problem)
+    assert problem.objective(output.point.z) == pytest.approx(problem.objective(z), rel=1e-5)

@@ -24,9 +24,10 @@ NEAR, LIMIT, BROKEN, STALLED, LARGE = 0, 1, 2, 3, 4
 broke down, tᵀz does not fall, the iterate has grown to `bar`."""
 DONE, SINCE = 0, 1
 """Places of `counts`: iterations done, when tᵀz was least."""
-SIZE, BEST, BAR, DELTA, LEFT = 0, 1, 2, 3, 4
+SIZE, BEST, BAR, DELTA, LEFT, DAMPING = 0, 1, 2, 3, 4, 5
 """Places of `sizes`: what tᵀz is compared with (the larger part of the objective), the least relative tᵀz, the size of
-an iterate that may be on its way along a ray, the regularization, what a linear system may leave."""
+an iterate that may be on its way along a ray, the regularization, what a linear system may leave, the weight of
+proximal steps of the multipliers of equations."""
 FIXED = 1e12
 """What stands on the diagonal for an unknown whose bounds are equal."""
 SOLVED, COARSER, COARSEST = 1e-3, 100.0, 1e-4
@@ -187,7 +188,7 @@ def _step(H, G, g, lower, upper, system, iterate, delta, share, enough, sizes):
         if i < n:
             w[i] = FIXED if equal else total
         else:
-            theta[i - n] = 0.0 if equal else 1.0 / total
+            theta[i - n] = sizes[DAMPING] if equal else 1.0 / total
     if not (np.isfinite(largest(w)) and np.isfinite(largest(theta))):
         return np.inf
     if not factor_system(H, G, system, w, theta, delta):

@@ -1,7 +1,7 @@
 """The linear systems [[H + diag(w), Gᵀ], [G, −diag(θ)]], factored with +δ and −δ on the diagonal, then refined.
 
-Sparse, or dense by the Schur complement of the rows with θ > 0: then S is [[H + diag(w) + AᵀA/θ, Cᵀ], [C, 0]] with the
-rows C that have θ = 0. H, G : (row pointers, columns, numbers).
+Sparse, or dense by the Schur complement of the rows with θ > 0: then S is [[H + diag(w) + AᵀA/θ, Cᵀ], [C, −diag(θ)]]
+with the rows C that have θ = 0 or nearly so. H, G : (row pointers, columns, numbers).
 """
 
 import numpy as np
@@ -26,8 +26,8 @@ SYSTEM = types.Tuple(
     (*(INT, INT, _COLUMNS, _COLUMNS, OUT, OUT, INT, INT), *(ROWS, OUT, OUT, OUT2), *(INT, INT, OUT2, OUT, OUT))
 )
 """head : columns before the dense rest, or −1 for a dense system. order, indptr, indices, data, diagonal, parent,
-starts, rows, L, D, S : as in `qp_ldl`. rest, equal : rows with θ > 0 and θ = 0. A : the rest, dense. by : their
-1/(θ + δ). work : (5 (n + r),)."""
+starts, rows, L, D, S : as in `qp_ldl`. rest, equal : rows with θ > 0, and with θ = 0 or nearly so. A : the
+rest, dense. by : their 1/(θ + δ). work : (5 (n + r),)."""
 REFINEMENTS = 4
 ACCURATE = 1e-9
 """What is left of a right-hand side, relative to it, that needs no further refinement."""
@@ -95,7 +95,7 @@ def factor_system(H, G, system, w, theta, delta):
             row = S[n + k]
             for j in range(n + k):
                 row[j] = 0.0
-            row[n + k] = own[n + k] = -delta
+            row[n + k] = own[n + k] = -theta[equal[k]] - delta
             for q in range(G[0][equal[k]], G[0][equal[k] + 1]):
                 row[G[1][q]] += G[2][q]
         return dense_factor(S, own)

@@ -1,7 +1,7 @@
 """The phases of the automatic choice on contact: sweeps, Newton steps, proximal points, ADMM, interior points.
 
-Accelerated sweeps begin at the best point so far, the other methods (`members`) go their own ways; each goes on until it has had
-what was expected of it. `policy` says which is next.
+Accelerated sweeps begin at the best point so far, the other methods (`members`) go their own ways; each goes on until
+it has had what was expected of it. `policy` says which is next.
 """
 
 from __future__ import annotations

@@ -19,6 +19,7 @@ from cpbench.solvers.native.lcp.claims import (
     dense_obstacle,
     ended_in_basis,
     error_of,
+    settled,
 )
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench.solvers.native.lcp.lemke import Lemke
@@ -92,7 +93,9 @@ class BlockPrincipalPivoting(Solver):
         if start is None:
             z, sweeps = swept(prepared, min(limit, options.max_sweeps), options.omega, budget.tolerance, limit)
         counters = {"iterations": sweeps, "sweeps": sweeps, "factorizations": 0}
-        if (error := error_of(problem, z)) <= budget.tolerance or sweeps >= limit:
+        if error_of(problem, z) <= budget.tolerance or sweeps >= limit:
+            active = prepared.points_to(z, prepared.M @ z + q)
+            z, error = settled(problem, z, active, budget.tolerance, counters)
             if record is not None and sweeps:
                 record(sweeps, error, partial(LCPPoint, z))
             message = f"error {error:.1e} after {sweeps} sweeps"

@@ -7,7 +7,8 @@ sparse (SuperLU). `regularized` counts the steps that were not Newton's.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,8 +17,16 @@ import scipy.sparse as sp
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Matrix, Vector, identity
 from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp.claims import ScaledLCP, dense_obstacle, error_of, scale, solve_linear
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.lcp.claims import (
+    ScaledLCP,
+    dense_obstacle,
+    error_of,
+    guessed,
+    scale,
+    settled,
+    solve_linear,
+)
 from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run
 from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 from cpbench.solvers.native.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
@@ -98,7 +107,15 @@ class _NewtonLCP(Solver):
         method = SemismoothMethod(LCPBox(prepared), type(self).psi, type(self).merit, options)
         limit = budget.iterations or options.max_iterations
         first = None if start is None else start.z / prepared.z_unit
-        return run(method, budget, limit, options.restarts, first, record)
+        output = run(method, budget, limit, options.restarts, first, record)
+        if output.claim is not Claim.SOLVED or output.point is None:
+            return output
+        z, counters = output.point.z, dict(output.counters)
+        active = guessed(prepared, z / prepared.z_unit)
+        better, error = settled(prepared.problem, z, active, budget.tolerance, counters)
+        if record is not None and better is not z:
+            record(counters["iterations"] + 1, error, partial(LCPPoint, better))
+        return replace(output, point=LCPPoint(better), counters=counters)
 
 
 def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, quick: bool = False) -> SolverSpec:

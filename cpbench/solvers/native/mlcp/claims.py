@@ -18,15 +18,12 @@ from cpbench.kernel_cache import load
 from cpbench.matrices import Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench.solvers.native import linear_program
-from cpbench.solvers.native.lcp.claims import CLOSE, DENSE_BYTES, principal, solve_linear
+from cpbench.solvers.native.lcp.claims import CLOSE, DENSE_BYTES, WORTH, principal, solve_linear
 
 PASSES = 3
 """Times that rows and columns are divided by the roots of their largest entries."""
 SINGULAR, SINGULAR_VALUES = 1e-12, 1000
 """Singular values that count as zero, as a share of the largest; the largest matrix of which they are computed."""
-
-WORTH = 1e-3
-"""Share of the tolerance below which an error is that of a method that has converged."""
 
 
 @dataclass(frozen=True)

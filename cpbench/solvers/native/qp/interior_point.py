@@ -33,6 +33,10 @@ NEAR = 10.0
 POLISH = 3
 """Iterations more, at most, while for some pair it is not decided which of slack and multiplier is 0: the sum of their
 products does not tell that, and a verdict on every pair does."""
+DAMPING = 1e-6
+"""Weight of proximal steps of the multipliers of equations, data scaled to size one: where equations depend on others,
+rounding makes their multipliers drift without end, by what is left of the equations over this at most. Where they do
+not, exact steps are ahead."""
 CHUNK = 20
 """Iterations between looks at the clock."""
 
@@ -50,7 +54,9 @@ class QPInteriorPointOptions:
 class Path:
     """The iterates on one problem: x, and y of (x, Gx), the multipliers of lower sides less those of upper ones."""
 
-    def __init__(self, scales: Scales, H: Entries, G: Entries, options: QPInteriorPointOptions) -> None:
+    def __init__(
+        self, scales: Scales, H: Entries, G: Entries, options: QPInteriorPointOptions, damping: float = 0.0
+    ) -> None:
         n, N = scales.g.size, scales.lower.size
         self._kernel = load("cpbench.solvers.kernels.qp_interior")
         self._options = options
@@ -62,7 +68,7 @@ class Path:
         self._data = H, G, scales.g, scales.lower, scales.upper, scales.c, system, iterate
         self.stops: Any = self._kernel
         self._counts = np.zeros(2, dtype=np.int64)
-        self._sizes = np.array([0.0, math.inf, LARGE, options.regularization, self.stops.SOLVED])
+        self._sizes = np.array([0.0, math.inf, LARGE, options.regularization, self.stops.SOLVED, damping])
 
     @property
     def done(self) -> int:
@@ -123,13 +129,16 @@ class InteriorPoint(Solver):
     ) -> SolverOutput:
         measure, data = ErrorMeasure(prepared, record), sparse_data(prepared)
         run = _Run(prepared, data, budget, options, measure, record)
-        reduced = presolved(data)
-        if reduced is not None:
-            output = run.along(*reduced)
-            # what does not end well is asked of the whole, where rays prove something
-            if output.claim is Claim.SOLVED or run.over:
-                return output
-        return run.along(data, lambda parts: parts)
+        reduced, whole = presolved(data), (data, _unchanged)
+        first = whole if reduced is None else reduced
+        output = run.along(*first)
+        if reduced is not None and not run.ended(output):  # rays prove something about the whole alone
+            output = run.along(*whole)
+        return output if run.ended(output) or not prepared.d.size else run.along(*first, DAMPING)
+
+
+def _unchanged(parts: Parts) -> Parts:
+    return parts
 
 
 class _Run:
@@ -154,10 +163,14 @@ class _Run:
         """Whether iterations or time are spent."""
         return self._done >= self._limit or time.monotonic() > self._deadline
 
-    def along(self, data: SparseQP, lift: Callable[[Parts], Parts]) -> SolverOutput:
-        """Follow the path of a problem, this one or what presolve has left of it."""
+    def ended(self, output: SolverOutput) -> bool:
+        """Return whether nothing is left to find, or to find it with."""
+        return output.claim is Claim.SOLVED or output.certificate is not None or self.over
+
+    def along(self, data: SparseQP, lift: Callable[[Parts], Parts], damping: float = 0.0) -> SolverOutput:
+        """Follow the path of a problem, this one or what presolve has left of it, from its beginning."""
         scales, H, G = sparse_scaled(data)
-        path, progress, measure = Path(scales, H, G, self._options), Progress(STALL), self._measure
+        path, progress, measure = Path(scales, H, G, self._options, damping), Progress(STALL), self._measure
         stops, polished, tolerance, earlier = path.stops, 0, self._budget.tolerance, self._done
         before = path.x.copy(), path.y.copy()
         outcome = stops.LIMIT if path.begin() else stops.BROKEN

@@ -38,7 +38,7 @@ def entries(M: Matrix) -> Entries:
 class KKT:
     """The system of H (n, n) and G (r, n) with the regularization `delta`.
 
-    equal : rows that have θ = 0 in every system, none by default. Dense where that takes less time.
+    equal : rows that have θ = 0, or nearly so, in every system, none by default. Dense where that takes less time.
     """
 
     def __init__(self, H: Entries, G: Entries, delta: float, equal: NDArray[np.bool_] | None = None) -> None:
