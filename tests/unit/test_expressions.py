@@ -332,7 +332,7 @@ def test_what_sympy_has_and_a_map_has_not(make: Any, says: str) -> None:
     ("arrays", "says"),
     [
         (([math.nan], [], [], [], [0]), "finite"),
-        (([], [99], [0], [-1], [0]), "no operator"),
+        (([], [99], [0], [-1], [0]), "not an operator"),
         (([], [int(Operator.ADD)], [0], [1], [0]), "right: is 1"),
         (([], [int(Operator.SIN)], [1], [-1], [0]), "left: is 1"),
         (([], [int(Operator.SIN)], [0], [0], [0]), "right: is 0"),

@@ -444,8 +444,8 @@ solver(Modest, "modest")
         ("p.py", REGISTERED + "solver(broken.ClaimsZeros, 'lemke')", "'lemke' is defined twice"),
         ("p.py", TAKEN, "the problem 'qp-planted' exists already"),
         ("p.toml", "[solver.p]\nnode = 'lcp'", "neither command nor serve"),
-        ("p.toml", "[solver", "no TOML"),
-        ("nowhere.py", None, "no Python file"),
+        ("p.toml", "[solver", "not valid TOML"),
+        ("nowhere.py", None, "neither a Python file"),
         ("nowhere.toml", None, "nowhere.toml"),
     ],
 )

@@ -210,8 +210,8 @@ def test_problems_with_maps_are_read_again_as_they_were(node: str, tmp_path: Pat
 def test_a_folder_whose_map_is_none_is_refused(tmp_path: Path) -> None:
     exchange, path = exchanges.get("npy-map"), tmp_path / "p"
     for name, value, why in (
-        ("F.left", np.array([7]), "no earlier value"),
-        ("F.heads", np.array([99]), "no operator"),
+        ("F.left", np.array([7]), "not an earlier value"),
+        ("F.heads", np.array([99]), "not an operator"),
         ("F.heads", np.array([0.5]), "not whole"),
         ("F.inputs", np.array([1, 1]), "not whole"),
         ("F.outputs", None, "is missing"),

@@ -280,7 +280,7 @@ def test_halves_are_halves_and_stay() -> None:
         ("[[tuning]]\nseed = 1", "names no solver"),
         ("[[tuning]]\nsolver = 'psor[omega=1|2]'", "several solvers"),
         ("[[tuning]]\nsolver = 'psor'\nproblems = 'f'", "expected"),
-        ("[tuning]\nsolver = 'psor'", "no list of tables"),
+        ("[tuning]\nsolver = 'psor'", "not a list of tables"),
     ],
 )
 def test_a_mistake_in_a_tuning_is_one_line(tmp_path: Path, table: str, word: str) -> None:

@@ -28,7 +28,7 @@ from cpbench.cones import Coulomb
 from cpbench.factorization import DENSE_LIMIT, sparse_lu
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint, contact_residuals
-from cpbench.matrices import Dense, Matrix, Vector, dense, max_abs, scaled_both
+from cpbench.matrices import EPS, Dense, Matrix, Vector, dense, max_abs, scaled_both
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.native.contact.newton_equation import DENSE_FROM
 from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, contact_spec, finish, iterate
@@ -67,7 +67,7 @@ class ContactInteriorPoint(ContactMethod):
             _with_diagonal(scaled_both(contacts.W, T.ravel()), np.where(T.ravel() == 0.0, 1.0, 0.0)), *T.shape
         )
         self._q = np.ascontiguousarray(T * contacts.q.reshape(T.shape))
-        self._size = max_abs(self._q) or 1.0
+        self._size, self._largest = max_abs(self._q) or 1.0, max_abs(self._matrix.W)
         self.y, self.w = np.zeros(T.shape), np.zeros(T.shape)
         self.y[:, 0] = self.w[:, 0] = self._size
         nc, d = T.shape
@@ -99,6 +99,9 @@ class ContactInteriorPoint(ContactMethod):
         length = kernel.move(y, w, scaling, c, solve(right), self._options.boundary, SHORTEST)
         if np.isnan(length):
             return "the linear system is singular"
+        # u = Wr + q is rounding from here on, so that no error of it says anything
+        if EPS * max_abs(y) * self._largest >= self._size:
+            return "the reactions have grown until u is rounding: there may be no solution"
         return None if length >= SHORTEST else f"steps of length {length:.0e}"
 
 
