@@ -141,6 +141,7 @@ class PrimalActiveSet(Solver):
             phase.begin(
                 -x, np.where(abs(s - np.where(y > 0.0, form.lower, form.upper)) <= BINDING * (1.0 + abs(s)), y, 0.0)
             )
+            phase.build(deadline)
             y = phase.multipliers()  # of rows that do not depend on each other
         return self._descend(prepared, form, H, x, WorkingSet(form, y), measure, budget, options.shift, limit, deadline)
 
