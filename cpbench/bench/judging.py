@@ -51,7 +51,7 @@ def judge_answer(
     kind: Kind = Kind.EQUIVALENT,
     promise: Kind = Kind.EQUIVALENT,
     measure: str | None = None,
-    prove: Callable[[], verification.Attempt | None] = lambda: None,
+    prove: Callable[[], verification.ProofAttempt | None] = lambda: None,
 ) -> Judgement:
     """Lift an answer to `converted` by its last `steps` conversions and measure it on `source`.
 
@@ -104,12 +104,12 @@ def judge_answer(
 
 
 def look_for_proof(
-    prove: Callable[[str, Any, float], verification.Attempt],
+    prove: Callable[[str, Any, float], verification.ProofAttempt],
     direct: bool,
     claim: str,
     certificate: Any,
     seconds: float,
-) -> verification.Attempt | None:
+) -> verification.ProofAttempt | None:
     """Look for a proof of a claim that the source problem has no solution; None without such a claim.
 
     A certificate holds for the solver's own problem: that of a converted one (not `direct`) is about other data. Nor

@@ -57,7 +57,7 @@ class Referee:
 
     def __init__(self, scratch: Path) -> None:
         self._cache = ProblemCache(scratch)
-        self._attempts: tuple[str, dict[str, verification.Attempt]] = ("", {})
+        self._attempts: tuple[str, dict[str, verification.ProofAttempt]] = ("", {})
 
     def answer(self, asked: messages.Message) -> messages.Message:
         """Answer a message of the runner."""
@@ -159,7 +159,7 @@ class Referee:
             | ({} if found.proof is None else {"proof": verification.packed(found.proof)}),
         )
 
-    def _attempt(self, source: Problem, kind: str, certificate: Any, seconds: float) -> verification.Attempt:
+    def _attempt(self, source: Problem, kind: str, certificate: Any, seconds: float) -> verification.ProofAttempt:
         """Return a proof of this kind, or the failed search for one; each search without a certificate is made once."""
         held, attempts = self._attempts
         if held != source.fingerprint:

@@ -18,11 +18,12 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.formulations.qp import QP
+from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, infeasible, unbounded
-from cpbench.solvers.native.qp.kkt_system import KKT, entries
+from cpbench.solvers.native.qp.kkt_system import KERNELS, KKT, entries
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
 from cpbench.solvers.options import fixed, searched
 
@@ -101,6 +102,7 @@ class _Multipliers(Solver):
         return convex_obstacle(problem)
 
     def warmup(self) -> None:
+        load_all("solvers", KERNELS)
         for E in (np.eye(1), matrices.sparse(np.eye(1))):
             self.run(QP.build(E, -np.ones(1), A=E, b=np.zeros(1), lb=np.zeros(1)))
 

@@ -11,12 +11,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.qp import QP
-from cpbench.kernel_cache import load
+from cpbench.kernel_cache import load, load_all
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import Progress, next_stop
 from cpbench.solvers.native.qp.claims import ErrorMeasure, Parts, convex_obstacle, infeasible, unbounded
-from cpbench.solvers.native.qp.kkt_system import KKT, Entries
+from cpbench.solvers.native.qp.kkt_system import KERNELS, KKT, Entries
 from cpbench.solvers.native.qp.presolve import SparseQP, presolved, sparse_data
 from cpbench.solvers.native.qp.scaling import Scales, sparse_scaled
 from cpbench.solvers.options import fixed, searched
@@ -120,6 +120,7 @@ class InteriorPoint(Solver):
         return convex_obstacle(problem)
 
     def warmup(self) -> None:
+        load_all("solvers", KERNELS)
         E = np.eye(1)
         self.run(QP.build(E, -np.ones(1), A=E, b=np.zeros(1), lb=np.zeros(1)))
 

@@ -22,6 +22,8 @@ LEAST_TAIL, MOST_TAIL = 80, 6000
 """Rows that are worth a dense rest, and those that fit into memory."""
 BLAS = 8.0
 """So many operations of dense matrices take the time of one of a sparse factor."""
+KERNELS = ("minimum_degree", "qp_ldl", "qp_system")
+"""What a warm-up has to load: a small problem needs only the last."""
 FULL = 0.25
 """With this share of entries that are not 0 the system is dense without further thought."""
 
