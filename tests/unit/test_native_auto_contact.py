@@ -106,7 +106,7 @@ FILES = [
     ("fclib_local_problem_test.hdf5", 4000),  # 1.8e-4
     ("OneObject-i100000-316.hdf5.dat", 400),  # 1.9e-3
     ("Capsules-i101-404.dat", 2000),  # 10179 sweeps
-    ("mj_boxes300_mu04-nc935.hdf5", 15_000),  # plain Newton steps in place of proximal points: 3e-7 after 200000
+    ("mj_boxes300_mu04-nc935.hdf5", 30_000),  # half plain sweeps; Newton in place of proximal points: 3e-7 after 200000
 ]
 
 
