@@ -41,15 +41,7 @@ def scaled(problem: Any) -> Scaled | None:
 
 
 def _lcp(P: Any) -> Scaled:
-    e = _units(_both(P.M))
-    M, q = _times(e, P.M, e), e * P.q
-    t = _unit(q)
-    return Scaled(
-        replace(P, M=M, q=q / t),
-        lambda point: type(point)(z=t * e * point.z),
-        _decades(P.M),
-        _decades(M),
-    )
+    return _one_matrix(P, "M", "z", _units(_both(P.M)))
 
 
 def _mlcp(P: Any) -> Scaled:
@@ -63,7 +55,7 @@ def _mlcp(P: Any) -> Scaled:
         replace(P, **blocks, a=f * P.a / t, b=g * P.b / t),
         lambda point: type(point)(u=t * f * point.u, v=t * g * point.v),
         _decades(K),
-        _decades(_times(e, K, e)),
+        _decades(matrices.scaled_both(K, e)),
     )
 
 
@@ -79,12 +71,12 @@ def _qp(P: Any) -> Scaled:
     e, r, s = all_units[:n], all_units[n : n + m], all_units[n + m :]
     with np.errstate(invalid="ignore"):
         lb, ub = P.lb / e, P.ub / e
-    data = {"Q": _times(e, P.Q, e), "A": _times(r, P.A, e), "C": _times(s, P.C, e)}
+    data = {"Q": matrices.scaled_both(P.Q, e), "A": _times(r, P.A, e), "C": _times(s, P.C, e)}
     return Scaled(
         replace(P, **data, p=e * P.p, b=r * P.b, d=s * P.d, lb=lb, ub=ub),
         lambda point: type(point)(z=e * point.z, lam=r * point.lam, mu=s * point.mu, nu=point.nu / e),
         _decades(K),
-        _decades(_times(all_units, K, all_units)),
+        _decades(matrices.scaled_both(K, all_units)),
     )
 
 
@@ -92,14 +84,19 @@ def _fc(P: Any) -> Scaled:
     d = P.dimension
     W = sp.coo_array(sp.csr_array(P.W))
     blocks = sp.csr_array((np.abs(W.data), (W.row // d, W.col // d)), shape=(P.nc, P.nc))
-    e = np.repeat(_units(_both(blocks)), d)
-    M, q = _times(e, P.W, e), e * P.q
+    return _one_matrix(P, "W", "r", np.repeat(_units(_both(blocks)), d))
+
+
+def _one_matrix(P: Any, matrix: str, unknown: str, e: Vector) -> Scaled:
+    """Scale a problem of one matrix and a vector q, which a complementarity relation holds together, by diag(e)."""
+    before: Matrix = getattr(P, matrix)
+    after, q = matrices.scaled_both(before, e), e * P.q
     t = _unit(q)
     return Scaled(
-        replace(P, W=M, q=q / t),
-        lambda point: type(point)(r=t * e * point.r),
-        _decades(P.W),
-        _decades(M),
+        replace(P, **{matrix: after, "q": q / t}),
+        lambda point: type(point)(**{unknown: t * e * getattr(point, unknown)}),
+        _decades(before),
+        _decades(after),
     )
 
 

@@ -191,8 +191,8 @@ def hyperstatic(rng: Random) -> Iterator[Plant]:
     yield from each("hyperstatic", bad, twin, ["quadprog", "ecos", "pyqpmad", "dual-active-set"], tolerance=1e-8)
 
 
-def singular(rng: Random) -> Iterator[Plant]:
-    """A block without full rank."""
+def free_blocks(rng: Random) -> tuple[Callable[[float], cp.MLCP], np.ndarray, np.ndarray]:
+    """Return a planted MLCP by the least eigenvalue of its free block, the block's eigenvectors and its unknowns."""
     n, m = int(rng.integers(4, 8)), int(rng.integers(3, 6))
     C = rng.standard_normal((n, m))
     u, v = rng.standard_normal(n), np.where(rng.random(m) < 0.5, 1.0, 0.0)
@@ -203,9 +203,16 @@ def singular(rng: Random) -> Iterator[Plant]:
         A = basis @ np.diag([*np.linspace(1.0, 3.0, n - 1), least]) @ basis.T
         return cp.MLCP(A=A, B=B, C=C, D=-C.T, a=-A @ u - C @ v, b=w + C.T @ u - B @ v)
 
+    return mlcp, basis, u
+
+
+def singular(rng: Random) -> Iterator[Plant]:
+    """A block without full rank."""
+    mlcp, basis, u = free_blocks(rng)
     yield from each(
         "singular", mlcp(0.0), mlcp(1.0), ["lemke", "newton-min", "pgs", "interior-point-lcp"], via=("mlcp-lcp-schur",)
     )
+    n = u.size
     R = rng.standard_normal((3, n))
     z = rng.standard_normal(n)
 
@@ -288,16 +295,7 @@ DEGENERATE = [
 
 def lost(rng: Random) -> Iterator[Plant]:
     """A free block that is nearly singular is eliminated."""
-    n, m = int(rng.integers(4, 8)), int(rng.integers(3, 6))
-    C = rng.standard_normal((n, m))
-    u, v = rng.standard_normal(n), np.where(rng.random(m) < 0.5, 1.0, 0.0)
-    basis = np.linalg.qr(rng.standard_normal((n, n)))[0]
-    B, w = definite(rng, m), np.where(v == 0.0, 1.0, 0.0)
-
-    def mlcp(least: float) -> cp.MLCP:
-        A = basis @ np.diag([*np.linspace(1.0, 3.0, n - 1), least]) @ basis.T
-        return cp.MLCP(A=A, B=B, C=C, D=-C.T, a=-A @ u - C @ v, b=w + C.T @ u - B @ v)
-
+    mlcp, _, _ = free_blocks(rng)
     least = float(10.0 ** -rng.uniform(9.0, 11.0))
     solvers = ["lemke", "newton-min", "interior-point-lcp", "bpp"]
     yield from each("lost", mlcp(least), mlcp(1.0), solvers, via=("mlcp-lcp-schur",))
