@@ -336,7 +336,7 @@ def test_a_batch_system_that_is_not_configured(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_a_remote_worker_that_nobody_asks_ends_and_comes_back() -> None:
+def test_a_remote_worker_that_nobody_asks_ends_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """A client that was killed removes no plugin; one that is only slow finds a worker again."""
     nothing = messages.pack(RunBlock.of(Block(()), 1.0))
     remote = RemoteWorker(executor._terms(Setting()), idle=0.5)
@@ -346,6 +346,10 @@ def test_a_remote_worker_that_nobody_asks_ends_and_comes_back() -> None:
             assert (result.replies, result.died, result.failed) == ((), "", "")
             assert "host" in frames.unpack(result.greeting)[0]
             until(lambda: not _remote_workers(ppid=os.getpid()))
+        assert remote._process is not None
+        monkeypatch.setattr(remote._process, "poll", lambda: None)  # its end is not seen before the request is sent
+        result = remote.ask("here", nothing, {})
+        assert (result.replies, result.died, result.failed) == ((), "", "")
     finally:
         remote.end()
 

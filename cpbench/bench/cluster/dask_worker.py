@@ -106,10 +106,19 @@ class RemoteWorker:
 
     def ask(self, worker: str, message: bytes, copies: Mapping[str, bytes]) -> TaskResult:
         """Return all that the process answers."""
+        result, code = self._ask(worker, message, copies)
+        if code == 0 and not result.replies:  # nobody had asked it for so long that it ended as the request came
+            result, _ = self._ask(worker, message, copies)
+        return result
+
+    def _ask(self, worker: str, message: bytes, copies: Mapping[str, bytes]) -> tuple[TaskResult, int | None]:
+        """Return the same with the exit code of a process that ended meanwhile, else None."""
         try:
             self._start()
         except (EOFError, OSError) as cause:
-            return TaskResult(worker, b"", (), failed=f"no process could be started ({self._exit() or cause})")
+            code = self._exit()
+            why = cause if code is None else _ended(code)
+            return TaskResult(worker, b"", (), failed=f"no process could be started ({why})"), None
         replies: list[bytes] = []
         try:
             for file, content in copies.items():
@@ -119,9 +128,11 @@ class RemoteWorker:
             self._pipe.send_bytes(message)
             while (reply := self._pipe.recv_bytes())[:1] == MESSAGE:
                 replies.append(reply[1:])
-            return TaskResult(worker, self._greeting, tuple(replies), failed=reply[1:].decode())
+            return TaskResult(worker, self._greeting, tuple(replies), failed=reply[1:].decode()), None
         except (EOFError, OSError):
-            return TaskResult(worker, self._greeting, tuple(replies), died=self._exit() or "it was ended")
+            code = self._exit()
+            died = "it was ended" if code is None else _ended(code)
+            return TaskResult(worker, self._greeting, tuple(replies), died=died), code
 
     def end(self) -> None:
         """Tell the process to end, and wait for that in a thread."""
@@ -149,10 +160,14 @@ class RemoteWorker:
         self._pipe.send_bytes(self._terms)
         self._greeting = self._pipe.recv_bytes()
 
-    def _exit(self) -> str:
+    def _exit(self) -> int | None:
         with self._lock:
             process, self._process = self._process, None
-        return f"it ended with code {_exit_code(process)}" if process is not None else ""
+        return _exit_code(process) if process is not None else None
+
+
+def _ended(code: int) -> str:
+    return f"it ended with code {code}"
 
 
 def _exit_code(process: subprocess.Popen[bytes]) -> int:
