@@ -340,7 +340,7 @@ def test_a_batch_system_that_is_not_configured(tmp_path: Path) -> None:
 def test_a_remote_worker_that_nobody_asks_ends_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """A client that was killed removes no plugin; one that is only slow finds a worker again."""
     nothing = pickle.dumps(RunBlock(Block(()), 1.0))
-    remote = RemoteWorker(executor._terms(Setting()), idle=0.5)
+    remote = RemoteWorker(executor._worker_setup(Setting()), idle=0.5)
     try:
         for _ in range(2):
             result = remote.ask("here", nothing, {})

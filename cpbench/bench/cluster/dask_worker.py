@@ -20,7 +20,7 @@ from typing import Any, TypeAlias
 from distributed import Event, Worker, WorkerPlugin, get_worker
 
 import cpbench
-from cpbench.bench.cluster.remote_worker import Terms
+from cpbench.bench.cluster.remote_worker import WorkerSetup
 from cpbench.child_processes import start_python
 
 IDLE = 300.0
@@ -55,11 +55,11 @@ class TaskResult:
 class RemoteWorkerPlugin(WorkerPlugin):
     """A remote worker in every Dask worker that has the cpbench of the run.
 
-    name : of the run, and of its resource. terms : the first message for every remote worker.
+    name : of the run, and of its resource. setup : the first message for every remote worker.
     """
 
-    def __init__(self, name: str, terms: Terms) -> None:
-        self.name, self._terms, self._version = name, terms, cpbench.__version__
+    def __init__(self, name: str, setup: WorkerSetup) -> None:
+        self.name, self._setup, self._version = name, setup, cpbench.__version__
 
     async def setup(self, worker: Worker) -> None:
         """Offer the resource; raises RuntimeError where the machine has another cpbench."""
@@ -67,7 +67,7 @@ class RemoteWorkerPlugin(WorkerPlugin):
             raise RuntimeError(
                 f"{worker.address}: has cpbench {cpbench.__version__}, and the run is of {self._version}"
             )
-        self.process = RemoteWorker(self._terms)
+        self.process = RemoteWorker(self._setup)
         await worker.set_resources(**{self.name: 1})
 
     async def teardown(self, worker: Worker) -> None:
@@ -98,8 +98,8 @@ def run_block(run: str, task: str, request: bytes, copies: Mapping[str, Contents
 class RemoteWorker:
     """The process of `remote_worker` and the pipe to it; started when it is needed."""
 
-    def __init__(self, terms: Terms, idle: float = IDLE) -> None:
-        self._terms, self._idle = terms, idle
+    def __init__(self, setup: WorkerSetup, idle: float = IDLE) -> None:
+        self._setup, self._idle = setup, idle
         self._lock = threading.RLock()
         self._process: subprocess.Popen[bytes] | None = None
         self._pipe: Any = None
@@ -156,7 +156,7 @@ class RemoteWorker:
                 start_new_session=True,  # Ctrl-C in a terminal is for the client
             )
             theirs.close()
-        self._pipe.send(self._terms)
+        self._pipe.send(self._setup)
         self._machine = self._pipe.recv()
 
     def _exit(self) -> int | None:

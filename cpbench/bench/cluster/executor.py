@@ -30,7 +30,7 @@ from distributed import Event
 from cpbench import storage
 from cpbench.bench.block import Block, Ending
 from cpbench.bench.cluster.dask_worker import RemoteWorkerPlugin, TaskResult, run_block
-from cpbench.bench.cluster.remote_worker import FilesWanted, PairEnded, RunBlock, Terms
+from cpbench.bench.cluster.remote_worker import FilesWanted, PairEnded, RunBlock, WorkerSetup
 from cpbench.bench.events import EventHandler, Solving
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
@@ -79,7 +79,7 @@ class DaskExecutor:
 
     def outcomes(self, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
         """Yield the outcome of every pair, with its host; raises CpbenchError when no worker can or will run them."""
-        run = _Run(self._client, _terms(self._setting), todo, on_event, self.machines)
+        run = _Run(self._client, _worker_setup(self._setting), todo, on_event, self.machines)
         try:
             yield from run.outcomes()
         finally:
@@ -100,14 +100,14 @@ class _Run:
     def __init__(
         self,
         client: Any,
-        terms: Terms,
+        setup: WorkerSetup,
         todo: Iterable[Block],
         on_event: EventHandler,
         machines: dict[str, dict[str, Any]],
     ) -> None:
         self._client, self._on_event, self._machines = client, on_event, machines
         self._name = f"cpbench-{uuid.uuid4().hex}"
-        self._plugin = RemoteWorkerPlugin(self._name, terms)
+        self._plugin = RemoteWorkerPlugin(self._name, setup)
         self._waiting = deque(_Task(block) for block in todo)  # suspects at the end, the rest of a block in front
         self._submitted: dict[str, tuple[_Task, Any]] = {}
         self._ended: queue.SimpleQueue[str] = queue.SimpleQueue()
@@ -278,7 +278,7 @@ def _contents(file: str, format: str | None) -> dict[str, bytes]:
         return {}
 
 
-def _terms(setting: Setting) -> Terms:
+def _worker_setup(setting: Setting) -> WorkerSetup:
     """Return the first message for remote workers.
 
     Files of tables stay here: what they declare is sent, with the paths that it has here.
@@ -286,4 +286,4 @@ def _terms(setting: Setting) -> Terms:
     names = [name for name in os.environ.get(PLUGIN_FILES, "").split(os.pathsep) if name and not name.endswith(TABLES)]
     # cores and slots side by side are of this machine
     anywhere = {k: v for k, v in asdict(setting).items() if k not in ("cpus", "slots")}
-    return Terms(anywhere, {name: Path(name).read_bytes() for name in names}, os.environ.get(DECLARED, ""))
+    return WorkerSetup(anywhere, {name: Path(name).read_bytes() for name in names}, os.environ.get(DECLARED, ""))

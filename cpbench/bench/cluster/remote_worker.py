@@ -35,7 +35,7 @@ CLOSING = 20.0
 
 
 @dataclass(frozen=True)
-class Terms:
+class WorkerSetup:
     """The first message to a remote worker: the fields of its `Setting`, plugin files, and declared solvers."""
 
     setting: Mapping[str, Any]
@@ -76,12 +76,12 @@ def main() -> None:
     requests: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(connection, requests), daemon=True).start()
     try:
-        terms: Terms = requests.get()
+        setup: WorkerSetup = requests.get()
         home = TemporaryHome(RUN)
         try:
-            os.environ[PLUGIN_FILES] = os.pathsep.join(_plugin_files(terms.plugins, home.folder))
-            os.environ[DECLARED] = terms.solvers
-            _serve(connection, requests, terms.setting, home.folder, float(sys.argv[2]))
+            os.environ[PLUGIN_FILES] = os.pathsep.join(_plugin_files(setup.plugins, home.folder))
+            os.environ[DECLARED] = setup.solvers
+            _serve(connection, requests, setup.setting, home.folder, float(sys.argv[2]))
         finally:
             home.remove()
     except (KeyboardInterrupt, BrokenPipeError, queue.Empty):
