@@ -155,10 +155,25 @@ def summary(certificate: Certificate) -> str:
     """Return what a certificate says beside its level and distance, in a line."""
     parts = [
         f"unique: {certificate.unique}" if certificate.unique else "",
+        number_of_solutions(certificate),
         f"no solution is within {certificate.excluded:.2g} of the answer's size" if certificate.excluded else "",
         certificate.reason,
     ]
     return "; ".join(filter(None, parts))
+
+
+def number_of_solutions(certificate: Certificate) -> str:
+    """Say how many solutions there are; '' where they were not counted, or are unique."""
+    count = certificate.solutions
+    if math.isnan(count) or certificate.unique:
+        return ""
+    return (
+        "a continuum of solutions"
+        if math.isinf(count)
+        else f"{count:.0f} solutions, all listed"
+        if count
+        else ("there is no solution: all complementary bases were looked at")
+    )
 
 
 def save_certificate(certificate: Certificate, problem: Problem, path: str | Path, *, force: bool = False) -> None:
@@ -173,7 +188,7 @@ def certificate_lines(certificate: Certificate) -> Iterator[str]:
     words = {
         "proved": "a solution is known exactly",
         "enclosed": "a box is proved to hold a solution",
-        "refuted": "no solution is near the answer",
+        "refuted": "no solution is near the answer" if certificate.solutions else "there is no solution",
         "measured": "nothing is proved",
     }
     if certificate.node == "qp" and not certificate.unique:
@@ -182,7 +197,14 @@ def certificate_lines(certificate: Certificate) -> Iterator[str]:
     if certificate:
         yield f"  distance   at most {certificate.distance:.3g} of the solution's size"
         if certificate.unique:
-            yield f"  unique     by the problem's matrix: {certificate.unique}"
+            enumerated = certificate.solutions == 1
+            how = "all complementary bases were looked at" if enumerated else f"by its matrix: {certificate.unique}"
+            yield f"  unique     {how}"
+    counted = number_of_solutions(certificate)
+    if counted:
+        yield f"  solutions  {counted}"
+        for x in certificate.evidence.get("solutions", ()):
+            yield f"             ({', '.join(f'{v:.6g}' for v in x)})"
     if certificate.excluded:
         yield f"  excluded   no solution is within {certificate.excluded:.3g} of the answer's size from it"
     if certificate.reason:
