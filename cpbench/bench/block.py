@@ -103,7 +103,7 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
         grouped.setdefault(block_name(pair), []).append(pair)
     names = sorted(grouped)
     draw.shuffle(names)
-    made: list[Block] = []
+    listed: list[Block] = []
     for name in names:
         members = grouped[name]
         draw.shuffle(members)
@@ -114,8 +114,8 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
             keys = {p.key for p in todo}
             before = {key: pair for key, pair in predecessors(members).items() if key in keys}
             known = {p.key: ending(p.key) for p in before.values() if p.key not in keys}
-            made.append(Block(todo, before, known))
-    return made
+            listed.append(Block(todo, before, known))
+    return listed
 
 
 def block_name(pair: Pair) -> str:

@@ -81,7 +81,7 @@ class Start:
     """A starting point, None for a cold start, and its description for the row."""
 
     point: Any | None
-    told: str
+    description: str
 
 
 def parse_start(text: str) -> StartPolicy:
@@ -150,7 +150,7 @@ def start(
     Raises NotApplicable with the reason where the policy gives no start, or a conversion cannot carry it.
     """
     begin = start_for(policy, problem, address, tolerance=tolerance, seed=seed, before=before)
-    return begin if begin.point is None else Start(carry(begin.point, converted, steps), begin.told)
+    return begin if begin.point is None else Start(carry(begin.point, converted, steps), begin.description)
 
 
 def start_for(

@@ -78,8 +78,8 @@ class AutoContact(Solver):
         sweeps.sweep(min(options.sweeps, limit), budget.tolerance, look)
         # most small problems are done here, in less time than it takes to prepare for more
         if sweeps.error <= budget.tolerance:
-            made = counters(sweeps.done)
-            return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, made)
+            spent = counters(sweeps.done)
+            return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, spent)
         begin = np.zeros(rows.problem.q.size) if start is None else start.r
         run = Phases(prepared, budget, begin, sweeps, limit, deadline, record)
         claim, message = Claim.MAX_ITER, f"{limit} iterations"

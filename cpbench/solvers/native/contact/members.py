@@ -95,9 +95,9 @@ class NewtonMember(Member):
             self.steps += 1
         else:
             self._from(self._newton.r)
-        made = self._newton.factorizations - before
-        self.factorizations += made
-        self.spent += max(made, 1) * self.cost
+        count = self._newton.factorizations - before
+        self.factorizations += count
+        self.spent += max(count, 1) * self.cost
 
     def _from(self, r: Vector) -> None:
         """Begin after sweeps from r, which is changed."""
@@ -162,8 +162,8 @@ class PlainMember(Member):
     def advance(self, most: int, deadline: float) -> None:
         count = max(math.ceil((self.allowed - self.spent) / self.cost), 1)
         self.over = not self._sweeps.sweep(min(count, most, PIECE), self._tolerance)
-        made, self.steps = self._sweeps.done - self.steps, self._sweeps.done
-        self.spent += max(made, 1) * self.cost
+        sweeps, self.steps = self._sweeps.done - self.steps, self._sweeps.done
+        self.spent += max(sweeps, 1) * self.cost
 
 
 class ADMMMember(Member):

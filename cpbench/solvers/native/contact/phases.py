@@ -125,7 +125,7 @@ class Phases:
         if np.isinf(member.level) or (member.takes_start and self.error <= GAINED * member.level):
             member.begin(self.best)
             member.level = self.error
-        made = member.factorizations
+        before = member.factorizations
         while member.spent < due and not member.over and not self._over:
             steps = member.steps
             member.advance(self.limit - self.iterations, self.deadline)
@@ -135,7 +135,7 @@ class Phases:
             member.level = min(member.level, error)
             self._seen(r, error)
         member.turns += 1
-        self.counters["factorizations"] += member.factorizations - made
+        self.counters["factorizations"] += member.factorizations - before
         return member.steps - first
 
     def _sweep(self) -> int:
