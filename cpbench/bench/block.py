@@ -57,6 +57,7 @@ class Block:
         Of a chained block the second part cannot be run before the first has ended (`rest`).
         """
         count = max(count, 1)
+        # variants are neighbours, and the tightest, which answers for the others, is the first
         while 0 < count < len(self.pairs) and variant(self.pairs[count]) == variant(self.pairs[count - 1]):
             count += 1
         first, others = self.pairs[:count], self.pairs[count:]

@@ -63,6 +63,7 @@ class IterateRecorder:
         now = time.perf_counter()
         self.calls += 1
         self._last = elapsed = now - self._begun - self.cost
+        # a point is made only where it is kept: to make one can cost as much as an iteration
         if elapsed >= self._due:
             self._kept.append((elapsed, iteration, residual, point()))
             if len(self._kept) >= self._room:
@@ -95,6 +96,7 @@ class IterateRecorder:
 
     def _thin(self) -> None:
         every = self._kept
+        # to three quarters at once: thinning reads all that is kept, and has to be rare
         while len(self._kept) > 3 * self._room // 4:
             self._apart = max(1.25 * self._apart, 0.01)
             self._kept = every[:1]
@@ -107,6 +109,7 @@ def recorded(solver: Solver, problem: Problem, budget: Budget, options: Any, sta
     """Solve once more and record it."""
     prepared = solver.setup(problem, budget, options)
     size = sum(problem.point_sizes.values())
+    # else this solve might pay for collecting what the timed ones left
     gc.collect(0)
     recorder = IterateRecorder(max(LEAST, min(ROOM, int(BYTES / (8 * size + 1)))))
     return recorder.finish(solver.solve(prepared, budget, options, start, recorder))
@@ -136,6 +139,7 @@ class RecordedIterates:
                 raise ValueError(
                     f"{message.count} iterates with {[c.size for c in columns.values()]} times and residuals"
                 )
+            # times are the one thing that is taken over: whoever falsified them would at least have to keep their order
             if not (np.isfinite(columns["time"]).all() and (np.diff(columns["time"], prepend=0.0) >= 0.0).all()):
                 raise ValueError("the times do not rise")
             iterates = np.asarray(message.vectors["iterates"], dtype=float).reshape(message.count, size)
@@ -229,6 +233,7 @@ def coarse_to_fine(count: int) -> list[int]:
     while gaps:
         low, high = gaps.pop(0)
         if high - low > 1:
+            # breadth first: judging ends after HISTORY_SECONDS, wherever it is then
             middle = (low + high) // 2
             order.append(middle)
             gaps += [(low, middle), (middle, high)]

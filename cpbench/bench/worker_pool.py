@@ -224,6 +224,7 @@ class WorkerPool:
                     if patient:
                         reply = hear(child, over - time.monotonic())
             if isinstance(reply, messages.Ready):
+                # only what it takes from here on counts against the limit of memory, not what it has loaded
                 child.warm()
                 return reply
             if not isinstance(reply, (messages.CompilingKernels, messages.SolverUnavailable)):
