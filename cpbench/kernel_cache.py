@@ -41,7 +41,7 @@ from cpbench.kernel_cache import load
 for module in sys.argv[1:]:
     load(module)
 """
-"""What the other process of `load_all` runs."""
+"""Program of the other process of `load_all`."""
 
 
 @cache

@@ -24,7 +24,7 @@ COLUMNS = ("key", "time", "iteration", "residual", "error", "share")
 ERRORS = tuple(float(f"{10.0 ** (-k / 4):.6e}") for k in range(57))
 """Quarter decades from 1 to 1e-14, whole ones exact."""
 BEFORE = ("convert", "setup", "lift")
-"""What a solver's time has besides its solve, of which the history tells a share."""
+"""Parts of a solver's time besides its solve, of which the history has a share."""
 
 Array: TypeAlias = np.ndarray[tuple[int], np.dtype[Any]]
 Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]

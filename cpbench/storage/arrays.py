@@ -24,7 +24,7 @@ _SPARSE_KEYS = frozenset({"data", "indices", "indptr", "shape"})
 _EXPANSION = 1100
 """Deflate cannot expand by more than 1032."""
 _ZIP_DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, ValueError, LookupError, struct.error)
-"""What zipfile raises on damaged archives (NotImplementedError and UnicodeDecodeError are among them)."""
+"""Exceptions of zipfile on damaged archives (NotImplementedError and UnicodeDecodeError are among them)."""
 _HEADER_DAMAGE = (ValueError, TypeError, SyntaxError, LookupError, OverflowError, RecursionError, MemoryError)
 
 

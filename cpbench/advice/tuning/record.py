@@ -1,4 +1,4 @@
-"""What a search leaves behind: a plan file that runs the tuned solver beside its default one, and tells how it came."""
+"""The record of a search: a plan file that runs the tuned solver beside its default one, and tells how it came."""
 
 from __future__ import annotations
 

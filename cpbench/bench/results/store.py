@@ -57,7 +57,7 @@ class Store:
         self.path = Path(path)
         self._keep = keep
         self._written: dict[str, str] | None = None
-        """What this process knows of the seals by key, None where it only reads."""
+        """Seals by key as this process knows them, None where it only reads."""
         self._database = Database(self.path, create=create)
         try:  # whatever fails from here on, the lock must not stay
             self._key = key or (seal_key.find_or_make() if create else seal_key.find())

@@ -1,4 +1,4 @@
-"""What relaxations of frictional contact share: compiled sweeps in pieces, watched, and their best point."""
+"""Base of relaxations of frictional contact: compiled sweeps in pieces, watched, and their best point."""
 
 from __future__ import annotations
 
