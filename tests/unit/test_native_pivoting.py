@@ -283,7 +283,7 @@ def test_block_pivoting_hands_over_to_lemke(seed: int, sweeps: int) -> None:
 
 
 def test_block_pivoting_ends_on_every_p_matrix() -> None:
-    """Triangular up to an order, with a diagonal of 1: P-matrices on which blocks change in vain and Murty's rule ends."""
+    """Triangular up to an order, with diagonal 1: P-matrices on which blocks change in vain and Murty's rule ends."""
     solver, n = solvers.get("bpp"), 30
     alone = solver.spec.options(max_sweeps=1, max_factorizations=0)
     for seed in range(20):
