@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 from cpbench.bench.events import EventHandler, Solving, ignore_event
@@ -19,6 +19,7 @@ from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.slot import Slot
 from cpbench.solvers.base import Trait, solvers
+from cpbench.storage.base import SEPARATOR, split_address
 
 STACKED = 1000
 """Problems in one call: its limit, or a crash, is that of all of them, and so many files are read within the referee's
@@ -69,6 +70,20 @@ class Block:
     def only(self, pairs: Sequence[Pair]) -> Block:
         """Return the block of some of its pairs: all of those that start from one another, or none."""
         return self._only(tuple(pairs), self.known)
+
+    def moved(self, place: Callable[[str], str]) -> Block:
+        """Return the block with its problems' files at other places."""
+
+        def moved(pair: Pair) -> Pair:
+            file, member = split_address(pair.address)
+            return replace(pair, address=SEPARATOR.join(filter(None, (place(str(file)), member))))
+
+        new = {pair.key: moved(pair) for pair in (*self.pairs, *self.before.values())}
+        return Block(  # the key of a step has the name of its folder, so that keys change too
+            tuple(new[pair.key] for pair in self.pairs),
+            {new[key].key: new[pair.key] for key, pair in self.before.items()},
+            {new[key].key: ending for key, ending in self.known.items()},
+        )
 
     def _only(self, pairs: tuple[Pair, ...], known: Mapping[str, Ending]) -> Block:
         keys = {pair.key for pair in pairs}
