@@ -203,7 +203,7 @@ def test_what_compiled_calls_leave_is_solved_alone(monkeypatch: pytest.MonkeyPat
     for i in range(5):
         claim, answered, alone, own = stacked.part_of(vectors, 5, i)
         assert (claim, answered, alone) == (Claim.SOLVED, True, i == 3)
-        assert cp.verify(stack.problem(i), own["r"], tolerance=1e-9).solved
+        assert cp.verify(stack.problem(i), own["r"].tolist(), tolerance=1e-9).solved
     with pytest.raises(ValueError, match="reshape"):
         stacked.part_of({**vectors, "r": vectors["r"][:-1]}, 5, 0)
 
