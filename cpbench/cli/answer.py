@@ -55,7 +55,8 @@ def print_answer(store: Store) -> None:
         click.echo("\n".join(folded("why: cpbench route PROBLEM --explain, and the report")))
     if len(reasons) > LINES:
         click.echo(f"and {counted(len(reasons) - LINES, 'more reason')} why pairs could not be run")
-    click.echo("\n".join(["", *(line for ranking in ranked for line in _sentence(ranking))]))
+    lines = [line for ranking in ranked for line in _sentence(ranking)]
+    click.echo("\n".join(["", *(["Which solver to use:"] if lines else []), *lines]))
 
 
 def _title(ranking: Ranking) -> str:

@@ -68,7 +68,7 @@ def _headline(run: Run) -> str:
     if waiting:
         lines.insert(0, f"**Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet.**")
     if never > waiting:
-        lines.append(f"{counted(never - waiting, 'more pair')} could not be run, and count against nobody.")
+        lines.append(f"{counted(never - waiting, 'more pair')} could not be run, and are not counted.")
     if run.stationary:
         lines.append(f"{run.stationary.capitalize()}.")
     return "\\\n".join(lines)
