@@ -50,10 +50,10 @@ def by_label(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def disproved(table: pd.DataFrame) -> pd.Series:
-    """Return whether a proof says that no solution is where the answer is: in a box around it, or because the only one
-    is elsewhere; or the answer has numbers that are not finite."""
-    excluded = table["certificate"].str.contains("no solution is within|is not finite")
-    only = table["certificate"].str.contains("unique", regex=False)
+    """Return whether a proof says that no solution is where the answer is: in a box around it, or because all there are
+    are elsewhere; or the answer has numbers that are not finite."""
+    excluded = table["certificate"].str.contains("no solution is within|there is no solution|is not finite")
+    only = table["certificate"].str.contains("unique|all listed")
     elsewhere = only & (table["distance"] > AWAY * table["tolerance"])
     return (table["certainty"] == "refuted") | excluded | elsewhere
 

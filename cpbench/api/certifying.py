@@ -155,10 +155,34 @@ def summary(certificate: Certificate) -> str:
     """Return what a certificate says beside its level and distance, in a line."""
     parts = [
         f"unique: {certificate.unique}" if certificate.unique else "",
-        f"no solution is within {certificate.excluded:.2g} of the answer's size" if certificate.excluded else "",
+        number_of_solutions(certificate),
+        excluded(certificate, ".2g"),
         certificate.reason,
     ]
     return "; ".join(filter(None, parts))
+
+
+def excluded(certificate: Certificate, digits: str) -> str:
+    """Say how far from the answer a solution must be at least; '' where that is not known."""
+    if not certificate.excluded:
+        return ""
+    whole = certificate.node in ("qp", "avi") and "direction" not in certificate.evidence
+    with_its = " with its multipliers" if whole else ""
+    return f"no solution is within {certificate.excluded:{digits}} of the answer's size{with_its}"
+
+
+def number_of_solutions(certificate: Certificate) -> str:
+    """Say how many solutions there are; '' where they were not counted, or are unique."""
+    count = certificate.solutions
+    if math.isnan(count) or certificate.unique:
+        return ""
+    return (
+        "a continuum of solutions"
+        if math.isinf(count)
+        else f"{count:.0f} solutions, all listed"
+        if count
+        else ("there is no solution: all complementary bases were looked at")
+    )
 
 
 def save_certificate(certificate: Certificate, problem: Problem, path: str | Path, *, force: bool = False) -> None:
@@ -173,7 +197,7 @@ def certificate_lines(certificate: Certificate) -> Iterator[str]:
     words = {
         "proved": "a solution is known exactly",
         "enclosed": "a box is proved to hold a solution",
-        "refuted": "no solution is near the answer",
+        "refuted": "no solution is near the answer" if certificate.solutions else "there is no solution",
         "measured": "nothing is proved",
     }
     if certificate.node == "qp" and not certificate.unique:
@@ -182,9 +206,16 @@ def certificate_lines(certificate: Certificate) -> Iterator[str]:
     if certificate:
         yield f"  distance   at most {certificate.distance:.3g} of the solution's size"
         if certificate.unique:
-            yield f"  unique     by the problem's matrix: {certificate.unique}"
+            enumerated = certificate.solutions == 1
+            how = "all complementary bases were looked at" if enumerated else f"by its matrix: {certificate.unique}"
+            yield f"  unique     {how}"
+    counted = number_of_solutions(certificate)
+    if counted:
+        yield f"  solutions  {counted}"
+        for x in certificate.evidence.get("solutions", ()):
+            yield f"             ({', '.join(f'{v:.6g}' for v in x)})"
     if certificate.excluded:
-        yield f"  excluded   no solution is within {certificate.excluded:.3g} of the answer's size from it"
+        yield f"  excluded   {excluded(certificate, '.3g')}"
     if certificate.reason:
         yield f"  no proof   {certificate.reason}"
     yield f"  seconds    {certificate.seconds:.3g}"

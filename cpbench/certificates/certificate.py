@@ -2,7 +2,7 @@
 
 A file holds the group `certificate`:
 
-    @format_version = 1, @node, @fingerprint (of the problem), @level, @unique, @distance, @excluded,
+    @format_version = 2, @node, @fingerprint (of the problem), @level, @unique, @distance, @excluded, @solutions,
     @seal (SHA-256 of all the rest)
     answer                the answer in doubles, its parts one after the other
     evidence/*            arrays of the proof
@@ -30,7 +30,7 @@ from cpbench.matrices import Vector
 from cpbench.storage.base import write_atomic
 from cpbench.storage.hdf5_writer import new_file, put_array, put_attribute
 
-VERSION = 1
+VERSION = 2
 MEASURED, ENCLOSED, PROVED, REFUTED = "measured", "enclosed", "proved", "refuted"
 Evidence: TypeAlias = Mapping[str, NDArray[Any]]
 
@@ -46,9 +46,11 @@ class Certificate:
         answer, and none is known) or `measured` (none of these).
     answer : the answer in doubles, its parts one after the other.
     distance : a bound on ‖answer − solution‖∞/‖solution‖∞; NaN where no solution is known.
-    excluded : no solution is within this radius of the whole answer, over ‖answer‖∞; 0 where that is not proved. It is
-        looked for where no solution is known, or none within `SUSPECT` of the answer.
+    excluded : no solution is within this radius of the answer, over its ‖·‖∞; 0 where that is not proved. The answer is
+        the whole one; for `qp` and `avi` z alone where the evidence has a `direction`, else z, λ and μ. It is looked
+        for where no solution is known, or none within `SUSPECT`, and for multipliers.
     unique : the fact that makes the solution unique, '' where none was found.
+    solutions : how many there are, infinity where they fill a continuum, NaN where they were not counted.
     reason : what stops a proof, '' where there is one.
     evidence : arrays that determine the proof, by name. seconds : what it took [s].
     """
@@ -60,6 +62,7 @@ class Certificate:
     distance: float = float("nan")
     excluded: float = 0.0
     unique: str = ""
+    solutions: float = float("nan")
     reason: str = ""
     evidence: Evidence = field(default_factory=dict)
     seconds: float = 0.0
@@ -73,7 +76,7 @@ def save(path: str | Path, certificate: Certificate, problem: Problem, *, force:
     with new_file() as (root, image):
         own = root.create_group("certificate")
         put_attribute(own, "format_version", VERSION)
-        for name in ("node", "fingerprint", "level", "unique", "distance", "excluded"):
+        for name in ("node", "fingerprint", "level", "unique", "distance", "excluded", "solutions"):
             put_attribute(own, name, getattr(certificate, name))
         put_array(own, "answer", certificate.answer, compress=True)
         _put_all(own.create_group("evidence"), dict(certificate.evidence))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -12,19 +13,25 @@ import numpy as np
 from flint import arb
 
 from cpbench.certificates import polyhedral
+from cpbench.certificates.active_sets import States
+from cpbench.certificates.all_solutions import AllSolutions, all_solutions
+from cpbench.certificates.basic_points import ExactPoint, violations
+from cpbench.certificates.basic_points import exact_point as point_of_states
 from cpbench.certificates.certificate import ENCLOSED, MEASURED, PROVED, REFUTED, Certificate
 from cpbench.certificates.contact_balls import Scene
 from cpbench.certificates.contact_boxes import enclose_contacts
 from cpbench.certificates.exact_points import rounded, solves_contacts
-from cpbench.certificates.exact_rows import nearest, rational
+from cpbench.certificates.exact_rows import ExactRows, nearest, rational
 from cpbench.certificates.krawczyk import balls, digits, up
 from cpbench.certificates.mixed import Mixed, mixed
 from cpbench.certificates.nonlinear_boxes import Bounded, enclose_nonlinear, exact_point
-from cpbench.certificates.refutation import excluded
+from cpbench.certificates.refutation import ROWS, excluded
 from cpbench.certificates.uniqueness import leading, uniqueness
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
 
+ENUMERATION = "enumeration"
+"""The fact that makes a solution unique where all bases were looked at."""
 SUSPECT = 1e-6
 """Distance from which on an answer is wrong, of all solutions or of the one that is known."""
 MONOTONE = ("lcp", "relay", "mlcp", "avi", "qp")
@@ -42,9 +49,13 @@ def certify(problem: Problem, point: Any, seconds: float = 60.0) -> Certificate:
     plain = Certificate(problem.node, problem.fingerprint, MEASURED, answer)
     with np.errstate(all="ignore"):  # doubles give hints only; answers may be as large as doubles go
         found = _certified(problem, point, plain, seconds)
-    if point.finite and not found.distance <= SUSPECT:
-        radius = excluded(problem, point)
-        found = replace(found, excluded=radius, level=REFUTED if radius >= SUSPECT and not found else found.level)
+    near = found.distance <= SUSPECT
+    if point.finite and (not near or problem.node in ROWS):
+        radius, evidence = excluded(problem, point, near=near)
+        if near and radius < SUSPECT:  # the multipliers are as near as z
+            return replace(found, seconds=time.perf_counter() - began)
+        level = REFUTED if radius >= SUSPECT and not found else found.level
+        found = replace(found, excluded=radius, level=level, evidence={**found.evidence, **evidence})
     return replace(found, seconds=time.perf_counter() - began)
 
 
@@ -98,20 +109,45 @@ def _at(plain: Certificate, near: Vector, x: Vector, compared: slice) -> Certifi
 
 
 def _proved(problem: Problem, point: Any, P: Mixed, x: Vector, plain: Certificate, seconds: float) -> Certificate:
-    found = polyhedral.prove(P, x, seconds)
-    if found.support is None:
-        return replace(plain, reason=found.reason)
     size = P.answer.shape[0]
     unique = ""
     if problem.node in MONOTONE:
         unique = uniqueness(leading(P.K, size), box=size == P.c.size)
-    return replace(
-        plain,
-        level=PROVED,
-        distance=_distance(P, _compared(problem, point), found.x),
-        unique=unique,
-        evidence=vars(found.support),
-    )
+    every, uncounted = None if unique else all_solutions(problem), plain
+    if every is not None:
+        plain = _counted(plain, every)
+        if every.count == 0:
+            return replace(plain, level=REFUTED)
+    found, answer = polyhedral.prove(P, x, seconds), _compared(problem, point)
+    distance = math.inf if found.support is None else _distance(P, answer, found.x)
+    if every is not None and every.points:
+        near, states = min(every.points, key=lambda own: _distance(P, answer, own[0]))
+        if _distance(P, answer, near) < distance:
+            nearer = _of_basis(P, near, states)
+            # with a number of solutions the distance is that from the nearest
+            plain, found = (uncounted, found) if nearer is None else (plain, nearer)
+            distance = math.inf if found.support is None else _distance(P, answer, found.x)
+    if found.support is None:
+        return replace(plain, reason=found.reason)
+    evidence = {**plain.evidence, **vars(found.support)}
+    unique = unique or (ENUMERATION if plain.solutions == 1 else "")
+    return replace(plain, level=PROVED, distance=distance, unique=unique, evidence=evidence)
+
+
+def _counted(plain: Certificate, every: AllSolutions) -> Certificate:
+    """Return the certificate with the number of all solutions, and with them, or with the states of a face of many."""
+    if every.endless is not None:
+        return replace(plain, solutions=every.count, evidence={"endless": every.endless})
+    doubles = [[nearest(v) for v in x] for x, _ in every.points]
+    listed = np.array(doubles, dtype=np.float64).reshape(len(doubles), plain.answer.size)
+    return replace(plain, solutions=every.count, evidence={"solutions": listed})
+
+
+def _of_basis(P: Mixed, x: Sequence[Any], states: States) -> ExactPoint | None:
+    """Return a solution as the exact point of its states; None where these leave it open."""
+    K = ExactRows.of(P.K)
+    found = point_of_states(P, K, states, np.array([nearest(v) for v in x]))
+    return found if found.support is not None and not violations(P, K, found.x) else None
 
 
 def _compared(problem: Problem, point: Any) -> Vector:

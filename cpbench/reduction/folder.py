@@ -174,7 +174,7 @@ def _proofs(problem: Problem, points: dict[str, Any]) -> tuple[str, list[str]]:
     level, lines = "", list[str]()
     if "true" in points:
         found = certify(problem, points["true"], seconds=PROOF_SECONDS)
-        unique = f", unique by its matrix ({found.unique})" if found.unique else ""
+        unique = f", the only one ({found.unique})" if found.unique else ""
         near = f" within {found.distance:.3g} of that answer" if found else ""
         reason = f" ({found.reason})" if found.reason else ""
         level = found.level

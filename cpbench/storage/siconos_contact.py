@@ -12,54 +12,30 @@ side of FC3D: without contacts, and for one contact when the last number is a lo
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
 from cpbench.errors import FormatError
-from cpbench.formulations.fc import FrictionContact
-from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.grfc import GlobalRollingFrictionContact
-from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.formulations.base import Problem
 from cpbench.storage.siconos_linear import Builder, builder
 from cpbench.storage.siconos_matrix import Cursor, read_matrix
 
 
-def local_reader(dimension: int) -> Callable[[Cursor], Builder]:
+def contact_reader(formulation: type[Problem], dimension: int) -> Callable[[Cursor], Builder]:
+    """Return a reader of problems of a contact formulation with so many rows a contact."""
+    fields = {field.name for field in dataclasses.fields(formulation)}
+
     def read(c: Cursor) -> Builder:
         size, nc = _heading(c, dimension)
-        parts = _local(c, size)
-        mu = c.numbers("mu", nc)
-        c.finish(flag=True)
-        return builder(c, FrictionContact, **parts, mu=mu, dimension=dimension)
-
-    return read
-
-
-def rolling_reader(dimension: int) -> Callable[[Cursor], Builder]:
-    def read(c: Cursor) -> Builder:
-        size, nc = _heading(c, dimension)
-        parts = _local(c, size) | _coefficients(c, dimension, nc)
-        return builder(c, RollingFrictionContact, **parts, dimension=dimension)
-
-    return read
-
-
-def global_reader(dimension: int) -> Callable[[Cursor], Builder]:
-    def read(c: Cursor) -> Builder:
-        size, nc = _heading(c, dimension)
-        parts = _global(c, size)
-        mu = c.numbers("mu", nc)
-        c.finish(flag=True)
-        return builder(c, GlobalFrictionContact, **parts, mu=mu, dimension=dimension)
-
-    return read
-
-
-def global_rolling_reader(dimension: int) -> Callable[[Cursor], Builder]:
-    def read(c: Cursor) -> Builder:
-        size, nc = _heading(c, dimension)
-        parts = _global(c, size) | _coefficients(c, dimension, nc)
-        return builder(c, GlobalRollingFrictionContact, **parts, dimension=dimension)
+        parts = _global(c, size) if "H" in fields else _local(c, size)
+        if "mu_r" in fields:
+            parts |= _coefficients(c, dimension, nc)
+            c.finish()
+        else:
+            parts["mu"] = c.numbers("mu", nc)
+            c.finish(flag=True)
+        return builder(c, formulation, **parts, dimension=dimension)
 
     return read
 
@@ -103,6 +79,4 @@ def _coefficients(c: Cursor, dimension: int, nc: int) -> dict[str, Any]:
     mu = c.numbers("mu", nc)
     if c.guess and dimension == 3 and nc == 1 and c.left and c.tokens[c.at] in ("0", "1"):
         raise c.error("mu_r", f"is a lone {c.tokens[c.at]}, which follows friction without rolling too")
-    mu_r = c.numbers("mu_r", nc)
-    c.finish()
-    return {"mu": mu, "mu_r": mu_r}
+    return {"mu": mu, "mu_r": c.numbers("mu_r", nc)}

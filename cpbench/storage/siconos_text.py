@@ -14,15 +14,15 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.errors import FormatError
+from cpbench.formulations import (
+    FrictionContact,
+    GlobalFrictionContact,
+    GlobalRollingFrictionContact,
+    RollingFrictionContact,
+)
 from cpbench.formulations.base import Problem
 from cpbench.storage.base import Format, formats, no_member
-from cpbench.storage.siconos_contact import (
-    global_reader,
-    global_rolling_reader,
-    is_plasticity,
-    local_reader,
-    rolling_reader,
-)
+from cpbench.storage.siconos_contact import contact_reader, is_plasticity
 from cpbench.storage.siconos_linear import (
     Builder,
     read_avi,
@@ -128,14 +128,28 @@ for _format in (
     SiconosText("MLCP", "mlcp", (read_mlcp, read_mlcp_old), write_mlcp),
     SiconosText("relay", "relay", (read_relay,), write_relay),
     SiconosText("SOCLCP", "soclcp", (read_soclcp,), write_soclcp),
-    *(SiconosText(f"FC{d}D, local", "fc", (local_reader(d),), write_fc, d) for d in (2, 3)),
-    *(SiconosText(f"GFC{d}D, global", "gfc", (global_reader(d),), write_gfc, d) for d in (2, 3)),
-    SiconosText("RFC3D, local rolling", "rfc", (rolling_reader(5),), write_fc, 5),
+    *(SiconosText(f"FC{d}D, local", "fc", (contact_reader(FrictionContact, d),), write_fc, d) for d in (2, 3)),
+    *(
+        SiconosText(f"GFC{d}D, global", "gfc", (contact_reader(GlobalFrictionContact, d),), write_gfc, d)
+        for d in (2, 3)
+    ),
+    SiconosText("RFC3D, local rolling", "rfc", (contact_reader(RollingFrictionContact, 5),), write_fc, 5),
     SiconosText(
-        "RFC2D, local rolling", "rfc", (rolling_reader(3),), write_fc, 3, also="plasticity as older files have it"
+        "RFC2D, local rolling",
+        "rfc",
+        (contact_reader(RollingFrictionContact, 3),),
+        write_fc,
+        3,
+        also="plasticity as older files have it",
     ),
     *(
-        SiconosText(f"GRFC{(d + 1) // 2}D, global rolling", "grfc", (global_rolling_reader(d),), write_gfc, d)
+        SiconosText(
+            f"GRFC{(d + 1) // 2}D, global rolling",
+            "grfc",
+            (contact_reader(GlobalRollingFrictionContact, d),),
+            write_gfc,
+            d,
+        )
         for d in (3, 5)
     ),
 ):

@@ -5,6 +5,8 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import pickle
+import platform
 import signal
 import subprocess
 import sys
@@ -18,13 +20,12 @@ import psutil
 import pytest
 
 import cpbench
-from cpbench import frames, storage
-from cpbench.bench import messages
+from cpbench import storage
 from cpbench.bench.block import Block
 from cpbench.bench.cluster import connect, executor
 from cpbench.bench.cluster.dask_worker import RemoteWorker
 from cpbench.bench.cluster.executor import DaskExecutor
-from cpbench.bench.cluster.messages import RunBlock
+from cpbench.bench.cluster.remote_worker import RunBlock
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.results.store import Store
@@ -338,13 +339,14 @@ def test_a_batch_system_that_is_not_configured(tmp_path: Path) -> None:
 
 def test_a_remote_worker_that_nobody_asks_ends_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """A client that was killed removes no plugin; one that is only slow finds a worker again."""
-    nothing = messages.pack(RunBlock.of(Block(()), 1.0))
-    remote = RemoteWorker(executor._terms(Setting()), idle=0.5)
+    nothing = pickle.dumps(RunBlock(Block(()), 1.0))
+    remote = RemoteWorker(executor._worker_setup(Setting()), idle=0.5)
     try:
         for _ in range(2):
             result = remote.ask("here", nothing, {})
             assert (result.replies, result.died, result.failed) == ((), "", "")
-            assert "host" in frames.unpack(result.greeting)[0]
+            assert result.machine is not None
+            assert result.machine[0] == platform.node()
             until(lambda: not _remote_workers(ppid=os.getpid()))
         assert remote._process is not None
         monkeypatch.setattr(remote._process, "poll", lambda: None)  # its end is not seen before the request is sent

@@ -146,7 +146,7 @@ def test_what_has_no_solution_is_not_proved() -> None:
     """z = 0 leaves w = −1, z > 0 makes it smaller still."""
     certificate = cpbench.certify(LCP(M=[[-1.0]], q=[-1.0]), [0.5])
     assert not certificate
-    assert certificate.reason
+    assert (certificate.level, certificate.solutions) == ("refuted", 0)
 
 
 def test_a_singular_active_set_is_proved_on_its_face(tmp_path: Path, checker: Any) -> None:
@@ -308,8 +308,9 @@ def test_the_command_writes_a_certificate_that_its_program_accepts(tmp_path: Pat
 
 
 def test_the_command_says_what_stops_a_proof(tmp_path: Path) -> None:
-    cpbench.save(LCP(M=[[-1.0]], q=[-1.0]), tmp_path / "none.h5")
-    np.save(tmp_path / "z.npy", np.array([0.5]))
+    n = 14  # more bases than are looked at
+    cpbench.save(LCP(M=-np.eye(n), q=-np.ones(n)), tmp_path / "none.h5")
+    np.save(tmp_path / "z.npy", np.full(n, 0.5))
     done = command(tmp_path, "certify", "none.h5", "--answer", "z.npy")
     assert done.returncode == 1
     assert "no proof" in done.stdout

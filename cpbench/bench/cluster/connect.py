@@ -78,13 +78,11 @@ def _described(path: str) -> tuple[str, int | None, Mapping[str, Any]]:
     if not file.is_file():
         raise UnknownName("cluster", path, [LOCAL, *BATCH, "a file"])
     try:
-        if file.suffix.lower() in (".yaml", ".yml"):
-            return _from_yaml(file)
-        found = tomllib.loads(file.read_text())
+        found = _jobqueue(file) if file.suffix.lower() in (".yaml", ".yml") else tomllib.loads(file.read_text())
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as cause:
         raise FormatError(file, "", f"cannot be read ({cause})") from None
     if unknown := found.keys() - _KEYS:
-        raise FormatError(file, sorted(unknown)[0], f"is not known here; known: {', '.join(sorted(_KEYS))}")
+        raise FormatError(file, min(unknown), f"is not known here; known: {', '.join(sorted(_KEYS))}")
     name, jobs, arguments = found.get("cluster"), found.get("jobs"), found.get("arguments", {})
     if name not in (LOCAL, *BATCH):
         raise FormatError(file, "cluster", f"is {name!r}, expected one of {', '.join((LOCAL, *BATCH))}")
@@ -95,21 +93,16 @@ def _described(path: str) -> tuple[str, int | None, Mapping[str, Any]]:
     return name, jobs, arguments
 
 
-def _from_yaml(file: Path) -> tuple[str, int | None, Mapping[str, Any]]:
+def _jobqueue(file: Path) -> Mapping[str, Any]:
+    """Return what a configuration of dask-jobqueue says, as a file of cpbench would."""
     import yaml
 
     try:
-        found = yaml.safe_load(file.read_text())
-        (queue,) = found["jobqueue"].items()
-        name, arguments = queue
-        if name not in BATCH or not isinstance(arguments, dict):
-            raise ValueError(name)
+        ((name, arguments),) = yaml.safe_load(file.read_text())["jobqueue"].items()
     except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as cause:
         why = " ".join(str(cause).split())
-        raise FormatError(
-            file, "jobqueue", f"does not hold one table of {', '.join(BATCH)} with its arguments ({why})"
-        ) from None
-    return name, None, arguments
+        raise FormatError(file, "jobqueue", f"does not hold one table of {', '.join(BATCH)} ({why})") from None
+    return {"cluster": name, "arguments": arguments}
 
 
 def _executor(client: Any, setting: Setting, ending: Sequence[Callable[[], None]] = ()) -> DaskExecutor:

@@ -15,13 +15,12 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 from multiprocessing import Pipe
-from typing import Any
+from typing import Any, TypeAlias
 
 from distributed import Event, Worker, WorkerPlugin, get_worker
 
 import cpbench
-from cpbench import frames
-from cpbench.bench.cluster.remote_worker import MESSAGE
+from cpbench.bench.cluster.remote_worker import WorkerSetup
 from cpbench.child_processes import start_python
 
 IDLE = 300.0
@@ -29,6 +28,8 @@ IDLE = 300.0
 CLOSING = 5.0
 """Seconds in which a remote worker that was told to end may do so by itself."""
 _MAIN = "from cpbench.bench.cluster.remote_worker import main; main()"
+Contents: TypeAlias = Mapping[str, bytes]
+"""A file and those that belong to it, by name."""
 _solving = threading.Lock()
 """One solve at a time in this process, whatever runs it serves."""
 
@@ -39,13 +40,14 @@ class TaskResult:
 
     Attributes
     ----------
-    worker : address of the Dask worker. greeting : what its remote worker says of itself. replies : messages. died :
-    how the remote worker ended that was to answer. failed : why this machine can take no further block.
+    worker : address of the Dask worker. machine : host and description of its machine, where known. replies : pickled,
+    since only the client has the modules of the run. died : how the remote worker ended that was to answer. failed :
+    why this machine can take no further block.
     """
 
-    worker: str
-    greeting: bytes
-    replies: tuple[bytes, ...]
+    worker: str = ""
+    machine: tuple[str, dict[str, Any]] | None = None
+    replies: tuple[bytes, ...] = ()
     died: str = ""
     failed: str = ""
 
@@ -53,11 +55,11 @@ class TaskResult:
 class RemoteWorkerPlugin(WorkerPlugin):
     """A remote worker in every Dask worker that has the cpbench of the run.
 
-    name : of the run, and of its resource. terms : the first message for every remote worker.
+    name : of the run, and of its resource. setup : the first message for every remote worker.
     """
 
-    def __init__(self, name: str, terms: bytes) -> None:
-        self.name, self._terms, self._version = name, terms, cpbench.__version__
+    def __init__(self, name: str, setup: WorkerSetup) -> None:
+        self.name, self._setup, self._version = name, setup, cpbench.__version__
 
     async def setup(self, worker: Worker) -> None:
         """Offer the resource; raises RuntimeError where the machine has another cpbench."""
@@ -65,7 +67,7 @@ class RemoteWorkerPlugin(WorkerPlugin):
             raise RuntimeError(
                 f"{worker.address}: has cpbench {cpbench.__version__}, and the run is of {self._version}"
             )
-        self.process = RemoteWorker(self._terms)
+        self.process = RemoteWorker(self._setup)
         await worker.set_resources(**{self.name: 1})
 
     async def teardown(self, worker: Worker) -> None:
@@ -74,7 +76,7 @@ class RemoteWorkerPlugin(WorkerPlugin):
         await worker.set_resources(**{self.name: 0})
 
 
-def run_block(run: str, task: str, message: bytes, copies: Mapping[str, bytes]) -> TaskResult | None:
+def run_block(run: str, task: str, request: bytes, copies: Mapping[str, Contents]) -> TaskResult | None:
     """Return what the remote worker of a run answers to a request; `copies` are of files that it may lack.
 
     None where the task was begun before: Dask repeats what a lost worker was doing, but what kills a worker is not to
@@ -86,7 +88,7 @@ def run_block(run: str, task: str, message: bytes, copies: Mapping[str, bytes]) 
         if begun.is_set():
             return None
         begun.set()
-        result = worker.plugins[run].process.ask(worker.address, message, copies)
+        result = worker.plugins[run].process.ask(worker.address, request, copies)
     if result.failed:
         worker.loop.add_callback(worker.set_resources, **{run: 0})
     begun.clear()
@@ -96,43 +98,40 @@ def run_block(run: str, task: str, message: bytes, copies: Mapping[str, bytes]) 
 class RemoteWorker:
     """The process of `remote_worker` and the pipe to it; started when it is needed."""
 
-    def __init__(self, terms: bytes, idle: float = IDLE) -> None:
-        self._terms, self._idle = terms, idle
+    def __init__(self, setup: WorkerSetup, idle: float = IDLE) -> None:
+        self._setup, self._idle = setup, idle
         self._lock = threading.RLock()
         self._process: subprocess.Popen[bytes] | None = None
         self._pipe: Any = None
-        self._greeting = b""
+        self._machine: tuple[str, dict[str, Any]] | None = None
         self._copied = set[str]()
 
-    def ask(self, worker: str, message: bytes, copies: Mapping[str, bytes]) -> TaskResult:
+    def ask(self, worker: str, request: bytes, copies: Mapping[str, Contents]) -> TaskResult:
         """Return all that the process answers."""
-        result, code = self._ask(worker, message, copies)
+        result, code = self._ask(worker, request, copies)
         if code == 0 and not result.replies:  # nobody had asked it for so long that it ended as the request came
-            result, _ = self._ask(worker, message, copies)
+            result, _ = self._ask(worker, request, copies)
         return result
 
-    def _ask(self, worker: str, message: bytes, copies: Mapping[str, bytes]) -> tuple[TaskResult, int | None]:
+    def _ask(self, worker: str, request: bytes, copies: Mapping[str, Contents]) -> tuple[TaskResult, int | None]:
         """Return the same with the exit code of a process that ended meanwhile, else None."""
         try:
             self._start()
         except (EOFError, OSError) as cause:
             code = self._exit()
             why = cause if code is None else _ended(code)
-            return TaskResult(worker, b"", (), failed=f"no process could be started ({why})"), None
+            return TaskResult(worker, failed=f"no process could be started ({why})"), None
         replies: list[bytes] = []
         try:
-            for file, content in copies.items():
-                if file not in self._copied:
-                    self._copied.add(file)
-                    self._pipe.send_bytes(content)
-            self._pipe.send_bytes(message)
-            while (reply := self._pipe.recv_bytes())[:1] == MESSAGE:
-                replies.append(reply[1:])
-            return TaskResult(worker, self._greeting, tuple(replies), failed=reply[1:].decode()), None
+            self._pipe.send((request, {file: copies[file] for file in copies.keys() - self._copied}))
+            self._copied |= copies.keys()
+            while isinstance(reply := self._pipe.recv(), bytes):
+                replies.append(reply)
+            return TaskResult(worker, self._machine, tuple(replies), failed=reply), None
         except (EOFError, OSError):
             code = self._exit()
             died = "it was ended" if code is None else _ended(code)
-            return TaskResult(worker, self._greeting, tuple(replies), died=died), code
+            return TaskResult(worker, self._machine, tuple(replies), died=died), code
 
     def end(self) -> None:
         """Tell the process to end, and wait for that in a thread."""
@@ -157,8 +156,8 @@ class RemoteWorker:
                 start_new_session=True,  # Ctrl-C in a terminal is for the client
             )
             theirs.close()
-        self._pipe.send_bytes(self._terms)
-        self._greeting = self._pipe.recv_bytes()
+        self._pipe.send(self._setup)
+        self._machine = self._pipe.recv()
 
     def _exit(self) -> int | None:
         with self._lock:
@@ -175,8 +174,3 @@ def _exit_code(process: subprocess.Popen[bytes]) -> int:
         return process.wait(CLOSING)
     process.kill()
     return process.wait()
-
-
-def terms(setting: Mapping[str, Any], plugins: Mapping[str, bytes], solvers: str) -> bytes:
-    """Return the first message for a remote worker: the setting of its slot, the plugin files, the declared solvers."""
-    return frames.pack({"setting": dict(setting), "plugins": list(plugins), "solvers": solvers}, plugins)

@@ -12,6 +12,7 @@ import contextlib
 import logging
 import math
 import os
+import pickle
 import queue
 import threading
 import time
@@ -26,17 +27,17 @@ from typing import Any
 
 from distributed import Event
 
-from cpbench import frames
-from cpbench.bench import messages
+from cpbench import storage
 from cpbench.bench.block import Block, Ending
-from cpbench.bench.cluster.dask_worker import RemoteWorkerPlugin, TaskResult, run_block, terms
-from cpbench.bench.cluster.messages import FileCopies, FilesWanted, PairEnded, RunBlock, file_of
+from cpbench.bench.cluster.dask_worker import RemoteWorkerPlugin, TaskResult, run_block
+from cpbench.bench.cluster.remote_worker import FilesWanted, PairEnded, RunBlock, WorkerSetup
 from cpbench.bench.events import EventHandler, Solving
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
 from cpbench.registry import DECLARED, PLUGIN_FILES, TABLES
+from cpbench.storage.base import split_address
 
 logger = logging.getLogger("cpbench.bench")
 
@@ -78,7 +79,7 @@ class DaskExecutor:
 
     def outcomes(self, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
         """Yield the outcome of every pair, with its host; raises CpbenchError when no worker can or will run them."""
-        run = _Run(self._client, _terms(self._setting), todo, on_event, self.machines)
+        run = _Run(self._client, _worker_setup(self._setting), todo, on_event, self.machines)
         try:
             yield from run.outcomes()
         finally:
@@ -99,17 +100,18 @@ class _Run:
     def __init__(
         self,
         client: Any,
-        first_message: bytes,
+        setup: WorkerSetup,
         todo: Iterable[Block],
         on_event: EventHandler,
         machines: dict[str, dict[str, Any]],
     ) -> None:
         self._client, self._on_event, self._machines = client, on_event, machines
         self._name = f"cpbench-{uuid.uuid4().hex}"
-        self._plugin = RemoteWorkerPlugin(self._name, first_message)
+        self._plugin = RemoteWorkerPlugin(self._name, setup)
         self._waiting = deque(_Task(block) for block in todo)  # suspects at the end, the rest of a block in front
         self._submitted: dict[str, tuple[_Task, Any]] = {}
         self._ended: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self._wanted: dict[str, str | None] = {}
         self._copies: dict[str, Any] = {}
         self._workers: dict[str, Any] = {}
         self._refusal = ""
@@ -186,22 +188,18 @@ class _Run:
 
     def _submit(self, task: _Task) -> None:
         """Submit a block, with copies of those of its files that some worker did not find."""
-        block = task.block
-        pairs = {file_of(pair)[0]: pair for pair in (*block.pairs, *block.before.values())}
-        for file in pairs.keys() & self._copies.keys():
-            if self._copies[file] is None:  # Dask hands the copy on from worker to worker
-                packed = messages.pack(FileCopies.of(pairs[file]))
-                self._copies[file] = self._client.scatter(packed, hash=False)
-        copies = {file: self._copies[file] for file in pairs.keys() & self._copies.keys()}
-        request = RunBlock.of(block, 0.0 if task.died else TASK)
+        block = task.block.moved(os.path.abspath)
+        files = {str(split_address(pair.address)[0]) for pair in (*block.pairs, *block.before.values())}
+        for file in files & self._wanted.keys() - self._copies.keys():  # Dask hands the copy on from worker to worker
+            (self._copies[file],) = self._client.scatter([_contents(file, self._wanted[file])], hash=False)
+        copies = {file: self._copies[file] for file in files & self._copies.keys()}
+        request = pickle.dumps(RunBlock(block, 0.0 if task.died else TASK))
         self._count += 1
         key = f"{self._name}-{self._count}"
-        future = self._client.submit(
-            run_block, self._name, key, messages.pack(request), copies, key=key, resources={self._name: 1}
-        )
+        future = self._client.submit(run_block, self._name, key, request, copies, key=key, resources={self._name: 1})
         self._submitted[key] = task, future
         future.add_done_callback(lambda done: self._ended.put(done.key))
-        self._on_event(Solving(block.pairs[0]))
+        self._on_event(Solving(task.block.pairs[0]))
 
     def _take_in(self, key: str, task: _Task, future: Any) -> Iterator[tuple[Pair, Outcome]]:
         """Yield the outcomes of a task that has ended; what is left of its block waits again."""
@@ -214,24 +212,25 @@ class _Run:
         except (FutureCancelled, AsyncCancelled):  # the scheduler is gone, or the last worker, or copies of files
             self._looked = -math.inf
             self._look()
-            self._copies = dict.fromkeys(self._copies)
+            self._copies.clear()
             if not Event(key, client=self._client).is_set():
                 self._waiting.appendleft(task)
                 return
             result = None
         except Exception as cause:
-            result = TaskResult("", b"", (), died=f"{type(cause).__name__}: {cause}")
+            result = TaskResult(died=f"{type(cause).__name__}: {cause}")
         if result is None:
-            result = TaskResult("", b"", (), died="a Dask worker was lost")
+            result = TaskResult(died="a Dask worker was lost")
         host = self._host(result)
         endings: dict[str, Ending] = {}
-        for reply in map(messages.unpack, result.replies):
+        for reply in map(pickle.loads, result.replies):
             if isinstance(reply, PairEnded):
                 pair, outcome = task.block.pairs[reply.place], reply.outcome
                 endings[pair.key] = outcome.status, outcome.answer
-                yield pair, outcome.changed(jobs=self._jobs(result.worker))
+                message = outcome.message and outcome.message.replace(reply.file, str(split_address(pair.address)[0]))
+                yield pair, outcome.changed(jobs=self._jobs(result.worker), message=message)
             elif isinstance(reply, FilesWanted):
-                self._copies = dict.fromkeys(reply.files) | self._copies
+                self._wanted |= reply.files
         rest = task.block.rest(endings)
         if result.failed:
             self._refuse(f"{host}: {result.failed}")
@@ -259,11 +258,11 @@ class _Run:
 
     def _host(self, result: TaskResult) -> str:
         """Return the host of a result's worker, whose machine is noted."""
-        if not result.greeting:
+        if result.machine is None:
             return str(self._workers.get(result.worker, {}).get("host", ""))
-        greeting, _ = frames.unpack(result.greeting)
-        self._machines[greeting["host"]] = greeting["machine"]
-        return str(greeting["host"])
+        host, machine = result.machine
+        self._machines[host] = machine
+        return host
 
     def _jobs(self, worker: str) -> int:
         """Return how many workers there are on the machine of one."""
@@ -271,12 +270,20 @@ class _Run:
         return max(1, sum(other.get("host") == host for other in self._workers.values()))
 
 
-def _terms(setting: Setting) -> bytes:
-    """Return the first message for remote workers: their setting, plugin files, and the declared solvers.
+def _contents(file: str, format: str | None) -> dict[str, bytes]:
+    """Return the contents of all files that a problem is read from; none where they cannot be read here either."""
+    try:
+        return {path.name: path.read_bytes() for path in storage.files(file, format)}
+    except (CpbenchError, OSError):
+        return {}
+
+
+def _worker_setup(setting: Setting) -> WorkerSetup:
+    """Return the first message for remote workers.
 
     Files of tables stay here: what they declare is sent, with the paths that it has here.
     """
     names = [name for name in os.environ.get(PLUGIN_FILES, "").split(os.pathsep) if name and not name.endswith(TABLES)]
     # cores and slots side by side are of this machine
     anywhere = {k: v for k, v in asdict(setting).items() if k not in ("cpus", "slots")}
-    return terms(anywhere, {name: Path(name).read_bytes() for name in names}, os.environ.get(DECLARED, ""))
+    return WorkerSetup(anywhere, {name: Path(name).read_bytes() for name in names}, os.environ.get(DECLARED, ""))

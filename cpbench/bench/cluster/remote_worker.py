@@ -8,6 +8,7 @@ modules of the first run that it served.
 from __future__ import annotations
 
 import os
+import pickle
 import platform
 import queue
 import signal
@@ -16,26 +17,55 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from cpbench import frames
 from cpbench.registry import DECLARED, PLUGIN_FILES
 from cpbench.temporary import RUN, TemporaryHome
 
 if TYPE_CHECKING:  # what knows solvers and conversions looks for plugins when it is imported: not before these are set
     from cpbench.bench.block import Block
-    from cpbench.bench.cluster.messages import FileCopies, FilesWanted, PairEnded, RunBlock
-    from cpbench.bench.planning.plan import Pair
     from cpbench.bench.results.rows import Outcome
     from cpbench.bench.slot import Slot
 
-MESSAGE, DONE = b"m", b"d"
-"""First byte of what is sent: a message, or the end of an answer, with what went wrong on this machine."""
 CLOSING = 20.0
 """Seconds this process may take to end once nobody is at the other end of its pipe."""
+
+
+@dataclass(frozen=True)
+class WorkerSetup:
+    """The first message to a remote worker: the fields of its `Setting`, plugin files, and declared solvers."""
+
+    setting: Mapping[str, Any]
+    plugins: Mapping[str, bytes]
+    solvers: str
+
+
+@dataclass(frozen=True)
+class RunBlock:
+    """A request for the outcomes of a block's pairs, of as many as can be run within `seconds`, one at least; pairs
+    have the absolute paths of their files on the client's machine."""
+
+    block: Block
+    seconds: float
+
+
+@dataclass(frozen=True)
+class PairEnded:
+    """The outcome of a block's pair, by its place in the block. `file` : what the problem was read from here."""
+
+    place: int
+    outcome: Outcome
+    file: str
+
+
+@dataclass(frozen=True)
+class FilesWanted:
+    """Files that are not on this machine, or hold something else than was planned, each with how it is read."""
+
+    files: Mapping[str, str | None]
 
 
 def main() -> None:
@@ -43,15 +73,15 @@ def main() -> None:
     was asked for as many seconds as the second argument says."""
     signal.signal(signal.SIGTERM, _interrupt)
     connection = Connection(int(sys.argv[1]))
-    requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+    requests: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(connection, requests), daemon=True).start()
     try:
-        terms, plugins = frames.unpack(requests.get())
+        setup: WorkerSetup = requests.get()
         home = TemporaryHome(RUN)
         try:
-            os.environ[PLUGIN_FILES] = os.pathsep.join(_plugin_files(terms["plugins"], plugins, home.folder))
-            os.environ[DECLARED] = terms["solvers"]
-            _serve(connection, requests, terms, home.folder, float(sys.argv[2]))
+            os.environ[PLUGIN_FILES] = os.pathsep.join(_plugin_files(setup.plugins, home.folder))
+            os.environ[DECLARED] = setup.solvers
+            _serve(connection, requests, setup.setting, home.folder, float(sys.argv[2]))
         finally:
             home.remove()
     except (KeyboardInterrupt, BrokenPipeError, queue.Empty):
@@ -64,11 +94,11 @@ def _interrupt(*_: object) -> NoReturn:
     raise KeyboardInterrupt
 
 
-def _listen(connection: Connection, requests: queue.SimpleQueue[bytes]) -> None:
+def _listen(connection: Connection, requests: queue.SimpleQueue[Any]) -> None:
     """Take messages in; at the end of the pipe the whole process ends, as by Ctrl-C."""
     try:
         while True:
-            requests.put(connection.recv_bytes())
+            requests.put(connection.recv())
     except (EOFError, OSError):
         os.kill(os.getpid(), signal.SIGTERM)
         time.sleep(CLOSING)
@@ -76,48 +106,45 @@ def _listen(connection: Connection, requests: queue.SimpleQueue[bytes]) -> None:
 
 
 def _serve(
-    connection: Connection, requests: queue.SimpleQueue[bytes], terms: Mapping[str, Any], folder: Path, idle: float
+    connection: Connection, requests: queue.SimpleQueue[Any], setting: Mapping[str, Any], folder: Path, idle: float
 ) -> None:
-    from cpbench.bench import machine, messages
-    from cpbench.bench.cluster.messages import FileCopies, RunBlock
+    """Answer each request by its replies, pickled, and a text that ends them: "", or what failed on this machine."""
+    from cpbench.bench import machine
     from cpbench.bench.slot import Slot
     from cpbench.bench.worker_pool import Setting
 
-    with Slot(Setting(**terms["setting"])) as slot:
+    with Slot(Setting(**setting)) as slot:
         described = {**machine.describe(), **{f"version {k}": v for k, v in machine.versions().items()}}
-        connection.send_bytes(frames.pack({"host": platform.node(), "machine": described}))
+        connection.send((platform.node(), described))
         files = LocalFiles(slot, folder)
         while True:
-            request = messages.unpack(requests.get(timeout=idle))
-            if isinstance(request, FileCopies):
-                files.keep(request)
-                continue
+            request, copies = requests.get(timeout=idle)
             failure = ""
             try:
-                assert isinstance(request, RunBlock)
-                for reply in _run(request, slot, files):
-                    connection.send_bytes(MESSAGE + messages.pack(reply))
+                files.keep(copies)
+                for reply in _run(pickle.loads(request), slot, files):
+                    connection.send(pickle.dumps(reply))
             except BrokenPipeError:
                 raise
             except Exception as error:  # of this machine: no solver, conversion or file makes a slot raise
                 failure = f"{type(error).__name__}: {error}"
-            connection.send_bytes(DONE + failure.encode(errors="replace"))
+            connection.send(failure)
 
 
 def _run(request: RunBlock, slot: Slot, files: LocalFiles) -> Iterator[PairEnded | FilesWanted]:
     """Yield outcomes until the block is done or the seconds are over, or what files are wanted."""
     from cpbench.bench import block as blocks
-    from cpbench.bench.cluster.messages import FilesWanted, PairEnded
+    from cpbench.storage.base import split_address
 
     deadline = time.monotonic() + request.seconds
-    if missing := files.missing(request):
-        yield FilesWanted(tuple(missing))
+    if missing := files.missing(request.block):
+        yield FilesWanted(missing)
         return
-    pairs = request.pairs
-    for k, (_, outcome) in enumerate(blocks.run(slot, files.placed(request))):
-        yield PairEnded.of(k, files.renamed(request, pairs[k], outcome))
+    block = request.block.moved(files.local)
+    for k, (pair, outcome) in enumerate(blocks.run(slot, block)):
+        yield PairEnded(k, outcome, str(split_address(pair.address)[0]))
         # the rows that a history answers cost nothing, and would cost a solve in another request
-        derived = k + 1 < len(pairs) and blocks.variant(pairs[k + 1]) == blocks.variant(pairs[k])
+        derived = k + 1 < len(block.pairs) and blocks.variant(block.pairs[k + 1]) == blocks.variant(pair)
         if time.monotonic() > deadline and not derived:
             return
 
@@ -129,61 +156,44 @@ class LocalFiles:
         self._slot, self._folder = slot, folder
         self._local: dict[str, str] = {}
 
-    def keep(self, copies: FileCopies) -> None:
-        """Write files that belong together into a folder of their own."""
-        folder = Path(tempfile.mkdtemp(dir=self._folder))
-        for name, content in copies.vectors.items():
-            (folder / name).write_bytes(content)
-        first = next(iter(copies.vectors), None)
-        self._local[copies.file] = copies.file if first is None else str(folder / first)
+    def keep(self, copies: Mapping[str, Mapping[str, bytes]]) -> None:
+        """Write files into folders of their own, each with those that belong to it, the one asked for first."""
+        for file, contents in copies.items():
+            folder = Path(tempfile.mkdtemp(dir=self._folder))
+            for name, content in contents.items():
+                (folder / name).write_bytes(content)
+            # without contents the client cannot read it either: the row will say why
+            self._local[file] = str(folder / next(iter(contents))) if contents else file
 
-    def missing(self, request: RunBlock) -> list[str]:
-        """Return the files of a request that are not here, or hold something else than was planned."""
+    def local(self, file: str) -> str:
+        """Return the path that a file of the client has here."""
+        return self._local[file]
+
+    def missing(self, block: Block) -> dict[str, str | None]:
+        """Return the files of a block that are not here, or hold something else than was planned."""
         from cpbench.bench.messages import Declined, Open, Opened
         from cpbench.bench.time_limits import REFEREE
+        from cpbench.storage.base import split_address
 
-        wanted: list[str] = []
-        for pair in (*request.pairs, *request.before.values()):
-            file, member = request.files[pair.address]
+        wanted: dict[str, str | None] = {}
+        for pair in (*block.pairs, *block.before.values()):
+            file = str(split_address(pair.address)[0])
             if file not in self._local:
-                asked = Open(_address(file, member), pair.format, pair.fingerprint)
+                asked = Open(pair.address, pair.format, pair.fingerprint)
                 reply = self._slot.referee.ask(REFEREE.limit(pair.limits.seconds), asked, Opened)
-                if not isinstance(reply, Declined):
+                if isinstance(reply, Declined):
+                    wanted[file] = pair.format
+                else:
                     self._local[file] = file
-                elif file not in wanted:
-                    wanted.append(file)
         return wanted
 
-    def placed(self, request: RunBlock) -> Block:
-        """Return the block with the addresses its problems have here."""
 
-        def placed(pair: Pair) -> Pair:
-            file, member = request.files[pair.address]
-            return replace(pair, address=_address(self._local[file], member))
-
-        before = {key: placed(pair) for key, pair in request.before.items()}
-        return replace(request.block, pairs=tuple(map(placed, request.pairs)), before=before)
-
-    def renamed(self, request: RunBlock, pair: Pair, outcome: Outcome) -> Outcome:
-        """Return the outcome with the client's address in its message."""
-        file, member = request.files[pair.address]
-        local, message = self._local[file], outcome.message or ""
-        if local == file or local not in message:
-            return outcome
-        planned = pair.address.removesuffix(f"::{member}") if member else pair.address
-        return outcome.changed(message=message.replace(local, planned))
-
-
-def _address(file: str, member: str) -> str:
-    return f"{file}::{member}" if member else file
-
-
-def _plugin_files(names: list[str], contents: Mapping[str, bytes], folder: Path) -> Iterator[str]:
+def _plugin_files(plugins: Mapping[str, bytes], folder: Path) -> Iterator[str]:
     """Yield the plugin files: where they are, if this machine has the same, else written into `folder`."""
-    for k, name in enumerate(names):
+    for k, (name, content) in enumerate(plugins.items()):
         path = Path(name)
-        if not (path.is_file() and path.read_bytes() == contents[name]):
+        if not (path.is_file() and path.read_bytes() == content):
             path = folder / f"plugin-{k}" / path.name
             path.parent.mkdir()
-            path.write_bytes(contents[name])
+            path.write_bytes(content)
         yield str(path)

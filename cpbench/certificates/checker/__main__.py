@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import sys
 
+from all_solutions import enumeration
 from ball_proofs import contacts, maps
 from certificate_file import read, require
 from polyhedral_proofs import polyhedral
@@ -20,10 +21,12 @@ def check(path: str) -> str:
     own, data, answer, evidence = read(path)
     denied = f"no solution within {own['excluded']:.3g} of the answer's size" if own["excluded"] else ""
     if denied:
-        refutation(own, data, answer)
+        denied += ", with its multipliers" if own["node"] in ("qp", "avi") and "direction" not in evidence else ""
+        refutation(own, data, answer, evidence)
+    counted = enumeration(own, data, evidence)
     if own["level"] == "refuted":
-        require(bool(denied), "nothing is refuted")
-        return f"refuted: {denied}"
+        require(bool(denied) or own["solutions"] == 0, "nothing is refuted")
+        return "refuted: " + "; ".join(filter(None, (denied, counted)))
     level = "proved" if "held" in evidence or "point" in evidence else "enclosed"
     require(own["level"] == level, f"the level {own['level']} needs no proof, or has none")
     polyhedron = "held" in evidence
@@ -32,7 +35,8 @@ def check(path: str) -> str:
     require(polyhedron or not own["unique"], "uniqueness is not known of this formulation")
     unique = f", the only one ({own['unique']})" if own["unique"] else ""
     what = "a first-order solution" if own["node"] == "qp" and not unique else "a solution"
-    return f"{level}: {what}{unique} within {own['distance']:.3g} of the answer{denied and '; ' + denied}"
+    near = f"{level}: {what}{unique} within {own['distance']:.3g} of the answer"
+    return "; ".join(filter(None, (near, denied, counted)))
 
 
 def main(paths: list[str]) -> int:

@@ -112,7 +112,7 @@ def read(path: str) -> tuple[dict[str, Any], dict[str, Any], Any, dict[str, Any]
     with h5py.File(path, "r") as file:
         group: Any = file["certificate"]
         own = {k: v.decode() if isinstance(v, bytes) else v for k, v in group.attrs.items()}
-        require(own["format_version"] == 1 and own["node"] in ORDER, "is no certificate that is known here")
+        require(own["format_version"] == 2 and own["node"] in ORDER, "is no certificate that is known here")
         require(own["seal"] == seal(group), "the file was changed after it was written")
         data: dict[str, Any] = {}
         for name in ORDER[own["node"]].split():

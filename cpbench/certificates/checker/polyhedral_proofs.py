@@ -136,7 +136,8 @@ def polyhedral(own: dict[str, Any], data: dict[str, Any], answer: Any, evidence:
     fact = own["unique"]
     require(not fact or node in OVER_BOXES, "uniqueness is not known of this formulation")
     require(not (rows and fact == "P-matrix"), "a P-matrix makes solutions unique over boxes only")
-    require(not fact or unique(fact, K, len(compared)), "the solution is not shown to be unique")
+    only = fact == "enumeration" and own["solutions"] == 1  # the number is checked apart
+    require(not fact or only or unique(fact, K, len(compared)), "the solution is not shown to be unique")
 
 
 def unique(fact: str, K: list[dict[int, float]], n: int) -> bool:

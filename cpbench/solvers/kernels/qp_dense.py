@@ -25,6 +25,22 @@ def judged(absolute, scale):
     return value if value >= 0.0 else np.inf
 
 
+@njit(types.UniTuple(types.float64, 4)(*(types.float64,) * 4), cache=True, error_model="numpy", nogil=True)
+def of_bounds(low, high, x, price):
+    """Return of an unknown: how far it is outside its bounds, the size of these, how far its multiplier has a sign that
+    no bound allows, and their part of the dual objective."""
+    outside = wrong = size = term = 0.0
+    if low > -np.inf:
+        outside, size, term = np.maximum(outside, low - x), abs(low), low * max(price, 0.0)
+    else:
+        wrong = np.maximum(wrong, price)
+    if high < np.inf:
+        outside, size, term = np.maximum(outside, x - high), max(size, abs(high)), term - high * max(-price, 0.0)
+    else:
+        wrong = np.maximum(wrong, -price)
+    return outside, size, wrong, term
+
+
 @njit(
     types.float64(
         *(_MATRIX, _VECTOR, _MATRIX, _VECTOR, _MATRIX, _VECTOR, _VECTOR, _VECTOR),
@@ -68,18 +84,10 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
         zQz += z[i] * Qz
         pz += z[i] * p[i]
         dual_scale = max(dual_scale, abs(nu[i]))
-        if lb[i] > -np.inf:
-            primal = np.maximum(primal, lb[i] - z[i])
-            primal_scale = max(primal_scale, abs(lb[i]))
-            constraints += lb[i] * max(nu[i], 0.0)
-        else:
-            dual = np.maximum(dual, nu[i])
-        if ub[i] < np.inf:
-            primal = np.maximum(primal, z[i] - ub[i])
-            primal_scale = max(primal_scale, abs(ub[i]))
-            constraints -= ub[i] * max(-nu[i], 0.0)
-        else:
-            dual = np.maximum(dual, -nu[i])
+        outside, bound, wrong, term = of_bounds(lb[i], ub[i], z[i], nu[i])
+        primal, primal_scale = np.maximum(primal, outside), max(primal_scale, bound)
+        dual = np.maximum(dual, wrong)
+        constraints += term
     gap = judged(abs(zQz + pz - constraints), max(abs(zQz), abs(pz), abs(constraints)))
     return max(judged(stationarity, scale), judged(primal, primal_scale), judged(dual, dual_scale), gap)
 

@@ -6,7 +6,7 @@ Matrices are (row pointers, columns, numbers).
 import numpy as np
 from numba import njit, types
 
-from cpbench.solvers.kernels.qp_dense import judged
+from cpbench.solvers.kernels.qp_dense import judged, of_bounds
 from cpbench.solvers.kernels.qp_ldl import CSR, DATA, OUT
 
 _DENSE = types.Array(types.float64, 2, "C", readonly=True)
@@ -121,18 +121,10 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
         zQz += z[i] * Qz
         pz += z[i] * p[i]
         dual_scale = max(dual_scale, abs(nu[i]))
-        if lb[i] > -np.inf:
-            primal = np.maximum(primal, lb[i] - z[i])
-            primal_scale = max(primal_scale, abs(lb[i]))
-            constraints += lb[i] * max(nu[i], 0.0)
-        else:
-            dual = np.maximum(dual, nu[i])
-        if ub[i] < np.inf:
-            primal = np.maximum(primal, z[i] - ub[i])
-            primal_scale = max(primal_scale, abs(ub[i]))
-            constraints -= ub[i] * max(-nu[i], 0.0)
-        else:
-            dual = np.maximum(dual, -nu[i])
+        outside, bound, wrong, term = of_bounds(lb[i], ub[i], z[i], nu[i])
+        primal, primal_scale = np.maximum(primal, outside), max(primal_scale, bound)
+        dual = np.maximum(dual, wrong)
+        constraints += term
     gap = judged(abs(zQz + pz - constraints), max(abs(zQz), abs(pz), abs(constraints)))
     return max(judged(stationarity, scale), judged(primal, primal_scale), judged(dual, dual_scale), gap)
 

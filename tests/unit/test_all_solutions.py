@@ -1,0 +1,151 @@
+"""All solutions of small problems, over the rationals, and the program that counts them again without cpbench."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from command_line import cpbench as command
+
+import cpbench
+from cpbench.formulations import LCP, MLCP
+from cpbench.formulations.base import Problem
+from cpbench.solvers.base import Budget
+from cpbench.solvers.native.lcp.enumeration import enumerate_bases, scale
+
+flint = pytest.importorskip("flint", reason="certificates need python-flint")
+from cpbench.api.certifying import save_certificate, summary  # noqa: E402
+from cpbench.certificates.all_solutions import all_solutions, nonnegative  # noqa: E402
+
+CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
+REFUSALS = (ValueError, KeyError, TypeError, IndexError)
+
+
+@pytest.fixture(scope="module")
+def check() -> Iterator[Callable[[Path], str]]:
+    """The whole checking program."""
+    sys.path.insert(0, str(CHECKER))
+    spec = importlib.util.spec_from_file_location("checking_program", CHECKER / "__main__.py")
+    assert spec is not None
+    assert spec.loader is not None
+    program = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(program)
+    yield lambda path: program.check(str(path))
+    sys.path.remove(str(CHECKER))
+
+
+HAND: dict[str, tuple[Problem, float]] = {
+    "every pair either way": (LCP(M=-np.eye(3), q=np.ones(3)), 8),
+    "none": (LCP(M=[[-1.0, 0.0], [0.0, 1.0]], q=[-1.0, 1.0]), 0),
+    "only 0, of singular bases": (LCP(M=np.zeros((3, 3)), q=np.ones(3)), 1),
+    "a ray": (LCP(M=np.zeros((2, 2)), q=[0.0, 1.0]), math.inf),
+    "a segment": (LCP(M=np.ones((2, 2)), q=[-1.0, -1.0]), math.inf),
+    "rays from a point of no basis": (LCP(M=[[0.0, 0.0], [1.0, 0.0]], q=[0.0, -1.0]), math.inf),
+    "a point of a singular basis": (LCP(M=[[0.0, -1.0], [0.0, 0.0]], q=[0.0, 0.0]), math.inf),
+    "three, two apart by the last bit": (LCP(M=[[1.0, 2.0], [2.0, 1.0]], q=[-1.0 - 2.0**-52, -2.0]), 3),
+    "one, as many bits on the other side": (LCP(M=[[1.0, 2.0], [2.0, 1.0]], q=[-1.0 + 2.0**-52, -2.0]), 1),
+    "three": (LCP(M=[[1.0, 2.0], [2.0, 1.0]], q=[-3.0, -3.0]), 3),
+    "a line of what is free": (MLCP(A=[[0.0]], B=[[1.0]], C=[[0.0]], D=[[0.0]], a=[0.0], b=[1.0]), math.inf),
+    "a ray of what is free": (MLCP(A=[[0.0]], B=[[1.0]], C=[[0.0]], D=[[1.0]], a=[0.0], b=[1.0]), math.inf),
+    "a free row that contradicts": (MLCP(A=[[0.0]], B=[[1.0]], C=[[0.0]], D=[[1.0]], a=[1.0], b=[1.0]), 0),
+    "two with what is free": (MLCP(A=[[1.0]], B=[[0.0]], C=[[1.0]], D=[[1.0]], a=[-2.0], b=[-2.0 + 2.0]), 2),
+}
+
+
+@pytest.mark.parametrize("name", HAND)
+def test_counts_by_hand(name: str, tmp_path: Path, check: Callable[[Path], str]) -> None:
+    problem, count = HAND[name]
+    found = all_solutions(problem)
+    assert found is not None
+    assert found.count == count
+    certificate = cpbench.certify(problem, np.zeros(sum(problem.point_sizes.values())))
+    save_certificate(certificate, problem, tmp_path / "c.h5")
+    said = check(tmp_path / "c.h5")
+    if not certificate.unique:
+        assert certificate.solutions == count
+        assert ("a continuum" if math.isinf(count) else f"{count:.0f} solutions") in said
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_counts_are_those_of_the_solver_that_enumerates_in_doubles(
+    seed: int, tmp_path: Path, check: Callable[[Path], str]
+) -> None:
+    """Small whole numbers, so that every fourth problem has a continuum, and random ones, which have none."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 6))
+    draw = rng.standard_normal if seed % 2 else lambda *size: rng.integers(-2, 3, *size).astype(float)
+    problem = LCP(M=draw((n, n)), q=draw((n,)))
+    found, other = all_solutions(problem), enumerate_bases(scale(problem), Budget(tolerance=1e-9))
+    assert found is not None
+    if found.endless is None:
+        assert not other.undecided
+        ours = sorted(tuple(float(v.p) / float(v.q) for v in x) for x, _ in found.points)
+        np.testing.assert_allclose(ours, sorted(map(tuple, other.solutions)), atol=1e-9)
+    else:
+        assert other.faces
+    certificate = cpbench.certify(problem, np.zeros(n))
+    save_certificate(certificate, problem, tmp_path / "c.h5")
+    check(tmp_path / "c.h5")
+
+
+def test_an_answer_far_from_all_is_told_the_nearest(tmp_path: Path) -> None:
+    """(1, 2; 2, 1)z + q with q = −(3, 3): the solutions are (3, 0), (0, 3) and (1, 1), by hand."""
+    problem = LCP(M=[[1.0, 2.0], [2.0, 1.0]], q=[-3.0, -3.0])
+    certificate = cpbench.certify(problem, [1.25, 1.25])
+    assert (certificate.level, certificate.solutions) == ("proved", 3)
+    assert certificate.distance == pytest.approx(0.25)
+    assert {tuple(x) for x in certificate.evidence["solutions"].tolist()} == {(3.0, 0.0), (0.0, 3.0), (1.0, 1.0)}
+    cpbench.save(problem, tmp_path / "p.h5")
+    shown = command(tmp_path, "certify", "p.h5")
+    assert "3 solutions, all listed" in shown.stdout
+    assert "(3, 0)" in shown.stdout
+
+
+def test_no_solution_is_a_refutation() -> None:
+    certificate = cpbench.certify(LCP(M=[[-1.0]], q=[-1.0]), [0.5])
+    assert (certificate.level, certificate.solutions) == ("refuted", 0)
+    assert summary(certificate).startswith("there is no solution")
+    assert not certificate
+
+
+def test_nonnegative_solutions_are_found_by_pivots_that_end() -> None:
+    """y₁ − y₂ = −1, y₁ + y₂ + y₃ = 3: (1, 2, 0) and (0, 1, 2) are its vertices; with −3 for −1, (0, 3, 0) is the only
+    point; with −4 there is none."""
+    columns = [[1, 1], [-1, 1], [0, 1]]
+    for right, some in {(-1, 3): {(1, 2, 0), (0, 1, 2)}, (-3, 3): {(0, 3, 0)}, (-4, 3): {None}}.items():
+        found = nonnegative(columns, list(right), set())
+        assert (None if found is None else tuple(int(v.p) for v in found)) in some
+
+
+@pytest.mark.parametrize("kind", ["more", "fewer", "other", "continuum", "only one", "none"])
+def test_forged_numbers_are_caught(kind: str, tmp_path: Path, check: Callable[[Path], str]) -> None:
+    problem = LCP(M=[[1.0, 2.0], [2.0, 1.0]], q=[-3.0, -3.0])
+    path = tmp_path / "c.h5"
+    save_certificate(cpbench.certify(problem, [1.0, 1.0]), problem, path)
+    assert "3 solutions" in check(path)
+    with h5py.File(path, "r+") as file:
+        own: Any = file["certificate"]
+        listed = own["evidence/solutions"][()]
+        own.attrs["solutions"] = {"more": 4.0, "fewer": 2.0, "continuum": math.inf, "only one": 1.0, "none": 0.0}.get(
+            kind, 3.0
+        )
+        if kind in ("fewer", "more", "only one", "other"):
+            del own["evidence/solutions"]
+            changed = {"more": [*listed, listed[0] + 1], "fewer": listed[:2], "only one": listed[:1]}
+            own["evidence/solutions"] = np.array(changed.get(kind, listed * (1 + 2.0**-52)))
+        if kind == "continuum":
+            own["evidence/endless"] = np.zeros(2, dtype=np.int8)
+        if kind == "only one":
+            own.attrs["unique"] = "enumeration"
+        import certificate_file
+
+        own.attrs["seal"] = certificate_file.seal(own)
+    with pytest.raises(REFUSALS):
+        check(path)
