@@ -46,8 +46,9 @@ class Certificate:
         answer, and none is known) or `measured` (none of these).
     answer : the answer in doubles, its parts one after the other.
     distance : a bound on ‖answer − solution‖∞/‖solution‖∞; NaN where no solution is known.
-    excluded : no solution is within this radius of the whole answer, over ‖answer‖∞; 0 where that is not proved. It is
-        looked for where no solution is known, or none within `SUSPECT` of the answer.
+    excluded : no solution is within this radius of the answer, over its ‖·‖∞; 0 where that is not proved. The answer is
+        the whole one; for `qp` and `avi` z alone where the evidence has a `direction`, else z, λ and μ. It is looked
+        for where no solution is known, or none within `SUSPECT`, and for multipliers.
     unique : the fact that makes the solution unique, '' where none was found.
     solutions : how many there are, infinity where they fill a continuum, NaN where they were not counted.
     reason : what stops a proof, '' where there is one.

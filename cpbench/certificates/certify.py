@@ -25,7 +25,7 @@ from cpbench.certificates.exact_rows import ExactRows, nearest, rational
 from cpbench.certificates.krawczyk import balls, digits, up
 from cpbench.certificates.mixed import Mixed, mixed
 from cpbench.certificates.nonlinear_boxes import Bounded, enclose_nonlinear, exact_point
-from cpbench.certificates.refutation import excluded
+from cpbench.certificates.refutation import ROWS, excluded
 from cpbench.certificates.uniqueness import leading, uniqueness
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
@@ -49,9 +49,13 @@ def certify(problem: Problem, point: Any, seconds: float = 60.0) -> Certificate:
     plain = Certificate(problem.node, problem.fingerprint, MEASURED, answer)
     with np.errstate(all="ignore"):  # doubles give hints only; answers may be as large as doubles go
         found = _certified(problem, point, plain, seconds)
-    if point.finite and not found.distance <= SUSPECT:
-        radius = excluded(problem, point)
-        found = replace(found, excluded=radius, level=REFUTED if radius >= SUSPECT and not found else found.level)
+    near = found.distance <= SUSPECT
+    if point.finite and (not near or problem.node in ROWS):
+        radius, evidence = excluded(problem, point, near=near)
+        if near and radius < SUSPECT:  # the multipliers are as near as z
+            return replace(found, seconds=time.perf_counter() - began)
+        level = REFUTED if radius >= SUSPECT and not found else found.level
+        found = replace(found, excluded=radius, level=level, evidence={**found.evidence, **evidence})
     return replace(found, seconds=time.perf_counter() - began)
 
 

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 from flint import arb
 
+from cpbench.certificates.certificate import Evidence
 from cpbench.certificates.contact_balls import BallRows, Scene, square
+from cpbench.certificates.descent import WithRows, direction
 from cpbench.certificates.krawczyk import digits
 from cpbench.certificates.map_balls import values
 from cpbench.certificates.mixed import mixed
@@ -22,37 +24,55 @@ from cpbench.certificates.nonlinear_boxes import Bounded
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
 
+ROWS = ("qp", "avi")
+"""Nodes whose answers have multipliers that are no part of what is asked."""
 FINEST = 60
 """The smallest radius that is tried is 2^-FINEST of the answer's size."""
 
 
-def excluded(problem: Problem, point: Any) -> float:
-    """Return the largest radius 2^-k, over ‖answer‖∞, of a box around the whole answer without a solution; 0 if none.
+def excluded(problem: Problem, point: Any, *, near: bool = False) -> tuple[float, Evidence]:
+    """Return the largest radius 2^-k, over ‖answer‖∞, of a box around the answer without a solution, 0 if none is; and
+    the evidence, if it needs any.
 
-    Programs and variational inequalities with rows are left out: their multipliers need not be those of the answer.
+    Of a program or variational inequality with rows the box is around z, with any multipliers, where a direction
+    refutes it; else around z and its multipliers, as it is where a solution z is known to be `near`.
     """
-    found = _test(problem, point)
-    if found is None:
-        return 0.0
-    contradicts, x = found
-    size = float(np.abs(x).max(initial=0.0)) or 1.0
+    if problem.node in ROWS and not near:
+        P = WithRows.of(problem)
+        found = _largest(lambda radius: direction(P, point.z, radius), _size(point.z))
+        if found is not None:
+            return found
+    test = _test(problem, point)
+    if test is None:
+        return 0.0, {}
+    contradicts, x = test
     with digits():
-        low, high = 0, FINEST + 1  # what holds for a box holds for the smaller ones
-        while low < high:
-            middle = (low + high) // 2
-            radius = arb(0, size * 2.0**-middle)
-            if contradicts([arb(v) + radius for v in x.tolist()]):
-                high = middle
-            else:
-                low = middle + 1
-    return 2.0**-low if low <= FINEST else 0.0
+        found = _largest(lambda r: {} if contradicts([arb(v, r) for v in x.tolist()]) else None, _size(x))
+    return found or (0.0, {})
+
+
+def _size(x: Vector) -> float:
+    return float(np.abs(x).max(initial=0.0)) or 1.0
+
+
+def _largest(refuted: Callable[[float], Evidence | None], size: float) -> tuple[float, Evidence] | None:
+    """Return the largest 2^-k with evidence at that radius over `size`: what holds for a box holds for smaller ones."""
+    low, high, best = 0, FINEST + 1, None
+    while low < high:
+        middle = (low + high) // 2
+        found = refuted(size * 2.0**-middle)
+        if found is None:
+            low = middle + 1
+        else:
+            high, best = middle, found
+    return None if best is None else (2.0**-low, best)
 
 
 def _test(problem: Problem, point: Any) -> tuple[Callable[[Sequence[Any]], bool], Vector] | None:
     P = Bounded.of(problem)
     if P is not None:
         return lambda x: _bounds(P.lo, P.hi, x, values(P.F, x)), point.z
-    if problem.node in ("lcp", "relay", "mlcp"):
+    if problem.node in ("lcp", "relay", "mlcp", *ROWS):
         form = mixed(problem, point)
         assert form is not None
         affine, rows = form[0], BallRows.of(form[0].K, form[0].c)

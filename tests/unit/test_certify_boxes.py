@@ -385,6 +385,16 @@ def wrong_answers() -> Iterator[tuple[str, Problem, np.ndarray, float]]:
     yield "relay", cpbench.Relay(M=np.eye(1), q=[-2.0], lb=[-1.0], ub=[1.0]), np.array([0.5]), 0.5
     mixed = cpbench.MLCP(A=[[1.0]], B=[[1.0]], C=[[0.0]], D=[[0.0]], a=[-1.0], b=[-1.0])
     yield "mlcp", mixed, np.array([1.0, 2.0]), 1.0
+    # min ½‖z‖² − 2z₁ − 2z₂ over z₁ + z₂ ≤ 2, z₁ = z₂, z ≥ 0: z = (1, 1), λ = 1; with wrong z, and right z and wrong λ
+    A, C = np.array([[-1.0, -1.0]]), np.array([[1.0, -1.0]])
+    program = cpbench.QP.build(np.eye(2), np.full(2, -2.0), A, np.array([-2.0]), C, np.zeros(1), lb=np.zeros(2))
+    yield "qp", program, np.array([0.5, 0.5, 1.0, 0.0, 0.0, 0.0]), 0.5
+    yield "qp outside", program, np.array([1.5, 1.5, 0.0, 0.0, 0.0, 0.0]), 0.5
+    yield "qp multipliers", program, np.array([1.0, 1.0, 4.0, 0.0, 0.0, 0.0]), 3.0
+    turned = np.array([[1.0, 1.0], [-1.0, 1.0]])
+    varied = cpbench.AVI(M=turned, q=np.array([-4.0, 0.0]), A=A, b=np.array([-2.0]), C=C, d=np.zeros(1),
+                         lb=np.zeros(2), ub=np.full(2, np.inf))  # fmt: skip
+    yield "avi", varied, np.array([0.25, 0.25, 0.0, 0.0]), 0.75
     contact = FrictionContact(W=np.eye(3), q=np.array([-1.0, 1.0, 0.0]), mu=np.array([0.25]))
     yield "fc", contact, np.array([1.0, 0.25, 0.0]), 0.5  # it rubs the wrong way
     plane = FrictionContact(W=np.eye(2), q=np.array([-1.0, 1.0]), mu=np.array([0.25]), dimension=2)
@@ -414,3 +424,35 @@ def test_a_wrong_answer_is_proved_wrong(problem: Problem, x: np.ndarray, away: f
     sys.path.remove(str(CHECKER))
     done = subprocess.run([sys.executable, CHECKER, tmp_path / "c.h5"], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(1000, marks=pytest.mark.nightly)])
+def test_no_direction_denies_a_solution_of_a_program(count: int, tmp_path: Path, checker: Any) -> None:
+    """The solution is 0.5 from the answer in each component, its size away: whatever evidence says more is refused."""
+    problem, x, _ = next(c[1:] for c in wrong_answers() if c[0] == "qp")
+    certificate = cpbench.certify(problem, x)
+    assert 0.5 <= certificate.excluded < 1.0
+    assert "direction" in certificate.evidence
+    path, rng = tmp_path / "c.h5", np.random.default_rng(count)
+    save_certificate(certificate, problem, path)
+    import certificate_file
+    import refutations
+
+    def accepted() -> None:
+        own, data, answer, evidence = certificate_file.read(str(path))
+        refutations.refutation(own, data, answer, evidence)
+
+    accepted()
+    for _ in range(count):
+        with h5py.File(path, "r+") as file:
+            own: Any = file["certificate"]
+            own.attrs["excluded"] = 1.0 + 2.0 ** rng.uniform(-30, 3)
+            d = rng.choice([-1.0, -0.5, 0.0, 0.5, 1.0], 2)
+            solved = rng.permutation(2)[: int(rng.integers(0, 3))]
+            d[solved] = np.nan
+            for name, value in {"": d, "_rows": rng.permutation(2)[: solved.size], "_columns": solved}.items():
+                del own[f"evidence/direction{name}"]
+                own[f"evidence/direction{name}"] = value
+            _seal(own)
+        with pytest.raises((ValueError, KeyError, ZeroDivisionError)):
+            accepted()

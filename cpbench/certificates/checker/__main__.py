@@ -21,7 +21,8 @@ def check(path: str) -> str:
     own, data, answer, evidence = read(path)
     denied = f"no solution within {own['excluded']:.3g} of the answer's size" if own["excluded"] else ""
     if denied:
-        refutation(own, data, answer)
+        denied += ", with its multipliers" if own["node"] in ("qp", "avi") and "direction" not in evidence else ""
+        refutation(own, data, answer, evidence)
     counted = enumeration(own, data, evidence)
     if own["level"] == "refuted":
         require(bool(denied) or own["solutions"] == 0, "nothing is refuted")

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 from ball_proofs import ContactEquations
-from certificate_file import require
+from certificate_file import exact, require
+from directions import INFINITE, descends
 from flint import arb
 from map_values import DualBall, duals
 from polyhedral_proofs import mixed
@@ -14,9 +15,20 @@ from polyhedral_proofs import mixed
 INF = float("inf")
 
 
-def refutation(own: dict[str, Any], data: dict[str, Any], answer: Any) -> None:
+def refutation(own: dict[str, Any], data: dict[str, Any], answer: Any, evidence: dict[str, Any]) -> None:
     """Raise ValueError unless no solution is within `excluded` of the answer, over its size."""
-    node, size = own["node"], float(np.abs(answer).max(initial=0.0)) or 1.0
+    node = own["node"]
+    if node in ("qp", "avi"):
+        n, m, k = data["lb"].size, data["b"].size, data["d"].size
+        lam = np.where(data["b"] > -INFINITE, answer[n : n + m], 0.0)
+        whole = np.concatenate([answer[:n], lam, answer[n + m : n + m + k]])
+        answer = answer[:n] if "direction" in evidence else whole
+    size = float(np.abs(answer).max(initial=0.0)) or 1.0
+    if "direction" in evidence:
+        require(node in ("qp", "avi"), "directions refute programs and variational inequalities with rows")
+        own_radius = exact(size) * exact(own["excluded"])
+        require(descends(own, data, [exact(v) for v in answer.tolist()], own_radius, evidence), "nothing descends")
+        return
     box = [arb(v) + arb(0, size * own["excluded"]) for v in answer.tolist()]
     if node in ("fc", "fcm", "gfc"):
         k = data["f"].size if node == "gfc" else 0
@@ -30,7 +42,6 @@ def refutation(own: dict[str, Any], data: dict[str, Any], answer: Any) -> None:
         lo, hi = (lo, hi) if lo is not None else (data["lb"], data["ub"])
         none = misses([d.v for d in duals(data["F"], [DualBall(v, {}) for v in box])], box, lo, hi)
     else:
-        require(node in ("lcp", "relay", "mlcp"), "multipliers of others are not refuted")
         K, c, lo, hi, _ = mixed(node, data)
         rows = [sum((box[j] * arb(v) for j, v in row.items()), arb(float(q))) for row, q in zip(K, c, strict=True)]
         none = misses(rows, box, lo, hi)
