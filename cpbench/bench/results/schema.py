@@ -3,7 +3,7 @@
 Version 1 had one set of limits a file, in `meta`; since version 2 they are columns of every row, and histories,
 reference solves and machines have tables of their own. Version 3 keeps the features of the problems, version 4
 certificates of what has no solution, seals of the rows, and the tolerance that a solver was asked for, version 5 how
-certain the answers are.
+certain the answers are, version 6 the data of problems of which answers have a proof.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import sqlite3
 
 from cpbench.bench.results.rows import Measured, Planned, columns
 
-SCHEMA = 5
+SCHEMA = 6
 SEALED_SINCE = 4
 
 PLANNED, MEASURED = columns(Planned), columns(Measured)
@@ -40,11 +40,12 @@ _NEW_IN_4 = (
     "CREATE TABLE certificates (key TEXT PRIMARY KEY REFERENCES rows(key), kind TEXT NOT NULL, proof BLOB NOT NULL)",
     "CREATE TABLE seals (key TEXT PRIMARY KEY REFERENCES rows(key), seal TEXT NOT NULL)",
 )
+_NEW_IN_6 = ("CREATE TABLE proved_problems (fingerprint TEXT PRIMARY KEY, data BLOB NOT NULL)",)
 
 
 def create(db: sqlite3.Connection) -> None:
     """Make the tables of this version, within the caller's transaction."""
-    for statement in (*_SHARED_WITH_1, *_NEW_IN_2, *_NEW_IN_3, *_NEW_IN_4, f"PRAGMA user_version={SCHEMA}"):
+    for statement in (*_SHARED_WITH_1, *_NEW_IN_2, *_NEW_IN_3, *_NEW_IN_4, *_NEW_IN_6, f"PRAGMA user_version={SCHEMA}"):
         db.execute(statement)
 
 
@@ -115,5 +116,11 @@ def _from_4(db: sqlite3.Connection) -> None:
             db.execute(f'ALTER TABLE rows ADD COLUMN "{name}" {kind}')
 
 
-_STEPS = (_from_1, _from_2, _from_3, _from_4)
+def _from_5(db: sqlite3.Connection) -> None:
+    """Certified answers of older rows have no proof; `certify` looks for what is not certified only."""
+    for statement in _NEW_IN_6:
+        db.execute(statement)
+
+
+_STEPS = (_from_1, _from_2, _from_3, _from_4, _from_5)
 """From version 1 to 2, from 2 to 3, ..."""
