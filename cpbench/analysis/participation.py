@@ -105,7 +105,8 @@ def unreached_summary(entries: Iterable[Mapping[str, Any]]) -> str:
     """Write in one line how many pairs had no route, by formulation."""
     by_node = {node: _pairs(reasons) for node, reasons in _unreached(entries).items()}
     parts = ", ".join(f"{node} {count}" for node, count in by_node.items())
-    return f"no conversion leads to what the solver accepts: {counted(sum(by_node.values()), 'pair')} ({parts})"
+    pairs = counted(sum(by_node.values()), "pair")
+    return f"skipped, because no conversion leads to what the solver accepts: {pairs} ({parts})"
 
 
 def left_out_lines(entries: Iterable[Mapping[str, Any]]) -> list[str]:

@@ -2,7 +2,7 @@
 
 The order is by problems solved, then by stationary points found, then by the geometric mean of the time over that of
 the fastest, then by name. A solver is measured on what it was started on: pairs that no route reaches, that are not
-installed or were not run count against nobody, and neither do problems that were proved to have no solution.
+installed or were not run are not counted, and neither are problems that were proved to have no solution.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ LINES = 10
 FASTER = 2.0
 """Another solver is named when it is so many times faster, where both solve."""
 LAUNCHES = "launches a program"
+FALSE = "claims that fail"
 ENDINGS = {
     str(Status.TIMEOUT): "timeouts",
     str(Status.CRASH): "crashes",
@@ -49,9 +50,9 @@ class RankedSolver:
     ----------
     route : by which most of its problems reached it, `others` more routes were taken. started, solved : problems;
     stationary : those on which it found a point that meets the conditions of a minimum and may be none.
-    fastest : problems on which it shares the lead. median : of its times where it solved [s]. factor : geometric mean
-    of its time over that of the fastest there (NaN, as median, without a time that may be compared). warnings : what
-    a reader must know.
+    fastest : problems on which it shares the lead, `alone` of them are solved by no other. median : of its times where
+    it solved [s]. factor : geometric mean of its time over that of the fastest there (NaN, as median, without a time
+    that may be compared). warnings : what a reader must know.
     """
 
     solver: str
@@ -61,6 +62,7 @@ class RankedSolver:
     solved: int
     stationary: int
     fastest: int
+    alone: int
     median: float
     factor: float
     warnings: tuple[str, ...] = ()
@@ -121,7 +123,7 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
     ...                      "status": ["solved", "solved", "solved", "timeout"], "tolerance": 1e-6, "threads": 1})
     >>> [found] = rankings(rows_of.normalised(rows))
     >>> found.sentence, [(row.solver, row.solved, row.started) for row in found.rows]
-    ('lcp: use s: it solves 2 of 2 problems, fastest on 2.', [('s', 2, 2), ('t', 1, 2)])
+    ('lcp: use s: it solves 2 of 2 problems, alone on 1, fastest on 1.', [('s', 2, 2), ('t', 1, 2)])
     """
     parts = rows_of.groups(multi_start.merged(table))
     groups = [group for group, _ in parts]
@@ -159,7 +161,7 @@ def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Co
     problems = rows["fingerprint"].map(multi_start.original).nunique()
     times = rows_of.times(rows_of.only_ranked(rows))
     gap = best.gaps(times)
-    leads, factors = gap["fastest"].to_dict(), gap["mean"].to_dict()
+    leads, alone, factors = gap["fastest"].to_dict(), gap["alone"].to_dict(), gap["mean"].to_dict()
     medians = times.where(np.isfinite(times)).median().to_dict()
     count, solved = _count(rows), _count(rows[rows_of.solved(rows)])
     stationary = _count(rows[rows["status"] == str(Status.STATIONARY)])
@@ -173,6 +175,7 @@ def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Co
             solved=solved.get(label, 0),
             stationary=stationary.get(label, 0),
             fastest=int(leads.get(label, 0)),
+            alone=int(alone.get(label, 0)),
             median=float(medians.get(label, math.nan)),
             factor=float(factors.get(label, math.nan)),
             warnings=tuple(warnings.get(label, ())),
@@ -217,7 +220,7 @@ def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[
     for label, kind in rows_of.label_kinds(rows).items():
         if kind in inexact:
             found.setdefault(label, []).append(f"{kind} route")
-    warn(_count(false_claims(rows)), "claims that fail")
+    warn(_count(false_claims(rows)), FALSE)
     warn(cautions.fell_back(rows), "fell back to cold")
     for status, text in ENDINGS.items():
         warn(_count(rows[rows["status"] == status]), text)
@@ -240,14 +243,19 @@ def _sentence(name: str, cases: int, ranked: Sequence[RankedSolver], times: pd.D
     if len(ranked) == 1:
         return f"{name}: only {first.solver} ran: {sentence}."
     parts = [f"{name}: use {first.solver}: {sentence}"]
-    if first.factor == first.factor:
-        parts.append(f"fastest on {first.fastest}" if first.fastest else f"{first.factor:.2g} times the fastest")
+    ahead = first.fastest - first.alone
+    if first.alone:
+        parts.append(f"alone on {first.alone}")
+    if ahead:
+        parts.append(f"fastest on {ahead}")
+    elif first.factor == first.factor and not first.alone:
+        parts.append(f"{first.factor:.2g} times the fastest")
     text = ", ".join(parts)
     faster = _faster(first.solver, times)
     if faster:
         other, ratio, both = faster
         text += f"; {other} is {ratio:.2g} times faster on the {both} that both solve"
-    if false := [w for w in first.warnings if w.startswith("claims that fail")]:
+    if false := [w for w in first.warnings if w.startswith(FALSE)]:
         text += f"; {false[0]}, so check its answers"
     return f"{text}."
 

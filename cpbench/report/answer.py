@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from cpbench.analysis.ranking import RankedSolver, Ranking
+from cpbench.analysis.profiles import FLOOR
+from cpbench.analysis.ranking import FALSE, RankedSolver, Ranking
 from cpbench.plurals import counted
 from cpbench.report import overview_figure
 from cpbench.report.details import file_of
@@ -34,12 +35,14 @@ def answer(run: Run) -> Iterator[str]:
         yield f"*{plain(guide)}*"
     yield "## Ranking"
     lines = max(1, min(10, ROWS // len(shown)))
-    head = ["formulation", "solver", "route", "solved", "median", "× fastest", "remarks"]
+    head = ["formulation", "solver", "solved", "median", "× fastest", "route", "remarks"]
     rows = [cells for ranking in shown for cells in _lines(run, ranking, lines)]
-    yield table(head, rows, right=(3, 4, 5))
+    yield table(head, rows, right=(2, 3, 4))
     yield (
-        "Solved: of the problems that the solver was started on; what it cannot take counts against nobody. Median: of "
-        "its times where it solved. × fastest: geometric mean of its time over that of the fastest solver there."
+        "Solved: of the problems that the solver was started on; problems that it cannot handle are not counted. "
+        "Median: of its times where it solved, so solvers that solve different problems have medians of those. "
+        "× fastest: geometric mean of its time over that of the fastest solver there; times below "
+        f"{seconds(FLOOR)} are set to it."
     )
 
 
@@ -53,20 +56,27 @@ def _sentence(ranking: Ranking) -> str:
 
 
 def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:
-    """Yield the first of its solvers; the first line names the formulation and links to its details."""
+    """Yield the first of its solvers, then how many more there are and which of those made false claims.
+
+    The first line names the formulation and links to its details.
+    """
     for k, row in enumerate(ranking.rows[:most]):
         name = f"[{plain(ranking.formulation)}]({file_of(run, ranking.group)})" if k == 0 else ""
         yield [name, *cells_of(row, row.solver in tunings(run))]
+    rest = ranking.rows[most:]
+    if rest:
+        lies = [f"{row.solver}: {warning}" for row in rest for warning in row.warnings if warning.startswith(FALSE)]
+        yield ["", f"and {len(rest)} more", "", "", "", "", plain("; ".join(lies))]
 
 
 def cells_of(row: RankedSolver, tuned: bool) -> Sequence[str]:
-    """Return solver, route, solved, median, factor and remarks as Markdown."""
+    """Return solver, solved, median, factor, route and remarks as Markdown."""
     route = row.route + (f" and {row.others} more" if row.others else "")
     return (
         code(row.solver) + (" (tuned)" if tuned else ""),
-        plain(route) or "—",
         f"{row.solved} of {row.started}",
         seconds(row.median),
         number(row.factor),
+        plain(route) or "—",
         plain(", ".join(row.warnings)),
     )

@@ -88,8 +88,8 @@ def _times(
     )
     yield from (plain(f"{note.mark} {note.sentence}") for note in notes)
     yield (
-        f"Ran: of the {counted(problems, 'problem')} those that the solver was started on; what it cannot take counts "
-        "against nobody."
+        f"Ran: of the {counted(problems, 'problem')} those that the solver was started on; problems that it "
+        "cannot handle are not counted."
     )
     yield f"Slowdown: median ratio to the fastest solver of each problem; times below {floor} are set to {floor}."
     if not counts["ranked"].all():

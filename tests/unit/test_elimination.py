@@ -10,6 +10,7 @@ from tiers import some_by_day
 from cpbench import factorization, matrices
 from cpbench.conversions import delassus, elimination, sparse_schur
 from cpbench.factorization import Factorization
+from cpbench.kernel_cache import load
 
 TOLERANCE = 1e-12
 
@@ -242,3 +243,49 @@ def test_a_mass_matrix_with_very_different_masses_is_eliminated(n, sparse):
     assert told is not None
     assert f"rank {n - 1}" in told or n > elimination.RANK_LIMIT
     assert "condition number infinite" in told
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_elimination_trees_against_fill_computed_densely(seed: int) -> None:
+    """A graph eliminated node by node, with all fill kept in a dense table, has the tree and the columns of L."""
+    rng = np.random.default_rng(seed)
+    n = 30
+    G = sp.random_array((n, n), density=0.05, rng=rng)
+    G = sp.csr_array(G + G.T + sp.eye_array(n))
+    order = rng.permutation(n).astype(np.int32)
+    filled = (G.toarray() != 0)[np.ix_(order, order)]
+    for k in range(n):
+        below = k + 1 + np.flatnonzero(filled[k + 1 :, k])
+        filled[np.ix_(below, below)] = True
+    lower = np.tril(filled)
+    parents = [int(rows[0]) + k + 1 if (rows := np.flatnonzero(lower[k + 1 :, k])).size else -1 for k in range(n)]
+    parent, count = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int64)
+    total = load(sparse_schur.KERNELS).eliminate(G.indptr, G.indices, order, n * n, parent, count)
+    assert parent.tolist() == parents
+    assert count.tolist() == lower.sum(axis=0).tolist()
+    assert total == lower.sum()
+    assert load(sparse_schur.KERNELS).eliminate(G.indptr, G.indices, order, total - 1, parent, count) == -1
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_reached_nodes_against_powers_of_the_graph(seed: int) -> None:
+    """Nodes reached are the nonzeros of (I + A)ⁿ b, each before those that it leads to; some nodes have no column."""
+    rng = np.random.default_rng(seed)
+    n = 25
+    below = np.tril(rng.random((n, n)) < 0.08, -1)
+    below[:, rng.random(n) < 0.2] = False
+    columns = np.flatnonzero(below.any(axis=0))
+    column_of = np.full(n, -1, dtype=np.int32)
+    column_of[columns] = np.arange(columns.size)
+    ends = np.cumsum(below[:, columns].sum(axis=0)).astype(np.int64)
+    begin = np.concatenate([[0], ends[:-1]]).astype(np.int64)
+    leads = np.concatenate([np.flatnonzero(below[:, j]) for j in columns]).astype(np.int32)
+    b = rng.choice(n, size=3, replace=False).astype(np.int32)
+    mark, at, work = np.zeros(n, dtype=np.int32), np.empty(n, dtype=np.int64), np.empty(2 * n, dtype=np.int32)
+    top = load(sparse_schur.KERNELS)._reach(b, n, 1, begin, ends, leads, column_of, mark, at, work)
+    found = work[top:n].tolist()
+    start = np.zeros(n, dtype=int)
+    start[b] = 1
+    powers = np.linalg.matrix_power(np.eye(n, dtype=int) + below, n)
+    assert sorted(found) == np.flatnonzero(powers @ start).tolist()
+    assert all(found.index(j) < found.index(i) for j in found for i in np.flatnonzero(below[:, j]))

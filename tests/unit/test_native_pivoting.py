@@ -282,6 +282,19 @@ def test_block_pivoting_hands_over_to_lemke(seed: int, sweeps: int) -> None:
     assert alone.claim is Claim.SOLVED or "use lemke" in alone.message or alone.claim is Claim.MAX_ITER
 
 
+def test_block_pivoting_ends_on_every_p_matrix() -> None:
+    """Triangular up to an order, with diagonal 1: P-matrices on which blocks change in vain and Murty's rule ends."""
+    solver, n = solvers.get("bpp"), 30
+    alone = solver.spec.options(max_sweeps=1, max_factorizations=0)
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        order = rng.permutation(n)
+        M = (np.tril(rng.choice([-2.0, 2.0], size=(n, n)), -1) + np.eye(n))[np.ix_(order, order)]
+        z = np.maximum(rng.standard_normal(n), 0.0)
+        output = solver.run(LCP(M=M, q=np.where(z > 0, 0.0, rng.uniform(size=n)) - M @ z), options=alone)
+        assert output.claim is Claim.SOLVED, f"seed {seed}: {output.message}"
+
+
 @pytest.mark.parametrize("sweeps", [0, 2, 20])
 def test_block_pivoting_from_any_guess(sweeps: int) -> None:
     """Sweeps that diverge, converge by themselves, or are left out: the answer of a P-matrix is the same."""

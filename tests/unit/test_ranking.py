@@ -42,7 +42,7 @@ def test_who_solves_few_is_not_praised_for_speed() -> None:
         row("a", "quick", "solved", 1.0),
         *(row(p, "quick", "failed", 0.1) for p in "bc"),
     )
-    assert found.sentence == "lcp: use steady: it solves 3 of 3 problems, fastest on 2."
+    assert found.sentence == "lcp: use steady: it solves 3 of 3 problems, alone on 2."
 
 
 @pytest.mark.parametrize("status", ["unsupported", "unavailable", "not_run"])
@@ -65,7 +65,7 @@ def test_a_ranking_names_its_formulation_and_its_winner() -> None:
         "one",
         "1 problem",
     )
-    assert found.verdict == "use one: it solves 1 of 1 problem, fastest on 1."
+    assert found.verdict == "use one: it solves 1 of 1 problem, alone on 1."
     [none] = _ranked(row("a", "one", "failed", 1.0), row("a", "two", "failed", 1.0))
     assert none.winner == ""
 
@@ -92,7 +92,7 @@ def test_the_leader_of_a_part_of_the_problems_says_so() -> None:
         row("b", "some", "unsupported"),
         *(row(p, "all", "failed", 1.0) for p in "ab"),
     )
-    assert found.sentence == "lcp: use some: it solves 1 of 1 problem (2 problems in all), fastest on 1."
+    assert found.sentence == "lcp: use some: it solves 1 of 1 problem (2 problems in all), alone on 1."
 
 
 def test_one_solver_and_none_that_solves() -> None:

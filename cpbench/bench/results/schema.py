@@ -3,7 +3,11 @@
 Version 1 had one set of limits a file, in `meta`; since version 2 they are columns of every row, and histories,
 reference solves and machines have tables of their own. Version 3 keeps the features of the problems, version 4
 certificates of what has no solution, seals of the rows, and the tolerance that a solver was asked for, version 5 how
+<<<<<<< HEAD
 certain the answers are, version 6 the data of problems of which answers have a proof.
+=======
+certain the answers are, version 6 how many problems a call solved.
+>>>>>>> 3a77fcecfcea594445c345c1d79ba30f40c955ee
 """
 
 from __future__ import annotations
@@ -117,9 +121,15 @@ def _from_4(db: sqlite3.Connection) -> None:
 
 
 def _from_5(db: sqlite3.Connection) -> None:
+<<<<<<< HEAD
     """Certified answers of older rows have no proof; `certify` looks for what is not certified only."""
     for statement in _NEW_IN_6:
         db.execute(statement)
+=======
+    """Older rows are each of a call of their own, and no set asked for throughput."""
+    if "batch" not in {name for _, name, *_ in db.execute("PRAGMA table_info(rows)")}:
+        db.execute('ALTER TABLE rows ADD COLUMN "batch" INTEGER')
+>>>>>>> 3a77fcecfcea594445c345c1d79ba30f40c955ee
 
 
 _STEPS = (_from_1, _from_2, _from_3, _from_4, _from_5)

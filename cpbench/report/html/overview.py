@@ -82,18 +82,21 @@ def _formulations(run: Run) -> Iterator[Markup]:
         name = ranking.formulation
         chosen = {"type": "button", "class_": "link", "data_choose": str(places[ranking.group])}
         open_it = element("button", name, **chosen, title=f"show {name} in all figures")
-        lines.append([open_it, ranking.problems, len(ranking.rows), ranking.verdict])
-    yield table("Answers by formulation", ["formulation", "problems", "solvers", "answer"], lines, right=(1, 2))
+        lines.append([open_it, ranking.verdict, ranking.problems, len(ranking.rows)])
+    yield table("Answers by formulation", ["formulation", "answer", "problems", "solvers"], lines, right=(2, 3))
 
 
 def _numbers(run: Run, waiting: int) -> Iterator[Markup]:
     """Yield how much was run and with which results; pairs that could not be run are counted apart."""
     rows = run.rows
     never = int(rows["status"].isin(REFUSED).sum())
+    stationary = int((rows["status"] == str(Status.STATIONARY)).sum())
     facts = {
         "pairs solved": f"{int(rows_of.solved(rows).sum())} of {len(rows) - never}",
-        **({"stationary": run.stationary} if run.stationary else {}),
-        **({"could not be run, counted against nobody": never - waiting} if never > waiting else {}),
+        **(
+            {f"stationary, {'' if run.count_stationary else 'not '}counted as solved": stationary} if stationary else {}
+        ),
+        **({"could not be run, not counted": never - waiting} if never > waiting else {}),
         "problems": run.read["fingerprint"].nunique(),
         "solver configurations": rows["label"].nunique(),
         "formulations": rows["node"].nunique(),

@@ -20,23 +20,23 @@ const Answer = (() => {
       if (!rows.length) return { empty: "No solver was started." };
       const lines = rows.map(([solver, route, others, solved, started, median, factor, remarks]) => [
         h("span", { class: "solver" }, Figures.swatch(context.slotOf(solver)), " ", solver, ...context.marksOf(solver, "")),
-        others ? `${route} and ${others} more` : route || "—",
         `${solved} of ${started}`,
         Dom.seconds(median),
         Dom.number(factor),
+        others ? `${route} and ${others} more` : route || "—",
         remarks.join(", "),
       ]);
       const content = Dom.table({
         caption: "Ranking",
-        head: ["solver", "route", "solved", "median", "× fastest", "remarks"],
+        head: ["solver", "solved", "median", "× fastest", "route", "remarks"],
         rows: lines,
-        right: [2, 3, 4],
+        right: [1, 2, 3],
       });
       return {
         content,
         numbers: more ? `The first ${rows.length} of ${rows.length + more} solvers.` : "",
         guide:
-          "Solved: of the problems that the solver was started on; what it cannot take counts against nobody. Median: of its times where it solved. × fastest: geometric mean of its time over that of the fastest solver there.",
+          "Solved: of the problems that the solver was started on; problems that it cannot handle are not counted. Median: of its times where it solved. × fastest: geometric mean of its time over that of the fastest solver there.",
       };
     },
   });

@@ -44,7 +44,7 @@
         spec,
         summary: `${lines.label[0]} solves most, ${lines.solved[0]} of ${lines.ran[0]}.`,
         numbers: `N = ${Dom.counted(total, "problem")}, nothing filtered${shown < count ? `, first ${shown} of ${count} solvers` : ""}.`,
-        guide: `Dot: fraction solved of the problems that the solver was started on; what it cannot take counts against nobody.${bars}`,
+        guide: `Dot: fraction solved of the problems that the solver was started on; problems that it cannot handle are not counted.${bars}`,
         table: () => ({
           head: [
             "solver",
