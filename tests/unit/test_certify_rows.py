@@ -149,7 +149,8 @@ FORGERIES = {
     "another problem's data": "UPDATE proved_problems SET data = (SELECT max(data) FROM proved_problems)",
     "another answer": "UPDATE answers SET answer = (SELECT max(answer) FROM answers)",
     "another proof": "UPDATE certificates SET proof = (SELECT max(proof) FROM certificates)",
-    "a bit of a proof": "UPDATE certificates SET proof = CAST(substr(proof, 1, 2000) || x'ff' || substr(proof, 2002) AS BLOB)",
+    "a bit of a proof": "UPDATE certificates SET proof ="
+    " CAST(substr(proof, 1, 2000) || x'ff' || substr(proof, 2002) AS BLOB)",
 }
 
 
