@@ -134,6 +134,9 @@ def write(
             sorted((keys[key], blob) for key, blob in store.histories()),
             sorted((keys[key], kind, proof) for key, kind, proof in store.certificates()),
         )
+        if scrub is None:
+            inside = {row.fingerprint for row in rows if not places[unit(row)].withheld}
+            target_store.note_proved_problems(item for item in store.proved_problems() if item[0] in inside)
         target_store.settle()
     return new
 

@@ -291,14 +291,24 @@ class Store:
         if answer is not None:
             self._kept += len(answer)
 
-    def note_certificate(self, key: str, certainty: str, distance: float | None, words: str) -> None:
-        """Put down how certain the answer of a row is."""
+    def note_certificate(
+        self, key: str, certainty: str, distance: float | None, words: str, proof: bytes | None = None
+    ) -> None:
+        """Put down how certain the answer of a row is, with the proof; a proof that there is no solution stays."""
         with self._database.transaction() as db:
             values = (certainty, distance, _text(words), key)
             done = db.execute("UPDATE rows SET certainty = ?, distance = ?, certificate = ? WHERE key = ?", values)
             if done.rowcount != 1:
                 raise StoreError(f"{self.path}: no row {key}")
+            db.execute("DELETE FROM certificates WHERE key = ? AND kind = ?", (key, OF_AN_ANSWER))
+            if proof is not None:
+                db.execute("INSERT OR IGNORE INTO certificates VALUES (?, ?, ?)", (key, OF_AN_ANSWER, proof))
             self._seal(db, [key])
+
+    def note_proved_problems(self, data: Iterable[tuple[str, bytes]]) -> None:
+        """Keep the data of problems by fingerprint, for whoever checks the proofs of answers."""
+        with self._database.transaction() as db:
+            db.executemany("INSERT OR IGNORE INTO proved_problems VALUES (?, ?)", data)
 
     def _wants(self, status: str) -> bool:
         if self._keep == "wrong":
@@ -424,10 +434,16 @@ class Store:
         yield from self._database.stream("SELECT key, history FROM histories ORDER BY key")
 
     def certificates(self) -> Iterator[tuple[str, str, bytes]]:
-        """Yield (key, kind, proof) of every row that is proved to have no solution; none in a file of an older
-        version."""
+        """Yield (key, kind, proof) of every row that is proved to have no solution, or whose answer has a proof; none
+        in a file of an older version."""
         if self._database.read("SELECT name FROM sqlite_master WHERE name = 'certificates'"):
             yield from self._database.stream("SELECT key, kind, proof FROM certificates ORDER BY key")
+
+    def proved_problems(self) -> Iterator[tuple[str, bytes]]:
+        """Yield (fingerprint, data) of every problem of which an answer has a proof; none in a file of an older
+        version."""
+        if self._database.read("SELECT name FROM sqlite_master WHERE name = 'proved_problems'"):
+            yield from self._database.stream("SELECT fingerprint, data FROM proved_problems ORDER BY fingerprint")
 
     def table(self) -> pd.DataFrame:
         """Return all rows, in the order problem, label."""
@@ -446,6 +462,8 @@ def _into(names: Sequence[str]) -> str:
     return f"({', '.join(f'{chr(34)}{name}{chr(34)}' for name in names)}) VALUES ({', '.join('?' * len(names))})"
 
 
+OF_AN_ANSWER = "answer"
+"""Kind of a certificate that is about an answer."""
 _KEPT = ("answers", "histories", "certificates")
 """Tables of what is kept of single rows."""
 _ALL = ", ".join(f'"{c}"' for c in (*PLANNED, *MEASURED))
