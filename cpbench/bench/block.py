@@ -117,7 +117,7 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
         members.sort(key=lambda p: (p.step if p.scene else 0, place[variant(p)], p.tolerance))
         todo = tuple(p for p in members if p.key in pending)
         if todo and stackable(todo[0]):
-            made += [Block(todo[at : at + STACKED]) for at in range(0, len(todo), STACKED)]
+            listed += [Block(todo[at : at + STACKED]) for at in range(0, len(todo), STACKED)]
         elif todo:
             keys = {p.key for p in todo}
             before = {key: pair for key, pair in predecessors(members).items() if key in keys}

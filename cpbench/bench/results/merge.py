@@ -98,7 +98,7 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
                         (item for item in store.histories() if chosen[item[0]] == index),
                         (item for item in store.certificates() if chosen[item[0]] == index),
                     )
-                    made.note_proved_problems(store.proved_problems())
+                    merged.note_proved_problems(store.proved_problems())
                 leading = sorted(range(len(stores)), key=lambda i: not found[i].machines)
                 _merge_facts(merged, [stores[i] for i in leading], kinds)
                 merged.set_meta(seals=[audit.note for audit in audits if audit.note])
