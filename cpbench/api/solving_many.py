@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.api.solving import solve
+from cpbench.bench.stacked import require, solve_measured
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.stack import Stack
 from cpbench.matrices import Dense, Vector
-from cpbench.solvers.native.stacks import NODES, SHARES, UNKNOWNS, solve_stack
 from cpbench.verification import Status
-from cpbench.verification.stacked import judge_stack
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,28 +89,15 @@ def solve_many(
         wrong = "tolerance" if not tolerance > 0 else "seconds" if not seconds > 0 else "threads"
         raise ProblemError(wrong, "must be positive")
     stack = _stacked(problems, arrays)
-    x = np.full((stack.count, sum(stack.point_sizes.values())), np.nan)
-    error, status = np.full(stack.count, np.inf), np.full(stack.count, "", f"<U{max(map(len, Status))}")
-    spent, left = {"solve": 0.0, "verify": 0.0}, np.arange(stack.count)
-    for share in SHARES.get(stack.kind.node, (1.0,)):
-        some = stack if left.size == stack.count else stack.only(left)
-        begun = time.perf_counter()
-        answers = solve_stack(some, share * tolerance, threads)
-        between = time.perf_counter()
-        verdicts = judge_stack(some, answers, tolerance)
-        spent["solve"] += between - begun
-        spent["verify"] += time.perf_counter() - between
-        x[left], error[left] = np.concatenate(list(answers.values()), axis=1), verdicts.error
-        status[left] = np.where(verdicts.stationary, Status.STATIONARY, Status.SOLVED)
-        left = left[~verdicts.solved]
-        if not left.size:
-            break
+    found = solve_measured(stack, tolerance, threads)
+    x, error, left = found.x, found.error, found.left
+    status = np.where(found.stationary, Status.STATIONARY, Status.SOLVED).astype(f"<U{max(map(len, Status))}")
     begun = time.perf_counter()
     for i in left.tolist():
         solution = solve(stack.problem(i), tolerance=tolerance, seconds=seconds)
         x[i] = np.nan if solution.x is None else solution.x
         status[i], error[i] = str(solution.status), solution.error
-    spent["one by one"] = time.perf_counter() - begun
+    spent = {"solve": found.solve, "verify": found.verify, "one by one": time.perf_counter() - begun}
     return Solutions(stack, x, status, error, tolerance, left, spent)
 
 
@@ -123,12 +109,5 @@ def _stacked(problems: Sequence[Problem] | type[Problem], arrays: Mapping[str, A
         raise ProblemError("arrays", f"{', '.join(arrays)} go with a class of problems, not with problems")
     else:
         stack = Stack.of_problems(problems)
-    if stack.kind.node not in NODES:
-        raise ProblemError(
-            "problems", f"are of {stack.kind.node}: many are solved of {', '.join(NODES)}; cpbench.solve takes one"
-        )
-    sizes = stack.point_sizes
-    unknowns = sizes.get("z", sum(sizes.values()))  # of a program without its multipliers
-    if unknowns > UNKNOWNS:
-        raise ProblemError("problems", f"have {unknowns} unknowns, at most {UNKNOWNS}: use cpbench.solve for each")
+    require(stack.problem(0))
     return stack

@@ -105,6 +105,12 @@ class Prepare(Message):
     case: RefereeCase
 
 
+class PrepareStack(Message):
+    """Asks to write problems of one size into one file, for a solver that takes them by one call."""
+
+    cases: tuple[RefereeCase, ...]
+
+
 class FindStart(Message):
     """Asks for the point from which to start. `before` : the preceding step; `vectors` have its `answer`."""
 
@@ -212,7 +218,9 @@ class HistoryJudged(Message):
 
 
 class Solve(Message):
-    """Asks for a solve; `vectors` are the point to start from. `held` : whether the worker has the problem already."""
+    """Asks for a solve; `vectors` are the point to start from. `held` : whether the worker has the problem already.
+    `stack` : on how many threads one call solves all problems of the file, 0 where it has one problem.
+    """
 
     path: str
     tolerance: float
@@ -222,6 +230,7 @@ class Solve(Message):
     history: bool = False
     held: bool = False
     checksum: int | None = None
+    stack: int = 0
     vectors: Vectors = field(default_factory=dict[str, Any])
 
 
@@ -260,7 +269,11 @@ class ProblemLoaded(Message):
 
 
 class Result(Message):
-    """The output of a solver, and what its solve used (`processes.meter`); `vectors` as in `Judge`."""
+    """The output of a solver, and what its solve used (`processes.meter`); `vectors` as in `Judge`.
+
+    Of a stack `vectors` have the parts of all answers, one after the other, and of each problem the number of its
+    `claim` among `Claim`, whether it was `answered`, and `alone`: whether the solver took it by itself.
+    """
 
     claim: str
     answered: bool

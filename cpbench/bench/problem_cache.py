@@ -6,18 +6,21 @@ import copy
 import os
 import sys
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from cpbench import graph, storage
-from cpbench.bench import shared_problem
-from cpbench.bench.messages import RefereeCase
+from cpbench.bench import shared_problem, stacked
+from cpbench.bench.messages import Prepared, RefereeCase
 from cpbench.bench.planning.plan import parse_request
 from cpbench.bench.processes.meter import checksum
 from cpbench.conversions import Conversion
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Kind, Problem
+from cpbench.formulations.stack import Stack
 
 
 @dataclass
@@ -55,13 +58,19 @@ class ProblemCache:
             self._held = (address, format)
         source = self._source
         assert source is not None
-        if fingerprint and source.fingerprint != fingerprint:
-            raise ProblemError(
-                address,
-                f"the file changed after it was planned: fingerprint {source.fingerprint}, planned {fingerprint}; "
-                "run the same command again to plan what it holds now",
-            )
-        return source
+        return _planned(source, address, fingerprint)
+
+    def stack(self, cases: Sequence[RefereeCase]) -> Prepared:
+        """Write problems of one size into one file for a solver of their own node; raises CpbenchError where they are
+        not, or are too large for it."""
+        problems: list[Problem] = []
+        for case in cases:
+            problem = storage.load(case.address, format=case.format)
+            problems.append(_planned(problem, case.address, case.fingerprint))
+            stacked.require(problem)
+        stack, path = Stack.of_problems(problems), self._scratch / f"stack-{os.getpid()}"
+        _write(shared_problem.write_stack, stack, path)
+        return Prepared(str(path), checksum(stack), graph.Route().label, str(Kind.EQUIVALENT), 0.0, cases[0].tolerance)
 
     def ready(self, case: RefereeCase) -> tuple[Problem, ConvertedProblem]:
         """Return the problem and its conversion to the node, which is made at the first call."""
@@ -78,10 +87,7 @@ class ProblemCache:
         # workers keep a loaded problem by its path: a referee that replaces a dead one must not reuse its names
         path = self._scratch / f"problem-{os.getpid()}-{self._files}"
         self._files += 1
-        try:
-            shared_problem.write(arrival.problem, path)
-        except OSError as cause:
-            raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
+        _write(shared_problem.write, arrival.problem, path)
         return ConvertedProblem(
             arrival.problem,
             arrival.kind,
@@ -91,6 +97,25 @@ class ProblemCache:
             str(path),
             checksum(arrival.problem),
         )
+
+
+def _planned(problem: Problem, address: str, fingerprint: str) -> Problem:
+    """Return the problem of a file; raises ProblemError when it is not the one that was planned."""
+    if fingerprint and problem.fingerprint != fingerprint:
+        raise ProblemError(
+            address,
+            f"the file changed after it was planned: fingerprint {problem.fingerprint}, planned {fingerprint}; "
+            "run the same command again to plan what it holds now",
+        )
+    return problem
+
+
+def _write(write: Callable[[Any, Path], None], data: Any, path: Path) -> None:
+    """Write a file for workers; raises FormatError."""
+    try:
+        write(data, path)
+    except OSError as cause:
+        raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
 
 
 class TimedConversions(graph.Memory):

@@ -11,6 +11,7 @@ import platform
 import statistics
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TypeAlias
 
@@ -25,7 +26,8 @@ from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
 from cpbench.bench.referee import HISTORY_SECONDS, PROOF_SECONDS
 from cpbench.bench.results.rows import Outcome
-from cpbench.bench.time_limits import GRACE, LOAD, REFEREE
+from cpbench.bench.stacked import part_of
+from cpbench.bench.time_limits import GRACE, LOAD, REFEREE, WARM_UP
 from cpbench.bench.worker_pool import RefereeClient, Reply, Setting, WorkerPool, describe_exit, hear
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Kind
@@ -159,18 +161,46 @@ class Slot:
         `prepared` : by `prepare`. `before` : the step before, where the pair starts from it.
         """
         begun = time.perf_counter()
-        outcome = prepared if isinstance(prepared, Outcome) else self._run(pair, prepared, before)
-        self.workers.served(pair.entry.solver)
-        return outcome.changed(
-            wall=time.perf_counter() - begun,
-            jobs=self.setting.slots,
-            loadavg=os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
-            host=platform.node(),
-            finished=time.strftime("%Y-%m-%dT%H:%M:%S"),
-        )
+        found = [prepared] if isinstance(prepared, Outcome) else self._run([pair], prepared, before)
+        return self._completed(found, begun)[0]
 
-    def _run(self, pair: Pair, prepared: messages.Prepared, before: Before | None) -> Outcome:
-        """Return the outcome of a pair whose problem is converted."""
+    def prepare_stack(self, pairs: Sequence[Pair]) -> messages.Prepared | None:
+        """Put the problems of some pairs into one file; None where they do not go together, or one cannot be read:
+        run by itself, each tells."""
+        asked = messages.PrepareStack(tuple(messages.RefereeCase.of(pair) for pair in pairs))
+        reply = self.referee.ask(REFEREE.limit(pairs[0].limits.seconds), asked, messages.Prepared)
+        return None if isinstance(reply, messages.Failure) else reply
+
+    def run_stack(self, pairs: Sequence[Pair], prepared: messages.Prepared) -> list[Outcome]:
+        """Return the outcomes of pairs of one solver that one call solves: each has an equal part of its time, and the
+        call ends after the limits of all. Never raises, as `run`."""
+        begun = time.perf_counter()
+        return self._completed(self._run(pairs, prepared, None, stack=True), begun)
+
+    def _completed(self, outcomes: Sequence[Outcome], begun: float) -> list[Outcome]:
+        """Return outcomes with what is known of their run as a whole."""
+        common = {
+            "wall": (time.perf_counter() - begun) / len(outcomes),
+            "jobs": self.setting.slots,
+            "loadavg": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+            "host": platform.node(),
+            "finished": time.strftime("%Y-%m-%dT%H:%M:%S"),
+        }
+        return [outcome.changed(**common) for outcome in outcomes]
+
+    def _run(
+        self, pairs: Sequence[Pair], prepared: messages.Prepared, before: Before | None, *, stack: bool = False
+    ) -> list[Outcome]:
+        """Return the outcomes of pairs whose problems are converted: of one, or of all that are in a `stack`."""
+        found = self._solved(pairs, prepared, before, stack)
+        self.workers.served(pairs[0].entry.solver)
+        return [found] * len(pairs) if isinstance(found, Outcome) else found
+
+    def _solved(
+        self, pairs: Sequence[Pair], prepared: messages.Prepared, before: Before | None, stack: bool
+    ) -> Outcome | list[Outcome]:
+        """Return the outcomes, or one for all pairs where no answers came."""
+        pair, count = pairs[0], len(pairs)
         name = pair.entry.solver
         # a chain of partials: a failure at any step has the columns that were known until then
         known = partial(
@@ -179,6 +209,7 @@ class Slot:
             kind=str(max(Kind(prepared.kind), solvers.get(name).spec.kind, key=lambda kind: kind.rank)),
             convert=prepared.convert,
             target_tolerance=prepared.tolerance,
+            batch=count if stack else None,
         )
         try:
             start, started = self._start_of(pair, before)
@@ -188,7 +219,13 @@ class Slot:
                 why = self.workers.unavailable[name]
                 return known(status="unavailable", message=f"{why.state}: {why.message}")
             known = partial(known, version=self.workers.versions[name])
-            return self._solved(pair, prepared, start, worker, known)
+            heard = self._heard(pair, prepared, start, worker, known, count if stack else 0)
+            if isinstance(heard, Outcome):
+                return heard
+            known, result, waited = heard
+            if stack:
+                return self._all_answered(pairs, known, worker, result, waited)
+            return [self._answered(pair, known, worker, result, waited)]
         except NoStart as why:
             return known(status=why.status, message=str(why))
         except Exception as noise:  # a worker may send anything, and fail in ways that nobody foresaw
@@ -196,48 +233,57 @@ class Slot:
             message = f"the worker sent no valid message: {type(noise).__name__}: {noise}"[:500]
             return known(status="error", message=message)
 
-    def _solved(
-        self, pair: Pair, prepared: messages.Prepared, start: messages.Vectors, worker: Child, known: partial[Outcome]
-    ) -> Outcome:
-        """Return the outcome of a pair whose worker is ready; `known` completes what is known of it before.
+    def _heard(
+        self,
+        pair: Pair,
+        prepared: messages.Prepared,
+        start: messages.Vectors,
+        worker: Child,
+        known: partial[Outcome],
+        stacked: int,
+    ) -> Outcome | tuple[partial[Outcome], messages.Result, float]:
+        """Return what is known of a pair, what its worker answered, and after how many seconds; the outcome where it
+        did not answer. `known` completes what is known before. `stacked` : problems in the file where it is a stack.
 
         Raises FrameError.
         """
-        name, limit = pair.entry.solver, pair.limits.seconds
+        name, limit = pair.entry.solver, pair.limits.seconds * max(stacked, 1)
         asked = messages.Solve(
             path=prepared.path,
             tolerance=prepared.tolerance,
-            seconds=limit,
+            seconds=pair.limits.seconds,
             options=dict(pair.entry.options),
             repeats=pair.limits.repeats,
-            history=pair.limits.history and Trait.HISTORY in solvers.get(name).spec.traits,
-            held=self.workers.holds(name, prepared.path),
+            history=self._recorded(pair),
+            held=not stacked and self.workers.holds(name, prepared.path),
             checksum=prepared.checksum,
+            stack=pair.limits.threads if stacked else 0,
             vectors=start,
         )
-        loaded = False
+        loaded, loading = False, WARM_UP if stacked else LOAD  # the first call for a stack may have to compile
         try:
             worker.forget()  # what earlier solves printed is not this one's
-            over = time.monotonic() + LOAD.limit(limit)
-            worker.send(messages.pack(asked), LOAD.limit(limit))
+            over = time.monotonic() + loading.limit(limit)
+            worker.send(messages.pack(asked), loading.limit(limit))
             reply = messages.ProblemLoaded(messages.Seconds(0.0))
             if not asked.held:
                 reply = hear(worker, over - time.monotonic())
             if isinstance(reply, messages.ProblemLoaded):
-                known, loaded = partial(known, load=reply.load), True
-                self.workers.loaded(name, prepared.path)
+                known, loaded = partial(known, load=reply.load / max(stacked, 1)), True
+                if not stacked:
+                    self.workers.loaded(name, prepared.path)
                 begun = time.perf_counter()  # a clock beside the worker's, which a solver could falsify
                 reply = hear(worker, limit + GRACE)
                 if isinstance(reply, messages.Result):
                     if reply.children > self.setting.processes:
                         raise Died(None, worker.output(), reason=crowded(self.setting.processes))
-                    waited = time.perf_counter() - begun
-                    return self._answered(pair, known, worker, reply, waited, asked.history)
+                    return known, reply, time.perf_counter() - begun
         except TimedOut:
             self.workers.drop(name)
             if loaded:
-                return known(status="timeout", message=f"killed after {limit:g} s", solve=limit)
-            message = f"loading: not over after {LOAD.limit(limit):g} s ({LOAD.what})"
+                whole = f", the limits of {stacked} problems in one call" if stacked else ""
+                return known(status="timeout", message=f"killed after {limit:g} s{whole}", solve=pair.limits.seconds)
+            message = f"loading: not over after {loading.limit(limit):g} s ({loading.what})"
             return known(status="error", message=message)
         except Died as death:
             self.workers.drop(name)
@@ -277,24 +323,77 @@ class Slot:
             raise NoStart(reply.message)
         raise NoStart(f"start: {told(reply)}", "memout" if isinstance(reply, messages.OutOfMemory) else "error")
 
+    def _recorded(self, pair: Pair) -> bool:
+        return pair.limits.history and Trait.HISTORY in solvers.get(pair.entry.solver).spec.traits
+
+    def _all_answered(
+        self, pairs: Sequence[Pair], known: partial[Outcome], worker: Child, result: messages.Result, waited: float
+    ) -> list[Outcome]:
+        """Return the outcomes of pairs that one call has answered: its time in equal parts, a verdict each.
+
+        Raises ValueError, IndexError where the answer is not one to so many problems.
+        """
+        first, count = pairs[0], len(pairs)
+        _, solves, lost = self._repeated(first, result, worker)
+        self._drop_changed(first, result)
+        flags = self._flags(first, result, waited, solves, lost)
+        shares = [seconds / count for seconds in solves]
+        outcomes: list[Outcome] = []
+        for i, pair in enumerate(pairs):
+            claim, answered, alone, vectors = part_of(result.vectors, count, i)
+            own = replace(
+                result,
+                claim=str(claim),
+                answered=answered,
+                counters={"alone": int(alone)},
+                solve=messages.Seconds(result.solve / count),
+                cpu=messages.Seconds(result.cpu / count),
+                peak=None,
+                vectors=vectors,
+            )
+            outcomes.append(self._judged(pair, known, own, [0.0], shares, flags, lost))
+        return outcomes
+
     def _answered(
-        self, pair: Pair, known: partial[Outcome], worker: Child, result: messages.Result, waited: float, recorded: bool
+        self, pair: Pair, known: partial[Outcome], worker: Child, result: messages.Result, waited: float
     ) -> Outcome:
         """Return the outcome of a pair whose worker answered after `waited` seconds: repeats, history, verdict."""
         setups, solves, lost = self._repeated(pair, result, worker)
         trail: messages.Recorded | None = None
-        if recorded and not lost:
+        if self._recorded(pair) and not lost:
             trail, lost = self._next(worker, pair, messages.Recorded, pair.limits.seconds + GRACE, "history")
+        self._drop_changed(pair, result)
+        flags = self._flags(pair, result, waited, solves, lost)
+        return self._judged(pair, known, result, setups, solves, flags, lost, trail)
+
+    def _drop_changed(self, pair: Pair, result: messages.Result) -> None:
+        """Drop a worker in which a solve has left something behind: it must not count against the next."""
         if (
             result.children
             or result.wrote
             or result.threads > pair.limits.threads
             or 0 < pair.limits.memory * FULL < result.grown
         ):
-            self.workers.drop(pair.entry.solver)  # what one solve left behind must not count against the next
-        once = remembered(solves)
-        flags = marks(result, waited, pair.limits.threads)
-        flags += [flag for flag, holds in (("repeat", bool(lost)), ("remembered", once)) if holds]
+            self.workers.drop(pair.entry.solver)
+
+    def _flags(
+        self, pair: Pair, result: messages.Result, waited: float, solves: Sequence[float], lost: str
+    ) -> list[str]:
+        own = (("repeat", bool(lost)), ("remembered", remembered(solves)))
+        return [*marks(result, waited, pair.limits.threads), *(flag for flag, holds in own if holds)]
+
+    def _judged(
+        self,
+        pair: Pair,
+        known: partial[Outcome],
+        result: messages.Result,
+        setups: Sequence[float],
+        solves: Sequence[float],
+        flags: Sequence[str],
+        lost: str,
+        trail: messages.Recorded | None = None,
+    ) -> Outcome:
+        """Return the outcome of a pair, with the verdict on its answer."""
         case, seconds = messages.RefereeCase.of(pair), REFEREE.limit(pair.limits.seconds)
         asked = messages.Judge(
             case,
@@ -310,7 +409,7 @@ class Slot:
             claim=result.claim,
             counters=json.dumps(result.counters),
             setup=statistics.median(setups),
-            solve=solves[0] if once else statistics.median(solves),
+            solve=solves[0] if "remembered" in flags else statistics.median(solves),
             cpu=result.cpu,
             peak=result.peak,
             reported=result.reported,

@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -16,6 +17,10 @@ from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
 from cpbench.cli.terminal import folded, width
 from cpbench.report.text import counted, seconds
+from cpbench.report.throughput_section import HEAD, TITLE, throughput_lines
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 LINES = 30
 """The most lines on what could not be run."""
@@ -37,6 +42,7 @@ def print_answer(store: Store) -> None:
     ranked = rankings(table, meta.get("solvers"))
     for ranking in ranked:
         _print_ranking(ranking)
+    _print_throughputs(throughput_lines(table))
     left_out = meta.get("left_out", [])
     unreached = unreached_lines(left_out)
     many = len(unreached) > FEW
@@ -65,7 +71,6 @@ def _sentence(ranking: Ranking) -> Sequence[str]:
 
 
 def _print_ranking(ranking: Ranking) -> None:
-    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
@@ -81,13 +86,36 @@ def _print_ranking(ranking: Ranking) -> None:
     table.add_column("", overflow="fold")
     for row in ranking.shown:
         table.add_row(*map(Text, _cells(row)))
-    console = Console(file=sys.stdout, width=room or WIDE, highlight=False, markup=False, emoji=False)
+    _print_table(table)
+    left = len(ranking.rows) - len(ranking.shown)
+    click.echo(f"and {counted(left, 'more solver')}\n" if left else "")
+
+
+def _print_throughputs(lines: Sequence[Sequence[str]]) -> None:
+    """Print problems per second; nothing where no set asks for it."""
+    from rich.table import Table
+    from rich.text import Text
+
+    if not lines:
+        return
+    click.secho(TITLE, bold=True)
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
+    for name in HEAD:
+        table.add_column(name, justify="left" if name in HEAD[:2] else "right", no_wrap=True, overflow="ellipsis")
+    for line in lines:
+        table.add_row(*map(Text, line))
+    _print_table(table)
+    click.echo()
+
+
+def _print_table(table: Table) -> None:
+    from rich.console import Console
+
+    console = Console(file=sys.stdout, width=width() or WIDE, highlight=False, markup=False, emoji=False)
     with console.capture() as captured:
         console.print(table)
     for line in captured.get().splitlines():
         click.echo(line.rstrip())
-    left = len(ranking.rows) - len(ranking.shown)
-    click.echo(f"and {counted(left, 'more solver')}\n" if left else "")
 
 
 def _cells(row: RankedSolver) -> Sequence[str]:

@@ -19,6 +19,7 @@ from cpbench.report.known_sections import known_sections
 from cpbench.report.participation_sections import publishing
 from cpbench.report.run import Run, group_name
 from cpbench.report.text import counted, plain
+from cpbench.report.throughput_section import throughput_section
 from cpbench.verification import Status
 
 if TYPE_CHECKING:
@@ -31,7 +32,14 @@ LINKED = 40
 def write_text(run: Run, title: str, comparison: Comparison | None = None) -> Path:
     """Write report.md, its details and their figures into the folder of the run."""
     run.folder.mkdir(parents=True, exist_ok=True)
-    parts = [f"# {plain(title)}", *publishing(run), *_remarks(run), *answer(run), _headline(run)]
+    parts = [
+        f"# {plain(title)}",
+        *publishing(run),
+        *_remarks(run),
+        *answer(run),
+        *throughput_section(run),
+        _headline(run),
+    ]
     if comparison is not None:
         from cpbench.report.comparison.markdown import section as comparison_section
 

@@ -47,7 +47,8 @@ natural map of a pair in these units (Oettli and Prager 1964). Methods hold thei
 problems, programs (QP, cone QP, NLP) and contact problems every connected part, equilibrated, has one size for its
 rows; small rows that no term couples noticeably to large ones are a part of their own, and so are prices beside sides.
 Programs are measured by feasibility, stationarity and the gap (the sum of the products of pairs), contact by the
-natural map of the friction law, the equations of motion and the joints in energy; nonlinear problems row by row.
+natural map of the friction law, the equations of motion and the joints in energy; problems with a nonlinear map as
+linear ones in parts that are linear, and row by row elsewhere.
 No idle side sets a size. What no answer may have (penetration, violated rows) is held against the data alone,
 too, squared. NaN and missing numbers are ∞. A part of a problem without any constant has no size, and is measured
 absolutely (flag). The measures of the literature are told beside it, and `--measure` lets one of them decide.

@@ -34,6 +34,8 @@ class Trait(StrEnum):
     DETERMINISTIC = "deterministic"
     LAUNCHES = "launches"
     """Starts a program for every solve, whose launch is in its time: tables and figures say so."""
+    STACKS = "stacks"
+    """Begins many small problems of one size by one compiled call (`solvers.native.stacks`)."""
 
 
 class Claim(StrEnum):

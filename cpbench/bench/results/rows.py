@@ -90,6 +90,7 @@ class Measured:
     jobs : solves side by side. reported : seconds by the solver's own account. origin : where an imported answer was
     made, empty for what was solved here. certainty : level of the certificate of the answer, where one was sought.
     distance : a bound on its distance from a solution, over the size of that. certificate : what else it says.
+    batch : of a set that asks for throughput, by how many problems the call was shared whose time is divided here.
     """
 
     status: str = "not_run"
@@ -130,6 +131,7 @@ class Measured:
     certainty: str | None = None
     distance: float | None = None
     certificate: str | None = None
+    batch: int | None = None
 
     def changed(self, **values: Any) -> Self:
         """Return a copy with other values; as `dataclasses.replace`, which takes ten times as long, and a pair needs

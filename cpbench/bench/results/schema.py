@@ -3,7 +3,7 @@
 Version 1 had one set of limits a file, in `meta`; since version 2 they are columns of every row, and histories,
 reference solves and machines have tables of their own. Version 3 keeps the features of the problems, version 4
 certificates of what has no solution, seals of the rows, and the tolerance that a solver was asked for, version 5 how
-certain the answers are.
+certain the answers are, version 6 how many problems a call solved.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import sqlite3
 
 from cpbench.bench.results.rows import Measured, Planned, columns
 
-SCHEMA = 5
+SCHEMA = 6
 SEALED_SINCE = 4
 
 PLANNED, MEASURED = columns(Planned), columns(Measured)
@@ -115,5 +115,11 @@ def _from_4(db: sqlite3.Connection) -> None:
             db.execute(f'ALTER TABLE rows ADD COLUMN "{name}" {kind}')
 
 
-_STEPS = (_from_1, _from_2, _from_3, _from_4)
+def _from_5(db: sqlite3.Connection) -> None:
+    """Older rows are each of a call of their own, and no set asked for throughput."""
+    if "batch" not in {name for _, name, *_ in db.execute("PRAGMA table_info(rows)")}:
+        db.execute('ALTER TABLE rows ADD COLUMN "batch" INTEGER')
+
+
+_STEPS = (_from_1, _from_2, _from_3, _from_4, _from_5)
 """From version 1 to 2, from 2 to 3, ..."""

@@ -232,9 +232,11 @@ class Store:
         Raises StoreError, before anything is written, when rows of the same set, or of the same key, were made with
         other limits.
         """
+        pairs = list(pairs)
         rows = [Planned.of(pair) for pair in pairs]
         with self._database.transaction() as db:
             self._require_same_limits(rows)
+            self._require_same_calls(pairs)
             values = ([*map(_text, _planned_values(row)), "not_run"] for row in rows)
             db.executemany(f"INSERT OR IGNORE INTO rows {_into((*PLANNED, 'status'))}", values)
             self._seal(db, [row.key for row in rows if row.key not in (self._written or {})])
@@ -252,6 +254,18 @@ class Store:
             before = set(there) or known.setdefault(row.set, {asked})
             if not any(agree(old, asked) for old in before):
                 raise StoreError(f"{self.path}: {difference(row.set, next(iter(before)), asked)}")
+
+    def _require_same_calls(self, pairs: Sequence[Pair]) -> None:
+        """Raise StoreError where a set was run with calls for many problems, and is not now, or the reverse."""
+        own = "status <> 'not_run' AND coalesce(origin, '') = ''"
+        for name, many in self._database.read(f'SELECT DISTINCT "set", batch IS NOT NULL FROM rows WHERE {own}'):
+            if any(pair.set == name and pair.limits.throughput != bool(many) for pair in pairs):
+                made = f"set '{name}' was made" if name else "was made"
+                before, now = ("with", "without") if many else ("without", "with")
+                raise StoreError(
+                    f"{self.path}: {made} {before} throughput = true, now {now}; times of a call for many problems "
+                    "and of one for each do not mix: use another file with -o"
+                )
 
     def finish(self, key: str, outcome: Outcome) -> None:
         """Fill a planned row, with its answer, its history and the proof of its status, in one transaction; `attempts`

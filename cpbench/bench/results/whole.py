@@ -32,7 +32,7 @@ OF_SOLVER = (
 )  # fmt: skip
 OF_ENDING = (
     "status", "route", "kind", "claim", "flags", "started", "host", "origin", "signal", "code", "attempts", "jobs",
-    "repeats", "certainty",
+    "repeats", "certainty", "batch",
 )  # fmt: skip
 SHARED = (OF_PROBLEM, OF_SOLVER, OF_ENDING)
 """Text and whole numbers that repeat together; other numbers would lose digits in JSON."""

@@ -132,10 +132,10 @@ class InOrder(AutomaticChoice):
         return [SolverPhase(name) for name in self.members]
 
 
-def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
-    """Return the spec of a node's automatic choice."""
+def automatic_spec(node: str, name: str, summary: str, *more: Trait) -> SolverSpec:
+    """Return the spec of a node's automatic choice, with `more` traits."""
     return SolverSpec(
-        name=name, node=node, summary=summary, method="automatic choice", traits=TRAITS, options=NoOptions
+        name=name, node=node, summary=summary, method="automatic choice", traits=TRAITS | {*more}, options=NoOptions
     )
 
 

@@ -49,7 +49,7 @@ class AutoContact(Solver):
         node="fc",
         summary="Gauss-Seidel with acceleration, Newton, interior points or ADMM, whichever promises to be done first",
         method="automatic choice",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC, Trait.STACKS}),
         options=AutoContactOptions,
     )
 

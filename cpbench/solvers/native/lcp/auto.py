@@ -9,7 +9,7 @@ import numpy as np
 
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import is_sparse, nnz
-from cpbench.solvers.base import SolverSpec, register
+from cpbench.solvers.base import SolverSpec, Trait, register
 from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
 
 SMALL = 200
@@ -35,7 +35,7 @@ class AutoLCP(AutomaticChoice):
     """
 
     spec: ClassVar[SolverSpec] = automatic_spec(
-        "lcp", "auto-lcp", "Lemke, block pivoting, conjugate gradients or Newton, by size and structure"
+        "lcp", "auto-lcp", "Lemke, block pivoting, conjugate gradients or Newton, by size and structure", Trait.STACKS
     )
     members: ClassVar[tuple[str, ...]] = (
         "lemke",

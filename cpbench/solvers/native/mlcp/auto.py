@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from cpbench.formulations.mlcp import MLCP
 from cpbench.matrices import is_sparse
-from cpbench.solvers.base import SolverSpec, register
+from cpbench.solvers.base import SolverSpec, Trait, register
 from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
 
 LARGE = 2000
@@ -21,7 +21,9 @@ class AutoMLCP(AutomaticChoice):
     Of at most 20 pairs, all complementary bases are tried in the end: a solution is found if there is one.
     """
 
-    spec: ClassVar[SolverSpec] = automatic_spec("mlcp", "auto-mlcp", "Lemke, Newton or interior point, by size")
+    spec: ClassVar[SolverSpec] = automatic_spec(
+        "mlcp", "auto-mlcp", "Lemke, Newton or interior point, by size", Trait.STACKS
+    )
     members: ClassVar[tuple[str, ...]] = (
         "lemke-mlcp",
         "newton-min-mlcp",

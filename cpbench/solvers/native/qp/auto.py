@@ -9,7 +9,7 @@ from typing import ClassVar
 
 from cpbench.formulations.qp import QP
 from cpbench.solvers import warming
-from cpbench.solvers.base import Budget, SolverSpec, missing, register, solvers
+from cpbench.solvers.base import Budget, SolverSpec, Trait, missing, register, solvers
 from cpbench.solvers.native.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
 from cpbench.solvers.native.qp.proximal_active_set import SMALL, ProximalActiveSetOptions
 from cpbench.solvers.options import searched
@@ -40,7 +40,7 @@ class AutoQP(AutomaticChoice):
     """
 
     spec: ClassVar[SolverSpec] = replace(
-        automatic_spec("qp", "auto-qp", "active set or interior point, by size"), options=AutoQPOptions
+        automatic_spec("qp", "auto-qp", "active set or interior point, by size", Trait.STACKS), options=AutoQPOptions
     )
     members: ClassVar[tuple[str, ...]] = (
         "dual-active-set",
