@@ -60,10 +60,10 @@ def in_one_call(problem: QP, tolerance: float, options: ProximalActiveSetOptions
     return None
 
 
-def _record_ends(problem: QP, output: SolverOutput, record: Record) -> None:
+def _record_ends(problem: QP, answer: QPPoint, iterations: int, record: Record) -> None:
     """Record zero and the answer: a compiled call has nothing between, and recording must not change the method."""
     measure = ErrorMeasure(problem)
-    for iteration, point in ((0, problem.zero_point()), (max(1, output.counters["iterations"]), output.point)):
+    for iteration, point in ((0, problem.zero_point()), (max(1, iterations), answer)):
         parts = point.z, point.lam, point.mu, point.nu
         record(iteration, measure.error(parts), partial(QPPoint, *parts))
 
@@ -114,7 +114,7 @@ class ProximalActiveSet(Solver):
             output = in_one_call(prepared, budget.tolerance, options)
             if output is not None:
                 if record is not None and output.point is not None:
-                    _record_ends(prepared, output, record)
+                    _record_ends(prepared, output.point, output.counters["iterations"], record)
                 return output
         measure, form = ErrorMeasure(prepared, record), scaled(prepared)
         n, rows = form.g.size, form.E.size
