@@ -14,7 +14,7 @@ LOSSES = (
     "Here the solver met its target, and the answer that the conversion carried back does not meet the tolerance of "
     "the problem that was asked. *Factor*: the error there over the error on the solver's own problem."
 )
-"""What a table of conversions that lost answers is about."""
+"""Sentence above a table of conversions that lost answers."""
 METHODS = f"""\
 **Problems and pairs.** A pair is a problem, a solver with its options, and a request for a route (`exact`, or a
 conversion named after the `@`). Every pair is fixed before the run and has a row; N, the number of problems of a
@@ -47,7 +47,8 @@ natural map of a pair in these units (Oettli and Prager 1964). Methods hold thei
 problems, programs (QP, cone QP, NLP) and contact problems every connected part, equilibrated, has one size for its
 rows; small rows that no term couples noticeably to large ones are a part of their own, and so are prices beside sides.
 Programs are measured by feasibility, stationarity and the gap (the sum of the products of pairs), contact by the
-natural map of the friction law, the equations of motion and the joints in energy; nonlinear problems row by row.
+natural map of the friction law, the equations of motion and the joints in energy; problems with a nonlinear map as
+linear ones in parts that are linear, and row by row elsewhere.
 No idle side sets a size. What no answer may have (penetration, violated rows) is held against the data alone,
 too, squared. NaN and missing numbers are ∞. A part of a problem without any constant has no size, and is measured
 absolutely (flag). The measures of the literature are told beside it, and `--measure` lets one of them decide.

@@ -46,16 +46,31 @@ class BackwardError:
     floor: float
 
 
+@dataclass(frozen=True, eq=False)
+class RowErrors:
+    """The same, with the errors of the blocks (k,)."""
+
+    blocks: Vector
+    absolute: bool
+    floor: float
+
+
 def backward_error(system: System) -> BackwardError:
     """Measure the answer of a system."""
+    found = row_errors(system)
+    return BackwardError(largest(float(found.blocks.max(initial=0.0))), found.absolute, found.floor)
+
+
+def row_errors(system: System) -> RowErrors:
+    """Measure the answer of a system, block by block."""
     frame = system.frame
     if not frame.k:
-        return BackwardError(0.0, False, 0.0)
+        return RowErrors(np.zeros(0), False, 0.0)
     sizes, fixed = system.sizes(), system.fixed()
     scale = frame.terms.sums(sizes) + frame.constants
     scale = np.maximum(scale - system.relief, frame.constants)
     if not np.isfinite(scale).all():  # squares of such unknowns are no numbers any more
-        return BackwardError(np.inf, False, 0.0)
+        return RowErrors(np.full(frame.k, np.inf), False, 0.0)
     definite = _definite(frame, sizes, scale, fixed)
     homogeneous = (definite == 0) & (scale > 0)
     if frame.multiplier is not None and homogeneous.any():  # multipliers alone: 0 certifies as well
@@ -66,15 +81,15 @@ def backward_error(system: System) -> BackwardError:
         sure = np.where(homogeneous, np.inf, definite)
         relative = _measure(system, sizes, scale, sure, outside)
         by_itself = _measure(system, sizes, np.where(homogeneous, 1.0, scale), sure, outside, homogeneous)
-        error = min(by_itself, relative)
+        error = min(by_itself, relative, key=lambda errors: largest(float(errors.max(initial=0.0))))
     floor = EPS * (4.0 + np.diff(frame.terms.rows.indptr).max(initial=0))
-    return BackwardError(error, bool(homogeneous.any()), float(floor))
+    return RowErrors(error, bool(homogeneous.any()), float(floor))
 
 
 def _measure(
     system: System, sizes: Vector, scale: Vector, definite: Vector, outside: Flags, absolute: Flags | None = None
-) -> float:
-    """Return the largest natural map of a block; unknowns of `absolute` rows are measured by themselves."""
+) -> Vector:
+    """Return the natural map of every block; unknowns of `absolute` rows are measured by themselves."""
     frame = system.frame
     f_unit = np.divide(1.0, scale, out=np.ones_like(scale), where=scale > 0)
     share = frame.norms(system.f) * f_unit
@@ -91,12 +106,7 @@ def _measure(
     x_unit = np.maximum(x_unit, frame.own_unit)
     if frame.moving is not None:
         x_unit = np.where(frame.moving > 0, np.minimum(x_unit, inverse(frame.moving)), x_unit)
-    error = float(np.max(frame.norms(system.defect(x_unit, f_unit))))
-    if system.also is not None:
-        value, rows = system.also
-        share = np.minimum(np.abs(value) * np.where(scale > 0, 1.0 / scale, 1.0)[rows], definite[rows])
-        error = largest(error, float(np.max(share, initial=0.0)))
-    return largest(error)
+    return frame.norms(system.defect(x_unit, f_unit))
 
 
 def _units(terms: Terms, sizes: Vector, scale: Vector, definite: Vector, asked: Flags) -> Vector:

@@ -18,6 +18,7 @@ from cpbench.verification import sets
 from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.frame import Frame, System, Terms, block_norms
 from cpbench.verification.parallel_rows import ParallelRows
+from cpbench.verification.sets import Flags
 from cpbench.verification.systems import RowsFrame, beside_rows, kept
 from cpbench.verification.vanishing import ROUNDING, caps
 
@@ -78,15 +79,19 @@ def vi(P: Any, point: Any) -> System:
     """Return (z, λ, μ, ν) beside F(z) − Aᵀλ − Cᵀμ − ∇g ν, Az − b, Cz − d and g(z)."""
     z = point.z
     rows, values, constants = [sp.csr_array(P.A), sp.csr_array(P.C)], [P.A @ z - P.b, P.C @ z - P.d], [P.b, P.d]
+    curved = np.zeros(P.b.size + P.d.size, dtype=bool)
     if P.g.rows:
         slope, g = sp.csr_array(P.g.jacobian(z)), P.g(z)
-        rows, values, constants = [*rows, slope], [*values, g], [*constants, g - slope @ z]
+        bent = _curved(P.g)
+        rows, values = [*rows, slope], [*values, g]
+        constants = [*constants, np.where(bent, g - slope @ z, P.g.compiled.q)]
+        curved = np.concatenate([curved, bent])
     signs = [(0.0, P.b.size), (-np.inf, P.d.size), (0.0, P.g.rows)]
     multipliers = np.concatenate([point.lam, point.mu, point.nu])
     own = _simple(P, P.K, P.lb, P.ub, z.size)
     return _with_rows(
         P, z, P.F(z), P.F.jacobian(z), *own, rows=rows, values=values, constants=constants, signs=signs,
-        multipliers=multipliers,
+        multipliers=multipliers, curved=curved,
     )  # fmt: skip
 
 
@@ -114,6 +119,7 @@ def qvi(P: Any, point: Any) -> System:
     return _with_rows(
         P, z, P.F(z), P.F.jacobian(z), own, block, rows=rows, values=values, constants=constants,
         signs=[(0.0, P.g.rows)], multipliers=point.nu, moving=np.max(moving, axis=0) if moving else None,
+        curved=np.ones(P.g.rows, dtype=bool), fixed=False,
     )  # fmt: skip
 
 
@@ -155,42 +161,77 @@ def _prices(P: Any, z: Vector, gradient: Vector, hessian: Any, otherwise: Vector
 def _with_rows(
     P: Any, z: Vector, force: Vector, slope: Any, own: list[Any], block: Any, *, rows: Any = (), values: Any = (),
     constants: Any = (), signs: Any = (), multipliers: Vector | None = None, nu: Vector | None = None,
-    moving: Vector | None = None, prices: Vector | None = None,
+    moving: Vector | None = None, prices: Vector | None = None, curved: Flags | None = None, fixed: bool = True,
 ) -> System:  # fmt: skip
     """Return F(z) less the rows' multipliers beside z, and each row beside its multiplier; `moving` are the sizes of
-    the terms of bounds that depend on z, `prices` the constants of F where they are known."""
+    the terms of bounds that depend on z, `prices` the constants of F where they are known, `curved` tells which of the
+    rows are not linear, `fixed` whether the sets stay where they are."""
     slope = sp.csr_array(slope)
     first = int(block[-1]) + 1 if len(block) else 0
-    constant = _of_one_degree(P.F, z, force, slope, force - slope @ z) if prices is None else prices
-    load = _norms(constant, block)
-    if multipliers is None:
-        found = caps(P.F, z, force, slope) if P.node in ("ncp", "micp", "equation") else None
-        terms = Terms.of_blocks(slope, block, block, keep_zeros=found is not None)  # caps are of these entries
-        return System(Frame(terms, load, own, block, caps=found), z, force)
-    n, m = z.size, multipliers.size
+    n, m = z.size, 0 if multipliers is None else multipliers.size
     A = sp.csr_array(sp.vstack(rows)) if len(rows) else sp.csr_array((0, n))
+    curved = np.zeros(m, dtype=bool) if curved is None else curved
+    bent, turning = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    constant, straight = prices, False
+    if constant is None:
+        bent = _curved(P.F)
+        turning[A[curved].indices] = True  # the force of such a row turns with it
+        constant = np.where(bent, _of_one_degree(P.F, z, force, slope, force - slope @ z), P.F.compiled.q)
+        straight = fixed and not (bent.any() or curved.any())
+    beside = np.concatenate([np.zeros(0), *(np.abs(c) for c in constants)])
     whole = np.concatenate([block, first + np.arange(m)])
-    at, boxes = n, list(own)
-    for lower, count in signs:
-        boxes.append(sets.Box.of(np.arange(at, at + count), lower, np.inf))
-        at += count
+
+    def frame() -> Frame:
+        matrix = slope if multipliers is None else sp.block_array([[slope, A.T], [A, sp.csr_array((m, m))]])
+        affine = steady = found = None
+        if not straight and prices is None:
+            affine = ~np.concatenate([_norms((bent | turning).astype(float), block) > 0, curved]) & fixed
+            own_steady = np.where(turning, np.inf, _steady(P, z, force, slope, constant, bent))
+            steady = np.concatenate([_norms(own_steady, block), np.where(curved, np.inf, beside)])
+            found = caps(P.F, z, force, slope) if P.node in ("ncp", "micp", "equation") else None
+        at, boxes = n, list(own)
+        for lower, count in signs:
+            boxes.append(sets.Box.of(np.arange(at, at + count), lower, np.inf))
+            at += count
+        return Frame(
+            terms=Terms.of_blocks(matrix, whole, whole, keep_zeros=found is not None),  # caps are of these entries
+            constants=np.concatenate([_norms(constant, block), beside]),
+            sets=boxes,
+            block=whole,
+            multiplier=None if multipliers is None else np.arange(first + m) >= first,
+            caps=found,
+            moving=None if moving is None else np.concatenate([_norms(moving, block), np.zeros(m)]),
+            affine=affine,
+            steady=steady,
+        )
+
+    made = kept(P, frame) if straight else frame()
+    if multipliers is None:
+        return System(made, z, force)
     relief = ParallelRows(A).relief(multipliers, np.abs(slope @ z) + np.abs(constant))
     balance = force - A.T @ multipliers
-    frame = Frame(
-        terms=Terms.of_blocks(sp.block_array([[slope, A.T], [A, sp.csr_array((m, m))]]), whole, whole),
-        constants=np.concatenate([load, *(np.abs(c) for c in constants)]),
-        sets=boxes,
-        block=whole,
-        multiplier=np.arange(first + m) >= first,
-        moving=None if moving is None else np.concatenate([_norms(moving, block), np.zeros(m)]),
-    )
     return System(
-        frame=frame,
+        frame=made,
         x=np.concatenate([z, multipliers]),
         f=np.concatenate([balance, *values]),
         relief=beside_rows(None if relief is None else _norms(relief, block), m),
         also=None if nu is None else (balance - nu, block),
     )
+
+
+def _curved(F: Any) -> Flags:
+    """Return which rows of a map are not linear."""
+    return np.diff(F.compiled.C.indptr) > 0
+
+
+def _steady(P: Any, z: Vector, value: Vector, slope: Any, constant: Vector, bent: Flags) -> Vector:
+    """Return the constants of the rows of F, of those that are `bent` and have one with what of their terms is not
+    linear along z, (F′(2z) − F′(z))z; ∞ where that is no number."""
+    bent = bent & (constant != 0)
+    if not bent.any():
+        return np.abs(constant)
+    size = np.abs(value - slope @ z) + abs(sp.csr_array(P.F.jacobian(2.0 * z)) - slope) @ np.abs(z)
+    return np.where(bent, np.where(np.isfinite(size), size, np.inf), np.abs(constant))
 
 
 DEGREES = (1.0, 2.0, 3.0, 4.0)

@@ -87,6 +87,9 @@ class Frame:
     multiplier : (k,) whether an unknown only certifies others; without constants it may be anything.
     caps : up to what rows are definite by what vanishes with an unknown that they say is 0.
     moving : (k,) sizes of the terms of bounds that depend on the answer; small ones may be differences of large ones.
+    affine : (k,) whether rows, and the sets beside them, are linear in all unknowns; None where that is so of all.
+    steady : (k,) sizes of the constants that rows have as far as they are linear along the answer, at most the sums of
+        their terms; None where they are `constants`.
     """
 
     terms: Terms
@@ -96,6 +99,8 @@ class Frame:
     multiplier: Flags | None = None
     caps: Caps | None = None
     moving: Vector | None = None
+    affine: Flags | None = None
+    steady: Vector | None = None
 
     @property
     def k(self) -> int:

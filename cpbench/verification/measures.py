@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from cpbench.verification import conic_systems, contact_systems, systems
-from cpbench.verification.backward_error import BackwardError, backward_error
+from cpbench.verification.backward_error import BackwardError
 from cpbench.verification.frame import System
+from cpbench.verification.mixed_error import mixed_error
 from cpbench.verification.part_error import part_error, parts_between, parts_of
 from cpbench.verification.parts import Measure
 
@@ -30,7 +31,7 @@ CONTACT = ("fc", "rfc", "afc", "fcm", "gfc", "grfc", "nfc")
 BY_PARTS: dict[str, Measure] = dict.fromkeys(("lcp", "mlcp", "relay", "avi", "soclcp"), Measure.PAIRS)
 BY_PARTS |= dict.fromkeys(("qp", "coneqp", "nlp"), Measure.GAP)
 BY_PARTS |= dict.fromkeys(CONTACT, Measure.ENERGY)
-"""What is measured of the nodes whose problems are taken part by part; the others are measured row by row."""
+"""What is measured of the nodes that are taken part by part; of others the linear parts are (`mixed_error`)."""
 AT_START: dict[str, Callable[[Any], dict[str, Any]]] = {
     "nlp": lambda problem: {"z": problem.at_start},
     "nfc": lambda problem: {"v": problem.start},
@@ -54,7 +55,7 @@ def measure(problem: Any, point: Any, system: System | None = None) -> BackwardE
         return BackwardError(problem.residuals(point).error, False, 0.0)
     with np.errstate(all="ignore"):
         if problem.node not in BY_PARTS:
-            return backward_error(system)
+            return mixed_error(system)
         measure = BY_PARTS[problem.node]
         if problem.node not in AT_START:
             return part_error(system, parts_of(system.frame, measure))

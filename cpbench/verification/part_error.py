@@ -86,7 +86,8 @@ class BlockErrors:
     ----------
     blocks : (k,) errors of blocks or of their parts. components : (N,) those of components, None where there are none.
     beyond : (N,) rows that no unknown may have. also : (rows,) residuals that must vanish beside f, None without any.
-    floors : (k,) what rounding may cause. absolute : whether a part without constants was measured absolutely.
+    floors : (k,) what rounding may cause. explained : (k,) whether it may be all that a row has.
+    absolute : whether a part without constants was measured absolutely.
     """
 
     blocks: Vector
@@ -94,6 +95,7 @@ class BlockErrors:
     beyond: Vector
     also: Vector | None
     floors: Vector
+    explained: Flags
     absolute: bool
 
 
@@ -142,9 +144,9 @@ def block_errors(system: System, parts: Parts, sums: Vector) -> BlockErrors:
     # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing there
     wrong |= (frame.amplification * EPS >= 1.0) & (frame.norms(system.f) > 0)
     floors = noise * units.f * frame.amplification * wrong
-    beyond, explained = _beyond(system, noise, units.data)
+    excess, explained = beyond(system, noise, units.data)
     floors[explained] = np.maximum(floors[explained], EXPLAINED**2)
-    return BlockErrors(blocks, components, beyond, also, floors, units.absolute)
+    return BlockErrors(blocks, components, excess, also, floors, explained, units.absolute)
 
 
 def _gap(system: System, parts: Parts, units: _Units) -> tuple[Vector, Vector]:
@@ -160,7 +162,7 @@ def _gap(system: System, parts: Parts, units: _Units) -> tuple[Vector, Vector]:
     return conditions, products[parts.part]
 
 
-def _beyond(system: System, noise: Vector, data_unit: Vector) -> tuple[Vector, Flags]:
+def beyond(system: System, noise: Vector, data_unit: Vector) -> tuple[Vector, Flags]:
     """Return the rows that no unknown may have, over the constants, less what rounding leaves of terms that cancel; and
     of which blocks that explains the constants (`EXPLAINED`)."""
     frame = system.frame
@@ -171,12 +173,12 @@ def _beyond(system: System, noise: Vector, data_unit: Vector) -> tuple[Vector, F
     def excess(f: Vector) -> Vector:
         return joined(frame.sets, frame.count, lambda part: part.excess(f, unit))
 
-    beyond, hidden = excess(f), noise * data_unit
+    found, hidden = excess(f), noise * data_unit
     explained = hidden >= 1.0  # no digit of the constants is in the row
     if (hidden * frame.amplification >= EXPLAINED).any():
-        less = np.maximum(excess(system.f), 0.0) - np.maximum(beyond, 0.0)
+        less = np.maximum(excess(system.f), 0.0) - np.maximum(found, 0.0)
         explained |= frame.any(less >= EXPLAINED)
-    return beyond, explained
+    return found, explained
 
 
 def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flags) -> _Units:

@@ -14,6 +14,8 @@ from inclusions import pairs_of
 from pairs import Pairs, identity
 
 from cpbench import verification
+from cpbench.verification.backward_error import backward_error
+from cpbench.verification.measures import BY_PARTS, SYSTEMS
 
 Judge = Callable[[Any, Any, float], tuple[bool, float]]
 
@@ -21,6 +23,15 @@ Judge = Callable[[Any, Any, float], tuple[bool, float]]
 def cpbench_judge(problem: Any, point: Any, tolerance: float) -> tuple[bool, float]:
     verdict = verification.judge(problem, point, tolerance)
     return verdict.solved, verdict.error
+
+
+def rows_one_by_one(problem: Any, point: Any, tolerance: float) -> tuple[bool, float]:
+    """Formulations with nonlinear maps are measured row by row, also where they are linear."""
+    if problem.node in BY_PARTS:
+        return cpbench_judge(problem, point, tolerance)
+    with np.errstate(all="ignore"):
+        error = backward_error(SYSTEMS[problem.node](problem, point)).error
+    return error <= tolerance, error
 
 
 def _by(error: Callable[[Any, Pairs], float]) -> Judge:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
+import casadi as ca
 import mpmath
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ import scipy.sparse as sp
 from lecture.numerics.examples.maps import mapped
 
 from cpbench.conversions.base import make
+from cpbench.expressions import Map
 from cpbench.formulations import LCP, QP, QVI, FCPoint, FrictionContact, LCPPoint, QPPoint, Relay
 from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.formulations.ncp import NCP, NCPPoint
 from cpbench.formulations.nlp import NLPPoint
 from cpbench.formulations.qvi import QVIPoint
 from cpbench.generators import generators
@@ -189,6 +192,30 @@ def test_prices_that_grow_solve_no_lcp_without_a_solution(size: float) -> None:
     """w = (z₁ − z₂ − 1, z₂ − z₁ − 1) has the sum −2."""
     verdict = judge(LCP(M=[[1.0, -1.0], [-1.0, 1.0]], q=[-1.0, -1.0]), LCPPoint(z=[size, size]), 1e-6)
     assert not verdict.solved, verdict
+
+
+@pytest.mark.parametrize("size", [1e4, 1e7, 1e12, 1e16, 1e100])
+@pytest.mark.parametrize(
+    "bent",
+    [lambda z: z, lambda z: z + ca.exp(-z), lambda z: z + 1.0 / (1.0 + z), lambda z: ca.sqrt(1.0 + z * z)],
+    ids=["line", "exp", "inverse", "root"],
+)
+def test_unknowns_that_grow_along_straight_lines_solve_no_ncp(bent: Any, size: float) -> None:
+    """w = (h(z₁) − z₂ − 3, z₂ − h(z₁) − 3) has the sum −6."""
+    z = ca.SX.sym("z", 2)
+    rows = ca.vertcat(bent(z[0]) - z[1] - 3.0, z[1] - bent(z[0]) - 3.0)
+    problem = NCP(F=Map.from_casadi(z, rows))
+    verdict = judge(problem, NCPPoint(z=np.array([size, size])), 1e-6)
+    assert not verdict.solved, verdict
+
+
+def test_a_large_solution_beside_small_constants_is_right() -> None:
+    """z₁² = 10⁶ z₁ and z₂ = z₁ + 10⁻³: the size of z₁ is in coefficients, no constant is near it."""
+    z = ca.SX.sym("z", 2)
+    problem = Equation(F=Map.from_casadi(z, ca.vertcat(z[0] * (z[0] - 1e6), z[1] - z[0] - 1e-3)))
+    for off, solved in ((0.0, True), (1e-8, True), (1e-4, False)):
+        point = EquationPoint(z=np.array([1e6 * (1.0 + off), 1e6 + 1e-3]))
+        assert judge(problem, point, 1e-6).solved == solved, off
 
 
 def test_a_problem_without_constants_is_measured_absolutely() -> None:

@@ -30,27 +30,20 @@ INSTANCES = {
 PROBLEMS = INSTANCES | {f"{node}-{case.name}": case.problem for node in ("vi", "qvi") for case in cases(node)}
 
 
-UNITS_BY_F = {("projection-vi", 8), ("newton-vi", 8)}
-"""Answers that the natural map accepts, being over ‖F‖ at 0, and the verdict does not, with units by rows."""
-POLES = {"mathiesen-polyhedron"}
-"""Newton ends at z₂ = −1e-24, F₂ = 1e23 > 0: the natural map is 0 there; but F₂ → −∞ for z₂ → 0 within the set."""
-
-
-def _solved(solver: str, problem, tolerance: float, by_verdict: bool = True):
-    """Its claim is true by the natural map, which it stops by, and the verdict's error is not far above that."""
+def _solved(solver: str, problem, tolerance: float):
+    """Its claim is true by the natural map, and the verdict's error is not far above that."""
     output = solvers.get(solver).run(problem, Budget(tolerance=tolerance, seconds=20.0))
     assert output.claim is Claim.SOLVED, f"{output.claim}: {output.message}"
     assert problem.residuals(output.point, tolerance).error <= tolerance
-    if by_verdict:
-        assert judge(problem, output.point, tolerance).error <= 100 * tolerance
+    assert judge(problem, output.point, tolerance).error <= 100 * tolerance
     return output
 
 
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_newton_solves_every_problem(name: str) -> None:
-    """Those in POLES by its own measure alone, which does not make their answers right."""
+    """Where F has a pole beside a bound, as in mathiesen-polyhedron, the natural map is 0 on its other side, too."""
     problem = PROBLEMS[name]
-    _solved(f"newton-{problem.node}", problem, 1e-10, name not in POLES)
+    _solved(f"newton-{problem.node}", problem, 1e-10)
 
 
 @pytest.mark.parametrize("name", ["generalized-2", "generalized-10"])
@@ -101,14 +94,13 @@ def test_rows_are_refused_with_a_way_out(solver: str) -> None:
 @pytest.mark.parametrize("power", [-8, 8])
 @pytest.mark.parametrize("solver", [*PROJECTION, "newton-vi"])
 def test_units_do_not_matter(solver: str, power: int) -> None:
-    """F in other units is solved as well: step lengths are measured. Those in UNITS_BY_F stop too early for the
-    verdict: their claims are true by their own measure alone, which does not make their answers right."""
+    """F in other units is solved as well: step lengths are measured."""
     problem = PROBLEMS["vi-box"]
     scale = 10.0**power
     record = MapRecorder(problem.start.size)
     F = record.map(scale * record(problem.F, record.z))
     scaled = VI(F=F, lb=problem.lb, ub=problem.ub, start=problem.start)
-    _solved(solver, scaled, 1e-8, (solver, power) not in UNITS_BY_F)
+    _solved(solver, scaled, 1e-8)
 
 
 def test_newton_converges_quadratically() -> None:
@@ -182,8 +174,8 @@ def test_f_beside_a_huge_z_is_not_lost() -> None:
     """F = 1 everywhere has no root; z − (z − 1) is 0 in floating point for z = −1e20."""
     constant = graph(1, lambda x: 1.0 + 0.0 * x)
     free = VI(F=constant)
-    assert judge(free, VIPoint(z=np.array([-1e20])), 1e-6).error >= 1.0
+    assert judge(free, VIPoint(z=np.array([-1e20])), 1e-6).error > 0.9
     moving = QVI(F=constant)
     assert judge(moving, moving.point_from_vector([-1e20]), 1e-6).error >= 1.0
     whole = VI(F=constant, **cone_fields(ProductCone.of((Cone.FREE, 1, 1))))
-    assert judge(whole, VIPoint(z=np.array([1e20])), 1e-6).error >= 1.0
+    assert judge(whole, VIPoint(z=np.array([1e20])), 1e-6).error > 0.9

@@ -1,8 +1,8 @@
 """scipy.optimize.root: MINPACK's hybrid and Levenberg–Marquardt methods, Newton–Krylov, and DF-SANE.
 
-hybr and lm have no tolerance on F. All of them are therefore stopped at the first F that is evaluated with a judged
-error, ‖F‖ over `scale`, of at most ours; their own tolerances are set so low that they end by themselves only where
-nothing moves any more. An iteration is an evaluation of F at a new point.
+hybr and lm have no tolerance on F. All of them are therefore stopped at the first F that is evaluated with an error
+of at most ours, ‖F‖ over `scale` and every row over its own terms; their own tolerances are set so low that they end
+by themselves only where nothing moves any more. An iteration is an evaluation of F at a new point.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from cpbench.solvers.base import (
     package_version,
     register,
 )
+from cpbench.solvers.native.nonlinear.row_error import row_error
 from cpbench.solvers.options import fixed
 
 STUCK = 1e-15
@@ -55,6 +56,7 @@ class _Watched:
     def __init__(self, problem: Equation, budget: Budget, limit: int) -> None:
         self._problem, self._tolerance, self._limit = problem, budget.tolerance, limit
         self._deadline = time.monotonic() + budget.seconds
+        self._free = np.full(problem.start.size, -np.inf), np.full(problem.start.size, np.inf)
         self._first: Vector | None = None
         self.best, self.error = problem.start, math.inf
         self.counters = {"iterations": 0, "jacobians": 0}
@@ -71,6 +73,8 @@ class _Watched:
         with np.errstate(all="ignore"):
             F = self._problem.F(z)
             error = scaled(norm(F), self._problem.scale)
+            if error <= self._tolerance:  # F(0), the scale, may be of any size beside a pole
+                error = max(error, row_error(z, F, self._problem.F.jacobian(z), self._free[0], self._free[1]))
         if error < self.error:
             self.best, self.error = z, error
         if self.error <= self._tolerance:

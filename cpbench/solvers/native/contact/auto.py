@@ -93,8 +93,8 @@ class AutoContact(Solver):
         if first > 0:
             sweeps.sweep(first, budget.tolerance, look)
         if sweeps.error <= budget.tolerance:
-            made = counters(sweeps.done)
-            return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, made)
+            spent = counters(sweeps.done)
+            return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, spent)
         begin = np.zeros(rows.problem.q.size) if start is None else start.r
         run = Phases(prepared, budget, begin, sweeps, limit, deadline, record)
         claim, message = Claim.MAX_ITER, f"{limit} iterations"

@@ -1,4 +1,4 @@
-"""What solvers of frictional contact share: W by rows of blocks, sweeps of NSGS over it, and what they conclude."""
+"""Base of solvers of frictional contact: W by rows of blocks, sweeps of NSGS over it, and what they conclude."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class LCPBox(CountedBox):
             x = solve_linear(A + SHIFT * identity(b.size, A), b)
         return x
 
-    def error(self, z: Vector, F: Vector) -> float:
+    def error(self, z: Vector, F: Vector, tolerance: float) -> float:
         return error_of(self._prepared.problem, z * self._prepared.z_unit)
 
 

@@ -43,7 +43,7 @@ class LinearBox(CountedBox):
     def jacobian(self, z: Vector) -> Matrix:
         return self._prepared.K
 
-    def error(self, z: Vector, F: Vector) -> float:
+    def error(self, z: Vector, F: Vector, tolerance: float) -> float:
         return self._prepared.error(z)
 
 

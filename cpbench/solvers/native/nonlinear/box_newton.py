@@ -1,4 +1,4 @@
-"""What the Newton methods for nonlinear complementarity share: the problem with its counters, the loop that watches,
+"""Base of the Newton methods for nonlinear complementarity: the problem with its counters, the loop that watches,
 records and starts again elsewhere.
 
 A method that is stuck (no step lowers its merit, or nothing is gained for long) begins again: at the same point by its
@@ -26,6 +26,7 @@ from cpbench.matrices import Matrix, Sparse, Vector, dense, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.native.lcp.claims import CLOSE
 from cpbench.solvers.native.nonlinear.reformulation import Reformulation
+from cpbench.solvers.native.nonlinear.row_error import row_error
 
 DENSE_LIMIT = 150
 """Up to this size Jacobians are dense: SuperLU costs more."""
@@ -79,10 +80,13 @@ class CountedBox:
     def project(self, z: Vector) -> Vector:
         return project_box(z, self.lb, self.ub)
 
-    def error(self, z: Vector, F: Vector) -> float:
-        """Return the judged error of z, of which F is F(z)."""
+    def error(self, z: Vector, F: Vector, tolerance: float) -> float:
+        """Return the natural map of z, of which F is F(z), as a whole; where that is within the tolerance, the larger
+        one of its rows."""
         with np.errstate(all="ignore"):
             error = scaled(norm(box_defect(z, F, self.lb, self.ub)), self.problem.scale)
+            if error <= tolerance:
+                error = max(error, row_error(z, F, self.problem.F.jacobian(z), self.lb, self.ub))
         return error if math.isfinite(error) else math.inf
 
     def solve(self, A: Matrix, b: Vector) -> Vector | None:
@@ -147,7 +151,7 @@ class _Best:
 def run(
     method: BoxMethod, budget: Budget, limit: int, restarts: int, start: Vector | None, record: Record | None
 ) -> SolverOutput:
-    """Take steps until the judged error is at most the tolerance, or the limits are reached, or no start helps."""
+    """Take steps until the error is at most the tolerance, or the limits are reached, or no start helps."""
     box = method.box
     counters = box.counters
     rng = np.random.default_rng(budget.seed)
@@ -170,7 +174,7 @@ def run(
         done = counters["iterations"]
         z, F = method.z, method.F
         shown = box.project(z)
-        error = box.error(shown, F if np.array_equal(shown, z) else box.F(shown))
+        error = box.error(shown, F if np.array_equal(shown, z) else box.F(shown), budget.tolerance)
         if record is not None:
             record(done, error, partial(box.point, shown))
         if error < best.error:

@@ -20,8 +20,8 @@ class _System(VIConditions):
 @register
 class EquationNewton(Solver):
     """F(z) = 0 as an inequality over the whole space: Φ = F, d = −F′⁻¹F; εI added, Levenberg–Marquardt or
-    extragradient steps where that does not descend or F or F′ is no number. Tolerance: on ‖F‖ as it is
-    judged, with a step or two beyond."""
+    extragradient steps where that does not descend or F or F′ is no number. Tolerance: on ‖F‖ and on every
+    row, with a step or two beyond."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="newton-equation",

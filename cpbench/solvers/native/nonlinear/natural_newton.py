@@ -107,6 +107,10 @@ class VIConditions(Field):
         kept = np.where(self._signed, np.minimum(multipliers, rows), rows)
         return np.concatenate([super().defect(x[: self.n], F[: self.n]), kept])
 
+    def bounds(self, x: Vector) -> tuple[Vector, Vector]:
+        lb, ub = super().bounds(x[: self.n])
+        return np.append(lb, np.where(self._signed, 0.0, -np.inf)), np.append(ub, np.full(self._signed.size, np.inf))
+
     def _g(self, z: Vector) -> Vector:
         if isinstance(self.problem, QVI):
             return self.problem.row_values(z)
@@ -221,7 +225,7 @@ class NaturalNewton(ProjectionMethod):
         self._idle += 1
         if size < 0.9 * self._level:
             self._level, self._idle = size, 0
-        if self._idle > PATIENCE and self._elsewhere():
+        if self._idle > PATIENCE and self.elsewhere():
             return True
         if self._waiting == 0:
             found = self._newton(phi, min(self._accepted, size))
@@ -235,11 +239,11 @@ class NaturalNewton(ProjectionMethod):
             self._slow = Extragradient(self.field, ExtragradientOptions())
             self._slow.begin(self.z, self.F)
         if not self._slow.step():
-            return self._elsewhere()
+            return self.elsewhere()
         self.z, self.F = self._slow.z, self._slow.F
         return True
 
-    def _elsewhere(self) -> bool:
+    def elsewhere(self) -> bool:
         """Stand at another start, at the best point when there were enough of them; False when that was done too."""
         done = self.field.counters["restarts"]
         if done > self.options.restarts:

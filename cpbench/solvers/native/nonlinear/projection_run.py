@@ -1,7 +1,8 @@
-"""What the projection methods for (quasi-)variational inequalities share: F and the set with their counters, a first
+"""Base of the projection methods for (quasi-)variational inequalities: F and the set with their counters, a first
 step length, and the loop that watches the natural map, records and ends.
 
-They use nothing of a problem but values of F and projections on the simple set S, so that rows and g are not for them.
+They use nothing of a problem but values of F and projections on the simple set S, so that rows and g are not for them;
+F′ is asked for only where an iterate looks like an answer.
 All of them converge where F is monotone and locally Lipschitz continuous (`projection-vi`: cocoercive or strongly
 monotone), linearly at best; elsewhere they may cycle, and then say that they stalled.
 """
@@ -22,9 +23,10 @@ from cpbench.formulations.base import scaled
 from cpbench.formulations.qvi import QVI, QVIPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
-from cpbench.matrices import Vector, norm
+from cpbench.matrices import Sparse, Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.native.lcp.claims import CLOSE
+from cpbench.solvers.native.nonlinear.row_error import row_error
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed
 
@@ -72,9 +74,26 @@ class Field:
             return self.problem.defect(x, F)
 
     def error(self, x: Vector, F: Vector) -> float:
-        """Return the judged error of x, of which F is F(x)."""
+        """Return the natural map of x, of which F is F(x), as a whole."""
         error = scaled(norm(self.defect(x, F)), self.problem.scale)
         return error if math.isfinite(error) else math.inf
+
+    def row_error(self, x: Vector, F: Vector) -> float:
+        """Return the largest natural map of a row of x, of which F is F(x); 0 where the set is no box."""
+        if self.problem.cone_kind.size:
+            return 0.0
+        slope = self.derivative(x)
+        return math.inf if slope is None else row_error(x, F, slope, *self.bounds(x))
+
+    def bounds(self, x: Vector) -> tuple[Vector, Vector]:
+        """Return those of a set without cones, of that at x where it moves."""
+        return self.problem.set_at(x)[1:] if isinstance(self.problem, QVI) else (self.problem.lb, self.problem.ub)
+
+    def derivative(self, x: Vector) -> Sparse | None:
+        """Return F′(x); None where an entry is no number."""
+        with np.errstate(all="ignore"):
+            slope = self.problem.F.jacobian(x)
+        return slope if np.isfinite(slope.data).all() else None
 
     def point(self, x: Vector) -> Any:
         return VIPoint(x) if isinstance(self.problem, VI) else QVIPoint(x)
@@ -115,9 +134,13 @@ class ProjectionMethod(ABC):
     def step(self) -> bool:
         """Go to the next iterate; False where no step length gives a finite one."""
 
+    def elsewhere(self) -> bool:
+        """Stand at another start, for the natural map is small where no solution is; False where there is none."""
+        return False
+
 
 class ProjectionSolver(Solver):
-    """A projection method. Tolerance: on the judged error itself, which is measured at every iterate."""
+    """A projection method. Tolerance: on the natural map as a whole and, where S is a box, on that of every row."""
 
     method: ClassVar[type[ProjectionMethod]]
 
@@ -126,7 +149,8 @@ class ProjectionSolver(Solver):
 
     def setup(self, problem: VI | QVI, budget: Budget, options: VIProjectionOptions) -> VI | QVI:
         with np.errstate(all="ignore"):
-            problem.F(problem.start)  # compiles it
+            problem.F(problem.start)  # compiles it, and its derivative
+            problem.F.jacobian(problem.start)
         return problem
 
     def warmup(self) -> None:
@@ -169,7 +193,7 @@ def rows_obstacle(problem: VI | QVI) -> str | None:
 def run(
     field: Field, method: ProjectionMethod, budget: Budget, limit: int, start: Vector, record: Record | None
 ) -> SolverOutput:
-    """Take steps until the natural map is at most the tolerance, or the limits are reached, or nothing gains."""
+    """Take steps until the error is at most the tolerance, or the limits are reached, or nothing gains."""
     with np.errstate(all="ignore"):
         return _run(field, method, budget, limit, start, record)
 
@@ -187,9 +211,13 @@ def _run(
     best, least = method.z, math.inf
     claim, message = Claim.MAX_ITER, f"{limit} iterations"
     met = math.inf  # the iteration at which the tolerance was met
+    false = 0  # iterations in which it was met as a whole only
     while True:
         done, z = counters["iterations"], method.z
-        error = field.error(z, method.F)
+        whole = error = field.error(z, method.F)
+        if whole <= budget.tolerance:
+            error = max(whole, field.row_error(z, method.F))
+            false = 0 if error <= budget.tolerance else false + 1
         if record is not None:
             record(done, error, partial(field.point, z))
         if error < least:
@@ -201,7 +229,12 @@ def _run(
         if time.monotonic() > deadline:
             claim, message = Claim.FAILED, f"out of time after {done} iterations"
             break
-        trouble = progress.trouble(done, error)
+        if false > POLISH:
+            false = 0
+            if method.elsewhere():
+                progress = Progress(STALL)
+                continue
+        trouble = progress.trouble(done, whole)
         if trouble is None and not method.step():
             trouble = f"no step from error {error:.1e} after {done} iterations"
         if trouble is not None:

@@ -14,7 +14,8 @@ from cpbench.solvers.native.nonlinear.projection_run import ProjectionSolver, ru
 
 
 class NaturalMapSolver(ProjectionSolver):
-    """Newton on the natural map of the optimality conditions. Tolerance: on that map, with a step or two beyond."""
+    """Newton on the natural map of the optimality conditions. Tolerance: on that map, as a whole and in every row of a
+    box, with a step or two beyond."""
 
     method = NaturalNewton
 
