@@ -23,9 +23,9 @@ SECONDS = 60.0
 ROW_SECONDS = 10.0
 """The same for each answer of a run [s]."""
 TOLERANCE = 1e-8
-"""What a solver is asked for where no answer is given: active sets are read off what it returns."""
+"""Tolerance of a solver where no answer is given: active sets are read off what it returns."""
 FINER, ACCEPTED = 1e-10, 1e-6
-"""What the solvers after the automatic choice are asked for, and what an answer has to meet."""
+"""Tolerance of the solvers after the automatic choice, and the one that an answer has to meet."""
 SOLVE_SECONDS = 20.0
 """Time for each of them [s]."""
 METHODS = (

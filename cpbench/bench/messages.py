@@ -190,7 +190,7 @@ class Prepared(Message):
 class StartFound(Message):
     """The point from which to start: its `vectors`, none for a cold start, and its description for the row."""
 
-    told: str
+    description: str
     vectors: Vectors = field(default_factory=dict[str, Any])
 
 

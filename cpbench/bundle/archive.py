@@ -31,7 +31,7 @@ MOST_MANIFEST = 2**28
 EXPANSION = 1100
 """Deflate cannot expand by more than 1032; a zip that claims more than this is not believed."""
 _PART = re.compile(r"[A-Za-z0-9_.+=@-][A-Za-z0-9_.+=@ -]*")
-"""What the parts of a name are made of: nothing that a shell, a terminal or a file system takes for something else."""
+"""Characters of the parts of a name: none that a shell, a terminal or a file system takes for something else."""
 _CHUNK = 2**20
 _DATE = (1980, 1, 1, 0, 0, 0)
 

@@ -24,7 +24,7 @@ from cpbench.errors import CpbenchError
 NAME = "results.sqlite"
 ELSEWHERE = "elsewhere"
 _META = ("cpbench", "date", "seed", "jobs", "builtin", "versions")
-"""What an anonymous bundle keeps of the facts of a run, beside those that are made anew."""
+"""Facts of a run that an anonymous bundle keeps, beside those that are made anew."""
 _TABLES = ("refused", "references", "merged", "formats")
 _MACHINE = ("cpu", "cores", "threads", "ram_gib", "python")
 

@@ -64,11 +64,12 @@ def command(
 ) -> None:
     """Keep the outcomes of a run as sorted text for version control, and show what a later run changes.
 
-    Each pair has a line: status, power of ten of the error, counters, and why a failure is known (written by hand,
-    kept). There are no times, machines or dates. An update takes over what got better; what got
-    worse is listed and left as it was, unless it is accepted with a reason. Pairs that were not run are left alone.
+    Each pair has a line: status, power of ten of the error, counters, and the reason of a known failure (written by
+    hand, and kept). There are no times, machines or dates. An update takes over better outcomes. Worse outcomes are
+    listed and the old line stays, unless they are accepted with a reason. Lines of pairs that were not run stay as they
+    are.
 
-    Ends with 1 for --fail-on, and when rows of RESULTS are not as a run wrote them.
+    The exit code is 1 for --fail-on, and when rows of RESULTS were changed after the run.
     """
     from cpbench.analysis import ratchet
     from cpbench.api import baselines

@@ -32,7 +32,8 @@ def command(
     report: bool | None,
     force: bool,
 ) -> None:
-    """Put a run with everything that repeats it into one zip file: plan, versions, machine, plugins, problems, results.
+    """Put a run, with everything needed to repeat it, into one zip file: plan, versions, machine, plugins, problems,
+    results.
 
     Built-in problems are included by name, and problems whose licence forbids copies by fingerprint and source.
     cpbench reproduce runs a bundle again and compares.

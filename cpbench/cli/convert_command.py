@@ -79,10 +79,12 @@ def command(
     file_format: str | None,
     force: bool,
 ) -> None:
-    """Convert a problem to another formulation, format, or parameters; OUT knows how to lift an answer back.
+    """Convert a problem to another formulation, format, or parameters; the file OUT contains all that is needed to lift
+    an answer back.
 
-    With --check, the solution in IN is carried there and back, or, where there is none that passes, an answer that a
-    native solver finds there; exit code 1 when an exact conversion's lifted answer does not pass, or there is none.
+    With --check, the solution in IN is pushed to the converted problem and lifted back. If IN has no solution that
+    passes, an answer that a native solver finds to the converted problem is lifted. The exit code is 1 when the lifted
+    answer of an exact conversion does not pass, or when there is none.
     """
     if node is not None:
         formulations.get(node)

@@ -40,8 +40,8 @@ from cpbench.storage.packing.remarks import remarks
 def command(output: Path, name: str, force: bool, axes: str | None, sequence: bool, **given: Any) -> None:
     """Make a problem file from matrices and vectors in .npy, .npz, .mtx or .csv files.
 
-    With --sequence every PATH is a folder or a glob with one file a step (in the order of the numbers in their names),
-    or an array with the steps as first dimension; what has no steps is the same in all:
+    With --sequence every PATH is a folder or a glob with one file per step (in the order of the numbers in their
+    names), or an array with the steps as first dimension; data without steps are the same in all steps:
 
     \b
       cpbench pack scene.h5 --sequence --dt 1e-3 --fc 'W*.npz' 'q*.npy' mu.npy --ids 'ids*.npy'

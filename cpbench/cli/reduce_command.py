@@ -48,11 +48,11 @@ def command(
     memory: int,
     quiet: bool,
 ) -> None:
-    """Make a problem on which a solver fails as small and simple as the failure lets it be.
+    """Reduce a problem on which a solver fails to the smallest and simplest that still fails.
 
-    Contacts, bodies, unknowns and rows are left out and numbers rounded while the solver fails as before, each
-    candidate solved in a process of its own. The folder then has the problem, a picture, a report for an issue, and
-    programs in C, Python and Julia that hold the data. The same command after an interruption goes on.
+    The command removes contacts, bodies, unknowns and rows, and rounds numbers, as long as the solver fails as before;
+    each candidate is solved in a process of its own. The folder then has the problem, a picture, a report for an issue,
+    and programs in C, Python and Julia that contain the data. After an interruption, the same command continues.
 
     \b
     cpbench reduce scene.h5 -s nsgs --while timeout -o nsgs-hangs

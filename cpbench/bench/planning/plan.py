@@ -174,10 +174,10 @@ def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
     return Request(name, EXACT_KINDS, tuple(steps))
 
 
-def _knobs(name: str, known: Mapping[str, Any], said: Mapping[str, str], whole: str) -> dict[str, Any]:
+def _knobs(name: str, known: Mapping[str, Any], texts: Mapping[str, str], whole: str) -> dict[str, Any]:
     """Return parameters of a conversion, with the types of their defaults."""
     given: dict[str, Any] = {}
-    for knob, value in said.items():
+    for knob, value in texts.items():
         if knob not in known:
             raise UnknownName(f"parameter of {name}", knob, known)
         kind = type(known[knob])

@@ -1,4 +1,4 @@
-"""What the MLCP solvers share: the data brought to size one, a proof of infeasibility, and the last word on a claim."""
+"""Base of the MLCP solvers: the data brought to size one, a proof of infeasibility, and the last word on a claim."""
 
 from __future__ import annotations
 
