@@ -176,7 +176,10 @@ def _solve(
         counters["iterations"] = done + 1
         shown = at.x
     if least <= budget.tolerance:
+        found = best
         best, least = settled(prepared, best, least, budget.tolerance)
+        if record is not None and best is not found:
+            record(counters["iterations"] + 1, least, partial(answer, best))
         claim, message = Claim.SOLVED, ""
     return SolverOutput(claim=claim, point=answer(best), counters=counters, message=message)
 
