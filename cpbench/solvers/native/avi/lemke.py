@@ -190,8 +190,8 @@ def _no_rows(problem: Relay) -> tuple[Dense, Vector, Dense, Vector]:
 
 @register
 class LemkeAVI(_Pivoting):
-    """Ends in a solution or in a ray; for monotone M (copositive-plus on the recession cone of X) a ray proves that
-    there is no solution. M need not be monotone; where X contains lines it must be invertible on them."""
+    """A method that ends in a solution or in a ray; for monotone M (copositive-plus on the recession cone of X) a ray
+    proves that there is no solution. M need not be monotone; where X contains lines it must be invertible on them."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="lemke-avi",
