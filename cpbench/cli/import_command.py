@@ -22,7 +22,7 @@ from cpbench.plurals import counted
 
 @click.command("import", cls=Command)
 @click.argument("source", metavar="ANSWERS", type=PATH)
-@click.option("-s", "--solver", required=True, metavar="NAME", help="Solver that made the answers; any name.")
+@click.option("-s", "--solver", required=True, metavar="NAME", help="Solver that computed the answers; any name.")
 @click.option(
     "--problems",
     multiple=True,
