@@ -125,13 +125,13 @@ def _spec(node: str, summary: str) -> SolverSpec:
 
 @register
 class ExtragradientRelay(_Extragradient):
-    """Converges for monotone M; asks for no diagonal, as Gauss–Seidel does."""
+    """A method that converges for monotone M; asks for no diagonal, as Gauss–Seidel does."""
 
     spec: ClassVar[SolverSpec] = _spec("relay", "on the box")
 
 
 @register
 class ExtragradientAVI(_Extragradient):
-    """Converges for monotone M; for bounds alone, whose projection is a formula."""
+    """A method that converges for monotone M; for bounds alone, whose projection is a formula."""
 
     spec: ClassVar[SolverSpec] = _spec("avi", "where there are bounds alone")
