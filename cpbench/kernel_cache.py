@@ -32,9 +32,8 @@ VARIABLE = "NUMBA_CACHE_DIR"
 _PACKAGE = Path(__file__).resolve().parent
 _TAKEN = re.compile(r"^from (cpbench\.\w+\.kernels\.\w+) import", re.MULTILINE)
 """How a kernel module takes functions from another one."""
-_KEPT = "cache=True"
-"""What is in the source of a module that has kernels of its own in the cache; the others are compiled where they are
-used."""
+_KEPT = re.compile(r'cache=True|"cache": True')
+"""Options of a kernel that is in the cache; others are compiled where they are used."""
 
 _SIDE = """
 import sys
@@ -42,7 +41,7 @@ from cpbench.kernel_cache import load
 for module in sys.argv[1:]:
     load(module)
 """
-"""What the other process of `load_all` runs."""
+"""Program of the other process of `load_all`."""
 
 
 @cache
@@ -81,8 +80,8 @@ def load(module: str) -> ModuleType:
     directory = ensure_cache_dir()
     with uncollected():
         importlib.import_module("numba")  # slow, and needs no lock
-    for taken, path in _taken(module):  # before its own lock: nobody holds one and waits for another
-        if _KEPT in path.read_text("utf-8"):
+    for taken, _ in _taken(module):  # before its own lock: nobody holds one and waits for another
+        if is_kept(taken):
             load(taken)
     with _one_at_a_time(directory / f"{module}.lock"):
         _drop_stale(module, directory)
@@ -126,6 +125,11 @@ def modules(*packages: str) -> list[str]:
         for package in packages
         for file in sorted((_PACKAGE / package / "kernels").glob("[!_]*.py"))
     ]
+
+
+def is_kept(module: str) -> bool:
+    """Return whether a module has kernels of its own in the cache."""
+    return _KEPT.search(_file(module).read_text("utf-8")) is not None
 
 
 def is_compiled(module: str) -> bool:

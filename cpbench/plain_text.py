@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters but tab and line feed, what turns the direction of writing, and halves of surrogate pairs."""
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""What a cell begins with that a spreadsheet takes for a formula."""
+"""Beginnings of a cell that a spreadsheet takes for a formula."""
 
 
 def printable(text: str) -> str:

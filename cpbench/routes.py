@@ -93,6 +93,7 @@ def best_first(
     most theirs, and its label is the beginning of theirs.
     """
     pinned = frozenset(edge.name for edge in via)
+    # a loop (qp-qp-dual) leads nowhere: only who names it has a reason to take it
     usable = [e for e in edges(via) if e.name in pinned or (best_kind(e) in kinds and e.source != e.target)]
     maps = nodes_of_maps()
     onward = [e for e in usable if e.source not in maps or e.target in maps or e.name in pinned]
@@ -111,9 +112,12 @@ def best_first(
             continue
         for edge in onward if path else usable:
             left = prefix.left - {edge.name}
+            # a loop may be taken at the node where the path stands, but once
             again = edge.target in prefix.seen and (edge.target != node or left == prefix.left)
             if edge.source == node and not again and (edge.target, left) in ahead:
                 seen = prefix.seen | {edge.target}
+                # the bound knows nothing of the nodes seen: without this look, problems would be converted on ways
+                # with no end
                 if _is_open(edge.target, target, onward, seen):
                     longer = Route((*path, edge))
                     bound = round(longer.cost + ahead[edge.target, left], 9)  # sums in any order are the same

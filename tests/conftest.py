@@ -78,7 +78,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if not getattr(config.option, "tx", None) or hasattr(config, "workerinput"):
         return
     modules = kernel_cache.modules("expressions", "conversions", "solvers")
-    kept = [name for name in modules if "cache=True" in (ROOT / f"{name.replace('.', '/')}.py").read_text("utf-8")]
+    kept = [name for name in modules if kernel_cache.is_kept(name)]
     if not all(map(kernel_cache.is_compiled, kept)):
         print("compiling the kernels", file=sys.stderr, flush=True)
         orders = (kept, kept[::-1])  # each begins at another end, and waits for what the other one is compiling

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.advice.tuning import record
-from cpbench.advice.tuning.search import Found, Search
+from cpbench.advice.tuning.search import Search, SearchResult
 from cpbench.advice.tuning.space import space
 from cpbench.bench import machine
 from cpbench.bench.planning import plan_file, plan_text
@@ -35,7 +35,7 @@ from cpbench.plurals import counted
 class Tuned:
     """The end of a search: what it found on how many problems, its summary in lines, whether it was interrupted."""
 
-    found: Found
+    found: SearchResult
     lines: tuple[str, ...]
     interrupted: bool = False
 
@@ -118,7 +118,7 @@ def tune(
     return Tuned(found, (*lines, *_cautions(found, len(pairs))), interrupted)
 
 
-def _cautions(found: Found, problems: int) -> list[str]:
+def _cautions(found: SearchResult, problems: int) -> list[str]:
     """Return what limits the comparison, and what the search cost."""
     lines: list[str] = []
     if not found.score.gains_on(found.default):
@@ -145,7 +145,7 @@ def _one_a_problem(plan: RunPlan, slot: Slot, reading: Reading) -> list[Pair]:
 
 
 class _Keeper:
-    """Writes every solve into a results file, for `cpbench report`."""
+    """Writer of every solve into a results file, for `cpbench report`."""
 
     def __init__(self, store: Store, command: str) -> None:
         self._store = store

@@ -39,7 +39,7 @@ EXACT = "exact"
 FOLLOWED = "previous"
 """The start by which a problem's place in its sequence belongs to the pair."""
 GIVEN_UP = (str(Status.FAILED), str(Status.ERROR))
-"""What such a solver leaves behind is no answer: its error may be anything."""
+"""Statuses whose error may be anything: what such a solver leaves behind is no answer."""
 _READ = (
     "node", "request", "start", "sequence", "claim", "status", "step", "tolerance", "threads", "measure", "error",
     "counters",

@@ -20,7 +20,7 @@ Sheets = Mapping[str, Mapping[str, Any]]
 CLOCKS = ("time", "solve", "cpu")
 """Metrics that have the launch of a program in them."""
 FIRST_STEP = "cold: first step"
-"""What a row tells of its start where there was no step before to start from: no failure of the start policy."""
+"""Text of a row about its start where there was no step before to start from: no failure of the start policy."""
 
 
 @dataclass(frozen=True)

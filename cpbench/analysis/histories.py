@@ -1,7 +1,7 @@
 """Error against time: what the iterates of a group's solves tell about every tolerance, or every deadline, at once.
 
 `histories` is a table with one row a judged iterate: `key` of the row it belongs to, `time` [s] since its solve began,
-`share` of the recorded solve that was over, `iteration`, `told` (the solver's residual) and `error` (ours). Iterates
+`share` of the recorded solve that was over, `iteration`, `residual` (the solver's own) and `error` (ours). Iterates
 are kept at growing intervals, so that every time here is an upper bound, and so is every error at a time.
 
 With iterates k of pair (p, s), at t_k with error e_k (Moré and Wild, SIAM J. Optim. 20, 2009, read both ways):
@@ -20,11 +20,11 @@ import pandas as pd
 from cpbench.analysis import table as rows_of
 from cpbench.verification import Status
 
-COLUMNS = ("key", "time", "iteration", "told", "error", "share")
+COLUMNS = ("key", "time", "iteration", "residual", "error", "share")
 ERRORS = tuple(float(f"{10.0 ** (-k / 4):.6e}") for k in range(57))
 """Quarter decades from 1 to 1e-14, whole ones exact."""
 BEFORE = ("convert", "setup", "lift")
-"""What a solver's time has besides its solve, of which the history tells a share."""
+"""Parts of a solver's time besides its solve, of which the history has a share."""
 
 Array: TypeAlias = np.ndarray[tuple[int], np.dtype[Any]]
 Matrix: TypeAlias = np.ndarray[tuple[int, int], np.dtype[np.float64]]

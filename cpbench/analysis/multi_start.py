@@ -18,7 +18,7 @@ from cpbench.analysis.participation import REFUSED
 from cpbench.matrices import Vector, norm
 
 EVERY = "file:all"
-"""What the start of merged rows is called."""
+"""Name of the start of merged rows."""
 BEGAN = "began"
 """Column of merged rows with the start that was asked for."""
 SAME = 1e-3

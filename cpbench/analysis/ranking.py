@@ -39,7 +39,7 @@ ENDINGS = {
     str(Status.ERROR): "errors",
     str(Status.STATIONARY): "stationary only",
 }
-"""What is said of rows that ended so, before their number."""
+"""Words for rows that ended so, before their number."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Ranking:
 
     @property
     def title(self) -> str:
-        """What its node is called in full, '' where nobody knows the node any more."""
+        """Title of its node, '' where nobody knows the node any more."""
         return formulations.get(self.group.node).title if self.group.node in formulations else ""
 
     @property

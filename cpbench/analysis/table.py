@@ -36,13 +36,13 @@ NUMBERS = (
     "batch",
 )  # fmt: skip
 ROW = ("key", "problem", "fingerprint", "label")
-"""What tells a row from all others."""
+"""Columns that tell a row from all others."""
 NO_ANSWER = "no answer in the folder"
 """Message of an imported row whose problem nobody answered."""
 STATUSES = tuple(str(s) for s in Status)
 """Every status, from the best outcome to the least informative: the order of all tables."""
 CHARGED = ("convert", "setup", "solve", "lift")
-"""What a solver's time is made of. Reading the file and judging the answer are nobody's merit or fault."""
+"""Columns whose sum is a solver's time. Reading the file and judging the answer are nobody's merit or fault."""
 
 
 @dataclass(frozen=True, order=True)

@@ -22,7 +22,7 @@ from cpbench.formulations.base import Kind
 from cpbench.verification import INACCURATE_FACTOR, PROVEN, TARGET_UNRESOLVABLE, Status, Verdict, status
 
 UNCLAIMED = "inaccurate"
-"""What stands for the claim of an iterate that was read off a history: nobody said that it is right."""
+"""Claim of an iterate that was read off a history: nobody said that it is right."""
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,9 @@ SECONDS = 60.0
 ROW_SECONDS = 10.0
 """The same for each answer of a run [s]."""
 TOLERANCE = 1e-8
-"""What a solver is asked for where no answer is given: active sets are read off what it returns."""
+"""Tolerance of a solver where no answer is given: active sets are read off what it returns."""
 FINER, ACCEPTED = 1e-10, 1e-6
-"""What the solvers after the automatic choice are asked for, and what an answer has to meet."""
+"""Tolerance of the solvers after the automatic choice, and the one that an answer has to meet."""
 SOLVE_SECONDS = 20.0
 """Time for each of them [s]."""
 METHODS = (
@@ -125,7 +125,8 @@ def require_flint() -> None:
 
 
 def certify_rows(store: Store, seconds: float = ROW_SECONDS) -> Iterator[str]:
-    """Look for certificates of all kept answers of a results file that have none yet; yields a line for each.
+    """Look for certificates of all kept answers of a results file that have none yet; yields a line for each. Rows
+    keep their proofs, and the file the data of their problems.
 
     The file is open for writing. `seconds` : limit of each search [s].
 
@@ -133,9 +134,11 @@ def certify_rows(store: Store, seconds: float = ROW_SECONDS) -> Iterator[str]:
     """
     from cpbench import storage
     from cpbench.bench.results import answers
+    from cpbench.certificates.certificate import MEASURED, data_image, image
 
     formats = store.meta().get("formats", {})
     loaded: tuple[str, Problem] | None = None
+    noted = set[str]()
     for row in sorted(store.rows(), key=lambda row: row.address):
         blob = store.ending(row.key)[1] if row.certainty is None else None
         if blob is None:
@@ -147,7 +150,12 @@ def certify_rows(store: Store, seconds: float = ROW_SECONDS) -> Iterator[str]:
             raise CpbenchError(f"{row.address}: is not the problem that was solved (its fingerprint changed)")
         found = certify(problem, answers.unpack(blob), seconds=seconds)
         distance = found.distance if math.isfinite(found.distance) else None
-        store.note_certificate(row.key, found.level, distance, summary(found))
+        more = found.level != MEASURED or bool(found.excluded) or not math.isnan(found.solutions)
+        proof = image(found) if more else None
+        if proof is not None and problem.fingerprint not in noted:
+            noted.add(problem.fingerprint)
+            store.note_proved_problems([(problem.fingerprint, data_image(problem))])
+        store.note_certificate(row.key, found.level, distance, summary(found), proof)
         yield f"{row.problem}  {row.label}: {found.level}" + ("" if distance is None else f", within {distance:.2g}")
 
 

@@ -39,7 +39,7 @@ class Converted:
 
     @property
     def kind(self) -> Kind:
-        """What an answer to `problem` is worth on `source`."""
+        """The worth on `source` of an answer to `problem`."""
         return self.arrival.kind
 
     def lift(self, answer: Solution | Point | Sequence[float]) -> Any:

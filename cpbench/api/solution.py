@@ -1,4 +1,4 @@
-"""What `cpbench.solve` returns: an answer with what was measured of it."""
+"""The result of `cpbench.solve`: an answer with what was measured of it."""
 
 from __future__ import annotations
 

@@ -36,15 +36,15 @@ if TYPE_CHECKING:
     from cpbench.bench.results.store import Store
 
 SECONDS = 5.0
-"""What reading all of them may take, from the first on."""
+"""Seconds that reading all of them may take, from the first on."""
 PATIENCE = 1.0
 """Seconds that one may take."""
 STARTUP = 20.0
 """Seconds within which the process is there; they pass while the rest of the report is made."""
 BYTES = 400_000
-"""What the pictures of a page may take, compressed."""
+"""Bytes that the pictures of a page may take, compressed."""
 COLUMNS = ("address", "family", "tolerance", "node", "status", "error")
-"""What is asked of the rows, beside what tells them apart."""
+"""Columns that are read of the rows, beside their identity."""
 MOST = 4000
 """Problems that are asked for."""
 

@@ -53,8 +53,8 @@ class SolverState:
     @property
     def line(self) -> str:
         """The state and its reason in one line; of a traceback the last."""
-        said = self.detail.strip().splitlines()
-        return f"{self.state}: {said[-1].strip()}" if said else self.state
+        lines = self.detail.strip().splitlines()
+        return f"{self.state}: {lines[-1].strip()}" if lines else self.state
 
 
 def glance(solver: Solver) -> SolverState:
@@ -78,9 +78,9 @@ def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[SolverStat
     left = 0
     for _, members in groupby(sorted(chosen, key=_guest), key=_guest):
         glances = [(solver, glance(solver)) for solver in members]
-        told = [seen for _, seen in glances if seen.state == "missing" or (seen.state == "ok" and not warm)]
-        yield from told
-        names = [seen.name for _, seen in glances if seen not in told]
+        known = [seen for _, seen in glances if seen.state == "missing" or (seen.state == "ok" and not warm)]
+        yield from known
+        names = [seen.name for _, seen in glances if seen not in known]
         if names:
             waiting.put(names)
             left += len(names)

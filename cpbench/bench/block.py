@@ -62,6 +62,7 @@ class Block:
         Of a chained block the second part cannot be run before the first has ended (`rest`).
         """
         count = max(count, 1)
+        # variants are neighbours, and the tightest, which answers for the others, is the first
         while 0 < count < len(self.pairs) and variant(self.pairs[count]) == variant(self.pairs[count - 1]):
             count += 1
         first, others = self.pairs[:count], self.pairs[count:]
@@ -108,7 +109,7 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
         grouped.setdefault(block_name(pair), []).append(pair)
     names = sorted(grouped)
     draw.shuffle(names)
-    made: list[Block] = []
+    listed: list[Block] = []
     for name in names:
         members = grouped[name]
         draw.shuffle(members)
@@ -116,13 +117,13 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
         members.sort(key=lambda p: (p.step if p.scene else 0, place[variant(p)], p.tolerance))
         todo = tuple(p for p in members if p.key in pending)
         if todo and stackable(todo[0]):
-            made += [Block(todo[at : at + STACKED]) for at in range(0, len(todo), STACKED)]
+            listed += [Block(todo[at : at + STACKED]) for at in range(0, len(todo), STACKED)]
         elif todo:
             keys = {p.key for p in todo}
             before = {key: pair for key, pair in predecessors(members).items() if key in keys}
             known = {p.key: ending(p.key) for p in before.values() if p.key not in keys}
-            made.append(Block(todo, before, known))
-    return made
+            listed.append(Block(todo, before, known))
+    return listed
 
 
 def block_name(pair: Pair) -> str:

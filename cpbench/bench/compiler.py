@@ -68,8 +68,8 @@ class Compiler:
         try:
             if self._now is not None and self._child is not None:
                 with contextlib.suppress(TimedOut):
-                    told, _ = frames.unpack(self._child.receive(0.0))
-                    self._now = None if told.get("solver") == self._now else self._now
+                    reply, _ = frames.unpack(self._child.receive(0.0))
+                    self._now = None if reply.get("solver") == self._now else self._now
             if self._now is None and self._queue:
                 self._now = self._queue.popleft()
                 if self._child is None:

@@ -1,7 +1,7 @@
 """The way of one solve to its answer: iterates kept while it runs, judged afterwards on the problem that was asked.
 
 The worker records (`recorded`), in a solve of its own after those that are timed. The referee measures every iterate
-that was kept (`Trail`, `History`), so that what a solver tells of itself is never needed. One run at a tight
+that was kept (`RecordedIterates`, `History`), so that what a solver tells of itself is never needed. One run at a tight
 tolerance then gives the rows of the looser ones (`derived_rows`).
 """
 
@@ -63,6 +63,7 @@ class IterateRecorder:
         now = time.perf_counter()
         self.calls += 1
         self._last = elapsed = now - self._begun - self.cost
+        # a point is made only where it is kept: to make one can cost as much as an iteration
         if elapsed >= self._due:
             self._kept.append((elapsed, iteration, residual, point()))
             if len(self._kept) >= self._room:
@@ -78,14 +79,14 @@ class IterateRecorder:
         """
         total = time.perf_counter() - self._begun - self.cost
         tail = total - self._last if output.claim is Claim.SOLVED and self._kept else 0.0
-        kept = [(min(seconds + tail, total), k, told, point) for seconds, k, told, point in self._kept]
+        kept = [(min(seconds + tail, total), k, residual, point) for seconds, k, residual, point in self._kept]
         if output.point is not None:
             last = output.counters.get("iterations", kept[-1][1] if kept else 0)
             kept.append((total, last, math.nan, output.point))
         vectors = {
             "time": np.array([seconds for seconds, *_ in kept]),
             "iteration": np.array([float(iteration) for _, iteration, *_ in kept]),
-            "told": np.array([told for *_, told, _ in kept]),
+            "residual": np.array([residual for *_, residual, _ in kept]),
             "iterates": np.concatenate([np.zeros(0), *(v for *_, p in kept for v in p.arrays().values())]),
         }
         return Recorded(len(kept), total, self.cost, self.calls, vectors)
@@ -95,6 +96,7 @@ class IterateRecorder:
 
     def _thin(self) -> None:
         every = self._kept
+        # to three quarters at once: thinning reads all that is kept, and has to be rare
         while len(self._kept) > 3 * self._room // 4:
             self._apart = max(1.25 * self._apart, 0.01)
             self._kept = every[:1]
@@ -107,36 +109,43 @@ def recorded(solver: Solver, problem: Problem, budget: Budget, options: Any, sta
     """Solve once more and record it."""
     prepared = solver.setup(problem, budget, options)
     size = sum(problem.point_sizes.values())
+    # else this solve might pay for collecting what the timed ones left
     gc.collect(0)
     recorder = IterateRecorder(max(LEAST, min(ROOM, int(BYTES / (8 * size + 1)))))
     return recorder.finish(solver.solve(prepared, budget, options, start, recorder))
 
 
 @dataclass(frozen=True, eq=False)
-class Trail:
+class RecordedIterates:
     """A record of a worker, nothing of it believed but the times: `iterates` is (count, numbers of an answer)."""
 
     time: Vector
     iteration: Vector
-    told: Vector
+    residual: Vector
     iterates: np.ndarray[Any, np.dtype[np.float64]]
     solve: float
     cost: float
     calls: int
 
     @classmethod
-    def of(cls, told: JudgeHistory, size: int) -> Trail:
-        """Return of answers of `size` numbers. Raises PointError when the message does not hold together."""
+    def of(cls, message: JudgeHistory, size: int) -> RecordedIterates:
+        """Return the iterates in a message, for answers of `size` numbers; raises PointError where it does not hold
+        together."""
         try:
-            columns = {name: np.asarray(told.vectors[name], dtype=float) for name in ("time", "iteration", "told")}
-            if any(column.shape != (told.count,) for column in columns.values()):
-                raise ValueError(f"{told.count} iterates with {[c.size for c in columns.values()]} times and residuals")
+            columns = {
+                name: np.asarray(message.vectors[name], dtype=float) for name in ("time", "iteration", "residual")
+            }
+            if any(column.shape != (message.count,) for column in columns.values()):
+                raise ValueError(
+                    f"{message.count} iterates with {[c.size for c in columns.values()]} times and residuals"
+                )
+            # times are the one thing that is taken over: whoever falsified them would at least have to keep their order
             if not (np.isfinite(columns["time"]).all() and (np.diff(columns["time"], prepend=0.0) >= 0.0).all()):
                 raise ValueError("the times do not rise")
-            iterates = np.asarray(told.vectors["iterates"], dtype=float).reshape(told.count, size)
+            iterates = np.asarray(message.vectors["iterates"], dtype=float).reshape(message.count, size)
         except (KeyError, TypeError, ValueError) as cause:
             raise PointError(f"the recorded iterates are none: {cause}") from None
-        return cls(**columns, iterates=iterates, solve=told.solve, cost=told.cost, calls=told.calls)
+        return cls(**columns, iterates=iterates, solve=message.solve, cost=message.cost, calls=message.calls)
 
     def judged(self, errors: Mapping[int, tuple[float, tuple[str, ...]]]) -> History:
         """Return the history of the iterates whose error and flags are given, by their places."""
@@ -144,7 +153,7 @@ class Trail:
         return History(
             time=self.time[places],
             iteration=self.iteration[places],
-            told=self.told[places],
+            residual=self.residual[places],
             error=np.array([errors[k][0] for k in places]),
             flags=tuple(",".join(errors[k][1]) for k in places),
             solve=self.solve,
@@ -160,14 +169,14 @@ class History:
     Attributes
     ----------
     time : seconds that a solve which ended with the iterate would have taken, without those of the recorder.
-    iteration : of the solver. told : its residual, NaN where it told none. error : ours, on the problem that was asked,
-    ∞ for no answer. flags : remarks of the verdict at the tolerance that the iterate just meets. solve : seconds of
-    the whole recorded solve. cost : seconds the recorder took on top. calls : of the recorder.
+    iteration : of the solver. residual : the solver's own, NaN where it reported none. error : ours, on the problem
+    that was asked, ∞ for no answer. flags : remarks of the verdict at the tolerance that the iterate just meets.
+    solve : seconds of the whole recorded solve. cost : seconds the recorder took on top. calls : of the recorder.
     """
 
     time: Vector
     iteration: Vector
-    told: Vector
+    residual: Vector
     error: Vector
     flags: tuple[str, ...]
     solve: float
@@ -190,7 +199,7 @@ class History:
     def pack(self) -> bytes:
         """Pack into one compressed blob."""
         header = {"flags": self.flags, "solve": self.solve, "cost": self.cost, "calls": self.calls}
-        return zlib.compress(frames.pack(header, {name: getattr(self, name) for name in COLUMNS}), 6)
+        return zlib.compress(frames.pack(header, {stored: getattr(self, name) for name, stored in STORED.items()}), 6)
 
     @classmethod
     def unpack(cls, blob: bytes) -> History:
@@ -198,7 +207,7 @@ class History:
         try:
             header, columns = frames.unpack(zlib.decompress(blob))
             return cls(
-                **{name: columns[name] for name in COLUMNS},
+                **{name: columns[stored] for name, stored in STORED.items()},
                 flags=tuple(map(str, header["flags"])),
                 solve=float(header["solve"]),
                 cost=float(header["cost"]),
@@ -208,7 +217,8 @@ class History:
             raise StoreError(f"a history of {len(blob)} bytes cannot be read: {cause}") from None
 
 
-COLUMNS = ("time", "iteration", "told", "error")
+STORED = {"time": "time", "iteration": "iteration", "residual": "told", "error": "error"}
+"""Names in results files of the columns of a history."""
 
 
 def coarse_to_fine(count: int) -> list[int]:
@@ -223,6 +233,7 @@ def coarse_to_fine(count: int) -> list[int]:
     while gaps:
         low, high = gaps.pop(0)
         if high - low > 1:
+            # breadth first: judging ends after HISTORY_SECONDS, wherever it is then
             middle = (low + high) // 2
             order.append(middle)
             gaps += [(low, middle), (middle, high)]
@@ -275,9 +286,9 @@ def table(histories: Iterable[tuple[str, bytes]]) -> pd.DataFrame:
     for key, blob in histories:
         history = History.unpack(blob)
         share = history.time / history.solve if history.solve > 0 else np.ones_like(history.time)
-        columns = {name: getattr(history, name) for name in COLUMNS}
+        columns = {name: getattr(history, name) for name in STORED}
         parts.append(pd.DataFrame({"key": key, **columns, "share": share}))
     empty = pd.DataFrame(
-        {"key": pd.Series(dtype=object), **{name: pd.Series(dtype=float) for name in (*COLUMNS, "share")}}
+        {"key": pd.Series(dtype=object), **{name: pd.Series(dtype=float) for name in (*STORED, "share")}}
     )
     return pd.concat(parts, ignore_index=True) if parts else empty

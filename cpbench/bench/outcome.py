@@ -47,11 +47,11 @@ def unprepared(why: Message, *, loading: bool) -> Outcome:
     if loading or (isinstance(why, Declined) and why.cause == FormatError.__name__):  # not the solver's
         statuses = {OutOfMemory: "memout"}
     return Outcome(
-        status=statuses.get(type(why), "error"), message=f"{'loading' if loading else 'conversion'}: {told(why)}"
+        status=statuses.get(type(why), "error"), message=f"{'loading' if loading else 'conversion'}: {reason(why)}"
     )
 
 
-def told(message: Message) -> str:
+def reason(message: Message) -> str:
     """Return the text of a message that came in place of the expected one."""
     return (message.message if isinstance(message, Failure) else "") or type(message).__name__
 

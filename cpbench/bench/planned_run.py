@@ -105,6 +105,7 @@ def run_pending(
 
     try:
         for attempt in range(1 + asked.retry):
+            # only rows of this command: those of earlier ones are retried when somebody asks for it
             if attempt and not store.reset(RETRIED, mine):
                 break
             _reset_followers(store, planned)
@@ -128,6 +129,7 @@ def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:
     for pair in ordered:
         if pair.key in pending or pair.key not in before or before[pair.key].key not in pending:
             continue
+        # a step that did start from an answer keeps its row: another solve of the same step would give the same start
         if (store.row(pair.key).started or "").startswith(FELL_BACK):
             again.append(pair.key)
             pending.add(pair.key)

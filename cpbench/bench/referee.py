@@ -14,7 +14,7 @@ from typing import Any
 
 from cpbench import graph, storage, verification
 from cpbench.bench import messages, starts
-from cpbench.bench.history import Trail, coarse_to_fine
+from cpbench.bench.history import RecordedIterates, coarse_to_fine
 from cpbench.bench.judging import judge_answer, look_for_proof
 from cpbench.bench.planning.features import features
 from cpbench.bench.planning.plan import Request, parse_request
@@ -128,7 +128,7 @@ class Referee:
             tolerance=case.tolerance,
             before=earlier,
         )
-        return messages.StartFound(begin.told, begin.point.arrays() if begin.point is not None else {})
+        return messages.StartFound(begin.description, begin.point.arrays() if begin.point is not None else {})
 
     def judge(self, asked: messages.Judge) -> messages.Judged:
         """Lift the answer, measure it on the problem that was asked, and give the row its status (`judge_answer`)."""
@@ -177,7 +177,7 @@ class Referee:
     def judge_history(self, asked: messages.JudgeHistory) -> messages.HistoryJudged:
         """Lift and measure the iterates of a recorded solve on the problem that was asked, as many as time permits."""
         source, ready = self._cache.ready(asked.case)
-        recorded = Trail.of(asked, sum(ready.problem.point_sizes.values()))
+        recorded = RecordedIterates.of(asked, sum(ready.problem.point_sizes.values()))
         errors: dict[int, tuple[float, tuple[str, ...]]] = {}
         begun = time.perf_counter()
         for place in coarse_to_fine(len(recorded.iterates)):

@@ -30,12 +30,12 @@ def plan(path: Path, keys: Collection[str], output: Path) -> RunPlan:
     Raises StoreError where the file keeps none, UnknownName on solvers that are not loaded.
     """
     with Store(path) as store:
-        told: Mapping[str, Any] = store.meta().get("plan") or {}
+        plan: Mapping[str, Any] = store.meta().get("plan") or {}
         rows = [row for row in store.rows() if row.key in keys]
-    if not told.get("sets"):
+    if not plan.get("sets"):
         raise StoreError(f"{path}: has no plan of its rows: none can be run again")
     sets: list[dict[str, Any]] = []
-    for part in told["sets"]:
+    for part in plan["sets"]:
         programs = [text for text in part.get("solvers", ()) if "{" in text]
         if programs:
             raise CpbenchError(f"{path}: the solver '{programs[0]}' starts a program: load it with --plugin FILE")
@@ -45,7 +45,7 @@ def plan(path: Path, keys: Collection[str], output: Path) -> RunPlan:
             sets.append({**own, "problems": tuple(dict.fromkeys(addresses))})
     if not sets:
         raise StoreError(f"{path}: the rows to run again belong to no set of its plan")
-    top = {key: told[key] for key in KEPT if key in told}
+    top = {key: plan[key] for key in KEPT if key in plan}
     return run_plan.make({"output": str(output), "report": None, "keep": "all"}, top, sets)
 
 

@@ -119,6 +119,7 @@ def _one_by_one(slot: Slot, todo: Sequence[Block], on_event: EventHandler) -> Ge
                 idle = False
                 yield ended
         if idle:
+            # every block that is left waits for kernels: nothing is timed that one more process could disturb
             slot.compiler.give_back()
 
 
@@ -130,6 +131,7 @@ def _side_by_side(
     waiting: queue.SimpleQueue[Block | None] = queue.SimpleQueue()
     events: queue.SimpleQueue[Event | BaseException | None] = queue.SimpleQueue()
     stopped = threading.Event()
+    # one None for each thread, behind all blocks: each takes one, and ends
     for block in (*todo, *(None for _ in slots)):
         waiting.put(block)
 
@@ -140,6 +142,7 @@ def _side_by_side(
                     if stopped.is_set():
                         return
                     events.put(Done(*ended))
+        # raised again in the thread that iterates, where somebody can see it
         except BaseException as error:
             events.put(error)
         finally:
@@ -163,6 +166,7 @@ def _side_by_side(
     finally:
         stopped.set()
         for slot in slots:
+            # a thread waits for its processes: it goes on when these are dead
             slot.interrupt()
         for thread in threads:
             thread.join(10.0)

@@ -20,7 +20,7 @@ from cpbench import frames
 from cpbench.bench import machine, messages
 from cpbench.bench.compiler import Compiler
 from cpbench.bench.events import Compiling, EventHandler, Starting, ignore_event
-from cpbench.bench.outcome import iqr, marks, remembered, told, unprepared
+from cpbench.bench.outcome import iqr, marks, reason, remembered, unprepared
 from cpbench.bench.planning.plan import PREVIOUS, Limits, Pair, Request
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
@@ -110,7 +110,7 @@ class Slot:
         if isinstance(reply, messages.Declined):
             raise Refused(reply.message)
         if isinstance(reply, messages.Failure):
-            raise Unread(f"{address}: {told(reply)}")
+            raise Unread(f"{address}: {reason(reply)}")
         return reply
 
     def start(
@@ -135,8 +135,8 @@ class Slot:
             wait = patient or not self.compiler.takes(name)
             if not self.workers.ready(name, limits.memory):
                 on_event(Starting(name))
-            told = lambda name=name: on_event(Compiling(name))  # noqa: E731
-            worker = self.workers.get(name, limits.memory, limits.seconds, told, patient=wait)
+            on_compiling = lambda name=name: on_event(Compiling(name))  # noqa: E731
+            worker = self.workers.get(name, limits.memory, limits.seconds, on_compiling, patient=wait)
             if worker is None and name not in self.workers.unavailable:
                 self.compiler.add(name)
                 waiting.add(name)
@@ -299,7 +299,7 @@ class Slot:
             status = "unavailable"
         else:
             self.workers.drop(name)  # its state after the error was not examined
-        return known(status=status, message=told(reply)[: worker_process.WORDS])
+        return known(status=status, message=reason(reply)[: worker_process.WORDS])
 
     def _start_of(self, pair: Pair, before: Before | None) -> tuple[messages.Vectors, str]:
         """Return the point to start from, empty for a cold start, and its description for the row; raises NoStart."""
@@ -318,10 +318,10 @@ class Slot:
         asked = messages.FindStart(messages.RefereeCase.of(pair), pair.start, case, vectors)
         reply = self.referee.ask(REFEREE.limit(pair.limits.seconds), asked, messages.StartFound)
         if isinstance(reply, messages.StartFound):
-            return reply.vectors, reply.told
+            return reply.vectors, reply.description
         if isinstance(reply, messages.Declined) and reply.cause == NotApplicable.__name__:
             raise NoStart(reply.message)
-        raise NoStart(f"start: {told(reply)}", "memout" if isinstance(reply, messages.OutOfMemory) else "error")
+        raise NoStart(f"start: {reason(reply)}", "memout" if isinstance(reply, messages.OutOfMemory) else "error")
 
     def _recorded(self, pair: Pair) -> bool:
         return pair.limits.history and Trait.HISTORY in solvers.get(pair.entry.solver).spec.traits
@@ -419,7 +419,7 @@ class Slot:
             solve_iqr=iqr(solves),
         )
         if isinstance(judged, messages.Failure):
-            message = f"the answer could not be judged: {told(judged)}"
+            message = f"the answer could not be judged: {reason(judged)}"
             return timed(flags=",".join(flags), status="error", message="; ".join(filter(None, (message, lost))))
         status, message = judged.status, "; ".join(filter(None, (judged.message, result.message, lost)))
         # within the grace of a process, but beyond the limit of the solve
@@ -471,7 +471,7 @@ class Slot:
             reply = hear(worker, patience)
             if isinstance(reply, expected):
                 return reply, ""
-            lost = f"over {pair.limits.memory} bytes" if isinstance(reply, messages.OutOfMemory) else told(reply)
+            lost = f"over {pair.limits.memory} bytes" if isinstance(reply, messages.OutOfMemory) else reason(reply)
         except TimedOut:
             lost = f"killed after {patience:g} s"
         except Died as death:

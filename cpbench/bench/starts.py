@@ -81,7 +81,7 @@ class Start:
     """A starting point, None for a cold start, and its description for the row."""
 
     point: Any | None
-    told: str
+    description: str
 
 
 def parse_start(text: str) -> StartPolicy:
@@ -127,6 +127,7 @@ def step_before(address: str, format: str | None, fingerprint: str, answer: Vect
     """Return the step whose answer is kept as a plain vector; raises FormatError, and ProblemError when the file has
     changed."""
     problem = storage.load(address, format=format)
+    # the answer is a plain vector: on other data it would be read as another point, without any error
     if problem.fingerprint != fingerprint:
         raise ProblemError(
             address, f"the file changed after it was solved: fingerprint {problem.fingerprint}, was {fingerprint}"
@@ -150,7 +151,7 @@ def start(
     Raises NotApplicable with the reason where the policy gives no start, or a conversion cannot carry it.
     """
     begin = start_for(policy, problem, address, tolerance=tolerance, seed=seed, before=before)
-    return begin if begin.point is None else Start(carry(begin.point, converted, steps), begin.told)
+    return begin if begin.point is None else Start(carry(begin.point, converted, steps), begin.description)
 
 
 def start_for(
@@ -211,11 +212,13 @@ def perturbed(problem: Problem, solution: Any, sigma: float, seed: int) -> Any:
         raise NotApplicable(
             "start perturbed", "the solution in the file is 0: noise has no scale there, and 0 is the cold start"
         )
+    # all solvers of a problem get the same noise, and each problem its own, in whatever order they are run
     rng = np.random.default_rng([seed, int(problem.fingerprint, 16)])
     parts: dict[str, Vector] = {}
     for name, x in solution.arrays().items():
         noise, scale = rng.standard_normal(x.size), np.zeros(x.size)
         for block in _blocks(problem, name, x.size):
+            # the root mean square, not each number's size: zeros are moved too, and with them the active set
             scale[block] = norm(x[block]) / math.sqrt(max(block.size, 1))
         parts[name] = x + sigma * scale * noise
     return type(solution)(**parts)

@@ -210,32 +210,33 @@ class WorkerPool:
         self, name: str, memory: int, timeout: float, compiling: Callable[[], None], patient: bool
     ) -> messages.Ready | messages.CompilingKernels | messages.Failure:
         """Wait until a new worker is ready; pass on that it has to compile, and drop it where it fails."""
-        phase, told = START, None
+        phase, reply = START, None
         try:
             if name not in self._begun:
                 self._begin(name, memory)
             child, begun = self._children[name], self._begun.pop(name)
-            told = hear(child, max(begun + START.limit(timeout) - time.monotonic(), 0.0))
-            if isinstance(told, messages.WarmingUp):
+            reply = hear(child, max(begun + START.limit(timeout) - time.monotonic(), 0.0))
+            if isinstance(reply, messages.WarmingUp):
                 phase, over = WARM_UP, time.monotonic() + WARM_UP.limit(timeout)
-                told = hear(child, over - time.monotonic())
-                if isinstance(told, messages.CompilingKernels):
+                reply = hear(child, over - time.monotonic())
+                if isinstance(reply, messages.CompilingKernels):
                     compiling()
                     if patient:
-                        told = hear(child, over - time.monotonic())
-            if isinstance(told, messages.Ready):
+                        reply = hear(child, over - time.monotonic())
+            if isinstance(reply, messages.Ready):
+                # only what it takes from here on counts against the limit of memory, not what it has loaded
                 child.warm()
-                return told
-            if not isinstance(told, (messages.CompilingKernels, messages.SolverUnavailable)):
-                told = messages.Failed(f"expected Ready, received {told!s:.200}")
+                return reply
+            if not isinstance(reply, (messages.CompilingKernels, messages.SolverUnavailable)):
+                reply = messages.Failed(f"expected Ready, received {reply!s:.200}")
         except TimedOut:
-            told = messages.Late(f"{phase.name} not over after {phase.limit(timeout):g} s")
+            reply = messages.Late(f"{phase.name} not over after {phase.limit(timeout):g} s")
         except Died as death:
-            told = messages.Gone(describe_exit(death))
+            reply = messages.Gone(describe_exit(death))
         except frames.FrameError as noise:
-            told = messages.Failed(str(noise))
+            reply = messages.Failed(str(noise))
         self.drop(name)
-        return told
+        return reply
 
     def _begin(self, name: str, memory: int) -> None:
         """Start the process; raises Died where the system refuses."""

@@ -1,4 +1,4 @@
-"""What a bundle says to its reader: how to run it again, what to expect, what is not in it."""
+"""The text of a bundle for its reader: how to run it again, what to expect, what is not in it."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from cpbench.errors import CpbenchError
 NAME = "results.sqlite"
 ELSEWHERE = "elsewhere"
 _META = ("cpbench", "date", "seed", "jobs", "builtin", "versions")
-"""What an anonymous bundle keeps of the facts of a run, beside those that are made anew."""
+"""Facts of a run that an anonymous bundle keeps, beside those that are made anew."""
 _TABLES = ("refused", "references", "merged", "formats")
 _MACHINE = ("cpu", "cores", "threads", "ram_gib", "python")
 
@@ -134,6 +134,9 @@ def write(
             sorted((keys[key], blob) for key, blob in store.histories()),
             sorted((keys[key], kind, proof) for key, kind, proof in store.certificates()),
         )
+        if scrub is None:
+            inside = {row.fingerprint for row in rows if not places[unit(row)].withheld}
+            target_store.note_proved_problems(item for item in store.proved_problems() if item[0] in inside)
         target_store.settle()
     return new
 

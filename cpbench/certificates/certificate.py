@@ -9,7 +9,8 @@ A file holds the group `certificate`:
     data/*                the problem: vectors, dense matrices, sparse ones as groups (shape, indptr, indices, data),
                           maps as groups (inputs, constants, heads, left, right, outputs)
 
-`checker.py`, which shares no code with this package, proves it again from this file alone.
+`checker/`, which shares no code with this package, proves it again from this file alone. A results file has
+certificates without `data` in its rows, and the data of each problem once.
 """
 
 from __future__ import annotations
@@ -73,20 +74,36 @@ class Certificate:
 
 def save(path: str | Path, certificate: Certificate, problem: Problem, *, force: bool = False) -> None:
     """Write a certificate with the data of its problem; raises FormatError where the file exists (unless `force`)."""
-    with new_file() as (root, image):
+    write_atomic(Path(path), image(certificate, problem), force=force)
+
+
+def image(certificate: Certificate, problem: Problem | None = None) -> bytes:
+    """Return the bytes of the file of a certificate, with the data of its problem where that is given."""
+    with new_file() as (root, made):
         own = root.create_group("certificate")
         put_attribute(own, "format_version", VERSION)
         for name in ("node", "fingerprint", "level", "unique", "distance", "excluded", "solutions"):
             put_attribute(own, name, getattr(certificate, name))
         put_array(own, "answer", certificate.answer, compress=True)
         _put_all(own.create_group("evidence"), dict(certificate.evidence))
-        data = own.create_group("data")
-        for name, value in problem.data().items():
-            _put_data(data, name, value)
-        for name, value in problem.maps().items():
-            _put_all(data.create_group(name), {"inputs": np.array(value.inputs), **value.arrays()})
+        if problem is not None:
+            _put_problem(own.create_group("data"), problem)
         put_attribute(own, "seal", _seal(own))
-    write_atomic(Path(path), image[0], force=force)
+    return made[0]
+
+
+def data_image(problem: Problem) -> bytes:
+    """Return the bytes of a file with the data of a problem alone, as a certificate's file has them."""
+    with new_file() as (root, made):
+        _put_problem(root.create_group("data"), problem)
+    return made[0]
+
+
+def _put_problem(group: h5py.Group, problem: Problem) -> None:
+    for name, value in problem.data().items():
+        _put_data(group, name, value)
+    for name, value in problem.maps().items():
+        _put_all(group.create_group(name), {"inputs": np.array(value.inputs), **value.arrays()})
 
 
 def _seal(group: h5py.Group) -> str:

@@ -33,12 +33,12 @@ EXAMPLES = (
 @click.option("-o", "--output", type=FILE, help="Baseline to write.")
 @force_option
 @click.option("--check", type=FILE, help="Baseline to compare the results with.")
-@click.option("--update", is_flag=True, help="Take over into -o what is better, other or new; list what is worse.")
+@click.option("--update", is_flag=True, help="Write better, different and new outcomes into -o; list worse ones.")
 @click.option(
     "--accept",
     cls=ListOption,
     metavar="PATTERN",
-    help="Pairs to take over although they are worse: PROBLEM:LABEL, a glob.",
+    help="Pairs to accept although they are worse: PROBLEM:LABEL, a glob.",
 )
 @click.option("--reason", default="", metavar="TEXT", help="Reason of --accept; kept in the last column.")
 @click.option("--prune", is_flag=True, help="Remove pairs that the results do not have.")
@@ -64,11 +64,12 @@ def command(
 ) -> None:
     """Keep the outcomes of a run as sorted text for version control, and show what a later run changes.
 
-    Each pair has a line: status, power of ten of the error, counters, and why a failure is known (written by hand,
-    kept). There are no times, machines or dates. An update takes over what got better; what got
-    worse is listed and left as it was, unless it is accepted with a reason. Pairs that were not run are left alone.
+    Each pair has a line: status, power of ten of the error, counters, and the reason of a known failure (written by
+    hand, and kept). There are no times, machines or dates. An update takes over better outcomes. Worse outcomes are
+    listed and the old line stays, unless they are accepted with a reason. Lines of pairs that were not run stay as they
+    are.
 
-    Ends with 1 for --fail-on, and when rows of RESULTS are not as a run wrote them.
+    The exit code is 1 for --fail-on, and when rows of RESULTS were changed after the run.
     """
     from cpbench.analysis import ratchet
     from cpbench.api import baselines

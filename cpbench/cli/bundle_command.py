@@ -20,7 +20,7 @@ from cpbench.plurals import counted
 @click.option("-o", "--output", required=True, type=FILE, help="Zip file.")
 @click.option("--anonymous", is_flag=True, help="Strip host, user, paths, variables and remotes.")
 @click.option("--rename", "renames", multiple=True, metavar="OLD=NEW", help="New name of a word. Repeatable.")
-@click.option("--withhold", cls=ListOption, metavar="GLOB", help="Problems that stay out, by name, family or file.")
+@click.option("--withhold", cls=ListOption, metavar="GLOB", help="Problems to leave out, by name, family or file.")
 @click.option("--report/--no-report", default=None, help="Include a report; default: where reports/NAME exists.")
 @force_option
 def command(
@@ -32,7 +32,8 @@ def command(
     report: bool | None,
     force: bool,
 ) -> None:
-    """Put a run with everything that repeats it into one zip file: plan, versions, machine, plugins, problems, results.
+    """Put a run, with everything needed to repeat it, into one zip file: plan, versions, machine, plugins, problems,
+    results.
 
     Built-in problems are included by name, and problems whose licence forbids copies by fingerprint and source.
     cpbench reproduce runs a bundle again and compares.

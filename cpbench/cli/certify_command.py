@@ -38,12 +38,13 @@ def command(
     file_format: str | None,
     force: bool,
 ) -> None:
-    """Look for a proof that a solution is near an answer, and say how near.
+    """Look for a proof that a solution is near an answer, and show the distance.
 
-    Polyhedral problems are solved exactly (proved); for others a box is found that holds a solution (enclosed), or none
-    (refuted). Else what stops a proof is named. The program in cpbench/certificates/checker proves a file again.
-    Ends with 1 unless a solution is proved or enclosed. With RESULTS all kept answers get their level and distance,
-    as by cpbench run --certify; cpbench report shows them.
+    Polyhedral problems are solved exactly (proved). For others the command looks for a box around the answer that
+    contains a solution (enclosed), or contains none (refuted). If there is no proof, it says what prevents one. The
+    program in cpbench/certificates/checker checks the proof in a file again. The exit code is 1 unless a solution is
+    proved or enclosed. With RESULTS all stored answers get their level and distance, as by cpbench run --certify;
+    cpbench report shows them.
     """
     if is_results_file(problem):
         if answer is not None or solver is not None or output is not None:

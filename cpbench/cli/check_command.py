@@ -24,11 +24,12 @@ from cpbench.registry import PLUGIN_FILES
 def command(plugin: str, only: tuple[str, ...], timeout: float, quiet: bool) -> None:
     """Put a plugin through the public conformance checks.
 
-    PLUGIN is a Python file, a .toml file that declares solvers, or the name of something registered. Checks run in
-    another process: one that hangs or crashes has failed, and the next one gets a new process. Exits with 1 when a
-    check failed or a solver cannot run here, with 2 when the plugin does not load.
+    PLUGIN is a Python file, a .toml file that declares solvers, or the name of a registered solver, conversion,
+    formulation or format. Checks run in another process: a check that hangs or crashes has failed, and the next one
+    gets a new process. The exit code is 1 when a check failed or a solver cannot run here, and 2 when the plugin does
+    not load.
 
-    A check that your solver is known to fail goes, with the reason, into `known_failures` of its spec.
+    If your solver is known to fail a check, enter the check with the reason in `known_failures` of its spec.
     """
     from cpbench.api.plugin_checks import PluginChecker, is_file
 

@@ -42,7 +42,10 @@ NOT_NEGATIVE = click.FloatRange(min=0)
     help="Level of the tests, for all labels together.",
 )
 @click.option(
-    "--noise", type=LABELS, metavar="LABEL,LABEL", help="Two labels of equal code: what differs between them is noise."
+    "--noise",
+    type=LABELS,
+    metavar="LABEL,LABEL",
+    help="Two labels of equal code: the difference between them is noise.",
 )
 @click.option(
     "--confirm",
@@ -73,14 +76,15 @@ def command(
     """Compare two results files, or two builds that were interleaved in one run (BASE --a mine@base --b mine@head).
     BASE may be a baseline (.csv).
 
-    Every pair of a problem and a solver is improved, the same, inconclusive or regressed: by status first, then by
-    verified error, counters, and by time where both were timed on one machine, beyond its noise.
+    Every pair of a problem and a solver is improved, the same, inconclusive or regressed. The status decides first,
+    then the verified error, then the counters. The time decides last, only where both were timed on one machine and
+    differ by more than its noise.
 
-    With --confirm, pairs that raised an alarm are run again: of two builds in one file both, of two files the new side,
-    with the solvers that are installed now (--plugin for those of a file). A pair without a second alarm is
-    inconclusive.
+    With --confirm, pairs that raised an alarm are run again: both builds where they are in one file; of two files only
+    the new side, with the solvers that are installed now (--plugin for solvers in a file). A pair without a second
+    alarm is inconclusive.
 
-    Ends with 0 whatever differs, 1 for --fail-on and when rows are not as a run wrote them, 2 for bad input.
+    The exit code is 0 for any difference, 1 for --fail-on and when rows were changed after the run, 2 for bad input.
     """
     from cpbench.analysis.comparison import Thresholds
     from cpbench.report.comparison import terminal, write

@@ -48,7 +48,7 @@ from cpbench.storage.base import require_new
 @via_option
 @facets_option
 @angle_option
-@click.option("--as", "written", metavar="NAME", help="Format of OUT, where its suffix does not tell.")
+@click.option("--as", "written", metavar="NAME", help="Format of OUT, if its suffix does not determine it.")
 @click.option(
     "--check",
     is_flag=True,
@@ -57,7 +57,7 @@ from cpbench.storage.base import require_new
 @click.option(
     "--memory",
     type=MEMORY,
-    help="Largest converted problem, as 8G; 0: no limit; default: what is available.",
+    help="Largest converted problem, such as 8G; 0: no limit; default: the available memory.",
 )
 @kinds_option()
 @tolerance_option
@@ -79,10 +79,12 @@ def command(
     file_format: str | None,
     force: bool,
 ) -> None:
-    """Convert a problem to another formulation, format, or parameters; OUT knows how to lift an answer back.
+    """Convert a problem to another formulation, format, or parameters; the file OUT contains all that is needed to lift
+    an answer back.
 
-    With --check, the solution in IN is carried there and back, or, where there is none that passes, an answer that a
-    native solver finds there; exit code 1 when an exact conversion's lifted answer does not pass, or there is none.
+    With --check, the solution in IN is pushed to the converted problem and lifted back. If IN has no solution that
+    passes, an answer that a native solver finds to the converted problem is lifted. The exit code is 1 when the lifted
+    answer of an exact conversion does not pass, or when there is none.
     """
     if node is not None:
         formulations.get(node)

@@ -19,10 +19,10 @@ from cpbench.cli.terminal import fitted, folded, print_lines, reading_width
 @click.command(cls=Command)
 @click.option("--warm", is_flag=True, help="Compile and load every solver and conversion now.")
 def command(warm: bool) -> None:
-    """Say what works on this machine and how to get what does not.
+    """Say what works on this machine, and how to install what does not.
 
-    Every package of a solver is imported in a process of its own: one that crashes or hangs is reported, and
-    harms nothing.
+    The package of every solver is imported in a process of its own, so that a package that crashes or hangs is reported
+    and the command goes on.
     """
     from cpbench.solvers.base import solvers
 

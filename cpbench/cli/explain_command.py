@@ -21,7 +21,9 @@ from cpbench.cli.types import ADDRESS, DURATION, POSITIVE
 @click.option("-s", "--solver", required=True, metavar="NAME[opt=value]", help="Solver; with RESULTS its label there.")
 @click.option("--pair", metavar="PROBLEM", help="Problem of RESULTS, by its name there.")
 @click.option("--via", cls=ListOption, metavar="CONVERSION", help="Conversion to go through. Repeatable.")
-@click.option("--tolerance", "-t", type=POSITIVE, help="Largest error of an answer that solves it; default: 1e-6.")
+@click.option(
+    "--tolerance", "-t", type=POSITIVE, help="Largest error of an answer that solves the problem; default: 1e-6."
+)
 @click.option("--timeout", type=DURATION, help=f"Wall-clock limit of every solve that is tried; default: {SECONDS:g}s.")
 @memory_option
 @threads_option
@@ -37,12 +39,12 @@ def command(
     threads: int,
     file_format: str | None,
 ) -> None:
-    """Say why a solver fails on a problem: the first cause, its evidence, and what was tried against it.
+    """Say why a solver fails on a problem: the first cause, its evidence, and the remedies that were tried.
 
-    The pair is solved again. A cause is checked by asking the same solver for the nearest problem without it; remedies
-    are tried (limits, tolerance, units, start, other solvers) until one works, and measured on the problem that was
-    asked. With RESULTS, options, route, tolerance and limit are those of the row. `cpbench route PROBLEM --explain`
-    says why a formulation is out of reach. Ends with 1 where no remedy works.
+    The pair is solved again. To check a cause, the same solver solves the nearest problem without it. Remedies (limits,
+    tolerance, units, start, other solvers) are tried until one works; their answers are measured on the original
+    problem. With RESULTS, options, route, tolerance and limit are those of the row. `cpbench route PROBLEM --explain`
+    says why a problem cannot reach a formulation. The exit code is 1 when no remedy works.
     """
     if is_results_file(problem):
         if pair is None or via:

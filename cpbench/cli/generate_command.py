@@ -26,7 +26,7 @@ from cpbench.generators.collection import builtin_folder, write_collections
 def command(folder: Path | None, names: tuple[str, ...], check: bool) -> None:
     """Write the built-in problems again from their formulas (default: into the shipped folder).
 
-    Larger contact problems and scenes are written when they are named: contact-planted-large, contact-stacks,
+    Larger contact problems and scenes are written only when they are named: contact-planted-large, contact-stacks,
     contact-sequence, contact-sequence-global.
     """
     if names and folder is None:

@@ -18,7 +18,7 @@ from cpbench.report.graph_drawing import FORMATS, draw
 
 @click.command(cls=Command)
 @click.option("--format", "form", type=click.Choice(FORMATS), default="text", show_default=True, help="Output form.")
-@click.option("-o", "--output", type=PATH, help="Map to draw instead: .svg, .png or .pdf.")
+@click.option("-o", "--output", type=PATH, help="File of a drawing (.svg, .png or .pdf) instead of text.")
 @click.option(
     "--check",
     is_flag=True,
@@ -39,9 +39,9 @@ def command(
 ) -> None:
     """Show the formulations, the conversions between them and the solvers on each, as text or in a drawing.
 
-    With --check, print the matrix of residuals: for every ordered pair of formulations that equivalent conversions
-    join, planted problems are converted, written to a file, solved, and lifted through the file; a cell is the worst
-    error on the source. Exits with 1 when one is above --tolerance.
+    With --check, print the matrix of residuals. For every ordered pair of formulations that equivalent conversions
+    connect, problems with a known solution are converted, written to a file and solved, and the answer is lifted with
+    this file. A cell is the largest error on the original problem. The exit code is 1 when one is above --tolerance.
     """
     for node in nodes:
         formulations.get(node)

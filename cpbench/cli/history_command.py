@@ -16,10 +16,12 @@ from cpbench.cli.options import Command, ListOption, outputs_option
     (".md", ".csv", ".json", ".svg", ".png"), "Output file .md, .csv, .json, .svg or .png; default: print. Repeatable."
 )
 def command(files: tuple[Path, ...], labels: tuple[str, ...], outputs: tuple[Path, ...]) -> None:
-    """Show how solvers did over time: what each solved in every results file, and how fast against its first.
+    """Show how solvers change over time: the problems that each solved in every results file, and its speed compared
+    with the first file.
 
     Times are compared with the label's first file from the same machine, over the pairs solved in both; a file from
-    another machine begins anew. The machine's own drift, by the solve that every run repeats, stands beside it.
+    another machine begins a new series. The drift of the machine itself, measured by the solve that every run repeats,
+    is shown beside the times.
     """
     from cpbench.advice.history import history
 

@@ -41,11 +41,12 @@ def command(
     memory: int,
     quiet: bool,
 ) -> None:
-    """Search for problems on which a solver lies, crashes or takes a hundred times as long, and another one does not.
+    """Search for problems on which a solver makes a false claim, crashes or takes a hundred times as long, and another
+    does not.
 
     Problems are drawn at random and changed a little, spread over size, conditioning, rank, units, friction and
-    degeneracy. Of each kind of failure the first is reduced and certified as by `cpbench reduce`. Ends with 1 when
-    there is one.
+    degeneracy. The first failure of each kind is reduced and certified as by `cpbench reduce`. The exit code is 1 when
+    there is a failure.
     """
     last = time.monotonic()
 

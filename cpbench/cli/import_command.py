@@ -22,7 +22,7 @@ from cpbench.plurals import counted
 
 @click.command("import", cls=Command)
 @click.argument("source", metavar="ANSWERS", type=PATH)
-@click.option("-s", "--solver", required=True, metavar="NAME", help="Solver that made the answers; any name.")
+@click.option("-s", "--solver", required=True, metavar="NAME", help="Solver that computed the answers; any name.")
 @click.option(
     "--problems",
     multiple=True,
@@ -54,14 +54,15 @@ def command(
     file_format: str | None,
     force: bool,
 ) -> None:
-    """Judge answers that were made elsewhere, and put them into a results file, new or existing.
+    """Judge answers that were computed elsewhere, and put them into a new or existing results file.
 
-    ANSWERS is a folder with a file or folder for every problem, named after the problem or its fingerprint, in the form
-    of any exchange (.h5, .npz, .npy, .csv, .json, a folder of .npy or .mtx files), or an HDF5 file of cpbench export
-    --answers. Without a claim (in the table of times, or in claim.json) an answer counts as claimed to be solved.
+    ANSWERS is a folder with a file or folder for every problem, named after the problem or its fingerprint, in any
+    exchange format (.h5, .npz, .npy, .csv, .json, a folder of .npy or .mtx files), or an HDF5 file of cpbench export
+    --answers. An answer without a claim (in the table of times, or in claim.json) counts as claimed to be solved.
 
-    Every problem of a formulation for which there is an answer gets a row; a problem without one is failed. Rows are
-    marked by --machine, and their times stay out of rankings unless cpbench report has --with-imported.
+    Every problem of a formulation for which there is an answer gets a row; a problem without an answer has the status
+    failed. Rows are marked by --machine, and their times stay out of rankings unless cpbench report has
+    --with-imported.
     """
     if not solver.strip() or not machine.strip():
         raise CpbenchError("--solver and --machine may not be empty: they mark the rows")

@@ -27,16 +27,16 @@ MANY = 3
 
 @click.command(cls=Command)
 @click.argument("files", nargs=-1, required=True, type=ADDRESS)
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: a list with one object a problem.")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: a list with one object per problem.")
 @click.option("--facts/--no-facts", "measure", default=True, show_default=True, help="Measure facts of the matrices.")
 @format_option
 def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None) -> None:
     """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
 
-    More than three problems get a line each; one that cannot be read does not stop the others. For a
-    results file it shows which solver to use, as at the end of the run.
+    More than three problems get one line each; a problem that cannot be read does not stop the others. For a results
+    file the command shows which solver to use, as at the end of the run.
 
-    A fact says how it was found: exact, by a factorization, by a randomized estimate, or not decided.
+    Every fact has its method: exact, by a factorization, by a randomized estimate, or not decided.
     """
     if any(map(is_results_file, files)):
         first, *others = files

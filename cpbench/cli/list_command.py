@@ -32,7 +32,7 @@ def command(
 ) -> None:
     """List formulations, conversions, solvers, formats or the built-in problems.
 
-    cpbench list solvers NAME shows one solver with its options, cpbench list solvers NODE those of a formulation,
+    cpbench list solvers NAME shows a solver with its options, cpbench list solvers NODE the solvers of a formulation,
     cpbench list conversions NAME the mathematics of a conversion.
     """
     from cpbench.api import lists

@@ -22,9 +22,9 @@ from cpbench.plurals import counted, summary
 def command(results: tuple[Path, ...], output: Path, mixed: bool, prefer: str | None) -> None:
     """Put the rows of several results files, with their answers, into one: the shards of a plan, for example.
 
-    Files that were made with other limits, tolerances or measures, on other machines, by other versions of cpbench or
-    of a solver, or of problems that changed under their names, are refused unless --mixed is given. A pair that is
-    planned in several files and run in one has the row that was run.
+    Files that differ in limits, tolerances, measures, machines, or versions of cpbench or of a solver are refused
+    unless --mixed is given; so are files in which one name stands for different problems. For a pair that is planned in
+    several files and was run in one, the row that was run is taken.
     """
     remarks = merge(results, output, mixed=mixed, prefer=prefer or "")
     print_lines((f"mixed: {line}" for line in remarks), err=True)

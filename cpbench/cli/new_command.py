@@ -51,12 +51,12 @@ def command(
     output: Path | None,
     force: bool,
 ) -> None:
-    """Write a plugin that works: a solver, a conversion or a collection of problems, to be changed into yours.
+    """Write a plugin that works: a solver, a conversion or a collection of problems, for you to change.
 
     It passes `cpbench check` as it is. NAME is a word of letters, digits, - and _.
 
-    `cpbench new ci mine.toml` writes the workflow of a repository with a solver: each pull request is compared with
-    what it changes. NAME is the plugin of the solver; --host shell writes the script that all hosts run.
+    `cpbench new ci mine.toml` writes a workflow for the repository of a solver, which compares each pull request with
+    its base. NAME is then the plugin of the solver; --host shell writes the script that all hosts run.
     """
     if kind == CI:
         folder, texts = output or Path(), new_ci.texts(host, name, build)

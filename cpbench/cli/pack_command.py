@@ -29,9 +29,13 @@ from cpbench.storage.packing.remarks import remarks
 @click.option("--gfc", nargs=5, type=PATH, metavar="M H f w mu", help="Frictional contact, global.")
 @click.option("--axes", type=click.Choice(["NTT", "TTN", "NT", "TN"]), help="Order of the rows; default: normal first.")
 @click.option("--name", default="", help="Name of the problem, or of the sequence; default: name of the file.")
-@click.option("--sequence", is_flag=True, help="Pack one problem a step, which cpbench run --start previous follows.")
+@click.option(
+    "--sequence",
+    is_flag=True,
+    help="Pack one problem per step, in the order that cpbench run --start previous follows.",
+)
 @click.option("--problems", type=PATH, metavar="PATH", help="Steps as problem files or a pack, with --sequence.")
-@click.option("--dt", type=POSITIVE, help="Size of a step [s], with --sequence.")
+@click.option("--dt", type=POSITIVE, help="Time step [s], with --sequence.")
 @click.option(
     "--ids", type=PATH, metavar="PATH", help="Number that identifies each contact from step to step, with --sequence."
 )
@@ -40,8 +44,8 @@ from cpbench.storage.packing.remarks import remarks
 def command(output: Path, name: str, force: bool, axes: str | None, sequence: bool, **given: Any) -> None:
     """Make a problem file from matrices and vectors in .npy, .npz, .mtx or .csv files.
 
-    With --sequence every PATH is a folder or a glob with one file a step (in the order of the numbers in their names),
-    or an array with the steps as first dimension; what has no steps is the same in all:
+    With --sequence every PATH is a folder or a glob with one file per step (in the order of the numbers in their
+    names), or an array with the steps as first dimension; data without steps are the same in all steps:
 
     \b
       cpbench pack scene.h5 --sequence --dt 1e-3 --fc 'W*.npz' 'q*.npy' mu.npy --ids 'ids*.npy'

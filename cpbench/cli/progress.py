@@ -1,4 +1,4 @@
-"""What a run shows: a live table on a terminal, lines elsewhere, nothing when quiet; and its log."""
+"""The display of a run: a live table on a terminal, lines elsewhere, nothing when quiet; and its log."""
 
 from __future__ import annotations
 

@@ -26,9 +26,9 @@ from cpbench.reduction.reduce import data_size
     "--while",
     "predicate",
     metavar="FAILURE",
-    help="What has to stay: wrong, crash, timeout, ..., slower:100[:OTHER], disagrees[:OTHER]. Of a row: its status.",
+    help="Failure to keep: wrong, crash, timeout, ..., slower:100[:OTHER], disagrees[:OTHER]. Of a row: its status.",
 )
-@click.option("-o", "--output", type=FOLDER, required=True, help="Output folder; one that is there is gone on with.")
+@click.option("-o", "--output", type=FOLDER, required=True, help="Output folder; an existing one is continued.")
 @click.option("--minutes", type=POSITIVE, default=1.0, show_default=True, help="Time of the reduction.")
 @click.option("--timeout", type=DURATION, default="2s", show_default=True, help="Limit of each solve.")
 @via_option
@@ -48,11 +48,11 @@ def command(
     memory: int,
     quiet: bool,
 ) -> None:
-    """Make a problem on which a solver fails as small and simple as the failure lets it be.
+    """Reduce a problem on which a solver fails to the smallest and simplest that still fails.
 
-    Contacts, bodies, unknowns and rows are left out and numbers rounded while the solver fails as before, each
-    candidate solved in a process of its own. The folder then has the problem, a picture, a report for an issue, and
-    programs in C, Python and Julia that hold the data. The same command after an interruption goes on.
+    The command removes contacts, bodies, unknowns and rows, and rounds numbers, as long as the solver fails as before;
+    each candidate is solved in a process of its own. The folder then has the problem, a picture, a report for an issue,
+    and programs in C, Python and Julia that contain the data. After an interruption, the same command continues.
 
     \b
     cpbench reduce scene.h5 -s nsgs --while timeout -o nsgs-hangs

@@ -29,18 +29,18 @@ from cpbench.plurals import counted
     metavar="FOLDER|FILE",
     help="Folder or file with problems that are missing from the bundle. Repeatable.",
 )
-@jobs_option(None, "Number of pairs side by side; default: as in the plan.")
+@jobs_option(None, "Number of pairs at the same time; default: as in the plan.")
 @quiet_option
 def command(
     bundle: Path, output: Path | None, agreed: bool, problems: tuple[str, ...], jobs: int | None, quiet: bool
 ) -> None:
-    """Run a bundle again and compare: statuses must agree, times are shown.
+    """Run a bundle again and compare: statuses must agree; times are only shown.
 
-    Every file is checked against its hash. Plugins are code of whoever made the bundle: they are shown, and run when
-    you say so.
+    Every file is checked against its hash. Plugins are code of the author of the bundle: they are shown, and run only
+    when you confirm.
 
-    Ends with 0 when all statuses agree, 1 when some do not, 2 for bad input; the same command goes on with a run that
-    was interrupted.
+    The exit code is 0 when all statuses agree, 1 when some do not, 2 for bad input. After an interruption, the same
+    command continues the run.
     """
     from cpbench import storage
     from cpbench.generators.collection import builtin_folder

@@ -34,10 +34,11 @@ def command(
     kinds: frozenset[Kind],
     file_format: str | None,
 ) -> None:
-    """Show how a problem reaches the formulations, which solvers work there, and why the rest is out of reach.
+    """Show how a problem reaches each formulation, which solvers work there, and why other formulations cannot be
+    reached.
 
-    With --all every route is shown, cheapest first. Sizes are predicted (~) where a conversion can tell them
-    beforehand, so that a large last step need not be done.
+    With --all every route is shown, cheapest first. Sizes marked ~ are predicted without doing the conversion, so that
+    a large last step is not needed.
     """
     source = storage.load(problem, format=file_format)
     for node in nodes:

@@ -38,14 +38,14 @@ def command(
     log: Path | None,
     **_: Any,
 ) -> None:
-    """Run every reachable solver on every problem, judge every answer on the problem that was asked, and report.
+    """Run every reachable solver on every problem, judge every answer on the original problem, and report.
 
-    Problems are files, packs (FILE::NAME), folders, globs or the word builtin; without any, those of the plan file,
-    or the quick suite. The same command after an interruption resumes. An option wins over the plan file.
+    Problems are files, packs (FILE::NAME), folders, globs or the word builtin; without any, those of the plan file, or
+    the quick suite. After an interruption, the same command resumes. An option overrides the plan file.
 
-    Ends with 0 when every pair has its row, whatever is in it; 1 for --fail-on, and when rows are missing because
-    pairs were not run or a file could not be read, or are not as a run wrote them; 2 for bad input; 130 when
-    interrupted, with a file that can be resumed.
+    The exit code is 0 when every pair has its row, whatever its status. It is 1 for --fail-on, when rows are missing
+    because pairs were not run or a file could not be read, and when rows were changed after a run wrote them. It is 2
+    for bad input, and 130 after an interruption, with a file that can be resumed.
     """
     file = plan_from(plan_path, quiet)
     given = given_options(context)

@@ -1,4 +1,4 @@
-"""What `cpbench run` prints before the first solve and after the last."""
+"""Output of `cpbench run` before the first solve and after the last."""
 
 from __future__ import annotations
 

@@ -41,11 +41,11 @@ from cpbench.storage.base import require_new
 )
 @force_option
 def command(files: tuple[Path, ...], budget: float, seed: int, safety: float, output: Path, force: bool) -> None:
-    """Select problems for runs that have to be short: a plan for cpbench run, from results of all of them.
+    """Select problems for short runs: a plan for cpbench run, from results of all problems.
 
-    Every family that fits is represented by its cheapest problem. The rest of the budget goes to problems that tell
-    the solvers apart; those that everybody solves at once, or nobody, add nothing. Solvers, routes and limits are
-    those of the results, and so is the time it takes: on another machine, raise --safety.
+    Every family that fits the budget is represented by its cheapest problem. The rest of the budget goes to problems
+    that distinguish the solvers; problems that all solvers solve at once, or none solves, add nothing. Solvers, routes,
+    limits and expected times come from the results: on a slower machine, raise --safety.
     """
     from cpbench.advice.select import select
 

@@ -40,10 +40,10 @@ def command(
     kinds: frozenset[Kind],
     file_format: str | None,
 ) -> None:
-    """Show a problem: its law and its data, in numbers when small, as block structure when large.
+    """Show a problem: its equations and its data, in numbers when small, as block structure when large.
 
-    With --as or --via it is converted first; what led there is shown with its equations. For a results file it
-    shows which solver to use, as at the end of the run.
+    With --as or --via the problem is converted first; the conversions are shown with their equations. For a results
+    file the command shows which solver to use, as at the end of the run.
     """
     if is_results_file(source):
         if node or via or tex or file_format:

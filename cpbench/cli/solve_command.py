@@ -67,8 +67,8 @@ def command(
 ) -> None:
     """Solve one problem by one solver, in a process of its own, and say what the answer is worth.
 
-    Ends with 1 unless the answer is verified, or the lack of one proved, so that `solve ... && lift ...` carries no
-    wrong answer on. The answer is written all the same.
+    The exit code is 1 unless the answer is verified, or it is proved that there is none, so that `solve ... && lift
+    ...` lifts no wrong answer. The answer is written in either case.
     """
     if output is not None:
         require_new(output, force)

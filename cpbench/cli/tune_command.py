@@ -45,7 +45,7 @@ EXAMPLES = (
     "--configurations", type=click.IntRange(min=2), metavar="N", help="Largest number of configurations to try."
 )
 @seed_option("Random seed of configurations and orders.")
-@jobs_option(1, "Number of solves side by side.")
+@jobs_option(1, "Number of solves at the same time.")
 @problem_options("dev")
 @tolerance_option
 @limit_options
@@ -68,13 +68,13 @@ def command(
     quiet: bool,
     **filters: Any,
 ) -> None:
-    """Search for the options with which a solver solves most problems, and fastest.
+    """Search for the options with which a solver solves the most problems, and is fastest.
 
-    Random search with successive halving, in the ranges that the solver declares (cpbench list solvers SOLVER);
-    an option with one value in the brackets is fixed, one with several is searched among them. Every configuration is
-    run and judged as by cpbench run. The result is written as a plan, which compares it with the default options
-    on the other half of the problems, and records what the search cost, which reports then show.
-    Ctrl-C ends the search; the best so far is written.
+    Random search with successive halving, in the ranges that the solver declares (cpbench list solvers SOLVER); an
+    option with one value in the brackets is fixed; one with several takes only these. Every configuration is run and
+    judged as by cpbench run. The result is written as a plan, which compares it with the default options on the other
+    half of the problems, and records the cost of the search, which reports then show. Ctrl-C ends the search, and the
+    best options so far are written.
     """
     from cpbench.advice.tune import problem_set, tune
 

@@ -35,11 +35,11 @@ def command(
 ) -> None:
     """Measure an answer on a problem; without --answer, the candidate in the file's own /solution.
 
-    With --all-measures, show what Siconos, FCLIB, PATH, OSQP, qpbenchmark and ContactBench measure of it, as far as
-    they know its formulation. With --measure NAME, one of these numbers decides.
+    With --all-measures, show the measures of Siconos, FCLIB, PATH, OSQP, qpbenchmark and ContactBench, as far as they
+    know the formulation. With --measure NAME, one of these numbers decides.
 
-    With --rejudge, measure the kept answers of a results file again, without solving, and print what changes.
-    Ends with 1 when the answer does not pass; with --rejudge when a row is not as a run wrote it, or when a status
+    With --rejudge, measure the stored answers of a results file again, without solving, and print the changes. The exit
+    code is 1 when the answer does not pass; with --rejudge, when a row was changed after the run, or when a status
     changes by the row's own measure and tolerance.
     """
     if rejudge is not None and all_measures:

@@ -115,6 +115,7 @@ class Map:
     @cached_property
     def digest(self) -> bytes:
         """SHA-256 of the list, the same however the map was built; the names of parameters are no part of it."""
+        # the sizes first: arrays of other lengths could be the same bytes one after the other
         h = hashlib.sha256(f"map {self.inputs} {self.constants.size} {self.operations} {self.rows};".encode())
         for array in self.arrays().values():
             h.update(array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes())
@@ -205,6 +206,7 @@ class Map:
         build, first = Builder(self.inputs), self.inputs + self.constants.size
         wanted = np.zeros(first + self.operations, dtype=bool)
         wanted[list(values)] = True
+        # backwards once is enough: arguments come before their users
         for k in range(self.operations - 1, -1, -1):
             if wanted[first + k]:
                 wanted[[a for a in nodes[k][1:] if a >= 0]] = True
@@ -222,7 +224,7 @@ class Map:
 
 
 class Builder:
-    """Makes a map operation by operation; equal operations get one number. Numbers are of values, as in `Map`, but
+    """Maker of a map, operation by operation; equal operations get one number. Numbers are of values, as in `Map`, but
     constants count together with operations, in the order in which they came: `finish` puts them in order."""
 
     def __init__(self, inputs: int) -> None:
@@ -236,6 +238,7 @@ class Builder:
         value = float(value)
         if not np.isfinite(value):
             raise ProblemError("map", f"has the constant {value}, expected a finite number")
+        # by its bytes: −0.0 == 0.0, and 1/x tells them apart
         return self._number(np.float64(value).tobytes(), value)
 
     def parameter(self, name: str, value: float) -> int:
@@ -304,6 +307,8 @@ class Builder:
                     stack.pop()
                     continue
                 _, left, right = node
+                # the left one ends on top of the stack, so that it is numbered first; no recursion, which Python ends
+                # at a depth of 1,000
                 waiting = [a for a in (right, left) if a >= first and not seen[a - first]]
                 if waiting:
                     stack.extend(waiting)

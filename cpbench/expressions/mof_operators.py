@@ -29,7 +29,7 @@ MANY: Mapping[str, Operator] = {
 CHAINED = frozenset({Operator.ADD, Operator.MUL, Operator.MIN, Operator.MAX})
 """Written with all the arguments of a chain; SUB is not, as readers may know it with two only."""
 WRITTEN: Mapping[Operator, str] = {o: name for table in (UNARY, BINARY, MANY) for name, o in table.items()}
-"""What an operation is called; NOT a is ifelse(a, 0, 1) and CHOOSE(a, b) is ifelse(a, b, 0)."""
+"""Name of each operation in files; NOT a is ifelse(a, 0, 1) and CHOOSE(a, b) is ifelse(a, b, 0)."""
 
 
 @dataclass(frozen=True)

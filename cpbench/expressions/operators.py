@@ -108,4 +108,4 @@ NUMPY: Mapping[Operator, Callable[..., Any]] = {
     Operator.OR: lambda a, b: _truth((a != 0) | (b != 0)),
     Operator.CHOOSE: lambda a, b: np.where(a != 0, b, 0.0),
 }
-"""What every operator computes, elementwise: the definition that CasADi's evaluation is tested against."""
+"""The value of every operator, elementwise: the definition that CasADi's evaluation is tested against."""

@@ -14,7 +14,7 @@ from cpbench.expressions.algebra import Algebra
 from cpbench.expressions.operators import Operator
 
 Factor: TypeAlias = Callable[[Algebra, int], int]
-"""What a derivative by the argument is multiplied by, of its number."""
+"""Factor of a derivative by the argument, of the argument's number."""
 
 
 def partials(to: Algebra, operator: Operator, a: int, b: int, value: int) -> tuple[Factor | None, Factor | None]:

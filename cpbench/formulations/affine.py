@@ -1,4 +1,4 @@
-"""What the nodes with one affine map z ↦ Mz + q share: facts of M that conversions and solvers ask for."""
+"""Base of the nodes with one affine map z ↦ Mz + q: facts of M that conversions and solvers ask for."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from cpbench.matrices import Matrix, Vector
 from cpbench.registry import Registry
 
 Trace: TypeAlias = Mapping[str, Any]
-"""What a conversion keeps for the way back: named matrices, vectors, factorizations, numbers and strings (what
+"""Data that a conversion keeps for the way back: named matrices, vectors, factorizations, numbers and strings (what
 the native storage can write with a converted file)."""
 
 

@@ -1,4 +1,4 @@
-"""What the conic nodes share: a product K of closed convex factors, stored as four vectors."""
+"""Base of the conic nodes: a product K of closed convex factors, stored as four vectors."""
 
 from __future__ import annotations
 

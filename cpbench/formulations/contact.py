@@ -1,4 +1,4 @@
-"""What the contact nodes share: their law, the conditions on their data, and how their answers are measured."""
+"""Base of the contact nodes: their law, the conditions on their data, and how their answers are measured."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class ContactProblem(_HasFriction, Problem):
 
     @cached_property
     def lengths(self) -> Dense:
-        """What makes moments of impulses, shape (nc, d): 1, and ℓ_c = √(tr W_TT/tr W_MM) in the rows of M.
+        """Factor from moments to impulses, shape (nc, d): 1, and ℓ_c = √(tr W_TT/tr W_MM) in the rows of M.
 
         m/ℓ is in N·s and ωℓ in m/s, so that one norm may hold both, whatever the unit of length.
         """

@@ -1,4 +1,4 @@
-"""What the global contact nodes share: dynamics, bilateral constraints, and how their answers are measured."""
+"""Base of the global contact nodes: dynamics, bilateral constraints, and how their answers are measured."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class MLCP(Problem):
 
     @cached_property
     def _push(self) -> float:
-        """What v_unit does to the equalities: their scale where a = 0, or u = 1e-12 for 0 would be 100 % wrong."""
+        """Effect of v_unit on the equalities: their scale where a = 0, or u = 1e-12 for 0 would be 100 % wrong."""
         return max_abs(self.C) * self.v_unit
 
     @cached_property

@@ -9,7 +9,7 @@ from cpbench.expressions.mof_model import Model, ModelRow, read_model
 from cpbench.expressions.operators import Operator
 
 SOURCE = "MathOptFormat"
-"""What messages call a text that is not a file."""
+"""Name in messages of a text that is not a file."""
 
 
 def program_of(text: bytes | str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What the nodes with a nonlinear map F share: a first start, and the size of F that their residuals are scaled by."""
+"""Base of the nodes with a nonlinear map F: a first start, and the size of F that their residuals are scaled by."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the variational nodes share: a set with a simple part, which is projected on, and rows with multipliers."""
+"""Base of the variational nodes: a set with a simple part, which is projected on, and rows with multipliers."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from cpbench.generators.base import Collection, Instance, generators
 SMALL, FEW = 40, 2
 """The largest dimension of a problem of the quick suite, and how many of them a formulation has there."""
 UNKNOWN = ("nothing", "infeasible")
-"""What is known of a problem that has no known solution."""
+"""Facts of a problem that has no known solution."""
 
 
 def builtin_folder() -> Path:

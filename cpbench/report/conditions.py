@@ -18,7 +18,7 @@ MANY = (
     "numbers and curves are of all of them; lists of pairs are cut short, and `report.html` has the facts of single "
     f"pairs for at most {KEPT} failures"
 )
-"""What is said where rows are too many to show each."""
+"""Sentence where rows are too many to show each."""
 
 
 def conditions(run: Run) -> Iterator[str]:

@@ -14,7 +14,7 @@ LOSSES = (
     "Here the solver met its target, and the answer that the conversion carried back does not meet the tolerance of "
     "the problem that was asked. *Factor*: the error there over the error on the solver's own problem."
 )
-"""What a table of conversions that lost answers is about."""
+"""Sentence above a table of conversions that lost answers."""
 METHODS = f"""\
 **Problems and pairs.** A pair is a problem, a solver with its options, and a request for a route (`exact`, or a
 conversion named after the `@`). Every pair is fixed before the run and has a row; N, the number of problems of a

@@ -28,7 +28,7 @@ ACROSS, NAMED = 3, 4
 """Panels a row; solvers named below each."""
 POINTS = 400
 TIGHT = 0.04
-"""What is free above and below the curves, so that one along an end is seen."""
+"""Margin above and below the curves, so that one along an end is seen."""
 WIDTH, HIGH, GAP = 9.2, 1.35, 1.28
 """Width of the figure, height of a panel, and what is below it for axis and names [in]."""
 

@@ -17,7 +17,7 @@ from typing import Any, ClassVar, TypeAlias
 
 from cpbench import __version__
 from cpbench.errors import NotApplicable, UnknownName
-from cpbench.formulations.base import Kind, Problem
+from cpbench.formulations.base import Kind, Point, Problem
 from cpbench.matrices import Vector
 from cpbench.registry import Registry
 from cpbench.solvers.options import choices, written
@@ -159,6 +159,18 @@ def solved(point: Any, counters: Mapping[str, int], message: str = "") -> Solver
     own["claim"], own["point"], own["counters"] = _SOLVED, point, counters
     if message:
         own["message"] = message
+    return output
+
+
+def solved_at(kind: type[Point], vector: Vector, counters: Mapping[str, int]) -> SolverOutput:
+    """Return `solved(kind.adopt(vector), counters)` for points of one vector, in half the time: calls in Python take
+    as long as a problem of a few unknowns."""
+    vector.setflags(False)
+    point = _new(kind)
+    point.__dict__[kind.__match_args__[0]] = vector  # pyright: ignore[reportGeneralTypeIssues]
+    output = _new(SolverOutput)
+    own = output.__dict__
+    own["claim"], own["point"], own["counters"] = _SOLVED, point, counters
     return output
 
 

@@ -1,4 +1,4 @@
-"""What an option may be: its range or its choices, written beside its default in a solver's dataclass of options.
+"""Values of an option: its range or its choices, written beside its default in a solver's dataclass of options.
 
     @dataclass(frozen=True)
     class MyOptions:

@@ -24,7 +24,7 @@ _SPARSE_KEYS = frozenset({"data", "indices", "indptr", "shape"})
 _EXPANSION = 1100
 """Deflate cannot expand by more than 1032."""
 _ZIP_DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, ValueError, LookupError, struct.error)
-"""What zipfile raises on damaged archives (NotImplementedError and UnicodeDecodeError are among them)."""
+"""Exceptions of zipfile on damaged archives (NotImplementedError and UnicodeDecodeError are among them)."""
 _HEADER_DAMAGE = (ValueError, TypeError, SyntaxError, LookupError, OverflowError, RecursionError, MemoryError)
 
 
@@ -65,6 +65,7 @@ def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, ND
         with zipfile.ZipFile(path) as archive:
             for entry in archive.infolist():
                 name = entry.filename.removesuffix(".npy")
+                # before it is unpacked: a bomb of zeros declares gigabytes in kilobytes
                 if entry.file_size > _EXPANSION * max(entry.compress_size, 1):
                     raise FormatError(path, name, f"declares {entry.file_size} bytes from {entry.compress_size}")
                 with archive.open(entry) as stream:
@@ -117,6 +118,7 @@ def sparse_from_parts(path: Path, where: str, parts: dict[str, NDArray[Any]]) ->
         raise FormatError(path, f"{where}data", f"has {data.size} numbers, expected {int(indptr[-1])}")
     if indices.size and (indices.min() < 0 or indices.max() >= minor):
         raise FormatError(path, f"{where}indices", f"hold {int(indices.max())}, expected 0 to {minor - 1}")
+    # as CSR it gets a pointer a row: a file of a few bytes could ask for gigabytes
     if kind == "csc" and major * 1000 + 10**6 < minor:
         raise FormatError(path, where, f"has shape {shape} and {indices.size} entries: not believed")
     triple: Any = (data.astype(np.float64), indices, indptr)
@@ -172,6 +174,7 @@ def _npy_header(path: Path, name: str, stream: IO[bytes], size: int) -> tuple[tu
         raise FormatError(path, name, f"is not an array in NumPy's .npy format ({reason})") from None
     shape, fortran, dtype = header
     held = size - stream.tell()
+    # in Python's integers, which do not overflow to something that fits
     declared = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if declared != held and not dtype.hasobject:
         raise FormatError(path, name, f"declares {declared} bytes, the file holds {held} of them")
@@ -186,6 +189,7 @@ def _is_pickled_none(data: bytes) -> bool:
         opcodes = _opcodes(data)
     except (ValueError, IndexError):
         return False
+    # NumPy has written it by each of these protocols
     return any(opcodes == _opcodes(pickle.dumps(np.array(None, dtype=object), protocol)) for protocol in (2, 3, 4))
 
 
@@ -213,6 +217,7 @@ def _read_mtx(path: Path) -> Any:
     try:
         rows, cols, entries, layout, field, symmetry = scipy.io.mminfo(path)
         stored = path.stat().st_size
+        # an entry takes a byte at least; SciPy would allocate what the head declares before it reads on
         if entries > stored or max(rows, cols) > stored + 10**7 or not head.startswith(b"%%MatrixMarket"):
             raise ValueError(f"declares {rows}x{cols} with {entries} entries in {stored} bytes")
         if field == "complex":

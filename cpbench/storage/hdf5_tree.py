@@ -28,7 +28,7 @@ _LARGEST_UNWRITTEN = 1 << 24
 """Data sets that were created and never written hold HDF5's fill value, 0: FCLIB files have such solutions."""
 _LARGEST_ATTRIBUTE = 1 << 20
 _DAMAGE = (OSError, RuntimeError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError)
-"""What h5py raises on damaged files (found by overwriting bytes at random)."""
+"""Exceptions of h5py on damaged files (found by overwriting bytes at random)."""
 
 
 def _guarded(method: Callable[Concatenate[Tree, P], R]) -> Callable[Concatenate[Tree, P], R]:

@@ -37,7 +37,7 @@ from cpbench.matrices import Sparse, Vector
 from cpbench.storage.base import build, read_head
 
 MARK = "cpbench "
-"""What the description of a written file begins with, the formulation after it."""
+"""Beginning of the description of a written file, the formulation after it."""
 CONVEX = " convex"
 """Behind the formulation of an nlp that was said to be convex."""
 OFFSET = "objective_offset"

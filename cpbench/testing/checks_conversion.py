@@ -32,7 +32,7 @@ def _open(edge: Conversion, cases: list[Case]) -> Iterator[tuple[Case, Problem]]
 
 
 _known: dict[tuple[int, int], tuple[Conversion, Problem, Problem]] = {}
-"""What the edge that is being checked made of each problem, so that its checks do not convert again; both are kept, so
+"""Each problem as the checked edge converts it, so that its checks do not convert again; both are kept, so
 that nothing else gets their ids."""
 
 

@@ -1,4 +1,4 @@
-"""What checks say besides yes: what must be refused, and that a check does not apply. No test framework needed."""
+"""Answers of checks besides yes: an expected refusal, and a check that does not apply. No test framework needed."""
 
 from __future__ import annotations
 

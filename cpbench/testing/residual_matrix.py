@@ -26,7 +26,7 @@ ROUNDED = 4 * float(np.finfo(float).eps)
 HARDER = (1.0, 1e-2, 1e-4)
 """Shares of what a route asks that solvers are asked for in turn."""
 SHARE = 0.1
-"""What solvers are asked for, as a share of the tolerance of a cell."""
+"""Tolerance for solvers, as a share of that of a cell."""
 
 
 @dataclass(frozen=True)

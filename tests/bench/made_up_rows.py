@@ -170,7 +170,7 @@ def as_paths(rows: pd.DataFrame, seed: int) -> pd.DataFrame:
             "key": np.repeat(keys, ITERATES),
             "time": share,
             "iteration": np.tile(np.arange(ITERATES), len(keys)),
-            "told": 0.0,
+            "residual": 0.0,
             "error": 10.0 ** (-10 * share * rng.uniform(0.5, 1, share.size)),
             "share": share,
         }

@@ -74,7 +74,7 @@ def iterates(rows: pd.DataFrame, seed: int = 5) -> pd.DataFrame:
         errors = 10.0 ** (-rng.uniform(0.2, 1.4, count).cumsum()) * rng.uniform(0.5, 3, count)
         for k in range(count):
             share = (k + 1) / count
-            at = {"key": record["key"], "time": share * record["solve"], "iteration": k, "told": math.nan}
+            at = {"key": record["key"], "time": share * record["solve"], "iteration": k, "residual": math.nan}
             parts.append({**at, "error": float(errors[k]), "share": share})
     return pd.DataFrame(parts, columns=list(histories.COLUMNS))
 

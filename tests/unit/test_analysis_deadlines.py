@@ -133,7 +133,9 @@ def test_without_misses_there_is_no_run() -> None:
 
 def _path(key: str, *steps: tuple[float, float]) -> pd.DataFrame:
     time, error = (np.array(column) for column in zip(*steps, strict=True))
-    return pd.DataFrame({"key": key, "time": time, "iteration": 0, "told": 0.0, "error": error, "share": time / 4.0})
+    return pd.DataFrame(
+        {"key": key, "time": time, "iteration": 0, "residual": 0.0, "error": error, "share": time / 4.0}
+    )
 
 
 def test_the_error_at_the_deadline_is_the_best_so_far() -> None:

@@ -20,7 +20,9 @@ from cpbench.report.run import Run
 def _path(key: str, *steps: tuple[float, float]) -> pd.DataFrame:
     """Iterates (time, error) of a row whose recorded solve took 4 s."""
     time, error = (np.array(column) for column in zip(*steps, strict=True))
-    return pd.DataFrame({"key": key, "time": time, "iteration": time, "told": 0.0, "error": error, "share": time / 4.0})
+    return pd.DataFrame(
+        {"key": key, "time": time, "iteration": time, "residual": 0.0, "error": error, "share": time / 4.0}
+    )
 
 
 ROWS = table(

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +19,7 @@ from cpbench.analysis.table import normalised
 from cpbench.api.certifying import certify_first
 from cpbench.bench.results import schema
 from cpbench.bench.results.store import Store
+from cpbench.errors import SealError
 
 pytest.importorskip("flint")
 EXACT = np.array([1.5, 2.0])
@@ -76,6 +80,7 @@ def test_a_file_of_the_version_before_gets_the_columns_and_keeps_its_seals(resul
     with sqlite3.connect(results) as db:
         for name in ("certainty", "distance", "certificate"):
             db.execute(f"ALTER TABLE rows DROP COLUMN {name}")
+        db.execute("DROP TABLE proved_problems")
         db.execute("PRAGMA user_version = 4")
     with Store(results) as reading:
         assert {row.certainty for row in reading.rows()} == {None}
@@ -84,6 +89,89 @@ def test_a_file_of_the_version_before_gets_the_columns_and_keeps_its_seals(resul
         assert {row.certainty for row in store.rows()} == {None}
     with sqlite3.connect(results) as db:
         assert db.execute("PRAGMA user_version").fetchone()[0] == schema.SCHEMA
+
+
+CHECKER = Path(cp.__file__).parent / "certificates" / "checker"
+
+
+def checked(*paths: Path) -> tuple[int, list[str]]:
+    """What the program without cpbench says of files."""
+    done = subprocess.run([sys.executable, CHECKER, *paths], capture_output=True, text=True, timeout=120)
+    assert not done.stderr
+    return done.returncode, done.stdout.splitlines()
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A results file with a proof, an enclosure, refuted claims, and a problem of which all solutions are listed."""
+    tmp_path = tmp_path_factory.mktemp("several")
+    cp.save(cp.LCP(M=np.array([[1.0, 2.0], [2.0, 1.0]]), q=np.full(2, -3.0), name="three"), tmp_path / "three.h5")
+    W, q, mu = np.diag([1.0, 2.0, 1.0]), np.array([-1.0, -1.0, 0.0]), np.array([6.0])
+    cp.save(cp.FrictionContact(W=W, q=q, mu=mu, name="stick"), tmp_path / "stick.h5")
+    cp.save(cp.QP.build(np.eye(2), np.array([-1.0, -3.0]), lb=np.zeros(2), name="program"), tmp_path / "program.h5")
+    names = ("three.h5", "stick.h5", "program.h5")
+    done = command(tmp_path, "run", *names, "-s", "lemke,nsgs,auto-qp,pgs", "--repeats", "1", "-o", "r.sqlite",
+                   "--no-report", "--certify")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return tmp_path / "r.sqlite"
+
+
+@pytest.fixture
+def several(run: Path, tmp_path: Path) -> Path:
+    """A copy of that file, to be changed."""
+    return Path(shutil.copy(run, tmp_path / "r.sqlite"))
+
+
+def test_rows_are_proved_again_without_cpbench(several: Path) -> None:
+    code, lines = checked(several)
+    assert code == 0, lines
+    told = "\n".join(lines)
+    assert "three  lemke: proved" in told
+    assert "3 solutions, all listed" in told
+    assert "stick  nsgs: enclosed" in told
+    assert "program  auto-qp: proved" in told
+    with Store(several) as store:
+        assert len(lines) == sum(row.certainty is not None for row in store.rows())
+        assert {kind for _, kind, _ in store.certificates()} == {"answer"}
+        problems = {row.fingerprint for row in store.rows() if row.certainty}
+        assert {fingerprint for fingerprint, _ in store.proved_problems()} == problems
+
+
+FORGERIES = {
+    "a level": "UPDATE rows SET certainty = 'proved' WHERE label = 'nsgs'",
+    "a distance": "UPDATE rows SET distance = 1e-18 WHERE label = 'lemke'",
+    "a distance that is gone": "UPDATE rows SET distance = NULL WHERE label = 'lemke'",
+    "a fact": "UPDATE rows SET certificate = 'unique: P-matrix' WHERE label = 'lemke'",
+    "a number": "UPDATE rows SET certificate = '2 solutions, all listed' WHERE label = 'lemke'",
+    "no proof": "DELETE FROM certificates",
+    "no problem": "DELETE FROM proved_problems",
+    "another problem": "UPDATE rows SET fingerprint = (SELECT max(fingerprint) FROM rows)",
+    "another problem's data": "UPDATE proved_problems SET data = (SELECT max(data) FROM proved_problems)",
+    "another answer": "UPDATE answers SET answer = (SELECT max(answer) FROM answers)",
+    "another proof": "UPDATE certificates SET proof = (SELECT max(proof) FROM certificates)",
+    "a bit of a proof": "UPDATE certificates SET proof ="
+    " CAST(substr(proof, 1, 2000) || x'ff' || substr(proof, 2002) AS BLOB)",
+}
+
+
+@pytest.mark.parametrize("name", FORGERIES)
+def test_forged_rows_are_caught(name: str, several: Path) -> None:
+    """By the program without cpbench, which knows no key; and by the seals."""
+    with sqlite3.connect(several) as db:
+        db.execute(FORGERIES[name])
+    code, lines = checked(several)
+    assert code == 1
+    assert any("NOT PROVED" in line for line in lines)
+    if name not in ("no problem", "another problem's data"):
+        with Store(several) as store, pytest.raises(SealError):
+            store.audit().require()
+
+
+def test_proofs_are_merged(several: Path) -> None:
+    assert command(several.parent, "merge", "r.sqlite", "-o", "m.sqlite").returncode == 0
+    assert checked(several.parent / "m.sqlite") == (
+        0, [line.replace("r.sqlite", "m.sqlite") for line in checked(several)[1]]
+    )  # fmt: skip
 
 
 def test_levels_are_counted_by_solver_and_problem() -> None:

@@ -77,7 +77,7 @@ def test_the_kept_iterates_lie_apart_by_a_factor(clock: Clock, step: float) -> N
     assert (time[1:] / time[:-1])[late[1:]].max() < 1.5
     np.testing.assert_allclose(found["iteration"][:-1], np.round(time[:-1] / step) - 1)
     np.testing.assert_array_equal(found["iterates"][:-1], found["iteration"][:-1])
-    np.testing.assert_allclose(found["told"][:-1], 1.0 / (found["iteration"][:-1] + 1))
+    np.testing.assert_allclose(found["residual"][:-1], 1.0 / (found["iteration"][:-1] + 1))
 
 
 def test_few_iterates_are_all_kept_and_the_answer_is_last(clock: Clock) -> None:
@@ -88,7 +88,7 @@ def test_few_iterates_are_all_kept_and_the_answer_is_last(clock: Clock) -> None:
     _, found = _finish(recorder, 20)
     assert found["iteration"].tolist() == list(range(21))
     assert found["iterates"].tolist() == [*range(20), -1.0]
-    assert math.isnan(found["told"][-1])
+    assert math.isnan(found["residual"][-1])
 
 
 def test_the_clock_stands_while_an_iterate_is_kept(clock: Clock) -> None:
@@ -178,8 +178,8 @@ def test_errors_are_those_of_the_iterates(scene: Any, rng: np.random.Generator) 
     assert output.claim is Claim.SOLVED
     assert history.iteration[:-1].tolist() == [k for k, *_ in seen]
     np.testing.assert_array_equal(history.error[:-1], errors)
-    np.testing.assert_allclose(history.told[:-1], own, rtol=1e-6, atol=1e-15)
-    assert history.told[-2] <= 1e-10
+    np.testing.assert_allclose(history.residual[:-1], own, rtol=1e-6, atol=1e-15)
+    assert history.residual[-2] <= 1e-10
     assert history.error[-1] == history.error[-2] <= LEEWAY * 1e-10
 
 
@@ -200,7 +200,7 @@ def test_time_to_a_tolerance() -> None:
     history = History(
         time=np.array([0.1, 0.2, 0.4, 0.8]),
         iteration=np.arange(4.0),
-        told=np.zeros(4),
+        residual=np.zeros(4),
         error=np.array([1.0, 1e-3, 1e-2, math.inf]),
         flags=("", "", "", ""),
         solve=0.9,
@@ -226,7 +226,7 @@ def test_a_liar_gets_its_true_errors(scene: Any) -> None:
     """
     problem = LCP(M=np.eye(1), q=np.array([-2.0]))
     history = scene(problem, "lcp").judged(recorded(Liar(), problem, Budget(), None, None))
-    assert history.told[:-1].tolist() == [0.0] * 5
+    assert history.residual[:-1].tolist() == [0.0] * 5
     np.testing.assert_allclose(history.error[:5], [1.0, 1 / 2, 0.0, 1 / 3, 1 / 2])
     assert history.error[5] == math.inf
     assert history.time_to(1e-10) == history.time[2]
@@ -239,7 +239,7 @@ def test_a_liar_gets_its_true_errors(scene: Any) -> None:
 def test_messages_that_do_not_hold_together_are_refused(scene: Any) -> None:
     problem = LCP(M=np.eye(2), q=-np.ones(2))
     at = scene(problem, "lcp")
-    fine = {"time": [0.0, 1.0], "iteration": [0.0, 1.0], "told": [1.0, 0.0], "iterates": np.ones(4)}
+    fine = {"time": [0.0, 1.0], "iteration": [0.0, 1.0], "residual": [1.0, 0.0], "iterates": np.ones(4)}
     assert at.judged(Recorded(2, 1.0, 0.0, 2, fine)).error.tolist() == [0.0, 0.0]
     for wrong in (
         {"iterates": np.ones(5)},
@@ -247,7 +247,7 @@ def test_messages_that_do_not_hold_together_are_refused(scene: Any) -> None:
         {"time": [1.0, 0.0]},
         {"time": [0.0, math.nan]},
         {"time": [-1.0, 0.0]},
-        {"told": [1.0]},
+        {"residual": [1.0]},
     ):
         with pytest.raises(PointError, match="recorded iterates"):
             at.judged(Recorded(2, 1.0, 0.0, 2, {**fine, **wrong}))
@@ -280,7 +280,7 @@ def test_packed_and_unpacked() -> None:
     history = History(
         time=np.array([0.5, 1.0]),
         iteration=np.array([0.0, 9.0]),
-        told=np.array([1.0, math.nan]),
+        residual=np.array([1.0, math.nan]),
         error=np.array([math.inf, 1e-9]),
         flags=("", "stationary,direction"),
         solve=1.25,
@@ -289,7 +289,7 @@ def test_packed_and_unpacked() -> None:
     )
     blob = history.pack()
     again = History.unpack(blob)
-    for name in histories.COLUMNS:
+    for name in histories.STORED:
         np.testing.assert_array_equal(getattr(again, name), getattr(history, name))
     assert (again.flags, again.solve, again.cost, again.calls) == (history.flags, 1.25, 0.125, 9)
     for broken in (b"", blob[:-9], blob[9:], b"x" * 40):
@@ -305,7 +305,7 @@ def test_looser_rows_are_read_off() -> None:
     history = History(
         time=np.array([0.0, 1.0, 2.0, 4.0]),
         iteration=np.array([0.0, 3.0, 6.0, 12.0]),
-        told=np.full(4, math.nan),
+        residual=np.full(4, math.nan),
         error=np.array([1.0, 1e-3, 1e-5, 1e-9]),
         flags=("", "", "stationary", "stationary"),
         solve=4.0,
@@ -351,13 +351,13 @@ def test_a_history_tells_when_a_looser_run_would_end(scene: Any, rng: np.random.
     history = scene(problem, problem.node).judged(recorded(chosen, problem, tight, chosen.spec.options(), None))
     for tolerance in (1e-2, 1e-4, 1e-6):
         alone = chosen.run(problem, Budget(tolerance=tolerance)).counters["iterations"]
-        end = int(np.argmax(history.told <= tolerance))
-        assert history.told[end] <= tolerance
+        end = int(np.argmax(history.residual <= tolerance))
+        assert history.residual[end] <= tolerance
         assert abs(history.iteration[end] - alone) <= 2 + alone / 4, tolerance
         assert history.error[end] <= LEEWAY * tolerance
         k = history.first(tolerance)
         assert k is not None
-        assert history.told[k] <= LEEWAY * tolerance
+        assert history.residual[k] <= LEEWAY * tolerance
 
 
 def test_a_lane_returns_the_history_of_a_solver_that_records(tmp_path: Path, rng: np.random.Generator) -> None:

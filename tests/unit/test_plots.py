@@ -137,7 +137,7 @@ def recorded() -> tuple[pd.DataFrame, pd.DataFrame]:
     rows = table(*(row(p, s, "solved", 1.0) for p in ("p-1", "p-2") for s in ("fast", "slow")))
     parts = []
     for key, pace in zip(rows["key"], (0.1, 0.5, 0.1, 0.5), strict=True):
-        told = {"iteration": range(4), "told": 1e-3, "error": [1e-1, 1e-3, 1e-5, 1e-7]}
+        told = {"iteration": range(4), "residual": 1e-3, "error": [1e-1, 1e-3, 1e-5, 1e-7]}
         parts.append(
             pd.DataFrame({"key": key, "time": [pace * k for k in range(4)], "share": np.arange(4) * pace, **told})
         )

@@ -268,7 +268,13 @@ def test_what_is_written_into_a_row_that_waits_is_not_sealed(tmp_path: Path) -> 
 def test_rows_that_contradict_themselves_are_found_without_seals(honest: Path, tmp_path: Path) -> None:
     path = tmp_path / "old.sqlite"
     shutil.copyfile(honest, path)
-    _change(path, ("DROP TABLE seals", ()), ("DROP TABLE certificates", ()), ("PRAGMA user_version = 3", ()))
+    _change(
+        path,
+        ("DROP TABLE seals", ()),
+        ("DROP TABLE certificates", ()),
+        ("DROP TABLE proved_problems", ()),
+        ("PRAGMA user_version = 3", ()),
+    )
     with Store(path) as store:
         found = store.audit()
     assert not found.broken

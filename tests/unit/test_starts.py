@@ -106,7 +106,7 @@ def test_the_first_guess_of_a_file(planted_fc: Any, tmp_path: Path) -> None:
     problem, point = planted_fc
     ones = FCPoint(r=np.ones(point.r.size))
     found = start_for(FILE, problem, kept(tmp_path, problem, point, ones, point), tolerance=TOLERANCE)
-    assert found.told == "file"
+    assert found.description == "file"
     np.testing.assert_array_equal(found.point.r, ones.r)
 
 
@@ -116,9 +116,9 @@ def test_every_guess_of_a_file_can_be_environment(planted_fc: Any, tmp_path: Pat
     storage.save_pack({"a": problem}, tmp_path / "pack.h5", guesses={"a": [point, ones, problem.zero_point()]})
     address = f"{tmp_path}/pack.h5::a"
     found = start_for(parse_start("file:2"), problem, address, tolerance=TOLERANCE)
-    assert found.told == "file:2"
+    assert found.description == "file:2"
     np.testing.assert_array_equal(found.point.r, ones.r)
-    assert start_for(parse_start("file:3"), problem, address, tolerance=TOLERANCE).told == "file:3: zeros"
+    assert start_for(parse_start("file:3"), problem, address, tolerance=TOLERANCE).description == "file:3: zeros"
     with pytest.raises(NotApplicable, match="start file:4: the file has 3 starting points, not 4"):
         start_for(parse_start("file:4"), problem, address, tolerance=TOLERANCE)
 
@@ -126,7 +126,7 @@ def test_every_guess_of_a_file_can_be_environment(planted_fc: Any, tmp_path: Pat
 def test_a_guess_of_zeros_is_told(planted_fc: Any, tmp_path: Path) -> None:
     problem, point = planted_fc
     address = kept(tmp_path, problem, point, problem.zero_point())
-    assert start_for(FILE, problem, address, tolerance=TOLERANCE).told == "file: zeros"
+    assert start_for(FILE, problem, address, tolerance=TOLERANCE).description == "file: zeros"
 
 
 def test_a_member_of_a_pack_has_its_own_guess(planted_fc: Any, tmp_path: Path) -> None:
@@ -160,7 +160,7 @@ def test_a_guess_of_fclib_is_nearer_than_nothing(shared_data: Path, tmp_path: Pa
     address = str(shared_data / "fc3d_local" / "Capsules-i125-1213.hdf5")
     problem = storage.load(address)
     found = start_for(FILE, problem, address, tolerance=TOLERANCE)
-    assert found.told == "file"
+    assert found.description == "file"
     assert problem.residuals(found.point).error < 0.8 * problem.residuals(problem.zero_point()).error
 
 
@@ -171,7 +171,7 @@ def test_a_guess_of_fclib_is_nearer_than_nothing(shared_data: Path, tmp_path: Pa
 def test_noise_has_the_size_that_was_asked_in_every_block(rng: np.random.Generator, tmp_path: Path) -> None:
     problem, point = planted_contact.grfc(rng, 301, 300, 40, 5)
     got = start_for(noise(0.01), problem, kept(tmp_path, problem, point), tolerance=TOLERANCE)
-    assert got.told == "perturbed:0.01"
+    assert got.description == "perturbed:0.01"
     moment = np.arange(1500) % 5 > 2
     for x, y in (
         (point.v, got.point.v),
@@ -221,17 +221,17 @@ def test_the_step_before(planted_fc: Any, rng: np.random.Generator, tmp_path: Pa
     placed = dataclasses.replace(problem, contacts=here)
     there = dataclasses.replace(here, id=np.arange(nc)[::-1])
     got = start_for(PREVIOUS, placed, "", tolerance=TOLERANCE, before=Before(point, there))
-    assert got.told == "previous"
+    assert got.description == "previous"
     np.testing.assert_array_equal(got.point.r, point.r.reshape(-1, 3)[::-1].ravel())
     strangers = dataclasses.replace(here, id=np.arange(nc) + 50)
-    told = start_for(PREVIOUS, placed, "", tolerance=TOLERANCE, before=Before(point, strangers)).told
-    assert told == "previous, no contact matched"
+    description = start_for(PREVIOUS, placed, "", tolerance=TOLERANCE, before=Before(point, strangers)).description
+    assert description == "previous, no contact matched"
     by_order = start_for(PREVIOUS, problem, "", tolerance=TOLERANCE, before=Before(point))
-    assert by_order.told == "previous, contacts matched by order"
-    assert start_for(PREVIOUS, problem, "", tolerance=TOLERANCE).told == "cold: no step before"
+    assert by_order.description == "previous, contacts matched by order"
+    assert start_for(PREVIOUS, problem, "", tolerance=TOLERANCE).description == "cold: no step before"
     other = start_for(PREVIOUS, problem, "", tolerance=TOLERANCE, before=Before(FCPoint(r=np.ones(3))))
     assert other.point is None
-    assert other.told == "cold: 1 contacts before, 6 now, and no ids to match them by"
+    assert other.description == "cold: 1 contacts before, 6 now, and no ids to match them by"
 
 
 def test_a_step_is_read_again_from_its_file(planted_fc: Any, tmp_path: Path) -> None:

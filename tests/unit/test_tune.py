@@ -18,7 +18,7 @@ import pytest
 
 from cpbench import storage
 from cpbench.advice.tuning import record
-from cpbench.advice.tuning.search import Found, Search, rungs
+from cpbench.advice.tuning.search import Search, SearchResult, rungs
 from cpbench.advice.tuning.space import space
 from cpbench.bench.block import Block
 from cpbench.bench.events import EventHandler
@@ -103,7 +103,7 @@ class Formula:
             yield pair, Outcome(status="solved" if took < 0.5 else "max_iter", solve=took, host="here")
 
 
-def searched(executor: Formula, problems: int = 9, budget: float = 60.0, configurations: int = 82) -> Found:
+def searched(executor: Formula, problems: int = 9, budget: float = 60.0, configurations: int = 82) -> SearchResult:
     entries = itertools.islice(space("psor").configurations(0), configurations)
     search = Search(planned(problems), entries, budget)
     with contextlib.suppress(KeyboardInterrupt):

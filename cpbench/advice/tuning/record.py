@@ -1,4 +1,4 @@
-"""What a search leaves behind: a plan file that runs the tuned solver beside its default one, and tells how it came."""
+"""The record of a search: a plan file that runs the tuned solver beside its default one, and tells how it came."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.advice.tuning.score import NAME
-from cpbench.advice.tuning.search import Found
+from cpbench.advice.tuning.search import SearchResult
 from cpbench.bench.planning.plan import Entry
 from cpbench.bench.planning.plan_text import beside, lines
 from cpbench.bench.planning.run_plan import ProblemSet
@@ -17,7 +17,7 @@ METHOD = "random search, successive halving"
 OTHER = {"dev": "test", "test": "dev", "": ""}
 
 
-def tuning(found: Found, part: ProblemSet, budget: float, seed: int) -> Tuning:
+def tuning(found: SearchResult, part: ProblemSet, budget: float, seed: int) -> Tuning:
     """Return what a plan and its results tell of a search."""
     return Tuning(
         solver=as_text(found.entry),

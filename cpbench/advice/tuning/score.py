@@ -16,11 +16,11 @@ from cpbench.verification import VERIFIED
 
 NAME = "problems solved, then PAR10 as a shifted geometric mean"
 CHARGE = 10.0
-"""What an unsolved problem costs, in limits."""
+"""Cost of an unsolved problem, in limits."""
 SHIFT = 1e-3
 """Seconds added to every time before its logarithm: below that a call weighs as much as the algorithm."""
 GAIN = 0.9
-"""What a mean must be of another one to count as a gain, where as many problems are solved."""
+"""Ratio of a mean to another one from which it counts as a gain, where as many problems are solved."""
 PARTS = ("convert", "setup", "solve", "lift")
 
 

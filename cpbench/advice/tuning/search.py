@@ -52,7 +52,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """Result of a search.
 
     Attributes
@@ -133,7 +133,7 @@ class Search:
             self._ended = time.monotonic()
 
     @property
-    def found(self) -> Found:
+    def found(self) -> SearchResult:
         """The best so far; raises CpbenchError when no configuration was run on any problem."""
         rivals = self._final or self._whole or self._furthest()
         shared = set.intersection(*(set(trial.times) for trial in rivals))
@@ -142,7 +142,7 @@ class Search:
         # the default stands first, so that a tie is its
         best = min(rivals, key=lambda trial: self._score(trial, shared))
         begun = [trial for trial in self._trials if trial.times]
-        return Found(
+        return SearchResult(
             best.entry,
             self._score(best, shared),
             self._score(rivals[0], shared),

@@ -15,7 +15,7 @@ from cpbench.analysis.comparison.verdicts import NOT_AGAIN, Comparison, worst
 from cpbench.plurals import counted
 
 PAIR = ["fingerprint", "label_new", "request", "tolerance", "measure", "start", "threads", "step", "problem"]
-"""What a pair of the second comparison is found by."""
+"""Columns by which a pair of the second comparison is found."""
 
 
 def alarms(found: Comparison, statuses: Collection[str] = ()) -> pd.DataFrame:

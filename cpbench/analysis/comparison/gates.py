@@ -33,9 +33,9 @@ UNDECIDED = ""
 SETTLED = (*MET_TOLERANCE, *PROVEN)
 """Statuses of a problem that is done with: an answer that was verified, or a proof that there is none."""
 WORST = (str(Status.WRONG), str(Status.CRASH))
-"""What is worse than other ways not to solve a problem."""
+"""Statuses that are worse than other ways not to solve a problem."""
 UNCHARGED = (*CHARGED_TO_ROUTE, str(Status.UNRESOLVABLE))
-"""What is not solved and no solver's fault: a change among these is neither better nor worse."""
+"""Statuses of failures that are no solver's fault: a change among these is neither better nor worse."""
 DECADE = 10.0
 """Factor between errors beyond the tolerance that counts."""
 FIRST = "iterations"

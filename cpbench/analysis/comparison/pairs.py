@@ -18,14 +18,14 @@ from cpbench.errors import CpbenchError, UnknownName
 
 KEY = ("fingerprint", "solver", "options", "request", "tolerance", "measure", "start", "threads")
 FINER = ("set", "step", "problem")
-"""What tells rows of one key apart, in this order."""
+"""Columns that tell rows of one key apart, in this order."""
 COMMON = ("problem", "address", "node", "family", "solver", "request", "options", "tolerance", "measure", "start",
           "threads", "set", "step", "fingerprint")  # fmt: skip
 SIDE = ("label", "status", "error", "counters", "samples", "flags", "message", "seconds", "memory", "host", "jobs",
         "origin", "version", "cpu", "solve", "time")  # fmt: skip
-"""What a pair has of both sides, with the endings `_base` and `_new`."""
+"""Columns that a pair has of both sides, with the endings `_base` and `_new`."""
 BY_LABEL = ("solver", "options", "request")
-"""What is no part of the key where two labels of one table are compared."""
+"""Columns that are no part of the key where two labels of one table are compared."""
 _READ = {*COMMON, *SIDE, *rows_of.CHARGED} - {"time"}
 
 

@@ -1,1 +1,1 @@
-"""What to run: plans from the command line and from files, down to the pairs."""
+"""Plans of what to run, from the command line and from files, down to the pairs."""

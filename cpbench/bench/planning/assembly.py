@@ -88,7 +88,8 @@ def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: R
     named = [grids.named(part.solvers) if part.chosen else set[str]() for part in asked.sets]
     every = [_entries(part) for part in asked.sets]
     entries = [
-        [e for e in all_ if e.solver in said or not _missing(e)] for all_, said in zip(every, named, strict=True)
+        [e for e in all_ if e.solver in named_here or not _missing(e)]
+        for all_, named_here in zip(every, named, strict=True)
     ]
     requests = [_requests(part) for part in asked.sets]
     places = [selection.addresses(part.problems, builtin) for part in asked.sets]
@@ -103,15 +104,15 @@ def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: R
     surveys, refused, unread = _survey(slot, wanted, max(part.timeout for part in asked.sets), reading, guesses)
     parts: list[PlannedSet] = []
     planned: dict[str, Pair] = {}
-    for part, solvers_, said, asks, addresses in zip(asked.sets, entries, named, requests, places, strict=True):
+    for part, solvers_, named_here, asks, addresses in zip(asked.sets, entries, named, requests, places, strict=True):
         here = [surveys[a, part.format] for a in addresses if (a, part.format) in surveys]
         chosen = selection.select(part, here) if here else []
         meant = chosen or selection.select(replace(part, split=""), here) if here else []
         tunings.require_unseen(asked.tunings, solvers_, meant, part.split)
-        made = _pairs(part, chosen, solvers_, said, asks, asked.threads)
-        for pair in made:
+        pairs = _pairs(part, chosen, solvers_, named_here, asks, asked.threads)
+        for pair in pairs:
             _require_same(planned.setdefault(pair.key, pair), pair)
-        parts.append(PlannedSet(part, {s.fingerprint: s.address for s in reversed(chosen)}, solvers_, made))
+        parts.append(PlannedSet(part, {s.fingerprint: s.address for s in reversed(chosen)}, solvers_, pairs))
     return Assembly(
         parts,
         selection.shard(planned.values(), *asked.shard),

@@ -62,10 +62,10 @@ def _matrix(pairs: Sequence[Pair], room: int | None) -> Iterator[str]:
     numbers = "".join(f"{i:>{width}}" for i in range(1, len(names) + 1)) if fits else ""
     yield f"{head:<{WIDTH}}{numbers}{'all' if fits else 'pairs':>{width + 3}}"
     for row in rows:
-        told = row if single else f"{row}, {counted(problems[row], 'problem')}"
+        title = row if single else f"{row}, {counted(problems[row], 'problem')}"
         cells = [counts[row, name] for name in names]
         shown = "".join(f"{count or '.':>{width}}" for count in cells) if fits else ""
-        yield f"{_fitted(told):<{WIDTH}}{shown}{sum(cells):>{width + 3}}"
+        yield f"{_fitted(title):<{WIDTH}}{shown}{sum(cells):>{width + 3}}"
     yield "solvers: " + ", ".join(f"{i} {name}" if fits else name for i, name in enumerate(names, 1))
 
 

@@ -88,7 +88,7 @@ def read(path: str | Path) -> PlanFile:
     if path.name not in (NAME, PROJECT):
         top.setdefault("output", f"{path.stem}.sqlite")
     parts = [_checked(part, SET_KEYS, path, _title(part, i)) for i, part in enumerate(sets, 1)]
-    tuned = tuple(_tuning(told, path, i) for i, told in enumerate(tunings_, 1))
+    tuned = tuple(_tuning(entry, path, i) for i, entry in enumerate(tunings_, 1))
     names = [part.get("name", "") for part in parts]
     for i, name in enumerate(names, 1):
         if len(names) > 1 and not name:

@@ -20,22 +20,22 @@ def beside(folder: Path, text: str) -> str:
 
 def lines(table: Mapping[str, Any]) -> list[str]:
     """Return keys of a TOML table."""
-    return [f"{key} = {value(told)}" for key, told in table.items()]
+    return [f"{key} = {value(item)}" for key, item in table.items()]
 
 
-def value(told: Any) -> str:
+def value(item: Any) -> str:
     """Return a value as TOML, in which "none" stands for no limit.
 
     >>> value([1e-6, "a\\nb", True]), value(float("inf"))
     ('[1e-06, "a\\\\nb", true]', '"none"')
     """
-    return toml_text.value(_said(told))
+    return toml_text.value(_with_none(item))
 
 
-def _said(told: Any) -> Any:
-    if isinstance(told, list):
-        return [_said(item) for item in told]
-    return "none" if isinstance(told, float) and math.isinf(told) else told
+def _with_none(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_with_none(item) for item in value]
+    return "none" if isinstance(value, float) and math.isinf(value) else value
 
 
 def write(path: Path, text: str) -> None:

@@ -188,12 +188,12 @@ def make(
     return plan
 
 
-def _part(said: Mapping[str, Any], suite: Callable[[str], Mapping[str, Any]] | None) -> ProblemSet:
+def _part(table: Mapping[str, Any], suite: Callable[[str], Mapping[str, Any]] | None) -> ProblemSet:
     """Return a set, with the values of its suite where it names no problems."""
-    if said.get("suite") and "problems" in said:
+    if table.get("suite") and "problems" in table:
         raise CpbenchError(
-            f"suite {said['suite']}: has problems of its own, and {said['problems'][0]} is named too; leave one out"
+            f"suite {table['suite']}: has problems of its own, and {table['problems'][0]} is named too; leave one out"
         )
-    if "problems" in said or suite is None:
-        return ProblemSet(**said)
-    return ProblemSet(**{**suite(said.get("suite") or suites.QUICK), **said})
+    if "problems" in table or suite is None:
+        return ProblemSet(**table)
+    return ProblemSet(**{**suite(table.get("suite") or suites.QUICK), **table})

@@ -1,4 +1,4 @@
-"""What the forkserver has loaded before anybody asks: every process forked from it starts with that.
+"""Modules that the forkserver has loaded before anybody asks: every process forked from it starts with that.
 
 It is what referee and workers have in common; for a run of many solvers what `preload_everything` adds.
 """

@@ -138,8 +138,10 @@ def _in_folder(folder: Path, exchange: str | None) -> list[tuple[list[str], Fore
             continue
         words = [entry.name, *(entry.name[: -len(s)] for s in _SUFFIXES if entry.name.lower().endswith(s))]
         own = entry / CLAIMS
-        said = _facts(own, _object(own)) if entry.is_dir() and own.is_file() else Reported()
-        listed.append(([*_fingerprint(entry), *words[::-1]], ForeignAnswer(str(entry), _reader(entry, exchange), said)))
+        reported = _facts(own, _object(own)) if entry.is_dir() and own.is_file() else Reported()
+        listed.append(
+            ([*_fingerprint(entry), *words[::-1]], ForeignAnswer(str(entry), _reader(entry, exchange), reported))
+        )
     return listed
 
 
@@ -162,10 +164,10 @@ def _fingerprint(entry: Path) -> list[str]:
         return []
     try:
         with open_tree(entry) as root:
-            said = root.child("solution").attributes().get("fingerprint") if "solution" in root else None
+            fingerprint = root.child("solution").attributes().get("fingerprint") if "solution" in root else None
     except FormatError:
         return []  # reading it as an answer gives the reason
-    return [said] if isinstance(said, str) else []
+    return [fingerprint] if isinstance(fingerprint, str) else []
 
 
 def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str], ForeignAnswer]]:
@@ -186,8 +188,8 @@ def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str
             chosen = next((some for some in (exact, mine, labels) if len(some) == 1), [])
             if not chosen:
                 raise group.error("", f"holds {', '.join(labels[:4])}: --solver names none of them, or several")
-            vector, said = group.array(chosen[0]), group.marks(chosen[0]).get("claim", "")
-            claim = str(said) if said in list(Claim) else ""
+            vector, claimed = group.array(chosen[0]), group.marks(chosen[0]).get("claim", "")
+            claim = str(claimed) if claimed in list(Claim) else ""
             listed.append(
                 (
                     [fingerprint, name],
@@ -212,8 +214,8 @@ def _claims(path: Path) -> list[tuple[str, str, Reported]]:
         return []
     entries = _object(path)
     return [
-        (str(path), word, _facts(path, cast("dict[str, Any]", said) if isinstance(said, dict) else {"claim": said}))
-        for word, said in entries.items()
+        (str(path), word, _facts(path, cast("dict[str, Any]", facts) if isinstance(facts, dict) else {"claim": facts}))
+        for word, facts in entries.items()
     ]
 
 
@@ -256,11 +258,11 @@ def _times(path: Path) -> list[tuple[str, str, Reported]]:
     return found
 
 
-def _facts(path: Path, said: Mapping[str, Any], place: str = "") -> Reported:
+def _facts(path: Path, table: Mapping[str, Any], place: str = "") -> Reported:
     """Return the reported facts, checked; raises FormatError."""
 
     def number(name: str) -> float | None:
-        given = said.get(name)
+        given = table.get(name)
         if given is None or given == "":
             return None
         try:
@@ -271,7 +273,7 @@ def _facts(path: Path, said: Mapping[str, Any], place: str = "") -> Reported:
             raise FormatError(path, place or name, f"has {name} {str(given)[:40]!r}, expected a number of at least 0")
         return value
 
-    claim = said.get("claim") or ""
+    claim = table.get("claim") or ""
     known: Sequence[str] = (*map(str, Claim), *ENDINGS)
     if claim and claim not in known:
         raise FormatError(path, place or "claim", f"has claim {str(claim)[:40]!r}, expected one of {', '.join(known)}")

@@ -27,7 +27,7 @@ def citations(store: Store) -> dict[str, str]:
             problem = storage.load(address, format=formats.get(address))
         except CpbenchError:
             continue
-        told = problem.info.citation
-        if problem.fingerprint == row.fingerprint and told and told not in found.setdefault(family, []):
-            found[family].append(told)
-    return {family: "; ".join(told) for family, told in found.items() if told}
+        citation = problem.info.citation
+        if problem.fingerprint == row.fingerprint and citation and citation not in found.setdefault(family, []):
+            found[family].append(citation)
+    return {family: "; ".join(citations) for family, citations in found.items() if citations}

@@ -126,9 +126,9 @@ class Database:
 
     def require_whole(self) -> None:
         """Check the file; raises StoreError when its pages are inconsistent."""
-        (told,) = self.read("PRAGMA quick_check(1)")[0]
-        if told != "ok":
-            raise _explained(self._path, sqlite3.DatabaseError(told), sqlite3.SQLITE_CORRUPT)
+        (state,) = self.read("PRAGMA quick_check(1)")[0]
+        if state != "ok":
+            raise _explained(self._path, sqlite3.DatabaseError(state), sqlite3.SQLITE_CORRUPT)
 
     @contextmanager
     def _errors_explained(self) -> Generator[None]:
@@ -268,7 +268,7 @@ def _explained(path: Path, cause: Exception, code: int = 0) -> StoreError:
     """Return an error in one line: the file, the cause, what to do. `code` : of SQLite, where the cause has none."""
     code = getattr(cause, "sqlite_errorcode", code) & 0xFF
     kept = "what was finished is kept, and the same command goes on"
-    told = {
+    causes = {
         sqlite3.SQLITE_FULL: f"no room is left to write it ({cause}); make room: {kept}",
         sqlite3.SQLITE_IOERR: f"could not be read or written ({cause}); see to the disk: {kept}",
         sqlite3.SQLITE_READONLY: f"cannot be written ({cause}); name a file in another folder with -o",
@@ -278,7 +278,7 @@ def _explained(path: Path, cause: Exception, code: int = 0) -> StoreError:
         sqlite3.SQLITE_NOTADB: f"not a results file ({cause}); name another file",
         sqlite3.SQLITE_BUSY: f"is held by another program ({cause}); end that program, or use another file with -o",
     }
-    return StoreError(f"{path}: {told.get(code, f'SQLite failed: {cause}')}")
+    return StoreError(f"{path}: {causes.get(code, f'SQLite failed: {cause}')}")
 
 
 def _locked(path: Path) -> Lock:

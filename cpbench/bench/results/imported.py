@@ -77,7 +77,7 @@ def import_answers(
     asked = _survey(addresses, format, origin, done)
     names = Names((pair.problem, pair.fingerprint) for pair in asked.values())
     found, stray = answer_files.find(source, names, origin.solver, origin.tolerance, exchange)
-    told, unknown = answer_files.reported(source, times, names)
+    reported, unknown = answer_files.reported(source, times, names)
     done.stray = [*stray, *unknown]
     if not found:
         raise CpbenchError(f"{source}: none of its answers is to a problem that was asked ({done.stray[0]})")
@@ -88,8 +88,8 @@ def import_answers(
     _note(store, origin, wanted, command, format, done)
     for pair in wanted:
         answer = found.get(pair.fingerprint)
-        said = told.get(pair.fingerprint, Reported())
-        outcome = _judged(pair, answer, said if answer is None else answer.reported.over(said), origin)
+        facts = reported.get(pair.fingerprint, Reported())
+        outcome = _judged(pair, answer, facts if answer is None else answer.reported.over(facts), origin)
         store.put(Planned.of(pair), outcome)
         done.counts[outcome.status] += 1
         if answer is None:
@@ -158,10 +158,10 @@ def _note(
     store.note_files([pair.address for pair in wanted], done.refused)
 
 
-def _judged(pair: Pair, answer: ForeignAnswer | None, told: Reported, origin: Origin) -> Outcome:
+def _judged(pair: Pair, answer: ForeignAnswer | None, reported: Reported, origin: Origin) -> Outcome:
     """Return the outcome of an answer, or of what is reported without one."""
-    ending = told.claim if told.claim in ENDINGS else ""
-    claim = "" if ending else told.claim or ("solved" if answer is not None else "")
+    ending = reported.claim if reported.claim in ENDINGS else ""
+    claim = "" if ending else reported.claim or ("solved" if answer is not None else "")
     verdict, blob, message, verify = verification.no_answer(pair.tolerance), None, "", None
     if answer is None:
         message = NO_ANSWER
@@ -177,7 +177,7 @@ def _judged(pair: Pair, answer: ForeignAnswer | None, told: Reported, origin: Or
     status = ending or str(verification.status(verdict, claim))
     if answer is not None and blob is None and not ending:
         status = str(Status.ERROR)
-    counters: Mapping[str, int] = {} if told.iterations is None else {"iterations": told.iterations}
+    counters: Mapping[str, int] = {} if reported.iterations is None else {"iterations": reported.iterations}
     return Outcome(
         status=status,
         claim=claim,
@@ -186,8 +186,8 @@ def _judged(pair: Pair, answer: ForeignAnswer | None, told: Reported, origin: Or
         message=message,
         parts=json.dumps({**verdict.judged, **verdict.parts}),
         counters=json.dumps(counters),
-        solve=told.seconds,
-        reported=told.seconds,
+        solve=reported.seconds,
+        reported=reported.seconds,
         verify=verify,
         attempts=1,
         origin=origin.machine,

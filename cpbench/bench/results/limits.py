@@ -24,9 +24,9 @@ def difference(name: str, old: tuple[Any, ...], asked: tuple[Any, ...]) -> str:
     """Return why a file refuses limits that do not `agree` with the old ones of set `name`."""
     for limit, before, now in zip(LIMITS.values(), old, asked, strict=True):
         if before is not None and before != now:
-            made = f"set '{name}' was made" if name else "was made"
+            origin = f"set '{name}' was made" if name else "was made"
             return (
-                f"{made} with {limit} {before:.12g}, now {now:.12g}; results of other limits do not mix: use another "
+                f"{origin} with {limit} {before:.12g}, now {now:.12g}; results of other limits do not mix: use another "
                 "file with -o"
             )
     return "was made with other limits"

@@ -88,25 +88,26 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
         chosen = _chosen(stores, prefer)
         partial = target.with_name(f".{target.name}.partial")
         _remove(partial)
-        told = sorted({d.what for d in differences})
+        kinds = sorted({d.what for d in differences})
         try:
-            with Store(partial, create=True) as made:
-                made.add(_rows(stores, chosen, differences))
+            with Store(partial, create=True) as merged:
+                merged.add(_rows(stores, chosen, differences))
                 for index, store in enumerate(stores):
-                    made.add_kept(
+                    merged.add_kept(
                         (item for item in store.answers() if chosen[item[0]] == index),
                         (item for item in store.histories() if chosen[item[0]] == index),
                         (item for item in store.certificates() if chosen[item[0]] == index),
                     )
+                    merged.note_proved_problems(store.proved_problems())
                 leading = sorted(range(len(stores)), key=lambda i: not found[i].machines)
-                _merge_facts(made, [stores[i] for i in leading], told)
-                made.set_meta(seals=[audit.note for audit in audits if audit.note])
-                made.settle()
+                _merge_facts(merged, [stores[i] for i in leading], kinds)
+                merged.set_meta(seals=[audit.note for audit in audits if audit.note])
+                merged.settle()
             _sync(partial)
             partial.replace(target)
         finally:
             _remove(partial)
-    return told
+    return kinds
 
 
 def _facts(store: Store) -> _Facts:
@@ -140,30 +141,30 @@ def _between(stores: Sequence[Store], facts: Sequence[_Facts], i: int, j: int) -
     """Yield the differences between the files i and j."""
     names, (one, other) = f"{stores[i].path} and {stores[j].path}", (facts[i], facts[j])
 
-    def told(kind: str, a: Iterable[Any], b: Iterable[Any], of: str = "") -> str:
+    def differing(kind: str, a: Iterable[Any], b: Iterable[Any], of: str = "") -> str:
         return f"{names} differ in {kind}{of and ' of '}{of}: {_listed(a)} and {_listed(b)}"
 
     for name in sorted(one.limits.keys() & other.limits.keys()):
         of = f"set '{name}'" if name else ""
         if one.limits[name] != other.limits[name]:
             kind, a, b = _limit_that_differs(one.limits[name], other.limits[name])
-            yield Disagreement(told(kind, a, b, of), "set", name)
+            yield Disagreement(differing(kind, a, b, of), "set", name)
         if not one.tolerances[name] & other.tolerances[name]:
-            yield Disagreement(told("tolerance", one.tolerances[name], other.tolerances[name], of), "set", name)
+            yield Disagreement(differing("tolerance", one.tolerances[name], other.tolerances[name], of), "set", name)
         if not one.measures[name] & other.measures[name]:
-            yield Disagreement(told("measure", one.measures[name], other.measures[name], of), "set", name)
+            yield Disagreement(differing("measure", one.measures[name], other.measures[name], of), "set", name)
     for label in sorted(one.versions.keys() & other.versions.keys()):
         if one.versions[label] != other.versions[label]:
-            yield Disagreement(told("version", one.versions[label], other.versions[label], label), "label", label)
+            yield Disagreement(differing("version", one.versions[label], other.versions[label], label), "label", label)
     for problem in sorted(one.fingerprints.keys() & other.fingerprints.keys()):
         a, b = one.fingerprints[problem], other.fingerprints[problem]
         if not a & b:
-            yield Disagreement(told("fingerprint", a, b, f"problem {problem}"), "problem", problem)
+            yield Disagreement(differing("fingerprint", a, b, f"problem {problem}"), "problem", problem)
     if one.machines and other.machines and one.machines != other.machines:
         a, b = (_telling(mine, theirs) for mine, theirs in ((one, other), (other, one)))
-        yield Disagreement(told("machine", a, b))
+        yield Disagreement(differing("machine", a, b))
     if one.cpbench and other.cpbench and one.cpbench != other.cpbench:
-        yield Disagreement(told("version", one.cpbench, other.cpbench, "cpbench"))
+        yield Disagreement(differing("version", one.cpbench, other.cpbench, "cpbench"))
 
 
 def _limit_that_differs(a: set[tuple[Any, ...]], b: set[tuple[Any, ...]]) -> tuple[str, set[Any], set[Any]]:
@@ -177,8 +178,8 @@ def _limit_that_differs(a: set[tuple[Any, ...]], b: set[tuple[Any, ...]]) -> tup
 def _telling(mine: _Facts, theirs: _Facts) -> list[str]:
     """Return the entries of machines that no machine of the other file has."""
     known = [item for text in theirs.machines for item in json.loads(text).items()]
-    said = (", ".join(f"{k} {v}" for k, v in json.loads(text).items() if (k, v) not in known) for text in mine.machines)
-    return [text for text in said if text] or [f"{len(mine.machines)} kinds"]
+    own = (", ".join(f"{k} {v}" for k, v in json.loads(text).items() if (k, v) not in known) for text in mine.machines)
+    return [text for text in own if text] or [f"{len(mine.machines)} kinds"]
 
 
 def _listed(values: Iterable[Any]) -> str:
@@ -219,7 +220,7 @@ def _rows(stores: Sequence[Store], chosen: Mapping[str, int], differences: Seque
             yield replace(row, flags=",".join([*flags, FLAG])) if affected and FLAG not in flags else row
 
 
-def _merge_facts(made: Store, stores: Sequence[Store], differences: Sequence[str]) -> None:
+def _merge_facts(target: Store, stores: Sequence[Store], differences: Sequence[str]) -> None:
     """Merge facts of the runs: where they differ, those of the first file; every file's own are under `merged`."""
     metas = [store.meta() for store in stores]
     merged: dict[str, Any] = {}
@@ -231,23 +232,23 @@ def _merge_facts(made: Store, stores: Sequence[Store], differences: Sequence[str
     if plans and all(_whole(plan) == _whole(plans[0]) for plan in plans):
         merged["plan"] = _whole(plans[0])
     merged["jobs"] = max((meta.get("jobs") or 1 for meta in metas), default=1)
-    told = ("command", "date", "cpbench", "seed", "jobs", "machine", "versions", "plan")
+    names = ("command", "date", "cpbench", "seed", "jobs", "machine", "versions", "plan")
     merged["merged"] = [
-        {"file": store.path.name, **{name: meta[name] for name in told if name in meta}}
+        {"file": store.path.name, **{name: meta[name] for name in names if name in meta}}
         for store, meta in zip(stores, metas, strict=True)
     ]
     if differences:
         merged[FLAG] = list(differences)
-    made.set_meta(**merged)
-    read = {row.address for row in made.rows()}
-    made.note_files([], {a: r for meta in metas for a, r in meta["refused"] if a not in read}.items())
+    target.set_meta(**merged)
+    read = {row.address for row in target.rows()}
+    target.note_files([], {a: r for meta in metas for a, r in meta["refused"] if a not in read}.items())
     for store in stores:
         for host, description in store.machines().items():
-            made.note_machine(host, description)
+            target.note_machine(host, description)
     for store in reversed(stores):
-        made.note_features(store.features())
+        target.note_features(store.features())
     solves = [solve for store in stores for solve in store.references()]
-    made.add_references(sorted(solves, key=lambda solve: str(solve["at"])))
+    target.add_references(sorted(solves, key=lambda solve: str(solve["at"])))
 
 
 def _whole(plan: Mapping[str, Any]) -> dict[str, Any]:

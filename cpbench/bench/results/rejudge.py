@@ -73,7 +73,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
             f"{contradicted} statuses change by the row's own measure and tolerance": contradicted,
         }
         if any(found.values()):
-            raise SealError(f"{path}: {', '.join(told for told, count in found.items() if count)}")
+            raise SealError(f"{path}: {', '.join(fault for fault, count in found.items() if count)}")
 
 
 def _judge(

@@ -3,7 +3,8 @@
 Version 1 had one set of limits a file, in `meta`; since version 2 they are columns of every row, and histories,
 reference solves and machines have tables of their own. Version 3 keeps the features of the problems, version 4
 certificates of what has no solution, seals of the rows, and the tolerance that a solver was asked for, version 5 how
-certain the answers are, version 6 how many problems a call solved.
+certain the answers are, version 6 how many problems a call solved, version 7 the data of problems of which answers have
+a proof.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import sqlite3
 
 from cpbench.bench.results.rows import Measured, Planned, columns
 
-SCHEMA = 6
+SCHEMA = 7
 SEALED_SINCE = 4
 
 PLANNED, MEASURED = columns(Planned), columns(Measured)
@@ -40,11 +41,12 @@ _NEW_IN_4 = (
     "CREATE TABLE certificates (key TEXT PRIMARY KEY REFERENCES rows(key), kind TEXT NOT NULL, proof BLOB NOT NULL)",
     "CREATE TABLE seals (key TEXT PRIMARY KEY REFERENCES rows(key), seal TEXT NOT NULL)",
 )
+_NEW_IN_7 = ("CREATE TABLE proved_problems (fingerprint TEXT PRIMARY KEY, data BLOB NOT NULL)",)
 
 
 def create(db: sqlite3.Connection) -> None:
     """Make the tables of this version, within the caller's transaction."""
-    for statement in (*_SHARED_WITH_1, *_NEW_IN_2, *_NEW_IN_3, *_NEW_IN_4, f"PRAGMA user_version={SCHEMA}"):
+    for statement in (*_SHARED_WITH_1, *_NEW_IN_2, *_NEW_IN_3, *_NEW_IN_4, *_NEW_IN_7, f"PRAGMA user_version={SCHEMA}"):
         db.execute(statement)
 
 
@@ -121,5 +123,11 @@ def _from_5(db: sqlite3.Connection) -> None:
         db.execute('ALTER TABLE rows ADD COLUMN "batch" INTEGER')
 
 
-_STEPS = (_from_1, _from_2, _from_3, _from_4, _from_5)
+def _from_6(db: sqlite3.Connection) -> None:
+    """Certified answers of older rows have no proof; `certify` looks for what is not certified only."""
+    for statement in _NEW_IN_7:
+        db.execute(statement)
+
+
+_STEPS = (_from_1, _from_2, _from_3, _from_4, _from_5, _from_6)
 """From version 1 to 2, from 2 to 3, ..."""

@@ -60,15 +60,15 @@ def find_or_make() -> Key:
     known = find()
     if known is not None:
         return known
-    made = Key(secrets.token_bytes(BYTES), kept=False)
+    key = Key(secrets.token_bytes(BYTES), kept=False)
     with contextlib.suppress(OSError):
         folder().mkdir(parents=True, exist_ok=True, mode=0o700)
         descriptor, name = tempfile.mkstemp(dir=folder())  # readable by its owner alone
         try:
             with os.fdopen(descriptor, "w") as file:
-                file.write(made.secret.hex())
+                file.write(key.secret.hex())
             with contextlib.suppress(FileExistsError):  # of two runs that start together, the first one's stays
                 os.link(name, folder() / "key")
         finally:
             os.unlink(name)
-    return find() or made
+    return find() or key

@@ -96,6 +96,7 @@ def _digests(values: Sequence[Any], name: str) -> tuple[str, str, str]:
             kept.update(b"-")
         else:
             raw = part if isinstance(part, bytes) else str(part).encode("utf-8", "backslashreplace")
+            # with its length: else bytes could move from one part to the next
             kept.update(b"%d:" % len(raw))
             kept.update(raw)
     return _digest(0, values[:_FIRST], person), _digest(_FIRST, values[_FIRST:_LAST], person), kept.hexdigest()
@@ -142,6 +143,7 @@ def audit(
             why = unfit(values, key, written)
             name = str(values[-1]).partition(".")[0]
             if not why:
+                # rows of one file have one key; which one is only known when all were counted
                 names[name] += 1
                 if key is None or name != key.name:
                     others.setdefault(name, []).append(
@@ -184,6 +186,7 @@ def unfit(values: Sequence[Any], key: Key | None, written: Mapping[str, str] | N
     differ = [part for part, old, now in zip(PARTS, digests, _digests(values, name), strict=True) if old != now]
     if differ:
         return f"{' and '.join(differ)} changed after it was sealed"
+    # others' keys are not here: of their rows the digests alone were compared
     if key is not None and name == key.name and not hmac.compare_digest(signature, _signed(".".join(digests), key)):
         return "its seal was not made by the key that it names"
     return "" if written is None or written.get(values[0]) == seal else "is not what this run wrote"

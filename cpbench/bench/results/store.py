@@ -57,7 +57,7 @@ class Store:
         self.path = Path(path)
         self._keep = keep
         self._written: dict[str, str] | None = None
-        """What this process knows of the seals by key, None where it only reads."""
+        """Seals by key as this process knows them, None where it only reads."""
         self._database = Database(self.path, create=create)
         try:  # whatever fails from here on, the lock must not stay
             self._key = key or (seal_key.find_or_make() if create else seal_key.find())
@@ -115,10 +115,10 @@ class Store:
                     self._seal(db, [key for (key,) in db.execute("SELECT key FROM rows")])
         self._written.update(self._database.read("SELECT key, seal FROM seals"))
         if self._key is not None and not self._key.kept:
-            told = (
+            warning = (
                 f"the key of the seals could not be kept in {seal_key.folder()}: later commands find flipped bits only"
             )
-            return replace(found, note="; ".join(filter(None, (found.note, told))))
+            return replace(found, note="; ".join(filter(None, (found.note, warning))))
         return found
 
     def _changed(self, db: sqlite3.Connection, keys: Iterable[str]) -> set[str]:
@@ -133,12 +133,12 @@ class Store:
         another than this process knows; part of the transaction that wrote them."""
         assert self._key is not None, "only the process that writes a file seals"
         assert self._written is not None, "only the process that writes a file seals"
-        made = {key: seals.sealed(db.execute(_ONE, (key,)).fetchone(), self._key) for key in keys}
-        for key, seal in made.items():
+        fresh = {key: seals.sealed(db.execute(_ONE, (key,)).fetchone(), self._key) for key in keys}
+        for key, seal in fresh.items():
             if key in changed or not seals.same_plan(self._written.get(key, seal), seal):
-                made[key] = seals.BROKEN
-        db.executemany("INSERT OR REPLACE INTO seals VALUES (?, ?)", made.items())
-        self._written |= made
+                fresh[key] = seals.BROKEN
+        db.executemany("INSERT OR REPLACE INTO seals VALUES (?, ?)", fresh.items())
+        self._written |= fresh
 
     # ------------------------------------------------------------------------------------------- write
 
@@ -291,14 +291,24 @@ class Store:
         if answer is not None:
             self._kept += len(answer)
 
-    def note_certificate(self, key: str, certainty: str, distance: float | None, words: str) -> None:
-        """Put down how certain the answer of a row is."""
+    def note_certificate(
+        self, key: str, certainty: str, distance: float | None, words: str, proof: bytes | None = None
+    ) -> None:
+        """Put down how certain the answer of a row is, with the proof; a proof that there is no solution stays."""
         with self._database.transaction() as db:
             values = (certainty, distance, _text(words), key)
             done = db.execute("UPDATE rows SET certainty = ?, distance = ?, certificate = ? WHERE key = ?", values)
             if done.rowcount != 1:
                 raise StoreError(f"{self.path}: no row {key}")
+            db.execute("DELETE FROM certificates WHERE key = ? AND kind = ?", (key, OF_AN_ANSWER))
+            if proof is not None:
+                db.execute("INSERT OR IGNORE INTO certificates VALUES (?, ?, ?)", (key, OF_AN_ANSWER, proof))
             self._seal(db, [key])
+
+    def note_proved_problems(self, data: Iterable[tuple[str, bytes]]) -> None:
+        """Keep the data of problems by fingerprint, for whoever checks the proofs of answers."""
+        with self._database.transaction() as db:
+            db.executemany("INSERT OR IGNORE INTO proved_problems VALUES (?, ?)", data)
 
     def _wants(self, status: str) -> bool:
         if self._keep == "wrong":
@@ -369,13 +379,16 @@ class Store:
 
     def machines(self) -> dict[str, dict[str, Any]]:
         """Return what the machines are that solved, by host."""
-        return {host: json.loads(told) for host, told in self._database.read("SELECT * FROM machines ORDER BY host")}
+        return {
+            host: json.loads(description)
+            for host, description in self._database.read("SELECT * FROM machines ORDER BY host")
+        }
 
     def features(self) -> dict[str, dict[str, Any]]:
         """Return the features of the problems by fingerprint, as `bench.planning.features` found them; those of rows
         that were planned before results kept them are not among them."""
         found = self._database.read("SELECT fingerprint, features FROM problems ORDER BY fingerprint")
-        return {fingerprint: json.loads(told) for fingerprint, told in found}
+        return {fingerprint: json.loads(facts) for fingerprint, facts in found}
 
     def references(self) -> list[dict[str, Any]]:
         """Return the solves of the reference, in order: at, pairs, seconds (None where it failed), loadavg."""
@@ -421,10 +434,16 @@ class Store:
         yield from self._database.stream("SELECT key, history FROM histories ORDER BY key")
 
     def certificates(self) -> Iterator[tuple[str, str, bytes]]:
-        """Yield (key, kind, proof) of every row that is proved to have no solution; none in a file of an older
-        version."""
+        """Yield (key, kind, proof) of every row that is proved to have no solution, or whose answer has a proof; none
+        in a file of an older version."""
         if self._database.read("SELECT name FROM sqlite_master WHERE name = 'certificates'"):
             yield from self._database.stream("SELECT key, kind, proof FROM certificates ORDER BY key")
+
+    def proved_problems(self) -> Iterator[tuple[str, bytes]]:
+        """Yield (fingerprint, data) of every problem of which an answer has a proof; none in a file of an older
+        version."""
+        if self._database.read("SELECT name FROM sqlite_master WHERE name = 'proved_problems'"):
+            yield from self._database.stream("SELECT fingerprint, data FROM proved_problems ORDER BY fingerprint")
 
     def table(self) -> pd.DataFrame:
         """Return all rows, in the order problem, label."""
@@ -443,6 +462,8 @@ def _into(names: Sequence[str]) -> str:
     return f"({', '.join(f'{chr(34)}{name}{chr(34)}' for name in names)}) VALUES ({', '.join('?' * len(names))})"
 
 
+OF_AN_ANSWER = "answer"
+"""Kind of a certificate that is about an answer."""
 _KEPT = ("answers", "histories", "certificates")
 """Tables of what is kept of single rows."""
 _ALL = ", ".join(f'"{c}"' for c in (*PLANNED, *MEASURED))

@@ -114,6 +114,7 @@ def _reader(name: str) -> Callable[[Sequence[Any]], Values]:
     once: dict[Any, Any] = {}
 
     def read(values: Sequence[Any]) -> Values:
+        # a column of texts that all differ would fill the memory, and find nothing
         if len(once) > REMEMBERED:
             once.clear()
         return np.fromiter(map(once.setdefault, values, values), dtype=object, count=len(values))
@@ -147,6 +148,7 @@ def _order(problem: Values, label: Values, key: pd.Series) -> Values | None:
     if not alike.any():
         return found
     rank = np.zeros(len(key), dtype=np.int64)
+    # keys decide only among equal problems and labels: to rank all of them would take longer than all the rest
     tied = found[alike]
     rank[tied] = pd.factorize(key.iloc[tied], sort=True)[0]
     return np.lexsort((rank, label, problem))

@@ -111,17 +111,22 @@ def read(path: str) -> tuple[dict[str, Any], dict[str, Any], Any, dict[str, Any]
     """Attributes, problem data by name, answer and evidence; raises ValueError where the file was changed."""
     with h5py.File(path, "r") as file:
         group: Any = file["certificate"]
-        own = {k: v.decode() if isinstance(v, bytes) else v for k, v in group.attrs.items()}
-        require(own["format_version"] == 2 and own["node"] in ORDER, "is no certificate that is known here")
-        require(own["seal"] == seal(group), "the file was changed after it was written")
-        data: dict[str, Any] = {}
-        for name in ORDER[own["node"]].split():
-            item = group["data"][name]
-            if isinstance(item, h5py.Group) and "heads" in item:
-                data[name] = {part: np.asarray(item[part])[()] for part in item}
-            else:
-                data[name] = item[()] if getattr(item, "ndim", 2) == 1 else Matrix.read(item)
-        evidence = {name: item[()] for name, item in group["evidence"].items()}
-        answer: Any = np.asarray(group["answer"])
+        return parts(group, group["data"])
+
+
+def parts(group: Any, stored: Any) -> tuple[dict[str, Any], dict[str, Any], Any, dict[str, Any]]:
+    """Return the same of a certificate and of the data of its problem; raises ValueError where they were changed."""
+    own = {k: v.decode() if isinstance(v, bytes) else v for k, v in group.attrs.items()}
+    require(own["format_version"] == 2 and own["node"] in ORDER, "is no certificate that is known here")
+    require(own["seal"] == seal(group), "the file was changed after it was written")
+    data: dict[str, Any] = {}
+    for name in ORDER[own["node"]].split():
+        item = stored[name]
+        if isinstance(item, h5py.Group) and "heads" in item:
+            data[name] = {part: np.asarray(item[part])[()] for part in item}
+        else:
+            data[name] = item[()] if getattr(item, "ndim", 2) == 1 else Matrix.read(item)
+    evidence = {name: item[()] for name, item in group["evidence"].items()}
+    answer: Any = np.asarray(group["answer"])
     require(fingerprint(own["node"], data) == own["fingerprint"], "the problem is not the one of the certificate")
     return own, data, answer, evidence

@@ -1,6 +1,6 @@
-"""Convergence on one problem: the error of every kept iterate, as we judge it, against time.
+"""Convergence on one problem: the error of every kept iterate, as cpbench judges it, against time.
 
-Needs a run with --history; --name names the problem where there are several, --told adds what the solver said of
+Needs a run with --history; --name names the problem where there are several, --reported adds what the solver says of
 its own iterates.
 """
 
@@ -48,7 +48,7 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
         axes.plot(path["seconds"], path["error"].clip(lower=FLOOR), **legend.look(place), **marks, zorder=3)
         if reported and place is not None:
             colour = legend.colour(place)
-            axes.plot(path["seconds"], path["told"].clip(lower=FLOOR), color=colour, linewidth=0.9, linestyle=":")
+            axes.plot(path["seconds"], path["residual"].clip(lower=FLOOR), color=colour, linewidth=0.9, linestyle=":")
     axes.axhline(chosen.tolerance, color=canvas.INK, linewidth=0.8, linestyle=(0, (5, 3)), zorder=2)
     curves.dress(axes)
     axes.set_xlabel("time, conversion and set-up included, log scale")
@@ -59,8 +59,8 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
     ]
     legend.beside(beside, "least error   lowest first", lines, ["dashed: the tolerance"], 0.05, run_canvas.LINES)
     guide = (
-        f"Each mark and corner is an iterate of a solve of {problem}: when it was there, and its error as we judge "
-        "it on the problem asked for; iterates are kept at growing intervals, so that a time is an upper bound."
+        f"Each mark and corner is an iterate of a solve of {problem}: its time, and its error as cpbench judges it "
+        "on the original problem; iterates are kept at growing intervals, so that a time is an upper bound."
         + (" Dotted: the solver's own residual, on its own scale." if reported else "")
     )
     title = f"Convergence on {cut(problem, 40)} ({one_line(chosen.node)}), {counted(len(ends), 'solver')}"

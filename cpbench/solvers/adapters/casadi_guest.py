@@ -1,4 +1,4 @@
-"""What the CasADi adapters share: its licence and citation, its matrices, and how much it is given."""
+"""Base of the CasADi adapters: its licence and citation, its matrices, and how much it is given."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What guests with dense storage are given of an LCP: M as one C-ordered array, and no more than fits."""
+"""Data of an LCP for guests with dense storage: M as one C-ordered array, and no more than fits."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ from cpbench.solvers.base import (
 NORMAL, ITERATIONS, RESOURCES, LICENCE = 1, 2, 3, 7
 """Solver statuses of GAMS."""
 CLOSE = 100.0
-"""What a guest calls solved within this factor of the tolerance is claimed `inaccurate`, beyond it `failed`."""
+"""Factor of the tolerance up to which what a guest calls solved is claimed `inaccurate`, beyond it `failed`."""
 GRACE = 10.0
 """Seconds beyond the budget after which the process is ended."""
 LEAST = 1e-14

@@ -1,4 +1,4 @@
-"""What the adapters of nonlinear programs share: signs of multipliers, those of bounds, and the last word on a claim.
+"""Base of the adapters of nonlinear programs: signs of multipliers, those of bounds, and the last word on a claim.
 
 Ours: L = f − λᵀg − μᵀh − νᵀz with λ ≥ 0 of g ≥ 0. Guests add multipliers in L, and say little of those of bounds at a
 fixed unknown; ν is therefore what is left of ∇f − ∇g λ − ∇h μ where its bound is met: nearer than ν is long, the

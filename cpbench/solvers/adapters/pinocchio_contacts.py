@@ -1,4 +1,4 @@
-"""What Pinocchio's constraint solvers take: a Delassus operator, free velocities and one friction cone a contact.
+"""Data for Pinocchio's constraint solvers: a Delassus operator, free velocities and one friction cone a contact.
 
 Pinocchio orders a contact (T1, T2, N). Its stopping criteria are absolute lengths in which forces, velocities and their
 products stand side by side, and PGS bounds diagonals from below by 1e-12, so that the problem is scaled first: with

@@ -1,4 +1,4 @@
-"""What all QP backends share: what is refused, how an end becomes a claim and an answer a point."""
+"""Base of all QP backends: refusals, and the way from an end to a claim and from an answer to a point."""
 
 from __future__ import annotations
 

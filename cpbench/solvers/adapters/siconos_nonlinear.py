@@ -1,4 +1,4 @@
-"""What Siconos' solvers of nonlinear problems share. The guest evaluates F and its Jacobian from their operations, by
+"""Base of Siconos' solvers of nonlinear problems. The guest evaluates F and its Jacobian from their operations, by
 NumPy: an evaluation takes about 2 µs for every depth and operator, which on small problems is most of the time.
 
 Where F is no number they mostly end with info 2; but Siconos' error of a component is |z − max(0, z − w)|, and its max

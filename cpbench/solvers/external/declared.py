@@ -51,7 +51,7 @@ _SAFE = {"PYTHONSAFEPATH": "1", DECLARED: ""}
 MOST = 2**17 - 2**8
 """Bytes of all tables together: Linux starts no process with a longer variable."""
 _declared: dict[str, tuple[Table, str]] = {}
-"""What was declared in this process: the table, and where."""
+"""Declarations of this process: the table, and its place."""
 _texts: dict[str, str] = {}
 """The variants of the command line, as they were written there."""
 

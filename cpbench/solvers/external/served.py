@@ -41,7 +41,7 @@ BACKSTOP = 600.0
 """Seconds for any answer but that to `solve`, should nobody else end a program that hangs: a run does, much earlier."""
 MATRICES = ("as-is", "dense", "csr")
 CLAIM = "claim.json"
-"""What a command says of its answer, beside it or in its folder."""
+"""File of a command's claims, beside its answer or in its folder."""
 ANSWERED = (Claim.SOLVED, Claim.INACCURATE)
 """Claims that have an answer; with others it may be missing."""
 Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], str | None]

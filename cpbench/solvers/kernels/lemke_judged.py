@@ -20,8 +20,8 @@ MATRIX = float64[:, ::1]
 def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
     """Return (what `lemke` returns, the judged error of z, NaN where it is not finite); z_unit : of the LCP."""
     n = q.size
-    w = np.empty(n)
-    code = lemke(M, q.copy(), z, max_pivots, pivot_tolerance, tie_tolerance)
+    w = q.copy()  # as what the pivots read, then as what they end in
+    code = lemke(M, w, z, max_pivots, pivot_tolerance, tie_tolerance)
     for i in range(n):
         total = q[i]
         for j in range(n):

@@ -263,7 +263,8 @@ def lemke(M, q, z, max_pivots, pivot_tolerance, tie_tolerance):
     """
     n = q.size
     if n <= WHOLE:
-        T, reals = np.empty((n, n + 1)), np.empty((4, n + 1))
+        work = np.empty((n + 4, n + 1))  # one, for to ask for memory takes as long as a pivot of a few rows
+        T, reals = work[:n], work[n:]
         numbers = np.empty((4, 2 * n + 1), np.int64)
         return whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
     C, E, reals = np.empty((n + 1, n)), np.empty((n + SPARE, n)), np.empty((2, n))

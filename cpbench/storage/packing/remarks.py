@@ -1,4 +1,4 @@
-"""What is odd about packed contacts, and may be meant: told, never changed."""
+"""Remarks on packed contacts: oddities that may be meant, so that they are reported and never changed."""
 
 from __future__ import annotations
 

@@ -120,6 +120,7 @@ class CentralPath:
         if solve is None:
             return LOST
         stationarity = self._M @ self._x + self._p - self._G.T @ y
+        # rows of {0} have no slack
         primal = self._G @ self._x + self._h - np.where(self._e_all() > 0, s, 0.0)
         mu = float(lam @ lam) / max(cones.degree, 1)
 
@@ -137,6 +138,7 @@ class CentralPath:
         if prediction is None:
             return LOST
         alpha = self._length(scaling, prediction[2], prediction[3], 1.0)
+        # Mehrotra's: the further the prediction got, the less centering
         sigma = (1.0 - alpha) ** self._options.correction
         bend = cones.product(prediction[2], prediction[3])
         found = direction(cones.product(lam, lam) + bend - sigma * mu * self._e, sigma)
@@ -169,6 +171,7 @@ class CentralPath:
             right = np.concatenate([a, c])
             try:
                 v = np.asarray(factors.solve(right))
+                # refined with K, so that the shift, which only keeps pivots away from 0, is not in the answer
                 for _ in range(REFINEMENTS):
                     v = v + factors.solve(right - K @ v)
             except ProblemError:

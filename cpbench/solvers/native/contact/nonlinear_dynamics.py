@@ -26,7 +26,7 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.options import fixed, searched
 
 NODES = ("fc", "gfc")
-"""What the inner solver may be of."""
+"""Nodes of which the inner solver may be."""
 SHARE = 0.1
 """Of the tolerance, or of the square of the error, that the inner solver is asked for: the error may be squared."""
 FINEST, COARSEST = 1e-14, 1e-3

@@ -83,8 +83,8 @@ class NSGS(Relaxation):
         sweeps.sweep(min(AT_FIRST, limit), budget.tolerance)
         # most small problems are done here, in less time than it takes to prepare for more
         if sweeps.error <= budget.tolerance:
-            made = work(prepared.problem, sweeps.done, sweeps.seen)
-            return conclude(prepared.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, made)
+            spent = work(prepared.problem, sweeps.done, sweeps.seen)
+            return conclude(prepared.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, spent)
         at = sweeps.iterate()
         at.state[LOGGED] = 0
         return self.swept(prepared, budget, options, at, np.inf, None)

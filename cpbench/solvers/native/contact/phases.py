@@ -1,7 +1,7 @@
 """The phases of the automatic choice on contact: sweeps, Newton steps, proximal points, ADMM, interior points.
 
 Accelerated sweeps begin at the best point so far, the other methods (`members`) go their own ways; each goes on until
-it has had what was expected of it. `policy` says which is next.
+the work of its turn is done. `policy` says which is next.
 """
 
 from __future__ import annotations
@@ -35,8 +35,14 @@ SHORTER = 8
 
 def counters(sweeps: int) -> dict[str, int]:
     """Return the counters after so many sweeps and nothing else."""
-    others = dict.fromkeys(("newton_steps", "admm_iterations", "interior_steps", "factorizations"), 0)
-    return {"iterations": sweeps, "sweeps": sweeps, **others}
+    return {
+        "iterations": sweeps,
+        "sweeps": sweeps,
+        "newton_steps": 0,
+        "admm_iterations": 0,
+        "interior_steps": 0,
+        "factorizations": 0,
+    }
 
 
 class Phases:
@@ -73,8 +79,8 @@ class Phases:
             "plain": PlainMember(contacts, start, budget.tolerance),
         }
 
-    def phase(self) -> None:
-        """Advance the method whose turn it is until the problem is solved or it has had what was expected of it.
+    def take_turn(self) -> None:
+        """Give the method whose turn it is its turn: until the problem is solved, or the work of the turn is done.
 
         A method that has just come much nearer has the next turn too.
         """
@@ -90,12 +96,15 @@ class Phases:
         if name is None:
             self._swept(done)
         elif self._sweeps is not None and self.error <= GAINED * self._sweeps.error:
+            # sweeps go on from the new point, and accelerated: the reasons to begin otherwise are gone
             self._sweeps, self._starts = None, 0
         if self.error <= GAINED * self._mark:
             self._mark = self.error
             if name is not None:
                 self._count = max(self._count // SHORTER, self._first)
             for member in self._members.values():
+                # from a point so much nearer, methods that have failed from the old one are to be tried again, cheaply
+                # first
                 member.turns, member.spent = 0, 0.0
             self._progress = replace(self._progress, spent=0)
         if self._sweeps is None:
@@ -122,10 +131,11 @@ class Phases:
     def _advance(self, member: Member) -> int:
         """Give a method its turn."""
         first, due = member.steps, member.allowed
+        # it has not begun, or another method has come much nearer (0131: a slightly better point is no reason)
         if np.isinf(member.level) or (member.takes_start and self.error <= GAINED * member.level):
             member.begin(self.best)
             member.level = self.error
-        made = member.factorizations
+        before = member.factorizations
         while member.spent < due and not member.over and not self._over:
             steps = member.steps
             member.advance(self.limit - self.iterations, self.deadline)
@@ -135,7 +145,7 @@ class Phases:
             member.level = min(member.level, error)
             self._seen(r, error)
         member.turns += 1
-        self.counters["factorizations"] += member.factorizations - made
+        self.counters["factorizations"] += member.factorizations - before
         return member.steps - first
 
     def _sweep(self) -> int:
@@ -180,6 +190,7 @@ class Phases:
     def _seen(self, r: Vector, error: float) -> None:
         if error < self.error:
             self.error = error
+            # `best`, since the record may ask for the point when self.best is another
             self.best = best = r.copy()
             if self._record is not None:
                 self._record(self.iterations, error, lambda: FCPoint(best))

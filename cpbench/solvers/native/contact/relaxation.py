@@ -1,4 +1,4 @@
-"""What relaxations of frictional contact share: compiled sweeps in pieces, watched, and their best point."""
+"""Base of relaxations of frictional contact: compiled sweeps in pieces, watched, and their best point."""
 
 from __future__ import annotations
 
@@ -159,5 +159,5 @@ class Relaxation(Solver):
                 break
         if error <= budget.tolerance:
             claim, message = Claim.INACCURATE, ROUNDED
-        made, message = work(problem, done, int(state[SEEN])), message or f"{limit} sweeps"
-        return conclude(problem, at.best, float(at.measured[LEAST]), budget, claim, message, made)
+        counters, message = work(problem, done, int(state[SEEN])), message or f"{limit} sweeps"
+        return conclude(problem, at.best, float(at.measured[LEAST]), budget, claim, message, counters)

@@ -1,4 +1,4 @@
-"""What iterative methods on contact problems share: the loop that watches the judged error, records and ends.
+"""Base of iterative methods on contact problems: the loop that watches the judged error, records and ends.
 
 A method says how one iterate follows from another; the loop keeps the best, which is the answer.
 """

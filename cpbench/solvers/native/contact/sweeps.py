@@ -1,4 +1,4 @@
-"""What solvers of frictional contact share: W by rows of blocks, sweeps of NSGS over it, and what they conclude."""
+"""Base of solvers of frictional contact: W by rows of blocks, sweeps of NSGS over it, and what they conclude."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import Dense, Matrix, Vector, scaled_both, sparse
-from cpbench.solvers.base import Budget, Claim, SolverOutput, solved
+from cpbench.solvers.base import Budget, Claim, SolverOutput, solved, solved_at
 
 APART = 1e-11
 """Two evaluations of the error, whose sums are made in different order, are less than this apart."""
@@ -177,6 +177,11 @@ class AcceleratedSweeps:
                 break
         return status != NOT_FINITE
 
+    def take(self, work: Vector, done: int, error: float, seen: int) -> None:
+        """Go on from where a call of the kernel has left `work`."""
+        self._work, self.best = work, work[self._way.answer]
+        self.done, self.error, self.seen = done, error, seen
+
     def iterate(self) -> SweepState:
         """Return the state for other sweeps to go on from, in the memory of these."""
         problem = self._rows.problem
@@ -256,7 +261,7 @@ def conclude(
     The kernel's error is the same formula; only where rounding could part the two is it measured afresh.
     """
     if error <= budget.tolerance - APART:
-        return solved(FCPoint.adopt(r.copy()), counters)
+        return solved_at(FCPoint, r.copy(), counters)
     if not error <= budget.tolerance and not np.isfinite(r).all():  # an infinite r has no finite error
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message)
     point = FCPoint.adopt(r.copy())

@@ -1,4 +1,4 @@
-"""What the LCP solvers share: the data scaled to size one, one step of refinement, and the last word on a claim."""
+"""Base of the LCP solvers: the data scaled to size one, one step of refinement, and the last word on a claim."""
 
 from __future__ import annotations
 

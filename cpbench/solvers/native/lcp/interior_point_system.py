@@ -15,7 +15,7 @@ from cpbench.definite import factor_on_diagonal
 from cpbench.matrices import Matrix, Vector, max_abs
 
 REGULARISATION = 1e-11
-"""What sparse or singular matrices get on the diagonal of the free unknowns; refinement takes it out again."""
+"""Shift of the diagonal of the free unknowns where matrices are sparse or singular; refinement takes it out again."""
 REFINEMENTS = 3
 SOLVED = 1e-6
 """Of the right-hand side, what may be left."""

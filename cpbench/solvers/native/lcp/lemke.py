@@ -9,13 +9,13 @@ import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.kernel_cache import compiled, load
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved_at
 from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, error_of
 from cpbench.solvers.native.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench.solvers.native.lcp.lemke_columns import BLOCKS
-from cpbench.solvers.native.lcp.lemke_run import SMALL, LemkeOptions, LemkeRun, in_one_call, judged, pivot_limit
+from cpbench.solvers.native.lcp.lemke_run import SMALL, LemkeOptions, LemkeRun, judged
 
 OMEGA = 0.6
 """Relaxation of the sweeps where M is not symmetric and 1 does not do."""
@@ -77,13 +77,16 @@ class Lemke(Solver):
         if isinstance(prepared, EvenLCP):
             begin = None if start is None else prepared.entered(start)
             return prepared.left(self.solve(prepared.lcp, budget, options, begin))
-        n = prepared.problem.q.size
-        if start is None and n <= SMALL:
-            limit = budget.iterations or options.max_pivots or pivot_limit(n)
-            z, code, error = in_one_call(prepared, limit, options)
+        problem = prepared.problem
+        q = problem.q
+        n = q.size
+        if start is None and n <= SMALL:  # written out, for most problems are small, and calls take as long as they do
+            limit, (pivot, codes) = budget.iterations or options.max_pivots or 50 * n + 1000, judged()
+            z, tied = np.empty(n), options.tie_tolerance
+            code, error = pivot(prepared.M, q, z, problem.z_unit, limit, options.pivot_tolerance, tied)
             if error <= budget.tolerance:
-                pivots = code // judged()[1]
-                return solved(LCPPoint.adopt(z), {"iterations": pivots, "pivots": pivots})
+                pivots = code // codes
+                return solved_at(LCPPoint, z, {"iterations": pivots, "pivots": pivots})
             return LemkeRun(prepared, budget, options).after_call(z, code)
         run = LemkeRun(prepared, budget, options)
         if start is not None:

@@ -122,6 +122,7 @@ def minimize(
     weight, law = 1.0 / box.unit, (box.q, box.lower, box.upper)
     limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
     progress, done, threshold = Progress(options.stall_window), 0, budget.tolerance * box.size
+    # a fixed vector without structure: two runs find the same length of step
     kernel.power(*matrix, np.cos(np.arange(n)), work[0], state)
     best, error = x * box.unit, error_of(x * box.unit)
     least, ray, claim, message = error, None, Claim.MAX_ITER, f"{limit} steps"
@@ -129,6 +130,7 @@ def minimize(
         record(0, error, lambda: point(x * box.unit))
     while least > budget.tolerance and done < limit:
         kernel.multiply(*matrix, x, g, state)
+        # afresh in every chunk: the gradient that steps update drifts from Ax + q
         g += box.q
         p[:] = np.where((box.lower < x) & (x < box.upper), g, 0.0)
         until, outcome, before = min(limit, done + CHUNK), kernel.LIMIT, done
@@ -145,11 +147,14 @@ def minimize(
         if error < least:
             best, least = x * box.unit, error
         why = progress.trouble(done, error)
+        # where it stands still far from a solution, x itself may show the way in which the objective falls for ever
         if why is not None and least > CLOSE * budget.tolerance:
             ray = x * box.unit
         if outcome == kernel.RAY:
             ray, why = -p * box.unit, f"a direction without curvature and bound after {done} steps"
         elif outcome == kernel.SETTLED:
+            # the projected gradient said that it was done, and the measured error does not: by as much as that is too
+            # large
             threshold *= min(REDUCED, max(LEAST, REDUCED * budget.tolerance / error if error > 0 else REDUCED))
             if threshold < 1e-18 * box.size and why is None:
                 why = f"stalled at {least:.1e} after {done} steps: the gradient is lost in rounding"

@@ -81,6 +81,7 @@ def transform(M: np.ndarray[Any, Any], q: Vector, F: np.ndarray[Any, Any]) -> Ta
     """Return the principal transform of (M, q) on F, by one factorization; None where M_FF is singular."""
     if F.size == 0:
         return Tableau(np.array(M), q.copy(), F)
+    # one system for all three: M_FF⁻¹, −M_FF⁻¹M_FN and −M_FF⁻¹q_F
     N = np.setdiff1d(np.arange(q.size), F)
     right = np.hstack([np.eye(F.size), -M[np.ix_(F, N)], -q[F, None]])
     solved = solve_linear(M[np.ix_(F, F)], right)
@@ -144,6 +145,7 @@ class PrincipalPivoting(Solver):
 
         while True:
             pivoted, outcome = tableau.state[0], kernel.LIMIT
+            # by chunks, since compiled code does not look at the clock
             while outcome == kernel.LIMIT and done < limit and time.monotonic() <= deadline:
                 show(np.maximum(tableau.z, 0.0) * prepared.z_unit)
                 until = next_stop(done, min(limit, done + CHUNK), record) - done + tableau.state[0]
@@ -158,6 +160,7 @@ class PrincipalPivoting(Solver):
             F = np.flatnonzero(tableau.swapped)
             output = ended_in_basis(problem, np.maximum(tableau.z, 0.0) * prepared.z_unit, F, budget, counters)
             fresh = None
+            # the basis may be right and the tableau spoilt: pivots add up rounding, one factorization does not
             if output.claim is not Claim.SOLVED and restarts < RESTARTS:
                 fresh = self.begin(prepared, F, zero)
             if fresh is None:
@@ -201,7 +204,8 @@ TRAITS = frozenset({Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 
 @register
 class CottleDantzig(PrincipalPivoting):
-    """Drives one z_r (or w_r) at a time up until its pair is complementary; what was nonnegative stays so.
+    """A method that drives one z_r (or w_r) at a time up until its pair is complementary; what was nonnegative stays
+    so.
 
     Ends for sufficient M, positive semidefinite ones and P-matrices among them: in a solution, or in a row of the
     tableau that proves that there is none. Ties go to the least index; degenerate problems could cycle all the same.

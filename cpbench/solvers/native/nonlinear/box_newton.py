@@ -1,4 +1,4 @@
-"""What the Newton methods for nonlinear complementarity share: the problem with its counters, the loop that watches,
+"""Base of the Newton methods for nonlinear complementarity: the problem with its counters, the loop that watches,
 records and starts again elsewhere.
 
 A method that is stuck (no step lowers its merit, or nothing is gained for long) begins again: at the same point by its

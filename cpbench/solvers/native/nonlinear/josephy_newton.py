@@ -23,7 +23,7 @@ SMALL_ENOUGH = 0.5
 """A solution of the linear problem is used when its natural residual is below this share of that of F at z."""
 INNER_TOLERANCE = 1e-14
 ITERATIONS, PIVOTS = 40, 5
-"""What an inner solver may do: 40 iterations from where it is linearized, or 40 + 5n pivots where it takes no start.
+"""Limit of an inner solver: 40 iterations from where it is linearized, or 40 + 5n pivots where it takes no start.
 What takes longer is rarely a good direction."""
 SEPARATOR = "+"
 

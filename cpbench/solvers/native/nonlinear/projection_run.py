@@ -1,4 +1,4 @@
-"""What the projection methods for (quasi-)variational inequalities share: F and the set with their counters, a first
+"""Base of the projection methods for (quasi-)variational inequalities: F and the set with their counters, a first
 step length, and the loop that watches the natural map, records and ends.
 
 They use nothing of a problem but values of F and projections on the simple set S, so that rows and g are not for them;

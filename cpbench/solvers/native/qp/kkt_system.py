@@ -23,7 +23,7 @@ LEAST_TAIL, MOST_TAIL = 80, 6000
 BLAS = 8.0
 """So many operations of dense matrices take the time of one of a sparse factor."""
 KERNELS = ("minimum_degree", "qp_ldl", "qp_system")
-"""What a warm-up has to load: a small problem needs only the last."""
+"""Kernels that a warm-up has to load: a small problem needs only the last."""
 FULL = 0.25
 """With this share of entries that are not 0 the system is dense without further thought."""
 

@@ -1,27 +1,27 @@
 #!/usr/bin/env bash
-# Compares two builds of a solver: that of this checkout and that of the commit which it branched from. Both run on the
-# same problems in one interleaved run of cpbench, the base twice, which tells the noise of this machine; then
-# `cpbench compare` gives the verdict. What alarms is run once more by itself, and is an alarm if it alarms again.
+# Compares two builds of a solver: the build of this checkout and that of the commit from which it branched. Both run on
+# the same problems in one interleaved run of cpbench. The base runs twice, which shows the noise of this machine. Then
+# `cpbench compare` gives the verdict. A finding is run once more by itself, and counts only if it appears again.
 #
 #     compare.sh --solver FILE --base REF [--build COMMAND] [...]        in a git checkout
 #
 #   --solver FILE       the plugin of the solver: .toml or .py
-#   --base REF          a branch, tag or commit; what is compared with is the commit where HEAD left it
+#   --base REF          a branch, tag or commit; the base is the commit where HEAD left it
 #   --build COMMAND     makes the solver, in bash at the top of each checkout; default: nothing to make
 #   --python PATH       for a solver in Python: the interpreter that its build made, as .venv/bin/python
 #   --problems WORDS    files, folders, globs or names that `cpbench run` takes, or a plan (.toml); default: builtin
 #   --timeout TIME      of one solve; default: 10s
-#   --budget TIME       of the whole run; what it has not reached then is left out, and said; default: 10m
+#   --budget TIME       of the whole run; pairs not reached by then are left out and reported; default: 10m
 #   --repeats N         solves of a pair that takes less than 1 s; default: 5
-#   --fail-on WORDS     what ends with 1; default: regression,wrong,crash
+#   --fail-on WORDS     findings for which the exit code is 1; default: regression,wrong,crash
 #   -o, --output FOLDER for summary.md, results.sqlite, variants.toml (the solver of this checkout, for commands that run
 #                       a pair again), NAME.json and NAME.xml (JUnit) of each solver;
 #                       default: cpbench-compare
 #
 #     compare.sh --comment NUMBER [-o FOLDER]                            after it, on GitHub: the summary as a comment
 #
-# Paths are relative to the top of the checkout. Ends with 0; with 1 for what --fail-on names; with 2 when there is no
-# verdict, and says why. On GitHub the summary of the job and the outputs `verdict` and `results` are written too.
+# Paths are relative to the top of the checkout. The exit code is 0; 1 for a finding that --fail-on names; 2, with the
+# reason, when there is no verdict. On GitHub it also writes the summary of the job and the outputs `verdict`, `results`.
 set -euo pipefail
 
 solver='' base='' build='' python='' problems=builtin timeout=10s budget=10m repeats=5
@@ -34,15 +34,15 @@ die() { # the reason
   exit 2
 }
 
-export PYTHONSAFEPATH=1 # a file of the checkout is nobody's import by its name alone
+export PYTHONSAFEPATH=1 # no import finds a file of the checkout by its name alone
 
-logged() { # a command; what it says goes to the log of the job, and its last words into the reason if it fails
+logged() { # a command; its output goes to the log of the job; if it fails, the last line becomes the reason
   "$@" 2>&1 | tee "$work/log" >&2
 }
 
 last_words() { tail -n 1 "$work/log" | sed 's/^cpbench: //' | cut -c 1-400; }
 
-# ------------------------------------------------------------------------------------------------ what is asked
+# ------------------------------------------------------------------------------------------------ the arguments
 while [ $# -gt 0 ]; do
   case $1 in
     --solver | --base | --build | --python | --problems | --timeout | --budget | --repeats | --fail-on | --output | --comment)
@@ -56,7 +56,7 @@ while [ $# -gt 0 ]; do
 done
 
 # ------------------------------------------------------------------------------------------------ the comment
-mark='<!-- cpbench compare -->' # finds the comment of an earlier push, which is replaced
+mark='<!-- cpbench compare -->' # marks the comment, so that the next push replaces it
 if [ -n "$comment" ]; then
   [ -f "$output/summary.md" ] || die "compare.sh: no $output/summary.md to post: compare first"
   ask() { # method, address; the body comes from stdin
@@ -71,7 +71,7 @@ if [ -n "$comment" ]; then
   exit 0
 fi
 
-# ------------------------------------------------------------------------------------------------ what is there
+# ------------------------------------------------------------------------------------------------ the checks
 [ -n "$solver" ] || die 'compare.sh: say --solver FILE, the plugin of your solver (.toml or .py)'
 [ -n "$base" ] || die 'compare.sh: say --base REF, the branch or commit to compare with'
 python3 -c 'import cpbench' 2> /dev/null || die 'python3 finds no cpbench: pip install cpbench'
@@ -99,7 +99,7 @@ cleared() { # a verdict leaves variants.toml too, which the commands of the summ
   [ -f "$output/summary.md" ] || { rm -f "$output/variants.toml"; rmdir "$output" 2> /dev/null || true; }
 }
 trap cleared EXIT
-rm -f "$output"/{summary.md,variants.toml,results.sqlite*,*.json,*.xml} # of an earlier time
+rm -f "$output"/{summary.md,variants.toml,results.sqlite*,*.json,*.xml} # of an earlier comparison
 
 # ------------------------------------------------------------------------------------------------ both builds
 made() { # label, folder, commit
@@ -129,7 +129,7 @@ fi
 mapfile -t both < <(comm -12 "$work/base.names" "$work/head.names")
 mapfile -t fresh < <(comm -13 "$work/base.names" "$work/head.names")
 cat "$work"/{base,again}.toml > "$work/others.toml"
-cat "$work"/{base,again,head}.toml > "$work/variants.toml" # for the comparison, which may solve again
+cat "$work"/{base,again,head}.toml > "$work/variants.toml" # for the comparison, which may repeat solves
 mkdir -p "$output"
 cp "$work/head.toml" "$output/variants.toml"
 

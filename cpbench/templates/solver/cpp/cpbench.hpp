@@ -1,10 +1,10 @@
-// cpbench.hpp: a solver in C++17 for cpbench. One header, nothing to link; the only other file is yours.
+// cpbench.hpp: a solver in C++17 for cpbench. One header, nothing to link; your solver is the only other file.
 //
 //     cpbench::Answer mine(const cpbench::Problem& problem, const cpbench::Request& request) { ... }
 //     int main() { return cpbench::serve("mine", "1.0", mine); }
 //
-// cpbench starts the program once and talks to it in lines of JSON: hello, load, warmup, solve, write, quit. Only
-// `solve` is timed. Whatever your code prints to stdout goes to stderr: stdout belongs to the protocol.
+// cpbench starts the program once and sends it lines of JSON: hello, load, warmup, solve, write, quit. Only
+// `solve` is timed. Text that your code prints to stdout goes to stderr: stdout belongs to the protocol.
 #pragma once
 #include <algorithm>
 #include <cctype>
@@ -35,7 +35,7 @@
 namespace cpbench {
 using Vector = std::vector<double>;
 
-/// Throw one of these, and the row of the run says so; any other exception is the row of an error.
+/// Exceptions with a status of their own in the row of the run; any other exception is the status `error`.
 struct Unsupported : std::runtime_error { using runtime_error::runtime_error; };
 struct NoLicence : std::runtime_error { using runtime_error::runtime_error; };
 
@@ -106,7 +106,7 @@ struct Json {
         expect(at, "\"");
         return out;
     }
-    static unsigned hex(const char*& at) {  // from the u to the last of its four digits
+    static unsigned hex(const char*& at) {  // moves from the u to the last of its four digits
         unsigned code = 0;
         for (int k = 0; k < 4 && std::isxdigit(static_cast<unsigned char>(at[1])); ++k)
             code = 16 * code + static_cast<unsigned>(*++at <= '9' ? *at - '0' : (*at | 32) - 'a' + 10);
@@ -198,7 +198,7 @@ struct Sparse {
 inline double norm(const Vector& v) { return std::sqrt(std::inner_product(v.begin(), v.end(), v.begin(), 0.0)); }
 inline double max_abs(const Vector& v) {
     double most = 0;
-    for (const double x : v) most = std::abs(x) <= most ? most : std::abs(x);  // what is no number wins
+    for (const double x : v) most = std::abs(x) <= most ? most : std::abs(x);  // NaN is the result if there is one
     return most;
 }
 
@@ -234,9 +234,9 @@ struct Lu {
     }
 };
 
-/// What is in the folder of a problem: `problem.json`, and the arrays by the names of the formulation.
+/// The contents of the folder of a problem: `problem.json`, and the arrays by the names of the formulation.
 struct Problem {
-    Json fields;  // node, name, and what is no array: fields["dimension"].value
+    Json fields;  // node, name, and the values that are not arrays: fields["dimension"].value
     std::map<std::string, Array> arrays;
     const Array& array(const std::string& name) const {
         if (!arrays.count(name)) throw std::runtime_error("the problem has no " + name);
@@ -259,7 +259,7 @@ struct Problem {
 };
 
 /// A nonlinear map as a list of operations on numbered values, as the exchange npy-map hands it over: first the
-/// unknowns, then the constants, then what each operation gives. `F.jacobian` is one more, of the entries by rows.
+/// unknowns, then the constants, then the result of each operation. `F.jacobian` is a list for the entries by rows.
 struct Map {
     Vector constants, heads, left, right, outputs;
     Map(const Problem& p, const std::string& F)
@@ -320,8 +320,8 @@ struct Map {
 
 struct Request {
     double tolerance = 1e-6;
-    double seconds = std::numeric_limits<double>::infinity();     // after that the program is killed
-    double iterations = std::numeric_limits<double>::infinity();  // the most that are allowed
+    double seconds = std::numeric_limits<double>::infinity();     // the time limit: after it the program is killed
+    double iterations = std::numeric_limits<double>::infinity();  // the largest number allowed
     std::uint64_t seed = 0;
     Json options;                        // options["omega"].or_else(1.0)
     std::map<std::string, Array> start;  // parts of an answer to start from, or empty

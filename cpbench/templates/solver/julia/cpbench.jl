@@ -8,12 +8,12 @@ using JSON, NPZ
 
 export serve, Unsupported, NoLicence
 
-"Throw it, and the row of the run says that the problem is not for this solver."
+"Throw this error if the solver cannot take the problem; the row of the run says so."
 struct Unsupported <: Exception
     why::String
 end
 
-"Throw it, and the row of the run says that the solver may not run, and why."
+"Throw this error if a licence does not let the solver run; the row of the run has the reason."
 struct NoLicence <: Exception
     why::String
 end
@@ -24,15 +24,15 @@ end
 Serve until cpbench is done.
 
 `solve(problem, request)` gets the arrays of the problem by the names of the formulation (`problem["M"]`, dense, rows
-first; a sparse one, where the declaration does not say `matrices = "dense"`, is `problem["M.data"]`, `"M.indices"`,
-`"M.indptr"` and `"M.shape"`, counted from 0), and what is asked: `request.tolerance`, `.seconds`, `.iterations`,
+first; unless the declaration has `matrices = "dense"`, a sparse matrix is `problem["M.data"]`, `"M.indices"`,
+`"M.indptr"` and `"M.shape"`, counted from 0). The request has `request.tolerance`, `.seconds`, `.iterations`,
 `.seed`, `.options` (by name) and `.start` (an answer by name, or nothing). It returns
 `(claim = "solved", point = Dict("z" => z), iterations = 12, message = "")`; claims are solved, inaccurate,
 infeasible, unbounded, max_iter and failed.
 """
 function serve(solve, name, version; warmup = () -> nothing)
-    out = stdout               # Julia keeps a duplicate of it: the protocol is spoken there,
-    redirect_stdout(stderr)    # and whatever is printed from here on goes into the log of the run
+    out = stdout               # Julia keeps a duplicate of it for the protocol,
+    redirect_stdout(stderr)    # and text printed from here on goes into the log of the run
     problem = Dict{String,Any}()
     point = Dict{String,Vector{Float64}}()
     for line in eachline(stdin)
@@ -40,9 +40,9 @@ function serve(solve, name, version; warmup = () -> nothing)
         what = asked["do"]
         what == "quit" && break
         reply = try
-            said = Dict{String,Any}("ok" => true)
+            fields = Dict{String,Any}("ok" => true)
             if what == "hello"
-                merge!(said, Dict("name" => name, "version" => version))
+                merge!(fields, Dict("name" => name, "version" => version))
             elseif what == "load"
                 problem = npzread(asked["problem"])
             elseif what == "warmup"
@@ -51,14 +51,14 @@ function serve(solve, name, version; warmup = () -> nothing)
                 answer = solve(problem, request(asked))
                 point = answer.point
                 for key in (:claim, :iterations, :message)
-                    said[String(key)] = answer[key]
+                    fields[String(key)] = answer[key]
                 end
             elseif what == "write"
                 isempty(point) || npzwrite(asked["answer"], point)
             end
-            said
+            fields
         catch failure
-            told(failure)
+            error_reply(failure)
         end
         println(out, JSON.json(reply))
         flush(out)
@@ -74,9 +74,9 @@ request(asked) = (
     start = asked["start"] === nothing ? nothing : npzread(asked["start"]),
 )
 
-told(failure::Unsupported) = Dict("unsupported" => failure.why)
-told(failure::NoLicence) = Dict("unavailable" => failure.why, "state" => "licence")
-told(failure::OutOfMemoryError) = Dict("memory" => "out of memory")
-told(failure) = Dict("error" => sprint(showerror, failure))
+error_reply(failure::Unsupported) = Dict("unsupported" => failure.why)
+error_reply(failure::NoLicence) = Dict("unavailable" => failure.why, "state" => "licence")
+error_reply(failure::OutOfMemoryError) = Dict("memory" => "out of memory")
+error_reply(failure) = Dict("error" => sprint(showerror, failure))
 
 end
