@@ -14,12 +14,12 @@ The names below are imported on first use, so that `import cpbench` costs nothin
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from types import ModuleType
-
+TYPE_CHECKING = False  # as of `typing`, whose import takes as long as the start of Python
 if TYPE_CHECKING:  # what follows is found on first use, which a type checker does not see
+    from types import ModuleType
+    from typing import Any
+
     from cpbench.api.certifying import certify as certify
     from cpbench.api.diagnosing import diagnose as diagnose
     from cpbench.api.gallery import gallery as gallery

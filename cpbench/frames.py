@@ -28,7 +28,7 @@ _FORMER_TYPES = {False: "<f8", True: None}
 
 
 class FrameError(ValueError):
-    """Bytes are not a frame."""
+    """Refusal of bytes that are not a frame."""
 
 
 def pack(header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None, aligned: int = 1) -> bytes:

@@ -145,7 +145,7 @@ def _one_a_problem(plan: RunPlan, slot: Slot, reading: Reading) -> list[Pair]:
 
 
 class _Keeper:
-    """Writes every solve into a results file, for `cpbench report`."""
+    """Writer of every solve into a results file, for `cpbench report`."""
 
     def __init__(self, store: Store, command: str) -> None:
         self._store = store

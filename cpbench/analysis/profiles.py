@@ -118,6 +118,7 @@ class Profile:
         height = np.zeros(len(tau))
         for curve in self.curves:
             height = np.maximum(height, curve.heights(tau))
+        # corners at which the highest curve does not rise are those of a curve below it
         keep = np.array([True, *(np.diff(height[:-1]) > 0), True])
         return tau[keep], height[keep]
 
@@ -162,6 +163,7 @@ def ratios(values: pd.DataFrame, floor: float | None = FLOOR) -> pd.DataFrame:
     cost = costs(values, floor)
     best = cost.min(axis=1, keepdims=True, initial=math.inf)
     with np.errstate(invalid="ignore"):
+        # ∞/∞ where nobody solved it: a failure for all, not a number
         quotient = np.where(np.isinf(cost), math.inf, cost / best)
     return pd.DataFrame(quotient, index=values.index, columns=values.columns, copy=False)
 

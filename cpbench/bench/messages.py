@@ -83,7 +83,8 @@ class RefereeCase:
 
 
 class Survey(Message):
-    """Asks for the facts of a problem that a plan needs. `guesses` : whether to count its file's starting points."""
+    """A request for the facts of a problem that a plan needs. `guesses` : whether to count its file's starting
+    points."""
 
     address: str
     format: str | None
@@ -92,7 +93,7 @@ class Survey(Message):
 
 
 class Open(Message):
-    """Asks to load a problem, unless it is loaded already."""
+    """A request to load a problem, unless it is loaded already."""
 
     address: str
     format: str | None
@@ -100,19 +101,19 @@ class Open(Message):
 
 
 class Prepare(Message):
-    """Asks to convert a problem to the solver's node."""
+    """A request to convert a problem to the solver's node."""
 
     case: RefereeCase
 
 
 class PrepareStack(Message):
-    """Asks to write problems of one size into one file, for a solver that takes them by one call."""
+    """A request to write problems of one size into one file, for a solver that takes them by one call."""
 
     cases: tuple[RefereeCase, ...]
 
 
 class FindStart(Message):
-    """Asks for the point from which to start. `before` : the preceding step; `vectors` have its `answer`."""
+    """A request for the point from which to start. `before` : the preceding step; `vectors` have its `answer`."""
 
     case: RefereeCase
     policy: str
@@ -121,7 +122,7 @@ class FindStart(Message):
 
 
 class Judge(Message):
-    """Asks to judge an answer; `vectors` are its parts and a `certificate`, none where it was not `answered`.
+    """A request to judge an answer; `vectors` are its parts and a `certificate`, none where it was not `answered`.
 
     `promise` : the kind of the solver. `proof_seconds` : for the proof of a claim that there is no solution.
     """
@@ -135,7 +136,7 @@ class Judge(Message):
 
 
 class JudgeHistory(Message):
-    """Asks for the errors of recorded iterates (see `Recorded`), of as many as can be judged within `seconds`."""
+    """A request for the errors of recorded iterates (see `Recorded`), of as many as can be judged within `seconds`."""
 
     case: RefereeCase
     seconds: float
@@ -218,8 +219,8 @@ class HistoryJudged(Message):
 
 
 class Solve(Message):
-    """Asks for a solve; `vectors` are the point to start from. `held` : whether the worker has the problem already.
-    `stack` : on how many threads one call solves all problems of the file, 0 where it has one problem.
+    """A request for a solve; `vectors` are the point to start from. `held` : whether the worker has the problem
+    already. `stack` : on how many threads one call solves all problems of the file, 0 where it has one problem.
     """
 
     path: str
@@ -252,7 +253,7 @@ class WarmingUp(Message):
 
 
 class CompilingKernels(Message):
-    """Kernels are not in the cache yet: no other message comes for seconds."""
+    """Notice that kernels are not in the cache yet: no other message comes for seconds."""
 
 
 class Ready(Message):

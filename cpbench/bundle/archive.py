@@ -85,6 +85,7 @@ def name_of(text: str) -> str:
 
 def _put(archive: zipfile.ZipFile, name: str, path: Path) -> None:
     entry = zipfile.ZipInfo(name, _DATE)
+    # 3 is Unix: on Windows the same files would give other bytes
     entry.compress_type, entry.create_system = zipfile.ZIP_DEFLATED, 3
     entry.external_attr = (stat.S_IFREG | 0o644) << 16
     entry.file_size = path.stat().st_size
@@ -170,6 +171,7 @@ def _entries(path: Path, archive: zipfile.ZipFile, manifest: Mapping[str, Any]) 
             raise BundleError(path, f"names a file {name!r}, which may lead out of its folder: nothing was unpacked")
         if entry.flag_bits & 1 or stat.S_ISLNK(entry.external_attr >> 16):
             raise BundleError(path, f"{name} is encrypted or a link: nothing was unpacked")
+        # on a system that does not tell letters apart the second would overwrite the first, after its hash was checked
         if name.casefold() in seen:
             raise BundleError(path, f"{name} is there twice: nothing was unpacked")
         seen.add(name.casefold())
@@ -226,11 +228,13 @@ def _extract(
 ) -> None:
     target = folder / entry.filename
     target.parent.mkdir(parents=True, exist_ok=True)
+    # a link in a folder that was there before: names alone do not show where a file goes
     if folder.resolve() not in target.parent.resolve().parents and target.parent.resolve() != folder.resolve():
         raise BundleError(folder, f"{target.parent} leads out of it: name another folder with -o")
     partial = target.with_name(f".{target.name}.partial")
     partial.unlink(missing_ok=True)
     try:
+        # x: never through a link that somebody put there meanwhile
         with archive.open(entry) as source, partial.open("xb") as out:
             found = _copy(source, out, entry.file_size)
         if found != sheet["sha256"]:
@@ -243,6 +247,7 @@ def _extract(
 def _copy(source: Any, out: BinaryIO, size: int) -> str:
     """Copy at most `size` bytes; return their SHA-256."""
     seen, left = hashlib.sha256(), size
+    # no more than was declared, whatever the compressed data expand to
     while left and (chunk := source.read(min(_CHUNK, left))):
         seen.update(chunk)
         out.write(chunk)

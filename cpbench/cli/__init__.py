@@ -1,4 +1,4 @@
-"""The command line. Commands are imported when they are called: `--help` and completion load click and little else."""
+"""The command line. Commands are imported when they are called: completion loads click and little else."""
 
 from __future__ import annotations
 
@@ -13,42 +13,10 @@ import click
 from cpbench import __version__
 from cpbench.cli import ahead
 from cpbench.errors import CpbenchError, FormatError, SealError
+from cpbench.help_text import COMMANDS as COMMANDS
+from cpbench.help_text import OPTIONS, help_text
 from cpbench.imports import uncollected
 from cpbench.plain_text import printable
-
-COMMANDS = {
-    "run": "Run every reachable solver on every problem, judge the answers, write the report.",
-    "tune": "Search for the options with which a solver solves the most problems, and is fastest.",
-    "solve": "Solve one problem by one solver, and measure the answer.",
-    "convert": "Convert a problem to another formulation; the file can lift answers back.",
-    "lift": "Carry an answer to a converted problem back to its source.",
-    "verify": "Measure an answer on a problem, or judge the stored answers of a results file again.",
-    "certify": "Prove that a solution is near an answer, and show the distance.",
-    "explain": "Say why a solver fails on a problem, and which remedy works.",
-    "reduce": "Reduce a problem on which a solver fails to the smallest and simplest that still fails.",
-    "hunt": "Search for problems on which a solver makes a false claim, crashes or is slow, and another does not.",
-    "info": "Show the contents of a problem file, and measured facts about its matrices.",
-    "show": "Show a problem in numbers or as block structure, with its equations; also as LaTeX.",
-    "plot": "Draw a figure of a run (profile, pairs, scaling, ...) or of a problem (friction cone, contacts, ...).",
-    "graph": "Show the conversions between formulations, as text or as a drawing, or check them all.",
-    "route": "Show how a problem reaches a formulation, or why it cannot.",
-    "list": "List formulations, conversions, solvers, formats or problems.",
-    "pack": "Make a problem file from matrices and vectors.",
-    "report": "Write the report of a results file: HTML, Markdown and figures, or LaTeX.",
-    "compare": "Compare two results files, or two builds: report regressions, and differences too small to call.",
-    "baseline": "Keep the outcomes of a run as text for version control, and show the changes in a later run.",
-    "history": "Show how solvers change over time, from several results files.",
-    "select": "Select problems for short runs, such as in CI, from results of all problems.",
-    "import": "Judge answers that were computed elsewhere, and put them into a results file.",
-    "merge": "Put the rows of several results files into one.",
-    "export": "Write the rows or the answers of a results file to other formats.",
-    "bundle": "Put a run, with everything needed to repeat it, into one zip file; anonymous on request.",
-    "reproduce": "Run a bundle again and compare.",
-    "generate": "Write the built-in problems again from their formulas, or check them.",
-    "new": "Write a plugin that works: a solver in some language, a conversion or problems.",
-    "check": "Put a plugin through the conformance checks.",
-    "doctor": "Say what works on this machine, and how to install what does not.",
-}
 
 
 def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[str, ...]) -> None:
@@ -71,7 +39,7 @@ _PLUGIN: dict[str, Any] = {
     "expose_value": False,
     "is_eager": True,
     "callback": _name_plugins,
-    "help": "Plugin to load: a Python file, or a TOML file that declares solvers. Repeatable.",
+    "help": OPTIONS["--plugin FILE"],
 }
 """The option of the group, and of every command: it may stand before or after its name."""
 
@@ -91,9 +59,8 @@ class LazyGroup(click.Group):
             command.params.append(click.Option(["--plugin", "plugin_files"], **_PLUGIN))
         return command
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        formatter.write(f"{help_text()}\n")
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         from cpbench.registry import PLUGIN_FILES
@@ -114,10 +81,7 @@ class LazyGroup(click.Group):
 @click.version_option(__version__, prog_name="cpbench")
 @click.option("--plugin", "plugin_files", **_PLUGIN)
 def cli() -> None:
-    """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.
-
-    `cpbench run` without arguments compares solvers on small built-in problems, within a minute.
-    """
+    """Read the options before the name of a command."""
 
 
 def main() -> None:

@@ -33,12 +33,12 @@ EXAMPLES = (
 @click.option("-o", "--output", type=FILE, help="Baseline to write.")
 @force_option
 @click.option("--check", type=FILE, help="Baseline to compare the results with.")
-@click.option("--update", is_flag=True, help="Take over into -o what is better, other or new; list what is worse.")
+@click.option("--update", is_flag=True, help="Write better, different and new outcomes into -o; list worse ones.")
 @click.option(
     "--accept",
     cls=ListOption,
     metavar="PATTERN",
-    help="Pairs to take over although they are worse: PROBLEM:LABEL, a glob.",
+    help="Pairs to accept although they are worse: PROBLEM:LABEL, a glob.",
 )
 @click.option("--reason", default="", metavar="TEXT", help="Reason of --accept; kept in the last column.")
 @click.option("--prune", is_flag=True, help="Remove pairs that the results do not have.")

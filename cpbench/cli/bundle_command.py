@@ -20,7 +20,7 @@ from cpbench.plurals import counted
 @click.option("-o", "--output", required=True, type=FILE, help="Zip file.")
 @click.option("--anonymous", is_flag=True, help="Strip host, user, paths, variables and remotes.")
 @click.option("--rename", "renames", multiple=True, metavar="OLD=NEW", help="New name of a word. Repeatable.")
-@click.option("--withhold", cls=ListOption, metavar="GLOB", help="Problems that stay out, by name, family or file.")
+@click.option("--withhold", cls=ListOption, metavar="GLOB", help="Problems to leave out, by name, family or file.")
 @click.option("--report/--no-report", default=None, help="Include a report; default: where reports/NAME exists.")
 @force_option
 def command(

@@ -42,7 +42,10 @@ NOT_NEGATIVE = click.FloatRange(min=0)
     help="Level of the tests, for all labels together.",
 )
 @click.option(
-    "--noise", type=LABELS, metavar="LABEL,LABEL", help="Two labels of equal code: what differs between them is noise."
+    "--noise",
+    type=LABELS,
+    metavar="LABEL,LABEL",
+    help="Two labels of equal code: the difference between them is noise.",
 )
 @click.option(
     "--confirm",

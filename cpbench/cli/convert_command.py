@@ -48,7 +48,7 @@ from cpbench.storage.base import require_new
 @via_option
 @facets_option
 @angle_option
-@click.option("--as", "written", metavar="NAME", help="Format of OUT, where its suffix does not tell.")
+@click.option("--as", "written", metavar="NAME", help="Format of OUT, if its suffix does not determine it.")
 @click.option(
     "--check",
     is_flag=True,
@@ -57,7 +57,7 @@ from cpbench.storage.base import require_new
 @click.option(
     "--memory",
     type=MEMORY,
-    help="Largest converted problem, as 8G; 0: no limit; default: what is available.",
+    help="Largest converted problem, such as 8G; 0: no limit; default: the available memory.",
 )
 @kinds_option()
 @tolerance_option

@@ -21,7 +21,9 @@ from cpbench.cli.types import ADDRESS, DURATION, POSITIVE
 @click.option("-s", "--solver", required=True, metavar="NAME[opt=value]", help="Solver; with RESULTS its label there.")
 @click.option("--pair", metavar="PROBLEM", help="Problem of RESULTS, by its name there.")
 @click.option("--via", cls=ListOption, metavar="CONVERSION", help="Conversion to go through. Repeatable.")
-@click.option("--tolerance", "-t", type=POSITIVE, help="Largest error of an answer that solves it; default: 1e-6.")
+@click.option(
+    "--tolerance", "-t", type=POSITIVE, help="Largest error of an answer that solves the problem; default: 1e-6."
+)
 @click.option("--timeout", type=DURATION, help=f"Wall-clock limit of every solve that is tried; default: {SECONDS:g}s.")
 @memory_option
 @threads_option

@@ -18,7 +18,7 @@ from cpbench.report.graph_drawing import FORMATS, draw
 
 @click.command(cls=Command)
 @click.option("--format", "form", type=click.Choice(FORMATS), default="text", show_default=True, help="Output form.")
-@click.option("-o", "--output", type=PATH, help="Map to draw instead: .svg, .png or .pdf.")
+@click.option("-o", "--output", type=PATH, help="File of a drawing (.svg, .png or .pdf) instead of text.")
 @click.option(
     "--check",
     is_flag=True,

@@ -27,7 +27,7 @@ MANY = 3
 
 @click.command(cls=Command)
 @click.argument("files", nargs=-1, required=True, type=ADDRESS)
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: a list with one object a problem.")
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: a list with one object per problem.")
 @click.option("--facts/--no-facts", "measure", default=True, show_default=True, help="Measure facts of the matrices.")
 @format_option
 def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None) -> None:

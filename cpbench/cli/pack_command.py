@@ -29,9 +29,13 @@ from cpbench.storage.packing.remarks import remarks
 @click.option("--gfc", nargs=5, type=PATH, metavar="M H f w mu", help="Frictional contact, global.")
 @click.option("--axes", type=click.Choice(["NTT", "TTN", "NT", "TN"]), help="Order of the rows; default: normal first.")
 @click.option("--name", default="", help="Name of the problem, or of the sequence; default: name of the file.")
-@click.option("--sequence", is_flag=True, help="Pack one problem a step, which cpbench run --start previous follows.")
+@click.option(
+    "--sequence",
+    is_flag=True,
+    help="Pack one problem per step, in the order that cpbench run --start previous follows.",
+)
 @click.option("--problems", type=PATH, metavar="PATH", help="Steps as problem files or a pack, with --sequence.")
-@click.option("--dt", type=POSITIVE, help="Size of a step [s], with --sequence.")
+@click.option("--dt", type=POSITIVE, help="Time step [s], with --sequence.")
 @click.option(
     "--ids", type=PATH, metavar="PATH", help="Number that identifies each contact from step to step, with --sequence."
 )

@@ -26,9 +26,9 @@ from cpbench.reduction.reduce import data_size
     "--while",
     "predicate",
     metavar="FAILURE",
-    help="What has to stay: wrong, crash, timeout, ..., slower:100[:OTHER], disagrees[:OTHER]. Of a row: its status.",
+    help="Failure to keep: wrong, crash, timeout, ..., slower:100[:OTHER], disagrees[:OTHER]. Of a row: its status.",
 )
-@click.option("-o", "--output", type=FOLDER, required=True, help="Output folder; one that is there is gone on with.")
+@click.option("-o", "--output", type=FOLDER, required=True, help="Output folder; an existing one is continued.")
 @click.option("--minutes", type=POSITIVE, default=1.0, show_default=True, help="Time of the reduction.")
 @click.option("--timeout", type=DURATION, default="2s", show_default=True, help="Limit of each solve.")
 @via_option

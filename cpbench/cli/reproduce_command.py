@@ -29,7 +29,7 @@ from cpbench.plurals import counted
     metavar="FOLDER|FILE",
     help="Folder or file with problems that are missing from the bundle. Repeatable.",
 )
-@jobs_option(None, "Number of pairs side by side; default: as in the plan.")
+@jobs_option(None, "Number of pairs at the same time; default: as in the plan.")
 @quiet_option
 def command(
     bundle: Path, output: Path | None, agreed: bool, problems: tuple[str, ...], jobs: int | None, quiet: bool

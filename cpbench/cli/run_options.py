@@ -125,14 +125,16 @@ run_options = chained(
         help="Processes: one for each solver, or a fresh one for each solve.",
     ),
     seed_option("Random seed of the order and of --max-problems."),
-    jobs_option(1, "Number of pairs side by side; times are marked."),
+    jobs_option(1, "Number of pairs at the same time; their times are marked."),
     click.option(
         "--affinity/--no-affinity", default=True, show_default=True, help="Give cores of its own to each of --jobs."
     ),
     click.option("--dask", metavar="ADDRESS", help="Address of the Dask scheduler whose workers run the pairs."),
-    click.option("--cluster", metavar="KIND|FILE", help="Workers to start: local, slurm, pbs, or as a file says."),
+    click.option(
+        "--cluster", metavar="KIND|FILE", help="Workers to start: local, slurm, pbs, or a file that describes them."
+    ),
     click.option("-o", "--output", type=click.Path(dir_okay=False), help="Results file (SQLite)."),
-    click.option("--no-resume", is_flag=True, help="Refuse an existing results file instead of going on with it."),
+    click.option("--no-resume", is_flag=True, help="Refuse an existing results file instead of continuing it."),
     click.option(
         "--rerun",
         type=click.Choice(["failed", "timeouts", "all"]),

@@ -45,7 +45,7 @@ EXAMPLES = (
     "--configurations", type=click.IntRange(min=2), metavar="N", help="Largest number of configurations to try."
 )
 @seed_option("Random seed of configurations and orders.")
-@jobs_option(1, "Number of solves side by side.")
+@jobs_option(1, "Number of solves at the same time.")
 @problem_options("dev")
 @tolerance_option
 @limit_options

@@ -30,7 +30,7 @@ TEXTS, ARRAYS = ("status", "claim", "message"), ("answer", "certificate", "resid
 
 
 class Apart:
-    """Runs solvers in a process of its own; a context manager, which ends it. `memory` : bytes it may add, 0: any."""
+    """A process in which solvers are run; a context manager, which ends it. `memory` : bytes it may add, 0: any."""
 
     def __init__(self, threads: int = 1, memory: int = 0) -> None:
         self._context, self._memory = context(threads), memory

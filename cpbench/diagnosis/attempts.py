@@ -114,7 +114,7 @@ Run: TypeAlias = Callable[[str, Problem, Budget, Any], Raw]
 
 
 class _Recorder:
-    """Keeps the first and the last iterates of a solve, and all of the solver's residuals."""
+    """Recorder of the first and the last iterates of a solve, and all of the solver's residuals."""
 
     def __init__(self, size: int) -> None:
         self._room = max(2, min(KEPT, int(BYTES / (8 * size + 1)))) // 2

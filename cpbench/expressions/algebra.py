@@ -111,7 +111,7 @@ class Algebra:
         return self.apply(NEG, a)
 
     def values(self, F: Map, inputs: list[int]) -> list[int]:
-        """Return the numbers of all values of a map of these inputs, as that map numbers them."""
+        """Add all operations of a map of these inputs, and return the number here of each of its values."""
         number = [*inputs, *(self.constant(c) for c in F.constants.tolist())]
         operators = {int(o): o for o in Operator}
         for head, a, b in zip(F.heads.tolist(), F.left.tolist(), F.right.tolist(), strict=True):

@@ -224,7 +224,7 @@ class Map:
 
 
 class Builder:
-    """Makes a map operation by operation; equal operations get one number. Numbers are of values, as in `Map`, but
+    """Maker of a map, operation by operation; equal operations get one number. Numbers are of values, as in `Map`, but
     constants count together with operations, in the order in which they came: `finish` puts them in order."""
 
     def __init__(self, inputs: int) -> None:

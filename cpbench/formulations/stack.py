@@ -110,7 +110,7 @@ class Stack:
         return self.kind(**{name: a[i] for name, a in self.arrays.items()}, **self.others)
 
     def only(self, some: np.ndarray[Any, Any]) -> Stack:
-        """Return the problems of these numbers."""
+        """Return the stack of the problems at these places."""
         arrays = {name: matrices.freeze(a[some]) for name, a in self.arrays.items()}
         return Stack(self.kind, arrays, self.others, len(some))
 

@@ -25,7 +25,7 @@ def build() -> list[Instance]:
 
 
 def block(mu_1: float, mu_2: float) -> Instance:
-    """Build a block of 1 kg pressed with 5 that slides with u = (3/μ₁, 4/μ₂): it opposes with r_T = −(3μ₁, 4μ₂)."""
+    """Build a block of 1 kg, pressed by 5 N, that slides with u = (3/μ₁, 4/μ₂): friction is r_T = −(3μ₁, 4μ₂)."""
     r = np.array([5.0, -3.0 * mu_1, -4.0 * mu_2])
     u = np.array([0.0, 3.0 / mu_1, 4.0 / mu_2])
     ratio = round(mu_1 / mu_2)

@@ -109,7 +109,7 @@ def _program(P: Any) -> Form:
 
 
 def _contacts(P: Any, start: int) -> dict[str, Any]:
-    """Return the blocks of the contacts of a problem, whose reactions begin at a place in x."""
+    """Return the cones of the contacts of a problem; `start` : the place of the first reaction in x."""
     d, rolling = P.dimension, hasattr(P, "mu_r")
     slides = (d - 1) // 2 if rolling else d - 1
     blocks = tuple(

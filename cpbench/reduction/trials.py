@@ -62,7 +62,7 @@ class CandidateOutcome:
 
 
 class Trials:
-    """Solves candidates on one slot until a time is over. Use as a context manager.
+    """Solves of candidates on one slot, until a time is over. Use as a context manager.
 
     Parameters
     ----------

@@ -27,13 +27,13 @@ def guide(problems: int) -> str:
     """Return how to read the figure."""
     if problems == 1:
         return (
-            "A curve shows the error, as we judge it, of the best iterate that the solver had after that time. "
+            "A curve shows the error, as cpbench judges it, of the best iterate that the solver had after that time. "
             "Iterates are kept at growing intervals, so that a time is an upper bound."
         )
     return (
         f"A curve passes ε at the median, over the {problems} problems, of the times to the first iterate whose error, "
-        "as we judge it, was at most ε; it ends where fewer than half of the problems got further. Iterates are kept "
-        "at growing intervals, so that a time is an upper bound."
+        "as cpbench judges it, was at most ε; it ends where fewer than half of the problems got further. Iterates are "
+        "kept at growing intervals, so that a time is an upper bound."
     )
 
 

@@ -99,7 +99,7 @@ class Run:
 
     @cached_property
     def false_claims(self) -> pd.DataFrame:
-        """`reliability.false_claims` of all rows."""
+        """Rows that were claimed solved and are not (`reliability.false_claims`)."""
         return reliability.false_claims(self.rows)
 
     @cached_property

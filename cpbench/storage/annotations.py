@@ -89,6 +89,7 @@ def read_provenance(problem: Tree) -> tuple[Step, ...]:
     if "provenance" not in problem:
         return ()
     chain = problem.child("provenance")
+    # by number: names are sorted as text, and 10 comes before 2
     count = len(chain.names())
     return tuple(_read_step(chain, str(k)) for k in range(count))
 
@@ -110,6 +111,8 @@ def _write_trace(group: h5py.Group, trace: Mapping[str, Any], *, compress: bool)
         if "/" in name:
             raise FormatError(group.name or "", name, "is not a name for a trace: it has a '/'")
         if isinstance(value, Factorization):
+            # its matrix, not its factors: these belong to a version of SciPy, and nothing in a file is trusted to be a
+            # factor
             _write_array(group, name, value.A, compress=compress)
             group[name].attrs["factorization"] = 1
         elif isinstance(value, np.ndarray) or sp.issparse(value):

@@ -18,8 +18,9 @@ from tiers import by_night, some_by_day
 
 from cpbench import storage
 from cpbench.bench.results.store import Store
-from cpbench.cli import COMMANDS, main
+from cpbench.cli import COMMANDS, cli, main
 from cpbench.formulations import LCP, MLCP, FrictionContact
+from cpbench.help_text import OPTIONS, help_text
 
 
 def cpbench(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:
@@ -53,6 +54,21 @@ def contact(tmp_path: Path) -> Path:
 def test_every_command_has_help(monkeypatch, capsys, name) -> None:
     assert cpbench(monkeypatch, name, "--help") == 0
     assert "Usage" in capsys.readouterr().out
+
+
+def test_the_help_names_every_option_of_the_group() -> None:
+    with cli.make_context("cpbench", ["doctor"]) as context:
+        records = dict(record for option in cli.get_params(context) if (record := option.get_help_record(context)))
+    assert records == OPTIONS
+
+
+@pytest.mark.parametrize("columns", [30, 60, 200])
+def test_the_help_is_as_wide_as_the_terminal(monkeypatch, columns) -> None:
+    monkeypatch.setenv("COLUMNS", str(columns))
+    lines = help_text().splitlines()
+    assert 40 < max(map(len, lines)) <= max(min(columns, 80) - 2, 50)
+    words = " ".join(lines).split()
+    assert all(word in words for text in (*COMMANDS.values(), *OPTIONS.values()) for word in text.split())
 
 
 def test_help_loads_no_numpy() -> None:

@@ -9,7 +9,7 @@ PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
 BASE = {
     "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
     "kernel_cache", "imports", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
-    "ncp_functions", "frames", "child_processes",
+    "ncp_functions", "frames", "child_processes", "help_text",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
 ALLOWED: dict[str, set[str]] = {
@@ -22,6 +22,7 @@ ALLOWED: dict[str, set[str]] = {
     "product_cones": {"matrices", "cones"},
     "registry": {"errors"},
     "frames": set(),
+    "help_text": set(),
     "child_processes": set(),
     "locks": set(),
     "ncp_functions": {"matrices", "expressions"},

@@ -292,3 +292,28 @@ def test_no_claim_on_a_real_file_is_false(shared_data: Path, folder: str) -> Non
             else:
                 assert output.message, path.name
     assert solved > 0
+
+
+@pytest.mark.parametrize("mu", [0.0, 1e-3, 0.5])
+def test_kernels_project_as_the_cone_does(mu: float) -> None:
+    """Also (−1, 0, 0) without friction, which is on the wrong side of the apex and has no tangential part."""
+    one, splitting = (
+        kernel_cache.load(f"cpbench.solvers.kernels.{name}") for name in ("one_contact", "contact_splitting")
+    )
+    for x in ([-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 2.0], [-1.0, 3.0, 4.0], [1.0, 3.0, 4.0]):
+        row, z, xi = np.array(x), np.zeros(3), np.zeros(3)
+        expected = cones.project_friction_cone(row[None, :], np.array([mu]))[0]
+        np.testing.assert_allclose(one.projected(*x, mu), expected, atol=1e-15)
+        splitting.advance(row, np.array([mu]), 1.0, 1.0, 3, z, xi, np.zeros(1), np.zeros(4))
+        np.testing.assert_allclose(z, expected, atol=1e-15)
+        np.testing.assert_allclose(xi, row - expected, atol=1e-15)
+        assert expected[0] >= 0.0
+
+
+@pytest.mark.parametrize("solver", ["auto-fc", "nsgs", "admm-fc", "proximal-nsgs", "newton-alart-curnier"])
+def test_a_contact_without_friction_that_opens_has_no_force(solver: str) -> None:
+    """W = I, q_N = −1 and 1: r_N = 1 and 0, by hand. Found by `cpbench hunt -s auto-fc --against nsgs`."""
+    problem = FrictionContact(W=np.eye(6), q=np.array([-1.0, 0, 0, 1.0, 0, 0]), mu=np.zeros(2))
+    output = solvers.get(solver).run(problem, Budget(tolerance=1e-6))
+    assert output.claim is Claim.SOLVED
+    np.testing.assert_allclose(answer(output).r, [1.0, 0, 0, 0, 0, 0], atol=1e-6)

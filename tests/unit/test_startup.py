@@ -15,6 +15,8 @@ from tiers import some_by_day
 from cpbench import kernel_cache, storage
 from cpbench.formulations import LCP
 
+ROOT = Path(kernel_cache.__file__).parents[1]
+
 
 def _seconds(*arguments: str) -> float:
     """Return the processor time of an interpreter that may keep its bytecode [s]."""
@@ -47,15 +49,27 @@ def _processor_seconds(code: str) -> float:
     return float(_said(f"{code}\nimport time; print(time.process_time())", PYTHONDONTWRITEBYTECODE=""))
 
 
-def test_help_loads_nothing_beyond_click() -> None:
-    """Beside five modules of our own: what the help of a group without commands loads."""
+def test_help_loads_neither_click_nor_typing() -> None:
+    code = (
+        "import sys; sys.argv[1:] = ['--help']; from cpbench.__main__ import main; main(); "
+        "print({'click', 'typing', 're'} & sys.modules.keys())"
+    )
+    # without `site`: in an editable installation its hooks import `typing` and `re` themselves
+    command = [sys.executable, "-S", "-c", f"import sys; sys.path.insert(0, {str(ROOT)!r}); {code}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("Usage: cpbench [OPTIONS] COMMAND")
+    assert done.stdout.splitlines()[-1] == "set()"
+
+
+def test_commands_load_nothing_beyond_click() -> None:
+    """Beside six modules of our own: what the help of a group without commands loads."""
     code = (
         "import sys, click; click.Group('bare').main(['--help'], standalone_mode=False); before = set(sys.modules); "
         "from cpbench.cli import cli; cli.main(['--help'], standalone_mode=False); "
         "print(*sorted(sys.modules.keys() - before - {'cpbench', 'gc'}))"
     )
-    ours = ["cpbench.cli", "cpbench.cli.ahead", "cpbench.errors", "cpbench.imports", "cpbench.plain_text"]
-    assert _said(code).splitlines()[-1].split() == ours
+    ours = ["cli", "cli.ahead", "errors", "help_text", "imports", "plain_text"]
+    assert _said(code).splitlines()[-1].split() == [f"cpbench.{name}" for name in ours]
 
 
 LIBRARIES = "import scipy.sparse.linalg; from cpbench.kernel_cache import load; load('cpbench.solvers.kernels.tableau')"

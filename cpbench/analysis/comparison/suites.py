@@ -70,7 +70,7 @@ def by_label(pairs: pd.DataFrame, noise: Noise, alpha: float, seed: int) -> tupl
     """Return the suites of judged pairs (`comparison.compare`), in order of label."""
     parts = [_measured(str(label), own, noise, seed) for label, own in pairs.groupby("label_new", sort=True)]
     adjusted = holm([part.p for part in parts])
-    return tuple(_decided(replace(part, p=p), noise, alpha) for part, p in zip(parts, adjusted, strict=True))
+    return tuple(_with_verdict(replace(part, p=p), noise, alpha) for part, p in zip(parts, adjusted, strict=True))
 
 
 def mean_ratio(
@@ -131,7 +131,7 @@ def _measured(label: str, own: pd.DataFrame, noise: Noise, seed: int) -> Suite:
     )
 
 
-def _decided(suite: Suite, noise: Noise, alpha: float) -> Suite:
+def _with_verdict(suite: Suite, noise: Noise, alpha: float) -> Suite:
     if not suite.timed:
         return suite
     edge = 1 + noise.delta

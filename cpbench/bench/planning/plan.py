@@ -181,6 +181,7 @@ def _knobs(name: str, known: Mapping[str, Any], texts: Mapping[str, str], whole:
         if knob not in known:
             raise UnknownName(f"parameter of {name}", knob, known)
         kind = type(known[knob])
+        # bool("false") is True
         if kind not in (int, float, str):
             raise CpbenchError(f"'{whole}': {knob} is not a number; set it from Python")
         try:
@@ -250,6 +251,7 @@ def pairs(
     for survey in surveys:
         for request in asked:
             nodes = {*survey.nodes[request.name]}
+            # else a solver would have two rows, one of them by a way that only promises less
             if request.name in BEYOND:
                 nodes -= {*survey.nodes.get("exact", ())}
             if not (detours or survey.node in maps):
@@ -278,5 +280,6 @@ def pairs(
                     step=survey.step,
                     named=named is None or entry.solver in named,
                 )
+                # two files may hold one problem: it is run once, under its first name
                 planned.setdefault(pair.key, pair)
     return list(planned.values())

@@ -106,6 +106,7 @@ def detect(asked: str | None = None) -> Isolation:
         raise UnknownName(f"isolation in {VARIABLE}", asked, [c for c in CHOICES if c])
     posix = os.name == "posix"
     affinity = hasattr(os, "sched_setaffinity")
+    # elsewhere fork is not safe: frameworks of macOS crash in the child, and Windows has none
     if asked == "spawn" or sys.platform != "linux" or "forkserver" not in mp.get_all_start_methods():
         return Isolation("spawn", "tree", "watch", guard=False, affinity=affinity, output=posix)
     folder = None if asked == "group" else cgroup.writable()
@@ -162,6 +163,7 @@ def limit_address_space(growth: int) -> None:
     limit = address_space() + growth
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     if sys.platform == "linux":
+        # a limit is inherited at a fork only: what runs already (the program of a solver) has its own
         for child in psutil.Process().children(recursive=True):
             with contextlib.suppress(psutil.Error):
                 most = child.memory_info().vms + growth

@@ -74,6 +74,7 @@ class Meter:
         if self._there is None:
             self._there = len(self.helpers)
         self._tasks = _tasks()
+        # else the peak is that of the largest problem so far, of whichever solve
         _forget_peak()
         for helper in self.helpers:
             _forget_peak(str(helper.pid))
@@ -88,8 +89,11 @@ class Meter:
         grown : bytes of address space since the warm-up. threads : those that it started and left, or kept busy, its
             own included. children : processes that it started and that still run.
         """
+        # threads that ended before the solve did are seen by the time that they took; in short solves the clocks are
+        # too coarse
         busy = round(cpu / seconds) if seconds >= BUSY else 1
         return {
+            # a page fault of a child that was waited for: some process took part and is gone
             "peak": max(self._peak() - self._memory, 0) if _faults() == self._faults else None,
             "grown": address_space() - self._space,
             "threads": max(1, 1 + _tasks() - self._tasks, busy),

@@ -55,11 +55,11 @@ def script() -> str:
         return kept.read_text(encoding="utf-8")
     except OSError:
         bundle = vl_convert.javascript_bundle(SNIPPET)
-    _keep(kept, bundle)
+    _write_cache(kept, bundle)
     return bundle
 
 
-def _keep(path: Path, text: str) -> None:
+def _write_cache(path: Path, text: str) -> None:
     """Write the file whole or not at all; without a cache it is made anew each time, in a few seconds."""
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     try:

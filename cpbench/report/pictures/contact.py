@@ -55,7 +55,7 @@ def draw(problem: Problem, point: Point, *, view: str = "", tolerance: float = 1
         raise NotApplicable("contact", "the problem has no contact: there is nothing to draw")
     figure = canvas.page(canvas.COLUMN, 3.45)
     error = judge(problem, point, tolerance).error
-    how = f"Error of the answer, as we judge it: {canvas.number(error)}."
+    how = f"Error of the answer, as cpbench judges it: {canvas.number(error)}."
     placed = problem.contacts is not None and problem.contacts.knows("position") and problem.contacts.knows("frame")
     if problem.contacts is not None and placed:
         guide = _map(figure, problem.contacts, states, view)

@@ -1,4 +1,4 @@
-"""Convergence on one problem: the error of every kept iterate, as we judge it, against time.
+"""Convergence on one problem: the error of every kept iterate, as cpbench judges it, against time.
 
 Needs a run with --history; --name names the problem where there are several, --reported adds what the solver says of
 its own iterates.
@@ -59,8 +59,8 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
     ]
     legend.beside(beside, "least error   lowest first", lines, ["dashed: the tolerance"], 0.05, run_canvas.LINES)
     guide = (
-        f"Each mark and corner is an iterate of a solve of {problem}: when it was there, and its error as we judge "
-        "it on the problem asked for; iterates are kept at growing intervals, so that a time is an upper bound."
+        f"Each mark and corner is an iterate of a solve of {problem}: its time, and its error as cpbench judges it "
+        "on the original problem; iterates are kept at growing intervals, so that a time is an upper bound."
         + (" Dotted: the solver's own residual, on its own scale." if reported else "")
     )
     title = f"Convergence on {cut(problem, 40)} ({one_line(chosen.node)}), {counted(len(ends), 'solver')}"

@@ -29,7 +29,7 @@ def advance(x, mu, rho, alpha, d, z, xi, shift, sizes):
             square += t * t
         length = np.sqrt(square)
         factor, kept = 1.0, normal
-        if length > mu[i] * normal:
+        if normal < 0.0 or length > mu[i] * normal:
             kept = (normal + mu[i] * length) / (1.0 + mu[i] * mu[i])
             factor = mu[i] * kept / length
             if kept <= 0.0:

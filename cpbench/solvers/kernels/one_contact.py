@@ -26,10 +26,10 @@ LINEAR = 1e-14
 def projected(x0, x1, x2, mu):
     """Return P_K of one vector."""
     t = np.sqrt(x1 * x1 + x2 * x2)
+    if mu * t <= -x0:  # first: without friction, (−1, 0, 0) meets the other condition, too
+        return 0.0, 0.0, 0.0
     if t <= mu * x0:
         return x0, x1, x2
-    if mu * t <= -x0:
-        return 0.0, 0.0, 0.0
     normal = (mu * t + x0) / (1.0 + mu * mu)
     factor = mu * normal / t
     return normal, factor * x1, factor * x2

@@ -58,7 +58,8 @@ class Plan(NamedTuple):
 
 
 class AutomaticChoice(Solver):
-    """Ends with the first solver that solves the problem, or certifies that nothing does; the message tells of all.
+    """Base of a choice that ends with the first solver that solves the problem, or certifies that nothing does; the
+    message tells of all.
 
     A start that is a solution already is the answer. The next solver starts from the best answer so far, where it
     takes a start and the answer is better than nothing.

@@ -21,7 +21,7 @@ def next_stop(done: int, until: int, record: Record | None) -> int:
 
 
 class Progress:
-    """Follows the errors of one run.
+    """Errors of one run, as they come.
 
     Parameters
     ----------

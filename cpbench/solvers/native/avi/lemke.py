@@ -51,6 +51,7 @@ class MultiplierBox:
         lb = np.concatenate([problem.lb, np.zeros(m), np.full(k, -np.inf)])
         ub = np.concatenate([problem.ub, np.full(m + k, np.inf)])
         moving = lb < ub
+        # unknowns with equal bounds are constants, and would be columns that no pivot may enter
         r = (r + K @ np.where(moving, 0.0, lb))[moving]
         K = K[np.ix_(moving, moving)]
         unit = equilibrate(K, np.arange(r.size))
@@ -111,9 +112,11 @@ class _Pivoting(Solver):
         deadline = time.monotonic() + budget.seconds
         limit = budget.iterations or options.max_pivots or 50 * box.r.size + 1000
         counters = {"iterations": 0, "factorizations": 0}
+        # pivoting leaves the start, and comes back to it at the cost of a cold solve
         if start is not None and problem.residuals(start, budget.tolerance).error <= budget.tolerance:
             return SolverOutput(claim=Claim.SOLVED, point=start, counters=counters)
         walk, message = None, ""
+        # where the path from the start does not end in a solution, that from a vertex may, or proves that there is none
         for begin in (_from_start, _from_vertex) if start is not None else (_from_vertex,):
             found = begin(prepared, start)
             if isinstance(found, str):
@@ -190,8 +193,8 @@ def _no_rows(problem: Relay) -> tuple[Dense, Vector, Dense, Vector]:
 
 @register
 class LemkeAVI(_Pivoting):
-    """Ends in a solution or in a ray; for monotone M (copositive-plus on the recession cone of X) a ray proves that
-    there is no solution. M need not be monotone; where X contains lines it must be invertible on them."""
+    """A method that ends in a solution or in a ray; for monotone M (copositive-plus on the recession cone of X) a ray
+    proves that there is no solution. M need not be monotone; where X contains lines it must be invertible on them."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="lemke-avi",

@@ -44,7 +44,7 @@ class RelayRows:
 
 @register
 class PGSRelay(Solver):
-    """Converges for symmetric positive definite and for H-matrices with positive diagonal.
+    """A method that converges for symmetric positive definite and for H-matrices with positive diagonal.
 
     Unknowns that are fixed (lb = ub) need no diagonal.
     """

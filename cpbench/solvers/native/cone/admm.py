@@ -126,7 +126,8 @@ _TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERM
 
 @register
 class ADMMCone(_ADMM):
-    """Converges for every Q ⪰ 0, with A and K of any kind, linearly in the end where the solution is not degenerate."""
+    """A method that converges for every Q ⪰ 0, with A and K of any kind, linearly in the end where the solution is not
+    degenerate."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="admm-coneqp",
@@ -141,7 +142,7 @@ class ADMMCone(_ADMM):
 
 @register
 class ADMMSOCLCP(_ADMM):
-    """Converges for monotone M, symmetric or not; other M are tried."""
+    """A method that converges for monotone M, symmetric or not; other M are tried."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="admm-soclcp",

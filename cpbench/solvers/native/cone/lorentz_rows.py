@@ -23,7 +23,7 @@ from cpbench.product_cones import Cone, ProductCone
 
 
 class _Rows:
-    """Collects the rows of T, U and c, cone after cone."""
+    """Collector of the rows of T, U and c, cone after cone."""
 
     def __init__(self) -> None:
         self._sizes: list[int] = []

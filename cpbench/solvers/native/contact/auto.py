@@ -102,7 +102,7 @@ class AutoContact(Solver):
             if time.monotonic() > deadline:
                 claim, message = Claim.FAILED, f"out of time after {run.iterations} iterations"
                 break
-            run.phase()
+            run.take_turn()
         if run.error <= budget.tolerance:
             claim, message = Claim.INACCURATE, ROUNDED
         output = conclude(rows.problem, run.best, run.error, budget, claim, message, run.counters)

@@ -1,7 +1,7 @@
 """The phases of the automatic choice on contact: sweeps, Newton steps, proximal points, ADMM, interior points.
 
 Accelerated sweeps begin at the best point so far, the other methods (`members`) go their own ways; each goes on until
-it has had what was expected of it. `policy` says which is next.
+the work of its turn is done. `policy` says which is next.
 """
 
 from __future__ import annotations
@@ -79,8 +79,8 @@ class Phases:
             "plain": PlainMember(contacts, start, budget.tolerance),
         }
 
-    def phase(self) -> None:
-        """Advance the method whose turn it is until the problem is solved or it has had what was expected of it.
+    def take_turn(self) -> None:
+        """Give the method whose turn it is its turn: until the problem is solved, or the work of the turn is done.
 
         A method that has just come much nearer has the next turn too.
         """

@@ -148,6 +148,7 @@ def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOpt
     closest = np.full(1, -np.inf)
     while found.bases < end and time.monotonic() <= deadline:
         until = min(end, found.bases + CHUNK)
+        # compiled code looks at all bases, and keeps those that rounding does not exclude
         kept = kernel.scan(np.ascontiguousarray(M), q, found.bases, until, masks, kinds, closest)
         found.bases = until
         for mask, kind in zip(masks[:kept].tolist(), kinds[:kept].tolist(), strict=True):
@@ -165,6 +166,7 @@ def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOpt
                 if z is None:
                     continue
             z = np.maximum(z, 0.0) * prepared.z_unit
+            # `not <=`: an error that is no number is refined, too
             if not error_of(problem, z) <= budget.tolerance:
                 z = refined(dense(problem.M), problem.q, z, F)
             if error_of(problem, z) <= budget.tolerance:

@@ -176,7 +176,10 @@ def _solve(
         counters["iterations"] = done + 1
         shown = at.x
     if least <= budget.tolerance:
+        found = best
         best, least = settled(prepared, best, least, budget.tolerance)
+        if record is not None and best is not found:
+            record(counters["iterations"] + 1, least, partial(answer, best))
         claim, message = Claim.SOLVED, ""
     return SolverOutput(claim=claim, point=answer(best), counters=counters, message=message)
 
@@ -230,8 +233,8 @@ class _InteriorPoint(Solver):
 
 @register
 class InteriorPointLCP(_InteriorPoint):
-    """Converges for monotone problems (M + Mᵀ positive semidefinite) that have a strictly feasible point, in a number
-    of steps that hardly depends on their size; elsewhere it may stall, and says so."""
+    """A method that converges for monotone problems (M + Mᵀ positive semidefinite) that have a strictly feasible point,
+    in a number of steps that hardly depends on their size; elsewhere it may stall, and says so."""
 
     spec: ClassVar[SolverSpec] = _spec("interior-point-lcp", "lcp", "Mehrotra's predictor-corrector interior point")
 
@@ -241,7 +244,8 @@ class InteriorPointLCP(_InteriorPoint):
 
 @register
 class InteriorPointMLCP(_InteriorPoint):
-    """Converges where [[A, C], [D, B]] is monotone on Au + Cv = 0 and there is a strictly feasible point."""
+    """A method that converges where [[A, C], [D, B]] is monotone on Au + Cv = 0 and there is a strictly feasible
+    point."""
 
     spec: ClassVar[SolverSpec] = _spec(
         "interior-point-mlcp", "mlcp", "Mehrotra's predictor-corrector interior point, with free unknowns"

@@ -158,7 +158,7 @@ class _Pointwise(SplittingSolver):
 
 @register
 class PGS(_Pointwise):
-    """Converges for symmetric positive definite and for H-matrices with positive diagonal."""
+    """A method that converges for symmetric positive definite and for H-matrices with positive diagonal."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="pgs",

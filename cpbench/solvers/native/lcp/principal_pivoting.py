@@ -204,7 +204,8 @@ TRAITS = frozenset({Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 
 @register
 class CottleDantzig(PrincipalPivoting):
-    """Drives one z_r (or w_r) at a time up until its pair is complementary; what was nonnegative stays so.
+    """A method that drives one z_r (or w_r) at a time up until its pair is complementary; what was nonnegative stays
+    so.
 
     Ends for sufficient M, positive semidefinite ones and P-matrices among them: in a solution, or in a row of the
     tableau that proves that there is none. Ties go to the least index; degenerate problems could cycle all the same.

@@ -61,6 +61,7 @@ class ScaledMLCP:
         if matrices.is_sparse(self.K):
             return self.problem.residuals(self.point(x)).error
         kernel = load("cpbench.solvers.kernels.mlcp_judged")
+        # compiled, since small problems spend more time on measuring than on solving
         error: float = kernel.error_of(
             self.K, self.k, self.free, self.row_unit, self.unit, self.problem.v_unit, self.push, x
         )
@@ -110,6 +111,8 @@ def equilibration(K: Any, n: int) -> tuple[Any, Any]:
     for _ in range(PASSES):
         tops = _tops(K, sizes, row, column)
         by_row, by_column = (1.0 / np.sqrt(np.where(top > 0.0, top, 1.0)) for top in tops)
+        # one factor for row and column of a pair: v ⟂ w are scaled together, and B stays what it is, definite or a
+        # P-matrix
         by_row[..., n:] = by_column[..., n:] = np.sqrt(by_row[..., n:] * by_column[..., n:])
         row *= by_row
         column *= by_column
@@ -147,6 +150,7 @@ def refined(prepared: ScaledMLCP, x: Vector, error: float, tolerance: float) -> 
     """
     basis = np.flatnonzero((np.arange(x.size) < prepared.free) | (x > 0.0))
     part = principal(prepared.K, basis)
+    # least squares are dear: only where LU was not enough
     for solve in (solve_linear, _least_squares):
         step = solve(part, -(prepared.K @ x + prepared.k)[basis])
         if step is not None:
@@ -225,6 +229,7 @@ def farkas(prepared: ScaledMLCP, budget: Budget) -> Vector | None:
         b_ub=np.zeros(N - n),
         A_eq=columns[:n] if n else None,
         b_eq=np.zeros(n) if n else None,
+        # a certificate times any number is one: bounds of 1 keep the program bounded
         bounds=[(-1.0 if i < n else 0.0, 1.0) for i in range(N)],
         method="highs",
         options=options,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -80,7 +81,11 @@ class _NewtonMLCP(Solver):
         x = prepared.start(output.point)
         error = prepared.error(x)
         better, least = settled(prepared, x, error, budget.tolerance)
-        return replace(output, point=prepared.point(better)) if least < error else output
+        if least >= error:
+            return output
+        if record is not None:
+            record(output.counters["iterations"] + 1, least, partial(prepared.point, better))
+        return replace(output, point=prepared.point(better))
 
 
 def _spec(name: str, summary: str, citation: str) -> SolverSpec:

@@ -181,7 +181,8 @@ def _spec(name: str, summary: str, citation: str, options: type, *, by_default: 
 
 @register
 class PGSMLCP(_Splitting):
-    """Converges where [[A, C], [D, B]] is symmetric positive definite, or an H-matrix with such a diagonal."""
+    """A method that converges where [[A, C], [D, B]] is symmetric positive definite, or an H-matrix with such a
+    diagonal."""
 
     spec: ClassVar[SolverSpec] = _spec(
         "pgs-mlcp",

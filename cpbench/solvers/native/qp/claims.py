@@ -43,6 +43,7 @@ class ErrorMeasure:
 
     def __init__(self, problem: QP, record: Record | None = None) -> None:
         self._record, self._recorded = record, -1
+        self._last: Parts | None = None
         self.best: Parts | None = None
         self.least = math.inf
         P, blocks = problem, (problem.Q, problem.A, problem.C)
@@ -61,7 +62,7 @@ class ErrorMeasure:
         error = self.error(answer)
         if self._record is not None and iteration > self._recorded:
             self._record(iteration, error, partial(QPPoint, *answer))
-            self._recorded = iteration
+            self._recorded, self._last = iteration, answer
         if not passing and (self.best is None or error < self.least):
             self.best, self.least = answer, error
         return error
@@ -75,6 +76,8 @@ class ErrorMeasure:
         failed beyond it. `message` : default: the error and the tolerance.
         """
         assert self.best is not None
+        if self._record is not None and self._last is not self.best:  # a history ends in the answer
+            self._record(self._recorded + 1, self.least, partial(QPPoint, *self.best))
         point, counters = QPPoint(*self.best), dict(counters)
         if self.least <= budget.tolerance:
             return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -60,6 +60,14 @@ def in_one_call(problem: QP, tolerance: float, options: ProximalActiveSetOptions
     return None
 
 
+def _record_ends(problem: QP, answer: QPPoint, iterations: int, record: Record) -> None:
+    """Record zero and the answer: a compiled call has nothing between, and recording must not change the method."""
+    measure = ErrorMeasure(problem)
+    for iteration, point in ((0, problem.zero_point()), (max(1, iterations), answer)):
+        parts = point.z, point.lam, point.mu, point.nu
+        record(iteration, measure.error(parts), partial(QPPoint, *parts))
+
+
 @cache
 def _one_call() -> tuple[Any, int, int]:
     """Return the compiled call and its outcomes: solved, and Q not convex."""
@@ -102,9 +110,11 @@ class ProximalActiveSet(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        if start is None and record is None and budget.iterations is None and prepared.p.size <= SMALL:
+        if start is None and budget.iterations is None and prepared.p.size <= SMALL:
             output = in_one_call(prepared, budget.tolerance, options)
             if output is not None:
+                if record is not None and output.point is not None:
+                    _record_ends(prepared, output.point, output.counters["iterations"], record)
                 return output
         measure, form = ErrorMeasure(prepared, record), scaled(prepared)
         n, rows = form.g.size, form.E.size
