@@ -1,7 +1,9 @@
 """Causes of failures, a detector in each file: a function of a case that returns the cause, or None.
 
 The order is that in which they are looked for: what the problem or the question excludes, what the solver was not
-allowed, what the problem lacks, what the iterates show, and last what a solver merely says.
+allowed, what the problem lacks, what the iterates show, and last what a solver merely says. Pairs that are both zero
+come before a way back that loses digits and before a singular block: without them both are the same, so that a solver
+that then succeeds copes with these.
 """
 
 from collections.abc import Callable
@@ -30,6 +32,7 @@ DETECTORS: tuple[Callable[[FailedTrial], Cause | None], ...] = (
     unbounded,
     rounding,
     wrong_cone,
+    degenerate,
     lost,
     iterations,
     time_limit,
@@ -41,7 +44,6 @@ DETECTORS: tuple[Callable[[FailedTrial], Cause | None], ...] = (
     no_interior,
     cycling,
     diverging,
-    degenerate,
     refused,
 )
 

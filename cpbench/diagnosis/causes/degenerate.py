@@ -11,6 +11,9 @@ from cpbench import matrices
 from cpbench.diagnosis.case import Cause, FailedTrial
 from cpbench.plurals import counted
 
+ROUNDING = 1e-12
+"""Share of the terms of a row that its sum is taken to be accurate to."""
+
 
 def degenerate(case: FailedTrial) -> Cause | None:
     """Count the pairs of a known answer that are both zero, to the square root of the tolerance."""
@@ -22,14 +25,15 @@ def degenerate(case: FailedTrial) -> Cause | None:
     near = np.sqrt(case.trial.tolerance)
     constants = {"lcp": "q", "mlcp": "b"}.get(P.node)
     z_size = matrices.max_abs(z) or 1.0
-    w_size = max(matrices.max_abs(w), matrices.max_abs(getattr(P, constants)) if constants else 0.0) or 1.0
-    both = (np.abs(z) <= near * z_size) & (np.abs(w) <= near * w_size)
+    w_size, terms = matrices.max_abs(w), matrices.max_abs(getattr(P, constants)) if constants else 0.0
+    # where all w are small, their sums of terms are 0 to rounding
+    both = (np.abs(z) <= near * z_size) & (np.abs(w) <= max(near * w_size, ROUNDING * terms))
     if not both.any():
         return None
     first = int(np.flatnonzero(both)[0]) + 1
     without = None
     if constants:
-        moved = replace(P, **{constants: getattr(P, constants) + np.where(both, w_size, 0.0)})
+        moved = replace(P, **{constants: getattr(P, constants) + np.where(both, max(w_size, terms) or 1.0, 0.0)})
         without = replace(case.trial, problem=moved)
     return Cause(
         kind="degenerate",
