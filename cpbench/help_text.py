@@ -43,7 +43,7 @@ COMMANDS = {
     "reproduce": "Run a bundle again and compare.",
     "generate": "Write the built-in problems again from their formulas, or check them.",
     "new": "Write a plugin that works: a solver in some language, a conversion or problems.",
-    "check": "Put a plugin through the conformance checks.",
+    "check": "Run the conformance checks on a plugin.",
     "doctor": "Say what works on this machine, and how to install what does not.",
 }
 

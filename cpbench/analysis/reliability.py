@@ -67,6 +67,7 @@ def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95)
     p = k / n
     middle, half = p + z**2 / (2 * n), z * np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
     low, high = ((middle + sign * half) / (1 + z**2 / n) for sign in (-1, 1))
+    # 0 and 1 exactly, where rounding would leave 1e-17; 0 * n keeps the NaN of no trial
     return np.where(k == 0, 0 * n, low), np.where(k == n, 1 + 0 * n, high)
 
 

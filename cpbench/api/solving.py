@@ -122,6 +122,7 @@ def nearest_automatic(node: str) -> Iterator[str]:
 
     yield from automatic_solvers(node).values()
     known = automatic_solvers()
+    # only the cheapest path of each: they come in this order
     first = {other: next(iter(graph.candidates(node, other)), None) for other in known if other != node}
     ordered = sorted((route.cost, known[other]) for other, route in first.items() if route is not None)
     yield from (name for _, name in ordered)
@@ -202,6 +203,7 @@ def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Sol
             PROOF_SHARE * seconds,
         ),
     )
+    # the solver was told the limit, and nobody stops it in this process
     late = spent["setup"] + spent["solve"] > seconds
     remarks = [found.message, output.message, f"answered after the limit of {seconds:g} s" if late else ""]
     return Solution(

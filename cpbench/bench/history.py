@@ -188,14 +188,6 @@ class History:
         good = np.flatnonzero(self.error <= tolerance)
         return int(good[0]) if good.size else None
 
-    def time_to(self, tolerance: float) -> float:
-        """Return seconds to the first iterate that solves the problem, ∞ when none does.
-
-        An upper bound, for an iterate that was not kept may have done it before; at most since the one kept before.
-        """
-        k = self.first(tolerance)
-        return math.inf if k is None else float(self.time[k])
-
     def pack(self) -> bytes:
         """Pack into one compressed blob."""
         header = {"flags": self.flags, "solve": self.solve, "cost": self.cost, "calls": self.calls}

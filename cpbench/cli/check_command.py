@@ -22,7 +22,7 @@ from cpbench.registry import PLUGIN_FILES
 )
 @click.option("--quiet", "-q", is_flag=True, help="Print only failures and sums.")
 def command(plugin: str, only: tuple[str, ...], timeout: float, quiet: bool) -> None:
-    """Put a plugin through the public conformance checks.
+    """Run the public conformance checks on a plugin.
 
     PLUGIN is a Python file, a .toml file that declares solvers, or the name of a registered solver, conversion,
     formulation or format. Checks run in another process: a check that hangs or crashes has failed, and the next one

@@ -61,8 +61,7 @@ def command(
     --answers. An answer without a claim (in the table of times, or in claim.json) counts as claimed to be solved.
 
     Every problem of a formulation for which there is an answer gets a row; a problem without an answer has the status
-    failed. Rows are marked by --machine, and their times stay out of rankings unless cpbench report has
-    --with-imported.
+    failed. Rows are marked by --machine. With --with-imported, cpbench report ranks their times too.
     """
     if not solver.strip() or not machine.strip():
         raise CpbenchError("--solver and --machine may not be empty: they mark the rows")

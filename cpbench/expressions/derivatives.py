@@ -39,6 +39,7 @@ def second_derivative(F: Map) -> tuple[Map, Index, Index]:
     rows: list[Row] = [{} for _ in range(n)]
     for i, row in zip(moving, jacobian(to, G, list(range(n + F.rows))), strict=True):
         for j, number in row.items():
+            # one operation for both halves: rounding would make two of them differ
             if j < n and (i >= j or i not in rows[j]):
                 rows[i][j] = rows[j][i] = number
     return _entries(to, rows)
@@ -101,12 +102,14 @@ class _Differentiated:
     def backward(self, adjoint: Row) -> Row:
         """Return the derivatives of a sum of values, whose weights are `adjoint`."""
         to, first, moves = self._to, self._first, self._moves
+        # largest number first: by then all users of a value have added to its weight, since they come after it
         waiting = [-value for value in adjoint]
         heapq.heapify(waiting)
         found: Row = {}
         while waiting:
             value = -heapq.heappop(waiting)
             weight = adjoint[value]
+            # only where unknowns are reached: most of a list may be arithmetic of constants
             if weight == to.zero or not moves[value]:
                 continue
             if value < self._F.inputs:
@@ -136,6 +139,8 @@ def _moves(F: Map) -> list[bool]:
 def _forward_is_shorter(F: Map) -> bool:
     """Return whether forward mode is shorter; both are counted in turns until one of them is done."""
     forward, backward = _forward_steps(F), _backward_steps(F)
+    # in turns, so that counting takes twice the shorter way at most: the other may be as long as all outputs times all
+    # operations
     here = there = 0
     while True:
         if here <= there:

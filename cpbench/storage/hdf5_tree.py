@@ -70,6 +70,7 @@ class Tree:
         raw = name.encode()
         if not self.gid.links.exists(raw):
             raise self.error(name, f"is missing, expected {expected}")
+        # an external link could name any file of whoever reads this one
         if self.gid.links.get_info(raw).type != h5l.TYPE_HARD:
             raise self.error(name, "is a soft or external link: links are not followed, expected the data itself")
         found = h5o.open(self.gid, raw)
@@ -117,6 +118,7 @@ class Tree:
     def _require_stored(self, name: str, data: Any) -> None:
         """Refuse data that are elsewhere, packed by an unknown filter, or fewer than declared."""
         plist = data.get_create_plist()
+        # so could data in external files, and virtual data sets
         if plist.get_external_count() or plist.get_layout() not in (h5d.COMPACT, h5d.CONTIGUOUS, h5d.CHUNKED):
             raise self.error(name, "keeps its numbers in another file, expected them in this one")
         filters = plist.get_nfilters()
@@ -125,6 +127,7 @@ class Tree:
             if not h5z.filter_avail(code):
                 known = label.decode("ascii", "replace") or f"number {code}"
                 raise self.error(name, f"is packed with the HDF5 filter {known}, which is not built in: use gzip")
+        # before memory is asked for: a few bytes can declare terabytes
         declared = int(np.prod(data.shape, dtype=object)) * data.dtype.itemsize
         stored = data.get_storage_size()
         unwritten = stored == 0 and declared <= _LARGEST_UNWRITTEN
@@ -177,6 +180,7 @@ class Tree:
 def open_tree(path: Path) -> Generator[Tree]:
     """Yield the root group of a file, open for reading; raises FormatError when there is none."""
     access = h5p.create(h5p.FILE_ACCESS)
+    # else the file stays open as long as any group or data set of it is referred to
     access.set_fclose_degree(h5f.CLOSE_STRONG)
     try:
         file = h5f.open(str(path).encode(), h5f.ACC_RDONLY, access)
@@ -223,6 +227,7 @@ def _first_line(cause: BaseException) -> str:
 
 def _unopened(path: Path, cause: BaseException) -> str:
     with open(path, "rb") as file:
+        # HDF5 says the same of a text file and of a damaged one
         signed = file.read(8) == SIGNATURE
     if not signed:
         return "is not an HDF5 file (its first bytes are not the HDF5 signature)"

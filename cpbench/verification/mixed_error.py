@@ -9,8 +9,8 @@ in z₁ − z₂ − 1 + exp(−z₁) beside z₂ − z₁ − 1. So the same ho
 have, over constants of the part, must be within ε. What is constant in a nonlinear row is what its terms leave at the
 answer, F − F′z, with as much of the terms as is not linear along the answer, (F′(2z) − F′(z))z: a row that goes on as a
 straight line hides nothing by growth, and one that bends has a size where it is. No constant is larger than the terms
-of its row. A row that says that an unknown is 0 (`vanishing`) has its terms for a constant: it vanishes, and does not
-grow.
+of its row. A row that says that an unknown is 0 (`vanishing`) vanishes, and does not grow, and in units of a Jacobian
+that holds elsewhere only a row with a constant of its own has a size: others are not asked.
 """
 
 from __future__ import annotations
@@ -37,37 +37,40 @@ def mixed_error(system: System) -> BackwardError:
     rows, sums, linear = row_errors(system), term_sums(system), _linear_parts(frame)
     if not np.isfinite(sums).all():  # squares of such unknowns are no numbers any more
         return BackwardError(np.inf, False, 0.0)
-    whole = dataclasses.replace(frame, constants=_constants(frame, frame.steady, sums), caps=None)
+    asked = _asked(frame)
+    constants = np.where(asked, np.minimum(frame.steady, sums + frame.constants), 0.0)
+    whole = dataclasses.replace(frame, constants=np.where(linear, frame.constants, constants), caps=None)
     system = dataclasses.replace(system, frame=whole)
-    if not linear.any() and _within_rows(system, sums, float(rows.blocks.max())):
+    if not linear.any() and _within_rows(system, sums, asked, float(rows.blocks.max())):
         return BackwardError(largest(float(rows.blocks.max())), rows.absolute, rows.floor)
     found = block_errors(system, Parts.of(whole, whole.terms.rows, Measure.PAIRS), sums)
+    counted = linear | (asked & (constants > 0))
     errors = np.where(linear, found.blocks, rows.blocks)
-    error = largest(float(errors.max()), squared(largest(float(found.beyond.max()))))
+    grown = found.beyond[whole.spread(counted)]
+    error = largest(float(errors.max()), squared(largest(float(grown.max(initial=0.0)))))
     floor = max(0.0 if linear.all() else rows.floor, float(found.floors[linear].max(initial=0.0)))
-    if found.explained.any():
+    if found.explained[counted].any():
         floor = max(floor, EXPLAINED**2)
     return BackwardError(error, rows.absolute or (found.absolute and bool(linear.any())), floor)
 
 
-def _within_rows(system: System, sums: Vector, error: float) -> bool:
+def _within_rows(system: System, sums: Vector, asked: Flags, error: float) -> bool:
     """Return whether the constants of each row by themselves, no larger than those of its part, are enough."""
     constants = system.frame.constants
-    if (constants == 0).any():
-        return False
     excess, explained = beyond(system, ROUNDINGS * EPS * (sums + constants), inverse(constants))
-    return not explained.any() and squared(largest(float(excess.max()))) <= error
+    asked = asked & (constants > 0)
+    grown = excess[system.frame.spread(asked)]
+    return not explained[asked].any() and squared(largest(float(grown.max(initial=0.0)))) <= error
 
 
-def _constants(frame: Frame, steady: Vector, sums: Vector) -> Vector:
-    """Return the constants of rows that no growth hides."""
-    constants = np.minimum(steady, sums + frame.constants)
-    if frame.caps is None:
-        return constants
-    row = np.repeat(np.arange(frame.k), np.diff(frame.terms.rows.indptr))
-    vanishes = np.isfinite(frame.caps.constants)
-    vanishes[row[np.isfinite(frame.caps.entries)]] = True
-    return np.where(vanishes, sums + frame.constants, constants)
+def _asked(frame: Frame) -> Flags:
+    """Return which rows do not say that an unknown is 0."""
+    asked = np.ones(frame.k, dtype=bool)
+    if frame.caps is not None:
+        row = np.repeat(np.arange(frame.k), np.diff(frame.terms.rows.indptr))
+        asked &= ~np.isfinite(frame.caps.constants)
+        asked[row[np.isfinite(frame.caps.entries)]] = False
+    return asked
 
 
 def _linear_parts(frame: Frame) -> Flags:

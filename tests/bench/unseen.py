@@ -1,23 +1,28 @@
 """The regret of the automatic choices on problems that nobody has seen: their time over that of the best solver.
 
     python tests/bench/unseen.py [--seed now|NUMBER] [--minutes 20] [--families GLOB ...] [--solvers GLOB ...]
-        [--seconds 2] [--largest 120] [--tolerance 1e-8] [--batch 5] [-o FOLDER]
+        [--seconds 2] [--largest 120] [--tolerance 1e-8] [--batch 10] [-o FOLDER]
 
 Draws problems of every family (`FAMILIES`) at random, the seed from the clock unless it is given, writes them to files
 and has every native solver of their formulation and every installed rival run on them as `cpbench run` does: in a
 process of its own, each answer judged. Rounds of `--batch` problems a family until the minutes are over; with `-o` the
 same command with the same seed goes on where it was cut.
 
-Members are the native solvers of the formulation, rivals all others. Times are those of `setup` and `solve`
-together. Printed are, a formulation: problems that a member
-or rival solves and `auto` does not, each by name; the regret (time of `auto` over that of the best member, known only
-afterwards): median, 95 % quantile, worst; the speed against the best rival: geometric mean, share of problems above
-10 µs on which `auto` is at least as fast; then the ten worst of all.
+Members are the native solvers of the formulation, rivals all others; those that solve another problem (relaxations,
+facets) and those that start a program for every solve take no part. Times are those of `setup` and `solve` together.
+Where `auto` solves a problem, others get 20 times its time, in steps from 0.25 s on (`MULTIPLE`, `STEPS`), at most
+`--seconds`: whoever is later has lost, and counts as not solved, so that a mean speed against rivals is of those that
+came. What is done is printed, and written to `unseen.log` in the folder, after each part.
+
+Printed are, a formulation: problems that a member or rival solves and `auto` does not, each by name; the regret (time
+of `auto` over that of the best member, known only afterwards): median, 95 % quantile, worst; the speed against the best
+rival: geometric mean, share of problems above 10 µs on which `auto` is at least as fast; then the ten worst of all.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import tempfile
 import time
 import zlib
@@ -32,11 +37,16 @@ import unseen_scenes as scenes
 
 import cpbench
 from cpbench.formulations import Problem
-from cpbench.solvers import solvers
+from cpbench.solvers.base import Trait, solvers
 from cpbench.verification import VERIFIED
 
 SHORTEST = 1e-5
 """Rivals' times below [s] are those of a call rather than of a method."""
+MULTIPLE = 20.0
+"""Of the time of `auto`, that others get where it solves a problem: who needs more has lost."""
+STEPS = (0.25, 1.0)
+"""Their limits in steps [s], for a run has one; below the first, more time goes into killing a process and starting
+another than into the solve."""
 
 Rng = np.random.Generator
 
@@ -95,26 +105,61 @@ def draw(seed: int, batch: int, many: int, families: list[str], largest: int, fo
 
 
 def takes_part(name: str, globs: list[str]) -> bool:
-    """Whether a solver is asked: by default all but those that start a program a solve, whose time is the start's."""
-    return any(fnmatch(name, glob) for glob in globs) and not name.startswith("gams-")
+    """Whether a solver is asked: by default all but those that start a program a solve, whose time is the start's, and
+    those that solve another problem."""
+    spec = solvers.get(name).spec
+    return (
+        any(fnmatch(name, glob) for glob in globs)
+        and not name.startswith("gams-")
+        and Trait.LAUNCHES not in spec.traits
+        and spec.kind.exact
+    )
 
 
-def measured(files: list[Path], globs: list[str], options: argparse.Namespace, out: Path) -> pd.DataFrame:
-    """Run all solvers of each formulation on its problems and return the rows."""
-    by_node: dict[str, list[str]] = {}
+def measured(files: list[Path], options: argparse.Namespace, out: Path, say: Callable[[str], None]) -> pd.DataFrame:
+    """Run all solvers of each formulation on its problems and return the rows; `say` what is done after each part.
+
+    `auto` is asked alone first: others get `MULTIPLE` times the time that it took, in steps, and beside them, in random
+    order, it is measured again.
+    """
+    by_node: dict[str, list[Path]] = {}
     for path in files:
-        by_node.setdefault(cpbench.load(path).node, []).append(str(path))
+        by_node.setdefault(cpbench.load(path).node, []).append(path)
+    found: list[pd.DataFrame] = []
     for node, paths in by_node.items():
-        names = [s.name for s in cpbench.list_solvers(node=node, available=True) if takes_part(s.name, globs)]
-        cpbench.run(
-            paths,
-            names,
-            tolerance=options.tolerance,
-            seconds=options.seconds,
-            out=out / f"{node}.sqlite",
-            routes="exact",
-        )
-    return pd.concat([cpbench.read_results(out / f"{node}.sqlite") for node in by_node])
+        listed = cpbench.list_solvers(node=node, available=True)
+        names = [s.name for s in listed if takes_part(s.name, options.solvers)]
+        auto = [name for name in names if name.startswith("auto-")]
+        alone = _run(paths, auto, options.seconds, options, out / f"{node}-auto.sqlite")
+        for limit, some in by_limit(alone, paths, options.seconds).items():
+            begun = time.monotonic()
+            rows = _run(some, names, limit, options, out / f"{node}-{limit:g}s.sqlite")
+            found.append(rows.assign(seconds=limit))
+            late = int((rows["status"] == "timeout").sum())
+            say(
+                f"{node}: {len(some)} problems x {len(names)} solvers within {limit:g} s: {len(rows)} rows, {late} "
+                f"late, {time.monotonic() - begun:.0f} s, load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
+            )
+        own = pd.concat([rows for rows in found if len(rows) and rows["node"].iloc[0] == node])
+        say(report(regrets(own)))
+    return pd.concat(found)
+
+
+def _run(paths: list[Path], names: list[str], seconds: float, options: argparse.Namespace, out: Path) -> pd.DataFrame:
+    texts = [str(path) for path in paths]
+    return cpbench.run(texts, names, tolerance=options.tolerance, seconds=seconds, out=out, routes="exact").frame
+
+
+def by_limit(alone: pd.DataFrame, paths: list[Path], most: float) -> dict[float, list[Path]]:
+    """Return the problems by the limit of those who race with `auto`: `most` where it does not solve them."""
+    good = alone[alone["status"].isin(VERIFIED)]
+    took = {str(address): time for address, time in zip(good["address"], good["setup"] + good["solve"], strict=True)}
+    found: dict[float, list[Path]] = {}
+    for path in paths:
+        wanted = MULTIPLE * took.get(str(path), np.inf)
+        limit = next((step for step in STEPS if step >= wanted and step < most), most)
+        found.setdefault(limit, []).append(path)
+    return dict(sorted(found.items()))
 
 
 def regrets(rows: pd.DataFrame) -> pd.DataFrame:
@@ -203,26 +248,35 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=2.0)
     parser.add_argument("--largest", type=int, default=120)
     parser.add_argument("--tolerance", type=float, default=1e-8)
-    parser.add_argument("--batch", type=int, default=5)
+    parser.add_argument("--batch", type=int, default=10)
     parser.add_argument("-o", "--out")
     options = parser.parse_args()
     seed = time.time_ns() % 2**32 if options.seed == "now" else int(options.seed)
     families = [name for name in FAMILIES if any(fnmatch(name, glob) for glob in options.families)]
-    print(f"seed {seed}, {len(families)} families", flush=True)
     end = time.monotonic() + 60 * options.minutes
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(options.out or scratch)
         out.mkdir(parents=True, exist_ok=True)
-        files: list[Path] = []
+
+        def say(text: str) -> None:
+            print(text, flush=True)
+            with (out / "unseen.log").open("a") as log:
+                log.write(text + "\n")
+
+        say(f"seed {seed}, {len(families)} families, others within {MULTIPLE:g} times auto, {STEPS[0]} s at least")
+        rows: list[pd.DataFrame] = []
         batch = 0
         while True:
-            files += draw(seed, batch, options.batch, families, options.largest, out)
-            table = regrets(measured(files, options.solvers, options, out))
+            files = list(draw(seed, batch, options.batch, families, options.largest, out))
+            place = out / f"round-{batch}"
+            place.mkdir(exist_ok=True)
+            rows.append(measured(files, options, place, say))
             batch += 1
-            print(f"round {batch}: {len(table)} problems", flush=True)
+            table = regrets(pd.concat(rows))
+            say(f"round {batch}: {len(table)} problems")
             if time.monotonic() > end:
                 break
-        print(report(table))
+        say(report(table))
 
 
 if __name__ == "__main__":

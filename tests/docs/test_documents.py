@@ -109,11 +109,11 @@ def test_a_page_works_from_top_to_bottom(name: str, tmp_path: Path, monkeypatch:
 
 
 def test_the_plan_file_is_one(tmp_path: Path) -> None:
-    """Two sets, read by the reader of plan files, which refuses unknown keys and values."""
-    (text,) = (block for language, block in blocks(ROOT / "docs/guides/runs.md") if language == "toml")
-    (tmp_path / "cpbench.toml").write_text(text)
+    """Read the plan of the guide, its blocks one after the other: the reader refuses unknown keys and values."""
+    texts = [block for language, block in blocks(ROOT / "docs/guides/runs.md") if language == "toml"]
+    (tmp_path / "cpbench.toml").write_text("\n".join(texts))
     plan = plan_file.read(tmp_path / "cpbench.toml")
-    assert [part["name"] for part in plan.sets] == ["boxes", "rolling"]
+    assert [part["name"] for part in plan.sets] == ["boxes", "rolling", "wheels"]
 
 
 def test_the_declared_solvers_are_some(tmp_path: Path) -> None:

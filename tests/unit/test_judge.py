@@ -209,6 +209,16 @@ def test_unknowns_that_grow_along_straight_lines_solve_no_ncp(bent: Any, size: f
     assert not verdict.solved, verdict
 
 
+@pytest.mark.parametrize("pair", [1e-19, 1e-9])
+def test_rows_that_vanish_with_an_unknown_are_not_held_against_constants(pair: float) -> None:
+    """Fischer and Burmeister's equation a + b − √(a² + b²) = 0 of a = z₁, b = z₂ + 1 beside 3z₂ = 6 + z₁: a is 0."""
+    z = ca.SX.sym("z", 2)
+    a, b = z[0], z[1] + 1.0
+    row = 2.0 * a * b / (a + b + ca.sqrt(a * a + b * b))
+    problem = Equation(F=Map.from_casadi(z, ca.vertcat(row, 3.0 * z[1] - 6.0 - z[0])))
+    assert judge(problem, EquationPoint(z=np.array([pair, 2.0])), 1e-6).solved
+
+
 def test_a_large_solution_beside_small_constants_is_right() -> None:
     """z₁² = 10⁶ z₁ and z₂ = z₁ + 10⁻³: the size of z₁ is in coefficients, no constant is near it."""
     z = ca.SX.sym("z", 2)

@@ -21,6 +21,7 @@ from cpbench.solvers.native.qp.presolve import presolved, sparse_data
 from cpbench.solvers.native.qp.proximal_active_set import ProximalActiveSetOptions, in_one_call
 from cpbench.solvers.native.qp.scaling import scaled, stacked
 from cpbench.testing import planted
+from cpbench.verification import judge
 
 STRICT = ("dual-active-set", "projected-gradient", "nesterov-qp")
 """Those that need Q positive definite where there are rows."""
@@ -621,3 +622,16 @@ def test_equations_that_depend_on_others_are_no_obstacle(seed: int) -> None:
     problem = QP.build(Q, p, C=C, d=C @ z, lb=np.zeros(n))
     output = solved("interior-point-qp", problem)
     assert problem.objective(output.point.z) == pytest.approx(problem.objective(z), rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["auto-qp", "proximal-active-set", "interior-point-qp", "augmented-lagrangian"])
+@pytest.mark.parametrize("unit", [1.0, 1e-6])
+def test_prices_in_small_units_are_no_excuse(name: str, unit: float) -> None:
+    """By hand: Q has rank 1 and z₁ is at its bound 0.03, so that 4z₂ = 5 + 6z₁; absolute forces of 5e-7 miss that by
+    10⁻⁵ and are 3e-4 of the terms."""
+    Q, p = unit * np.array([[9.0, -6.0], [-6.0, 4.0]]), unit * np.array([9.0, -5.0])
+    problem = QP.build(1e-4 * Q, 1e-4 * p, A=[[1.0, 0.0], [1.0, 0.0]], b=[0.0, 0.0], lb=[0.03, 0.0])
+    output = solvers.get(name).run(problem, Budget(tolerance=1e-6))
+    assert output.claim is Claim.SOLVED
+    assert judge(problem, output.point, 1e-6).solved
+    assert output.point.z == pytest.approx([0.03, 1.295], abs=1e-5)

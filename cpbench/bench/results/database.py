@@ -104,8 +104,8 @@ class Database:
 
     def stream(self, query: str) -> Iterator[tuple[Any, ...]]:
         """Yield rows of a query without holding all of them."""
-        for found in self.chunks(query, 256):
-            yield from found
+        for rows in self.chunks(query, 256):
+            yield from rows
 
     def chunks(self, query: str, size: int) -> Iterator[list[tuple[Any, ...]]]:
         """Yield rows of a query, so many at a time."""
@@ -113,10 +113,10 @@ class Database:
             cursor = self.connection.execute(query)
         while True:
             with self._errors_explained():
-                found = cursor.fetchmany(size)
-            if not found:
+                rows = cursor.fetchmany(size)
+            if not rows:
                 return
-            yield found
+            yield rows
 
     def settle(self) -> None:
         """Move what is in SQLite's log into the file; raises StoreError when that fails, where `close` would leave the
@@ -166,49 +166,49 @@ class Database:
                         raise
                     # a full disk may leave the file half way to its log; it is whole when read together with that
 
-    def _require(self, found: int | None) -> int:
-        if found is None:
+    def _require(self, version: int | None) -> int:
+        if version is None:
             raise StoreError(f"{self._path}: not a results file (a database of something else); name another file")
-        if found > SCHEMA:
+        if version > SCHEMA:
             raise StoreError(
-                f"{self._path}: has results schema {found}, this cpbench knows {SCHEMA}; update cpbench, or use "
+                f"{self._path}: has results schema {version}, this cpbench knows {SCHEMA}; update cpbench, or use "
                 "another file with -o"
             )
-        return found
+        return version
 
     def _open_to_write(self) -> None:
         with self._errors_explained():
             db = self._db = self._connect("mode=rwc")
-            self.found = found = self._require(schema.version(db))
+            self.found = version = self._require(schema.version(db))
             use_journal(db, self._path)
             db.execute("PRAGMA temp_store=MEMORY")
             db.execute("PRAGMA wal_autocheckpoint=4000")  # 16 MB: a page that several rows share is moved once
-            if found == 0:
+            if version == 0:
                 with self.transaction():
                     schema.create(db)
-            elif found < SCHEMA:
-                schema.migrate(db, found)
+            elif version < SCHEMA:
+                schema.migrate(db, version)
 
     def _open_to_read(self) -> None:
         """Open as for writing, but only read: SQLite then uses the log of a killed run, and leaves no helper files."""
         with self._errors_explained():
             try:
                 self._db = self._connect("mode=rw")
-                found = schema.version(self._db)
+                version = schema.version(self._db)
             except sqlite3.OperationalError as cause:
                 if cause.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:
                     raise
                 self._open_unwritable()
-                found = schema.version(self.connection)
-            self.found = found = self._require(found)
+                version = schema.version(self.connection)
+            self.found = version = self._require(version)
             self.connection.execute("PRAGMA query_only=ON")
-            if found == 0:
+            if version == 0:
                 raise StoreError(f"{self._path}: is empty, not a results file")
-            if found < SCHEMA:
+            if version < SCHEMA:
                 old, self._db = self.connection, sqlite3.connect("", isolation_level=None, check_same_thread=False)
                 old.backup(self._db)
                 old.close()
-                schema.migrate(self._db, found)
+                schema.migrate(self._db, version)
 
     def _open_unwritable(self) -> None:
         """Open the file unchanged where SQLite cannot make helper files (a read-only folder, a full disk), or a copy of
@@ -256,11 +256,11 @@ def _file_system(path: Path) -> str:
     except OSError:
         return ""
     folder = os.path.dirname(os.path.realpath(path))
-    found, kind = "", ""
+    mount, kind = "", ""
     for _, point, name, *_ in mounts:
         point = point.replace("\\040", " ")
-        if len(point) >= len(found) and f"{folder}/".startswith(f"{point.rstrip('/')}/"):
-            found, kind = point, name
+        if len(point) >= len(mount) and f"{folder}/".startswith(f"{point.rstrip('/')}/"):
+            mount, kind = point, name
     return kind
 
 

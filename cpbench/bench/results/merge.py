@@ -78,9 +78,9 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
         audits = [store.audit() for store in stores]
         for audit in audits:
             audit.require()
-        found = [_facts(store) for store in stores]
+        facts = [_facts(store) for store in stores]
         differences = [
-            d for pair in itertools.combinations(range(len(stores)), 2) for d in _between(stores, found, *pair)
+            d for pair in itertools.combinations(range(len(stores)), 2) for d in _between(stores, facts, *pair)
         ]
         if differences and not mixed:
             more = f" (and {len(differences) - 1} more differences)" if len(differences) > 1 else ""
@@ -99,7 +99,7 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
                         (item for item in store.certificates() if chosen[item[0]] == index),
                     )
                     merged.note_proved_problems(store.proved_problems())
-                leading = sorted(range(len(stores)), key=lambda i: not found[i].machines)
+                leading = sorted(range(len(stores)), key=lambda i: not facts[i].machines)
                 _merge_facts(merged, [stores[i] for i in leading], kinds)
                 merged.set_meta(seals=[audit.note for audit in audits if audit.note])
                 merged.settle()
@@ -111,26 +111,26 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
 
 
 def _facts(store: Store) -> _Facts:
-    found, ran = _Facts(), False
+    facts, ran = _Facts(), False
     judged = False
     for row in store.rows():
         judged = judged or row.status != "not_run"
-        found.tolerances.setdefault(row.set, set()).add(row.tolerance)
-        found.measures.setdefault(row.set, set()).add(row.measure or "")
-        found.fingerprints.setdefault(row.problem, set()).add(row.fingerprint)
+        facts.tolerances.setdefault(row.set, set()).add(row.tolerance)
+        facts.measures.setdefault(row.set, set()).add(row.measure or "")
+        facts.fingerprints.setdefault(row.problem, set()).add(row.fingerprint)
         if row.origin:  # made elsewhere, under unknown limits
             continue
-        found.limits.setdefault(row.set, set()).add(limits_of(row))
+        facts.limits.setdefault(row.set, set()).add(limits_of(row))
         if row.version:
-            found.versions.setdefault(row.label, set()).add(row.version)
+            facts.versions.setdefault(row.label, set()).add(row.version)
         ran = ran or row.status != "not_run"
     meta = store.meta()
     if judged:
-        found.cpbench = {str(meta.get("cpbench", ""))}
+        facts.cpbench = {str(meta.get("cpbench", ""))}
     if ran:  # a shard without rows has not been run on any machine
         descriptions = list(store.machines().values()) or [meta.get("machine") or {}]
-        found.machines = {_machine(description) for description in descriptions}
-    return found
+        facts.machines = {_machine(description) for description in descriptions}
+    return facts
 
 
 def _machine(description: Mapping[str, Any]) -> str:

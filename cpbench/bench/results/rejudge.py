@@ -67,13 +67,13 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
             )
         listed = ", ".join(f"{n} {change}" for change, n in changes.most_common()) or "no change"
         yield f"{counted(total, 'answer')} judged again{f' by {measure}' if measure else ''}: {listed}"
-        found = {
+        faults = {
             f"{len(audit.broken)} rows are not as a run wrote them": len(audit.broken),
             f"{unreadable} answers cannot be read": unreadable,
             f"{contradicted} statuses change by the row's own measure and tolerance": contradicted,
         }
-        if any(found.values()):
-            raise SealError(f"{path}: {', '.join(fault for fault, count in found.items() if count)}")
+        if any(faults.values()):
+            raise SealError(f"{path}: {', '.join(fault for fault, count in faults.items() if count)}")
 
 
 def _judge(

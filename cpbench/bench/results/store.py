@@ -92,34 +92,34 @@ class Store:
     def require_unchanged(self) -> None:
         """Raise SealError when something else wrote into the file that this process writes; the rows concerned are
         marked, so that later commands find them."""
-        found = self.audit()
-        if not found.broken:
+        result = self.audit()
+        if not result.broken:
             return
         with self._database.transaction() as db:
             db.executemany(
-                "INSERT OR REPLACE INTO seals VALUES (?, ?)", [(one.key, seals.BROKEN) for one in found.broken]
+                "INSERT OR REPLACE INTO seals VALUES (?, ?)", [(one.key, seals.BROKEN) for one in result.broken]
             )
-        found.require()
+        result.require()
 
     def _take_over(self, expel: bool) -> Audit:
         """Check the existing rows, and seal them by this user's key."""
-        found = self.audit()
+        result = self.audit()
         if not expel:
-            found.require()
+            result.require()
         self._written = {}
-        if found.broken or found.note:
+        if result.broken or result.note:
             with self._database.transaction() as db:
                 for table in ("answers", "histories", "certificates", "seals", "rows"):
-                    db.executemany(f"DELETE FROM {table} WHERE key = ?", [(one.key,) for one in found.broken])
-                if found.note:
+                    db.executemany(f"DELETE FROM {table} WHERE key = ?", [(one.key,) for one in result.broken])
+                if result.note:
                     self._seal(db, [key for (key,) in db.execute("SELECT key FROM rows")])
         self._written.update(self._database.read("SELECT key, seal FROM seals"))
         if self._key is not None and not self._key.kept:
             warning = (
                 f"the key of the seals could not be kept in {seal_key.folder()}: later commands find flipped bits only"
             )
-            return replace(found, note="; ".join(filter(None, (found.note, warning))))
-        return found
+            return replace(result, note="; ".join(filter(None, (result.note, warning))))
+        return result
 
     def _changed(self, db: sqlite3.Connection, keys: Iterable[str]) -> set[str]:
         """Return which of the rows are not as this process wrote them: what is written into them is never sealed
@@ -387,14 +387,14 @@ class Store:
     def features(self) -> dict[str, dict[str, Any]]:
         """Return the features of the problems by fingerprint, as `bench.planning.features` found them; those of rows
         that were planned before results kept them are not among them."""
-        found = self._database.read("SELECT fingerprint, features FROM problems ORDER BY fingerprint")
-        return {fingerprint: json.loads(facts) for fingerprint, facts in found}
+        rows = self._database.read("SELECT fingerprint, features FROM problems ORDER BY fingerprint")
+        return {fingerprint: json.loads(facts) for fingerprint, facts in rows}
 
     def references(self) -> list[dict[str, Any]]:
         """Return the solves of the reference, in order: at, pairs, seconds (None where it failed), loadavg."""
         names = ("at", "pairs", "seconds", "loadavg")
-        found = self._database.read("SELECT at, pairs, seconds, loadavg FROM reference ORDER BY rowid")
-        return [dict(zip(names, values, strict=True)) for values in found]
+        rows = self._database.read("SELECT at, pairs, seconds, loadavg FROM reference ORDER BY rowid")
+        return [dict(zip(names, values, strict=True)) for values in rows]
 
     def pending(self) -> set[str]:
         """Return keys of planned rows that have not been run."""
@@ -406,10 +406,10 @@ class Store:
 
     def row(self, key: str) -> Row:
         """Return one row; raises StoreError where there is none."""
-        found = self._database.read(f"SELECT {_ALL} FROM rows WHERE key = ?", (key,))
-        if not found:
+        rows = self._database.read(f"SELECT {_ALL} FROM rows WHERE key = ?", (key,))
+        if not rows:
             raise StoreError(f"{self.path}: no row {key}")
-        return _row(found[0])
+        return _row(rows[0])
 
     def rows(self) -> Iterator[Row]:
         """Yield every row, in the order in which they were planned."""
@@ -418,12 +418,12 @@ class Store:
 
     def ending(self, key: str) -> tuple[str, bytes | None]:
         """Return how a row ended: its status, and its compressed answer where one is kept."""
-        found = self._database.read(
+        rows = self._database.read(
             "SELECT status, answer FROM rows LEFT JOIN answers USING (key) WHERE key = ?", (key,)
         )
-        if not found:
+        if not rows:
             raise StoreError(f"{self.path}: no row {key}")
-        return found[0][0], found[0][1]
+        return rows[0][0], rows[0][1]
 
     def answers(self) -> Iterator[tuple[str, bytes]]:
         """Yield (key, compressed answer) of every kept answer."""

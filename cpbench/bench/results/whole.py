@@ -76,12 +76,12 @@ def _read_rows(database: Database) -> Rows:
     """Return all rows in the order in which they were added."""
     seen = [defaultdict[str, int](count().__next__) for _ in SHARED]
     readers = [*map(_places, seen), *map(_reader, SINGLE)]
-    found: list[list[Values]] = [[read(())] for read in readers]
+    columns: list[list[Values]] = [[read(())] for read in readers]
     query = f"SELECT {_READ} FROM rows ORDER BY rowid"
     for rows in database.chunks(query, CHUNK):
-        for parts, read, column in zip(found, readers, zip(*rows, strict=True), strict=True):
+        for parts, read, column in zip(columns, readers, zip(*rows, strict=True), strict=True):
             parts.append(read(column))
-    return Rows([list(texts) for texts in seen], [np.concatenate(parts) for parts in found])
+    return Rows([list(texts) for texts in seen], [np.concatenate(parts) for parts in columns])
 
 
 def _joined(rows: Rows) -> tuple[pd.DataFrame, dict[str, Values]]:
@@ -142,13 +142,13 @@ def _order(problem: Values, label: Values, key: pd.Series) -> Values | None:
     before, after = (np.asarray(key, dtype=object)[k][same] for k in (slice(None, -1), slice(1, None)))
     if not ((step < 0) | ((step == 0) & (np.diff(label) < 0))).any() and (before < after).all():
         return None
-    found = np.lexsort((label, problem))
-    alike = np.append(False, (np.diff(problem[found]) == 0) & (np.diff(label[found]) == 0))
+    order = np.lexsort((label, problem))
+    alike = np.append(False, (np.diff(problem[order]) == 0) & (np.diff(label[order]) == 0))
     alike[:-1] |= alike[1:]
     if not alike.any():
-        return found
+        return order
     rank = np.zeros(len(key), dtype=np.int64)
     # keys decide only among equal problems and labels: to rank all of them would take longer than all the rest
-    tied = found[alike]
+    tied = order[alike]
     rank[tied] = pd.factorize(key.iloc[tied], sort=True)[0]
     return np.lexsort((rank, label, problem))

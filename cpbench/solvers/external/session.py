@@ -76,6 +76,8 @@ class Session:
         self._end = end_descriptor(self._process.pid)
         self._poll = select.poll()
         for descriptor in (self._in, self._out, self._err):
+            # a program that neither reads nor writes must not hold up its limit: every wait is by `poll`, with a
+            # deadline
             os.set_blocking(descriptor, False)
         for descriptor in (self._out, self._err, self._end):
             if descriptor is not None:
@@ -107,9 +109,11 @@ class Session:
         deadline = time.monotonic() + seconds
         line = json.dumps({"do": do, **request}, allow_nan=False).encode() + b"\n"
         try:
+            # a reply that came without a request would be taken for that to the next one
             self._nothing_left(do)
             self._send(do, line, deadline, seconds)
             reply = self._reply(do, self._line(do, deadline, seconds))
+        # what it says after that could belong to any request
         except BaseException:
             self.kill()
             raise
@@ -197,12 +201,14 @@ class Session:
     def _over(self, do: str, found: bytes = b"") -> NoReturn:
         """Raise the exception for a program that ended, or closed its stdout or stdin."""
         code = wait_by(self._process, self._end, LAST_WORDS)
+        # first the exit code: half a line before it is what a crash leaves
         if code:
             raise Ended(self.name, code)
         if found.strip():
             raise ProgramError(f"{self.name}: answered {do} with {_shown(found)} and no end of line: {_ADVICE}")
         if code == 0:
             raise Ended(self.name, code)
+        # where another part of this process has reaped the child, its exit code is not known here
         if psutil.pid_exists(self._process.pid):
             raise ProgramError(f"{self.name}: was asked to {do}, closed its stdin or stdout, and went on without")
         raise ProgramError(f"{self.name}: ended before it answered {do}; its exit code is lost")
@@ -269,5 +275,6 @@ def _shown(text: bytes) -> str:
 
 @atexit.register
 def _close_all() -> None:
+    # a copy: the set is weak, and may lose one meanwhile
     for session in list(_open):
         session.close()

@@ -1,4 +1,8 @@
-"""A dense quadratic program: its judged error, and its data scaled to size one."""
+"""A dense quadratic program: the error of an answer, and its data scaled to size one.
+
+The error is `QP.residuals(...).error`, but absolute numbers count only where the data have no size: in small units they
+would hide any miss.
+"""
 
 import numpy as np
 from numba import njit, types
@@ -18,11 +22,35 @@ def dot(x, y):
     return total
 
 
-@njit(types.float64(types.float64, types.float64), cache=True, error_model="numpy", nogil=True)
-def judged(absolute, scale):
-    """Return the smaller of the absolute and the relative value, ∞ for what is no number."""
-    value = absolute / scale if scale > 1.0 else absolute
+@njit(types.float64(_VECTOR, _VECTOR), cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
+def sizes(x, y):
+    """Return |x|ᵀ|y|."""
+    total = 0.0
+    for i in range(x.size):
+        total += abs(x[i] * y[i])
+    return total
+
+
+@njit(types.float64(types.float64, types.float64, types.float64), cache=True, error_model="numpy", nogil=True)
+def measured(absolute, scale, data):
+    """Return a value over its scale, or over 1 where that is more and `data`, the share of the problem in the scale,
+    is 0; ∞ for what is no number."""
+    scale = max(scale, min(data, 1.0))
+    value = absolute / scale if scale > 1.0 or data > 0.0 else absolute
     return value if value >= 0.0 else np.inf
+
+
+@njit(types.float64(*(types.float64,) * 11), cache=True, error_model="numpy", nogil=True)
+def largest(stationarity, force, price, primal, sides, side, dual, multiplier, gap, value, curvature):
+    """Return the error of the parts, each with its scale; price, side and curvature are max|p|, the largest side and
+    the largest entry of Q."""
+    energy = price * price / curvature if curvature > 0.0 else 0.0  # what a price gains where it meets a curvature
+    return max(
+        measured(stationarity, max(force, price), price),
+        measured(primal, max(sides, side), side),
+        measured(dual, multiplier, price),
+        measured(gap, value, energy),
+    )
 
 
 @njit(types.UniTuple(types.float64, 4)(*(types.float64,) * 4), cache=True, error_model="numpy", nogil=True)
@@ -51,16 +79,16 @@ def of_bounds(low, high, x, price):
     nogil=True,
 )
 def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
-    """Return `QP.residuals(...).error`. work : (2n,)."""
+    """Return the error of an answer. work : (2n,)."""
     n = p.size
     At, Ct = work[:n], work[n : 2 * n]
     At[:] = 0.0
     Ct[:] = 0.0
-    primal = dual = primal_scale = dual_scale = constraints = 0.0
+    primal = dual = primal_scale = dual_scale = constraints = side = summed = 0.0
     for i in range(b.size):
         a, value, y = A[i], dot(A[i], z), lam[i]
-        primal = np.maximum(primal, b[i] - value)
-        primal_scale = max(primal_scale, abs(value), abs(b[i]))
+        primal, side = np.maximum(primal, b[i] - value), max(side, abs(b[i]))
+        primal_scale, summed = max(primal_scale, abs(value)), max(summed, 0.0 if value >= b[i] else sizes(a, z))
         dual = np.maximum(dual, -y)
         dual_scale = max(dual_scale, abs(y))
         constraints += b[i] * y
@@ -69,27 +97,29 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
                 At[j] += a[j] * y
     for i in range(d.size):
         c, value, y = C[i], dot(C[i], z), mu[i]
-        primal = np.maximum(primal, abs(value - d[i]))
-        primal_scale = max(primal_scale, abs(value), abs(d[i]))
+        primal, side = np.maximum(primal, abs(value - d[i])), max(side, abs(d[i]))
+        primal_scale, summed = max(primal_scale, abs(value)), max(summed, 0.0 if value == d[i] else sizes(c, z))
         dual_scale = max(dual_scale, abs(y))
         constraints += d[i] * y
         if y != 0.0:
             for j in range(n):
                 Ct[j] += c[j] * y
-    stationarity = scale = zQz = pz = 0.0
+    stationarity = scale = zQz = pz = price = curvature = 0.0
     for i in range(n):
         Qz = dot(Q[i], z)
         stationarity = np.maximum(stationarity, abs(Qz + p[i] - At[i] - Ct[i] - nu[i]))
-        scale = max(scale, abs(Qz), abs(At[i]), abs(Ct[i]), abs(p[i]), abs(nu[i]))
+        scale = max(scale, abs(Qz), abs(At[i]), abs(Ct[i]), abs(nu[i]))
+        price, curvature = max(price, abs(p[i])), max(curvature, Q[i, i])
         zQz += z[i] * Qz
         pz += z[i] * p[i]
         dual_scale = max(dual_scale, abs(nu[i]))
         outside, bound, wrong, term = of_bounds(lb[i], ub[i], z[i], nu[i])
-        primal, primal_scale = np.maximum(primal, outside), max(primal_scale, bound)
+        primal, side = np.maximum(primal, outside), max(side, bound)
         dual = np.maximum(dual, wrong)
         constraints += term
-    gap = judged(abs(zQz + pz - constraints), max(abs(zQz), abs(pz), abs(constraints)))
-    return max(judged(stationarity, scale), judged(primal, primal_scale), judged(dual, dual_scale), gap)
+    gap, value = abs(zQz + pz - constraints), max(abs(zQz), abs(pz), abs(constraints))
+    sides = max(primal_scale, min(summed, 1.0))
+    return largest(stationarity, scale, price, primal, sides, side, dual, dual_scale, gap, value, curvature)
 
 
 @njit(types.void(_OUT2, _OUT2, _OUT, _OUT, types.int64), cache=True, error_model="numpy", nogil=True)

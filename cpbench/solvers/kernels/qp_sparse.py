@@ -1,4 +1,4 @@
-"""A quadratic program with sparse matrices: its judged error, its data scaled to size one.
+"""A quadratic program with sparse matrices: the error of an answer, its data scaled to size one.
 
 Matrices are (row pointers, columns, numbers).
 """
@@ -6,7 +6,7 @@ Matrices are (row pointers, columns, numbers).
 import numpy as np
 from numba import njit, types
 
-from cpbench.solvers.kernels.qp_dense import judged, of_bounds
+from cpbench.solvers.kernels.qp_dense import largest, of_bounds
 from cpbench.solvers.kernels.qp_ldl import CSR, DATA, OUT
 
 _DENSE = types.Array(types.float64, 2, "C", readonly=True)
@@ -88,45 +88,51 @@ def equilibrate(H, G, column, row, passes):
 
 @njit(types.float64(*(CSR, DATA, CSR, DATA, CSR, DATA, DATA, DATA), *(DATA, DATA, DATA, DATA)), **_FAST)
 def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
-    """Return `QP.residuals(...).error`, infinite for an answer that is no number."""
+    """Return the error of an answer, as `qp_dense` has it; infinite for one that is no number."""
     n = p.size
     At, Ct = np.zeros(n), np.zeros(n)
-    primal = dual = primal_scale = dual_scale = constraints = 0.0
+    primal = dual = primal_scale = dual_scale = constraints = side = summed = 0.0
     for i in range(b.size):
-        value = 0.0
+        value = size = 0.0
         for q in range(A[0][i], A[0][i + 1]):
-            value += A[2][q] * z[A[1][q]]
+            term = A[2][q] * z[A[1][q]]
+            value += term
+            size += abs(term)
             At[A[1][q]] += A[2][q] * lam[i]
-        primal = np.maximum(primal, b[i] - value)
-        primal_scale = max(primal_scale, abs(value), abs(b[i]))
+        primal, side = np.maximum(primal, b[i] - value), max(side, abs(b[i]))
+        primal_scale, summed = max(primal_scale, abs(value)), max(summed, size)
         dual = np.maximum(dual, -lam[i])
         dual_scale = max(dual_scale, abs(lam[i]))
         constraints += b[i] * lam[i]
     for i in range(d.size):
-        value = 0.0
+        value = size = 0.0
         for q in range(C[0][i], C[0][i + 1]):
-            value += C[2][q] * z[C[1][q]]
+            term = C[2][q] * z[C[1][q]]
+            value += term
+            size += abs(term)
             Ct[C[1][q]] += C[2][q] * mu[i]
-        primal = np.maximum(primal, abs(value - d[i]))
-        primal_scale = max(primal_scale, abs(value), abs(d[i]))
+        primal, side = np.maximum(primal, abs(value - d[i])), max(side, abs(d[i]))
+        primal_scale, summed = max(primal_scale, abs(value)), max(summed, size)
         dual_scale = max(dual_scale, abs(mu[i]))
         constraints += d[i] * mu[i]
-    stationarity = scale = zQz = pz = 0.0
+    stationarity = scale = zQz = pz = price = curvature = 0.0
     for i in range(n):
         Qz = 0.0
         for q in range(Q[0][i], Q[0][i + 1]):
             Qz += Q[2][q] * z[Q[1][q]]
+            curvature = max(curvature, abs(Q[2][q]))
         stationarity = np.maximum(stationarity, abs(Qz + p[i] - At[i] - Ct[i] - nu[i]))
-        scale = max(scale, abs(Qz), abs(At[i]), abs(Ct[i]), abs(p[i]), abs(nu[i]))
+        scale, price = max(scale, abs(Qz), abs(At[i]), abs(Ct[i]), abs(nu[i])), max(price, abs(p[i]))
         zQz += z[i] * Qz
         pz += z[i] * p[i]
         dual_scale = max(dual_scale, abs(nu[i]))
         outside, bound, wrong, term = of_bounds(lb[i], ub[i], z[i], nu[i])
-        primal, primal_scale = np.maximum(primal, outside), max(primal_scale, bound)
+        primal, side = np.maximum(primal, outside), max(side, bound)
         dual = np.maximum(dual, wrong)
         constraints += term
-    gap = judged(abs(zQz + pz - constraints), max(abs(zQz), abs(pz), abs(constraints)))
-    return max(judged(stationarity, scale), judged(primal, primal_scale), judged(dual, dual_scale), gap)
+    gap, value = abs(zQz + pz - constraints), max(abs(zQz), abs(pz), abs(constraints))
+    sides = max(primal_scale, min(summed, 1.0))
+    return largest(stationarity, scale, price, primal, sides, side, dual, dual_scale, gap, value, curvature)
 
 
 READY = True

@@ -69,7 +69,7 @@ class Path:
         sides, work = np.zeros((2, 2 * N)), np.zeros(12 * N)
         self._sides = sides
         iterate = self.x, self.y, sides[0], sides[1], np.zeros(n), work
-        self._data = H, G, scales.g, scales.lower, scales.upper, scales.c, kkt.system, iterate
+        self._data = H, G, scales.g, scales.lower, scales.upper, _least_size(scales, H), kkt.system, iterate
         self.stops: Any = self._kernel
         self._counts = np.zeros(2, dtype=np.int64)
         self._sizes = np.array([0.0, math.inf, LARGE, options.regularization, self.stops.SOLVED, damping])
@@ -140,6 +140,13 @@ class InteriorPoint(Solver):
         if reduced is not None and not run.ended(output):  # rays prove something about the whole alone
             output = run.along(*whole)
         return output if run.ended(output) or not prepared.d.size else run.along(*first, DAMPING)
+
+
+def _least_size(scales: Scales, H: Entries) -> float:
+    """Return the least size that a gap is compared with: what a price gains where it meets a curvature, in scaled
+    data; without either 1 in the problem's own units."""
+    price, curvature = max_abs(scales.g), max_abs(H[2])
+    return price * price / curvature if price > 0.0 and curvature > 0.0 else scales.c
 
 
 def _unchanged(parts: Parts) -> Parts:
