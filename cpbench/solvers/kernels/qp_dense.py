@@ -3,13 +3,15 @@
 import numpy as np
 from numba import njit, types
 
+from cpbench.solvers.kernels.array_types import COMPILED
+
 _VECTOR = types.Array(types.float64, 1, "C", readonly=True)
 _MATRIX = types.Array(types.float64, 2, "C", readonly=True)
 _OUT = types.float64[::1]
 _OUT2 = types.float64[:, ::1]
 
 
-@njit(types.float64(_VECTOR, _VECTOR), cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
+@njit(types.float64(_VECTOR, _VECTOR), **COMPILED, fastmath={"reassoc", "contract"})
 def dot(x, y):
     """Return xᵀy, summed in vector lanes."""
     total = 0.0
@@ -18,14 +20,14 @@ def dot(x, y):
     return total
 
 
-@njit(types.float64(types.float64, types.float64), cache=True, error_model="numpy", nogil=True)
+@njit(types.float64(types.float64, types.float64), **COMPILED)
 def judged(absolute, scale):
     """Return the smaller of the absolute and the relative value, ∞ for what is no number."""
     value = absolute / scale if scale > 1.0 else absolute
     return value if value >= 0.0 else np.inf
 
 
-@njit(types.UniTuple(types.float64, 4)(*(types.float64,) * 4), cache=True, error_model="numpy", nogil=True)
+@njit(types.UniTuple(types.float64, 4)(*(types.float64,) * 4), **COMPILED)
 def of_bounds(low, high, x, price):
     """Return of an unknown: how far it is outside its bounds, the size of these, how far its multiplier has a sign that
     no bound allows, and their part of the dual objective."""
@@ -46,9 +48,7 @@ def of_bounds(low, high, x, price):
         *(_MATRIX, _VECTOR, _MATRIX, _VECTOR, _MATRIX, _VECTOR, _VECTOR, _VECTOR),
         *(_VECTOR, _VECTOR, _VECTOR, _VECTOR, _OUT),
     ),
-    cache=True,
-    error_model="numpy",
-    nogil=True,
+    **COMPILED,
 )
 def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
     """Return `QP.residuals(...).error`. work : (2n,)."""
@@ -92,7 +92,7 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
     return max(judged(stationarity, scale), judged(primal, primal_scale), judged(dual, dual_scale), gap)
 
 
-@njit(types.void(_OUT2, _OUT2, _OUT, _OUT, types.int64), cache=True, error_model="numpy", nogil=True)
+@njit(types.void(_OUT2, _OUT2, _OUT, _OUT, types.int64), **COMPILED)
 def equilibrate(H, G, column, row, passes):
     """Scale H ← DHD, G ← EGD with D, E powers of two that bring every row and column of [[H, Gᵀ], [G, 0]] near max norm
     1.
