@@ -32,7 +32,7 @@ VARIABLE = "NUMBA_CACHE_DIR"
 _PACKAGE = Path(__file__).resolve().parent
 _TAKEN = re.compile(r"^from (cpbench\.\w+\.kernels\.\w+) import", re.MULTILINE)
 """How a kernel module takes functions from another one."""
-_KEPT = re.compile(r'cache=True|"cache": True')
+_KEPT = re.compile(r"cache=True|\*\*COMPILED")
 """Options of a kernel that is in the cache; others are compiled where they are used."""
 
 _SIDE = """

@@ -8,17 +8,13 @@ both are then at least 0 again, and the path goes on as Lemke's. Columns and piv
 import numpy as np
 from numba import njit
 
+from cpbench.solvers.kernels.array_types import COMPILED
 from cpbench.solvers.kernels.pivoting import update
 from cpbench.solvers.kernels.tableau import COMPLEMENTARY, LIMIT, NOT_FINITE, RAY
 from cpbench.solvers.kernels.vectors import finite
 
 
-@njit(
-    "int64(float64[::1], float64[::1], float64[::1], int64[::1], float64, int64[::1], float64, float64)",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit("int64(float64[::1], float64[::1], float64[::1], int64[::1], float64, int64[::1], float64, float64)", **COMPILED)
 def blocking(col, rhs, upper, basic, own, ties, pivot_tolerance, tie_tolerance):
     """Return how many rows block the entering variable, the rows in `ties`, n for its own upper bound `own`; -1 -
     row where z_0 is among them."""
@@ -51,12 +47,7 @@ def blocking(col, rhs, upper, basic, own, ties, pivot_tolerance, tie_tolerance):
     return count
 
 
-@njit(
-    "int64(float64[::1], float64[::1], int64[::1], int64, float64[::1], int64, float64, float64)",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit("int64(float64[::1], float64[::1], int64[::1], int64, float64[::1], int64, float64, float64)", **COMPILED)
 def kept(column, col, ties, count, value, unit, sign, tie_tolerance):
     """Return how many of the tied have the least ratio sign * column/col, moved to the front of `ties`; 0 is that of n.
 
@@ -80,7 +71,7 @@ def kept(column, col, ties, count, value, unit, sign, tie_tolerance):
     return kept
 
 
-@njit("int64(float64[::1], int64[::1], int64)", cache=True, error_model="numpy", nogil=True)
+@njit("int64(float64[::1], int64[::1], int64)", **COMPILED)
 def largest(col, ties, count):
     """Choose, of ties that no column breaks, a bound that needs no pivot, else the largest pivot element."""
     n = col.size
@@ -96,9 +87,7 @@ def largest(col, ties, count):
 @njit(
     "int64(float64[:,::1], float64[:,::1], int64[::1], float64[:,::1], int64[::1], float64[::1], float64[::1],"
     " int64[::1], int64[::1], int64[::1], float64[::1], int64[::1], int64[::1], float64[::1], int64, float64, float64)",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
+    **COMPILED,
 )
 def follow(
     D,
@@ -174,6 +163,7 @@ def follow(
             state[1] = slot
             continue
         leaving = basic[r]
+        # it leaves at its upper bound; the row of the first pivot is that of the least rhs, whatever the sign
         turned = col[r] < 0.0 and state[2] > 1
         inverse = 1.0 / col[r]
         step = (rhs[r] - upper[leaving] if turned else rhs[r]) * inverse

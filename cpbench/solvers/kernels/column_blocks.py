@@ -3,6 +3,7 @@
 import numpy as np
 from numba import float64, int64, njit, void
 
+from cpbench.solvers.kernels.array_types import COMPILED
 from cpbench.solvers.kernels.pivoting import update
 from cpbench.solvers.kernels.tableau import ANY_ORDER
 
@@ -18,12 +19,7 @@ def align(columns, factor, C, age, slots, E, rows, block):
         update(columns, factor, C, age, slot, E, rows, (max(age[slot], 0) + block - 1) // block * block)
 
 
-@njit(
-    "void(float64[:,::1], int64, float64[:,::1], int64[::1], int64, float64[:,::1], float64[:,::1])",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit("void(float64[:,::1], int64, float64[:,::1], int64[::1], int64, float64[:,::1], float64[:,::1])", **COMPILED)
 def prepare(W, count, E, rows, begin, t, x):
     """Write the factors t (count, K) of K pivots from `begin` on the first columns W, and their entries x in those
     rows.

@@ -3,6 +3,8 @@
 import numpy as np
 from numba import njit
 
+from cpbench.solvers.kernels.array_types import COMPILED
+
 EXCLUDED, FEASIBLE, DOUBTFUL, SINGULAR = 0, 1, 2, 3
 """Something is negative; nothing is; too close to tell; M_FF is singular and M_FF z_F = -q_F has many solutions."""
 RANK = 1e-11
@@ -41,12 +43,7 @@ def _consistent(M, q, k, A, F):
     return True
 
 
-@njit(
-    "int64(float64[:,::1], float64[::1], int64, float64[:,::1], int64[::1], float64[::1], float64[::1])",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit("int64(float64[:,::1], float64[::1], int64, float64[:,::1], int64[::1], float64[::1], float64[::1])", **COMPILED)
 def basis(M, q, mask, A, F, z, closest):
     """Classify the basis of `mask` (bit i: i in F), its z in `z`; closest[0] grows to the least violation so far.
 
@@ -108,12 +105,7 @@ def basis(M, q, mask, A, F, z, closest):
     return FEASIBLE if least >= -ROUNDING / smallest else DOUBTFUL
 
 
-@njit(
-    "int64(float64[:,::1], float64[::1], int64, int64, int64[::1], int64[::1], float64[::1])",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit("int64(float64[:,::1], float64[::1], int64, int64, int64[::1], int64[::1], float64[::1])", **COMPILED)
 def scan(M, q, begin, end, masks, kinds, closest):
     """Look at the bases `begin` to `end` - 1: those not excluded go to `masks`, what they are to `kinds`.
 

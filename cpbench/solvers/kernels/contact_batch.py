@@ -4,19 +4,14 @@ import numpy as np
 from numba import float64, int64, njit, types, void
 
 from cpbench.solvers.kernels.anderson import ANSWER, accelerated
-from cpbench.solvers.kernels.array_types import DATA_2D
+from cpbench.solvers.kernels.array_types import COMPILED, DATA_2D
 from cpbench.solvers.kernels.block_layout import one_contact_constants
 from cpbench.solvers.kernels.sweep_progress import CONTINUE
 
 DATA_3D = types.Array(float64, 3, "C", readonly=True)
 
 
-@njit(
-    void(DATA_3D, DATA_2D, DATA_2D, int64, int64, float64, int64, float64[::1], float64[:, ::1]),
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit(void(DATA_3D, DATA_2D, DATA_2D, int64, int64, float64, int64, float64[::1], float64[:, ::1]), **COMPILED)
 def contact_batch(W, q, mu, dimension, memory, tolerance, most, work, r):
     """Solve each of W (k, n, n), q (k, n), mu (k, nc) by at most so many sweeps; writes r (k, n).
 

@@ -8,12 +8,13 @@ are absorbed, and unknowns that only the newest element connects are eliminated 
 import numpy as np
 from numba import njit, types
 
+from cpbench.solvers.kernels.array_types import COMPILED
+
 _INT = types.int64[::1]
 _INDEX = types.Array(types.int32, 1, "C", readonly=True)
-_FAST = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
-@njit(types.void(types.int64, types.int64, _INT, _INT, _INT), **_FAST)
+@njit(types.void(types.int64, types.int64, _INT, _INT, _INT), **COMPILED)
 def _put_in(i, degree, head, after, before):
     """Put i into the list of its degree."""
     first = head[degree]
@@ -23,7 +24,7 @@ def _put_in(i, degree, head, after, before):
     head[degree] = i
 
 
-@njit(types.void(types.int64, _INT, _INT, _INT), **_FAST)
+@njit(types.void(types.int64, _INT, _INT, _INT), **COMPILED)
 def _take_out(i, head, after, before):
     """Take i out of the list of its degree."""
     if before[i] >= 0:
@@ -34,7 +35,7 @@ def _take_out(i, head, after, before):
         before[after[i]] = before[i]
 
 
-@njit(types.void(_INDEX, _INDEX, _INT), **_FAST)
+@njit(types.void(_INDEX, _INDEX, _INT), **COMPILED)
 def minimum_degree(indptr, indices, order):
     """Write the order of a matrix whose pattern, without its diagonal, is symmetric. order : (N,)."""
     N = order.size

@@ -3,10 +3,10 @@
 import numpy as np
 from numba import float64, int64, njit
 
-from cpbench.solvers.kernels.array_types import DATA, DATA_2D
+from cpbench.solvers.kernels.array_types import COMPILED, DATA, DATA_2D
 
 
-@njit(float64(DATA, int64, DATA, DATA, DATA, DATA, DATA, float64, float64), cache=True, error_model="numpy", nogil=True)
+@njit(float64(DATA, int64, DATA, DATA, DATA, DATA, DATA, float64, float64), **COMPILED)
 def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
     """Return max(natural, unit_free, equality) of `cpbench.formulations.mlcp`; not finite when anything is.
 
@@ -53,12 +53,7 @@ def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
     return max(natural / data, max(np.sqrt(unit_free), equality))
 
 
-@njit(
-    float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA, float64[::1], float64[::1]),
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA, float64[::1], float64[::1]), **COMPILED)
 def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
     """Return the judged error of unit * x. K : (N, N). of_u, of_v : (N,), workspace."""
     N = k.size
@@ -72,7 +67,7 @@ def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
     return judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push)
 
 
-@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), cache=True, error_model="numpy", nogil=True)
+@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), **COMPILED)
 def error_of(K, k, n, row_unit, unit, v_unit, push, x):
     """Run `error_with` in workspace of its own."""
     return error_with(K, k, n, row_unit, unit, v_unit, push, x, np.empty(k.size), np.empty(k.size))

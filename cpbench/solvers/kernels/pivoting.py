@@ -10,6 +10,7 @@ that would take many of them, the caller does it for several columns at once, by
 import numpy as np
 from numba import float64, int64, njit, void
 
+from cpbench.solvers.kernels.array_types import COMPILED
 from cpbench.solvers.kernels.tableau import (
     ANY_ORDER,
     CODES,
@@ -35,12 +36,7 @@ UNKNOWN = -(2**40)
 """The age of a column that cannot be read from M: the caller brings it."""
 
 
-@njit(
-    void(ANY_ORDER, float64, float64[:, ::1], int64[::1], int64, float64[:, ::1], int64[::1], int64),
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit(void(ANY_ORDER, float64, float64[:, ::1], int64[::1], int64, float64[:, ::1], int64[::1], int64), **COMPILED)
 def update(columns, factor, C, age, slot, E, rows, end):
     """Bring a column to `end` pivots, from M (row j of `columns` is its column j) where it was never used (age -1).
 
@@ -65,27 +61,10 @@ def update(columns, factor, C, age, slot, E, rows, end):
 
 @njit(
     int64(
-        ANY_ORDER,
-        float64,
-        float64[:, ::1],
-        int64[::1],
-        float64[:, ::1],
-        int64[::1],
-        float64[::1],
-        int64[::1],
-        int64[::1],
-        int64[::1],
-        int64[::1],
-        int64[::1],
-        float64[::1],
-        int64,
-        int64,
-        float64,
-        float64,
+        *(ANY_ORDER, float64, float64[:, ::1], int64[::1], float64[:, ::1], int64[::1], float64[::1]),
+        *(int64[::1], int64[::1], int64[::1], int64[::1], int64[::1], float64[::1], int64, int64, float64, float64),
     ),
-    cache=True,
-    error_model="numpy",
-    nogil=True,
+    **COMPILED,
 )
 def advance(
     columns,
@@ -160,7 +139,7 @@ def advance(
             entered[i] = a
             col[i] = -a * inverse
             rhs[i] -= a * step
-        if state[2] > 0:
+        if state[2] > 0:  # before the first pivot what is negative is the problem's, after it rounding
             for i in range(n):
                 rhs[i] = max(rhs[i], 0.0)
         rhs[r] = step
@@ -182,9 +161,7 @@ def advance(
 @njit(
     "int64(float64[:,::1], float64[::1], float64[::1], float64[:,::1], float64[:,::1], float64[:,::1], int64[:,::1],"
     " int64, float64, float64)",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
+    **COMPILED,
 )
 def solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
     """Run `lemke` in workspace: C (n+1, n), E (K, n), reals (2, n), numbers (7, max(2n+1, K))."""
@@ -250,12 +227,7 @@ def solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolera
     return state[2] * CODES + outcome
 
 
-@njit(
-    "int64(float64[:,::1], float64[::1], float64[::1], int64, float64, float64)",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit("int64(float64[:,::1], float64[::1], float64[::1], int64, float64, float64)", **COMPILED)
 def lemke(M, q, z, max_pivots, pivot_tolerance, tie_tolerance):
     """Solve one LCP from its data to z of the basis it ends in, all by vector updates; scales by max|M| and max|q|.
 

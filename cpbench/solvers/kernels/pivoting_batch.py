@@ -3,16 +3,12 @@
 import numpy as np
 from numba import njit
 
+from cpbench.solvers.kernels.array_types import COMPILED
 from cpbench.solvers.kernels.pivoting import SPARE, WHOLE, solve
 from cpbench.solvers.kernels.tableau import whole_tableau
 
 
-@njit(
-    "void(float64[:,:,::1], float64[:,::1], float64[:,::1], int64[::1], int64, float64, float64)",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit("void(float64[:,:,::1], float64[:,::1], float64[:,::1], int64[::1], int64, float64, float64)", **COMPILED)
 def lemke_batch(M, q, z, codes, max_pivots, pivot_tolerance, tie_tolerance):
     """Run `lemke` on each of M (k, n, n), q (k, n): writes z (k, n) and codes (k,)."""
     n = q.shape[1]

@@ -8,6 +8,8 @@ constant is not kept. Every kernel goes on from the state that it, or a block pi
 import numpy as np
 from numba import njit
 
+from cpbench.solvers.kernels.array_types import COMPILED
+
 SOLVED, LIMIT, RAY, NOT_IN_CLASS, NOT_FINITE = 0, 1, 2, 3, 4
 """Nothing is negative; as many pivots as allowed; nothing blocks the driving variable; the diagonal entry of pair
 `state[3]` is one that no matrix of the method's class has; not a number."""
@@ -17,7 +19,7 @@ _STATE = (
 )
 
 
-@njit("void(float64[:,::1], int64, int64, float64[::1])", cache=True, error_model="numpy", nogil=True)
+@njit("void(float64[:,::1], int64, int64, float64[::1])", **COMPILED)
 def exchange(T, r, s, row):
     """Exchange the basic variable of row r with the nonbasic variable of column s, in place; row : (n,) workspace.
 
@@ -44,12 +46,7 @@ def _swap_names(y, x, swapped, s):
     swapped[s] = not swapped[s]
 
 
-@njit(
-    "void(float64[:,::1], float64[::1], float64[::1], boolean[::1], float64[::1], int64, int64)",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit("void(float64[:,::1], float64[::1], float64[::1], boolean[::1], float64[::1], int64, int64)", **COMPILED)
 def exchange_two(T, y, x, swapped, row, r, s):
     """Make the 2×2 principal pivot on pairs r and s where T_ss = 0: by the two entries off the diagonal."""
     exchange(T, s, r, row)
@@ -62,7 +59,7 @@ def exchange_two(T, y, x, swapped, row, r, s):
     _swap_names(y, x, swapped, s)
 
 
-@njit(_STATE, cache=True, error_model="numpy", nogil=True)
+@njit(_STATE, **COMPILED)
 def murty(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
     """Exchange the first pair that is negative, until none is (Murty 1974); all x are 0 throughout.
 
@@ -111,7 +108,7 @@ def _most_negative(y, x, swapped, zero):
     return r
 
 
-@njit(_STATE, cache=True, error_model="numpy", nogil=True)
+@njit(_STATE, **COMPILED)
 def keller(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
     """Return lower ½zᵀMz + qᵀz, M symmetric, along z_r with w_r < 0, keeping z ≥ 0, until no w is negative (Keller
     1973).
@@ -154,7 +151,7 @@ def keller(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
             state[2] += 1
 
 
-@njit(_STATE, cache=True, error_model="numpy", nogil=True)
+@njit(_STATE, **COMPILED)
 def cottle_dantzig(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
     """Drive x_r up until its own pair is complementary again, pivoting where another variable meets its bound.
 

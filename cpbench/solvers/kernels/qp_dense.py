@@ -7,13 +7,15 @@ would hide any miss.
 import numpy as np
 from numba import njit, types
 
+from cpbench.solvers.kernels.array_types import COMPILED
+
 _VECTOR = types.Array(types.float64, 1, "C", readonly=True)
 _MATRIX = types.Array(types.float64, 2, "C", readonly=True)
 _OUT = types.float64[::1]
 _OUT2 = types.float64[:, ::1]
 
 
-@njit(types.float64(_VECTOR, _VECTOR), cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
+@njit(types.float64(_VECTOR, _VECTOR), **COMPILED, fastmath={"reassoc", "contract"})
 def dot(x, y):
     """Return xᵀy, summed in vector lanes."""
     total = 0.0
@@ -22,7 +24,7 @@ def dot(x, y):
     return total
 
 
-@njit(types.float64(_VECTOR, _VECTOR), cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract"})
+@njit(types.float64(_VECTOR, _VECTOR), **COMPILED, fastmath={"reassoc", "contract"})
 def sizes(x, y):
     """Return |x|ᵀ|y|."""
     total = 0.0
@@ -31,7 +33,7 @@ def sizes(x, y):
     return total
 
 
-@njit(types.float64(types.float64, types.float64, types.float64), cache=True, error_model="numpy", nogil=True)
+@njit(types.float64(types.float64, types.float64, types.float64), **COMPILED)
 def measured(absolute, scale, data):
     """Return a value over its scale, or over 1 where that is more and `data`, the share of the problem in the scale,
     is 0; ∞ for what is no number."""
@@ -40,7 +42,7 @@ def measured(absolute, scale, data):
     return value if value >= 0.0 else np.inf
 
 
-@njit(types.float64(*(types.float64,) * 11), cache=True, error_model="numpy", nogil=True)
+@njit(types.float64(*(types.float64,) * 11), **COMPILED)
 def largest(stationarity, force, price, primal, sides, side, dual, multiplier, gap, value, curvature):
     """Return the error of the parts, each with its scale; price, side and curvature are max|p|, the largest side and
     the largest entry of Q."""
@@ -53,7 +55,7 @@ def largest(stationarity, force, price, primal, sides, side, dual, multiplier, g
     )
 
 
-@njit(types.UniTuple(types.float64, 4)(*(types.float64,) * 4), cache=True, error_model="numpy", nogil=True)
+@njit(types.UniTuple(types.float64, 4)(*(types.float64,) * 4), **COMPILED)
 def of_bounds(low, high, x, price):
     """Return of an unknown: how far it is outside its bounds, the size of these, how far its multiplier has a sign that
     no bound allows, and their part of the dual objective."""
@@ -74,9 +76,7 @@ def of_bounds(low, high, x, price):
         *(_MATRIX, _VECTOR, _MATRIX, _VECTOR, _MATRIX, _VECTOR, _VECTOR, _VECTOR),
         *(_VECTOR, _VECTOR, _VECTOR, _VECTOR, _OUT),
     ),
-    cache=True,
-    error_model="numpy",
-    nogil=True,
+    **COMPILED,
 )
 def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
     """Return the error of an answer. work : (2n,)."""
@@ -122,7 +122,7 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
     return largest(stationarity, scale, price, primal, sides, side, dual, dual_scale, gap, value, curvature)
 
 
-@njit(types.void(_OUT2, _OUT2, _OUT, _OUT, types.int64), cache=True, error_model="numpy", nogil=True)
+@njit(types.void(_OUT2, _OUT2, _OUT, _OUT, types.int64), **COMPILED)
 def equilibrate(H, G, column, row, passes):
     """Scale H ← DHD, G ← EGD with D, E powers of two that bring every row and column of [[H, Gᵀ], [G, 0]] near max norm
     1.

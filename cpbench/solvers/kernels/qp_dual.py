@@ -11,6 +11,7 @@ not raise the dual function it is taken back.
 import numpy as np
 from numba import njit, types
 
+from cpbench.solvers.kernels.array_types import COMPILED
 from cpbench.solvers.kernels.qp_dense import dot
 from cpbench.solvers.kernels.vectors import put
 
@@ -45,10 +46,9 @@ _MATRIX = types.Array(types.float64, 2, "C", readonly=True)
 _OUT = types.float64[::1]
 _OUT2 = types.float64[:, ::1]
 _INT = types.int64[::1]
-_FAST = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
-@njit(types.void(_OUT2, _OUT), **_FAST)
+@njit(types.void(_OUT2, _OUT), **COMPILED)
 def normalise(M, norms):
     """Scale the rows of M to length 1; norms : (N,) what they were, 0 for rows that are zero."""
     for i in range(M.shape[0]):
@@ -60,7 +60,7 @@ def normalise(M, norms):
                 row[j] /= length
 
 
-@njit(types.void(_OUT2, types.int64, _OUT), **_FAST)
+@njit(types.void(_OUT2, types.int64, _OUT), **COMPILED)
 def _forward(R, count, x):
     """Set x ← R⁻ᵀx."""
     for j in range(count):
@@ -70,14 +70,14 @@ def _forward(R, count, x):
             x[i] -= row[i] * x[j]
 
 
-@njit(types.void(_OUT2, types.int64, _OUT), **_FAST)
+@njit(types.void(_OUT2, types.int64, _OUT), **COMPILED)
 def _backward(R, count, x):
     """Set x ← R⁻¹x."""
     for j in range(count - 1, -1, -1):
         x[j] = (x[j] - dot(R[j, j + 1 : count], x[j + 1 : count])) / R[j, j]
 
 
-@njit(types.float64(_MATRIX, _OUT2, _INT, types.int64, types.int64, _OUT), **_FAST)
+@njit(types.float64(_MATRIX, _OUT2, _INT, types.int64, types.int64, _OUT), **COMPILED)
 def _outside(M, R, W, count, p, work):
     """Return length of the part of row p outside the span of W; work[:count] : R⁻ᵀM_W m_p. work : (3n,)
 
@@ -94,7 +94,7 @@ def _outside(M, R, W, count, p, work):
     rest, change = work[n : 2 * n], work[2 * n : 2 * n + count]
     column[:] = 0.0
     put(rest, m)
-    for _ in range(2):
+    for _ in range(2):  # twice is enough (Parlett 1980, section 6.9, after Kahan)
         for j in range(count):
             change[j] = dot(M[W[j]], rest)
         _forward(R, count, change)
@@ -108,7 +108,7 @@ def _outside(M, R, W, count, p, work):
     return np.sqrt(dot(rest, rest))
 
 
-@njit(types.void(_OUT2, _INT, _INT, types.int64, types.float64, _OUT, types.int64), **_FAST)
+@njit(types.void(_OUT2, _INT, _INT, types.int64, types.float64, _OUT, types.int64), **COMPILED)
 def _join(R, W, where, p, length, column, count):
     """Add row p to W as its last; column, length : what `_outside` found."""
     for j in range(count):
@@ -118,7 +118,7 @@ def _join(R, W, where, p, length, column, count):
     where[p] = count
 
 
-@njit(types.void(_OUT2, _INT, _INT, types.int64, types.int64), **_FAST)
+@njit(types.void(_OUT2, _INT, _INT, types.int64, types.int64), **COMPILED)
 def _drop(R, W, where, k, count):
     """Remove the row at place k from W: its column goes, rotations of two rows make R triangular again."""
     where[W[k]] = FREE
@@ -141,7 +141,7 @@ def _drop(R, W, where, k, count):
             second[i] = c * g - s * f
 
 
-@njit(types.boolean(_OUT2, _INT, _INT, _INT, types.int64), **_FAST)
+@njit(types.boolean(_OUT2, _INT, _INT, _INT, types.int64), **COMPILED)
 def _leave(R, W, where, state, most):
     """Remove the rows that are to leave W; return whether `most` operations were enough."""
     while state[LEFT] > 0:
@@ -156,7 +156,7 @@ def _leave(R, W, where, state, most):
     return True
 
 
-@njit(types.void(_MATRIX, _VECTOR, _VECTOR, _INT, types.int64, _OUT), **_FAST)
+@njit(types.void(_MATRIX, _VECTOR, _VECTOR, _INT, types.int64, _OUT), **COMPILED)
 def _primal(M, v0, y, W, count, v):
     """Set v = v₀ + Mᵀy."""
     for k in range(v.size):
@@ -168,7 +168,8 @@ def _primal(M, v0, y, W, count, v):
 
 
 @njit(
-    types.int64(_MATRIX, types.int64, types.float64, types.float64, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), **_FAST
+    types.int64(_MATRIX, types.int64, types.float64, types.float64, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT),
+    **COMPILED,
 )
 def _enter(M, p, sign, most, y, R, W, where, side, state, work):
     """Add row p to W. While it depends on W, v does not notice when its multiplier goes up (`sign` 1) or down
@@ -193,6 +194,7 @@ def _enter(M, p, sign, most, y, R, W, where, side, state, work):
         step, leaving = most, -1
         for j in range(count):
             i = W[j]
+            # an entry of the size of rounding would block by a step of any length
             if side[i] * sign * r[j] > 1e-11 * top and abs(y[i]) < step * abs(r[j]):
                 step, leaving = abs(y[i] / r[j]), j
         if step == np.inf:
@@ -214,7 +216,7 @@ def _enter(M, p, sign, most, y, R, W, where, side, state, work):
         state[OPERATIONS] += 3 * (count - leaving) ** 2 + count
 
 
-@njit(types.void(_MATRIX, _VECTOR, _OUT, _OUT, _INT, _INT), **_FAST)
+@njit(types.void(_MATRIX, _VECTOR, _OUT, _OUT, _INT, _INT), **COMPILED)
 def begin(M, v0, v, y, where, state):
     """Begin again from y, W empty: `advance` builds it.
 
@@ -236,7 +238,7 @@ def begin(M, v0, v, y, where, state):
         *(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT),
         types.int64,
     ),
-    **_FAST,
+    **COMPILED,
 )
 def _build(M, lower, upper, v0, v, y, R, W, where, side, state, work, most):
     """Build W from the equalities and the rows of which y is not 0, less those that depend on others: their share of y
@@ -256,7 +258,7 @@ def _build(M, lower, upper, v0, v, y, R, W, where, side, state, work, most):
     return True
 
 
-@njit(types.void(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), **_FAST)
+@njit(types.void(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), **COMPILED)
 def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work):
     """Make one pass; the rows that are to leave W are marked."""
     count = state[COUNT]
@@ -289,7 +291,7 @@ def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work
     types.boolean(
         *(_MATRIX, types.float64, _OUT, _VECTOR, _VECTOR, _OUT2, _INT, _INT, _INT, _INT, _OUT, types.int64),
     ),
-    **_FAST,
+    **COMPILED,
 )
 def _join_others(M, least, violation, lower, upper, R, W, where, side, state, work, most):
     """Add the rows violated by `least` at least to W, the worst first; those that nearly depend on it do not. Return
@@ -322,7 +324,7 @@ def _join_others(M, least, violation, lower, upper, R, W, where, side, state, wo
         *(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT, _OUT, _OUT),
         *(types.int64, types.int64, types.float64),
     ),
-    **_FAST,
+    **COMPILED,
 )
 def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before, work, max_passes, most, tolerance):
     """Make passes until v is feasible, or `max_passes` are done, or soon after `most` operations: the next call goes on
@@ -338,6 +340,7 @@ def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before,
     """
     N, n = M.shape
     violation = work[3 * n :]
+    # rounding of v, which is made from v0: a violation below it cannot be mended
     floor = 4.0 * np.finfo(np.float64).eps * np.sqrt(float(n)) * np.sqrt(dot(v0, v0))
     state[OPERATIONS] = 0
     while True:
@@ -385,7 +388,7 @@ def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before,
         for k in range(n):
             value += (v[k] - v0[k]) ** 2
         if not value > gained[0] * (1.0 + 1e-14):
-            if state[TOGETHER]:
+            if state[TOGETHER]:  # rows that joined at once went too far: back to before, and half as many from then on
                 put(y, before)
                 state[PART] *= 2
                 state[TOGETHER] = 0

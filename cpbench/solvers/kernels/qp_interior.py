@@ -7,6 +7,7 @@ z at upper. Unknowns may have two sides, rows have one, or are equations.
 import numpy as np
 from numba import njit, types
 
+from cpbench.solvers.kernels.array_types import COMPILED
 from cpbench.solvers.kernels.qp_ldl import CSR, DATA, INT, OUT
 from cpbench.solvers.kernels.qp_system import (
     SYSTEM,
@@ -45,22 +46,21 @@ BLOWN_UP = 1e12
 ITERATE = types.Tuple((OUT, OUT, OUT, OUT, OUT, OUT))
 """x (n,), y (n + r,), t and z of the lower and then of the upper sides, each (2, n + r), stationarity (n,), work of
 12 (n + r)."""
-_FAST = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
-@njit(types.boolean(types.float64, types.float64), inline="always", **_FAST)
+@njit(types.boolean(types.float64, types.float64), inline="always", **COMPILED)
 def _lower(low, high):
     """Return whether an s has a lower side."""
     return low > -np.inf and low < high
 
 
-@njit(types.boolean(types.float64, types.float64), inline="always", **_FAST)
+@njit(types.boolean(types.float64, types.float64), inline="always", **COMPILED)
 def _upper(low, high):
     """Return whether an s has an upper side."""
     return high < np.inf and low < high
 
 
-@njit(types.void(CSR, CSR, DATA, DATA, DATA, types.float64, ITERATE, OUT), **_FAST)
+@njit(types.void(CSR, CSR, DATA, DATA, DATA, types.float64, ITERATE, OUT), **COMPILED)
 def _gather(H, G, g, lower, upper, scale, iterate, sizes):
     """Write y of the sides, of fixed unknowns by stationarity, what is left of stationarity, and the size of tᵀz."""
     x, y, _, z, left, work = iterate
@@ -85,10 +85,7 @@ def _gather(H, G, g, lower, upper, scale, iterate, sizes):
     sizes[SIZE] = max(scale, abs(quadratic), abs(linear))
 
 
-@njit(
-    types.boolean(CSR, CSR, DATA, DATA, DATA, types.float64, SYSTEM, ITERATE, OUT),
-    **_FAST,
-)
+@njit(types.boolean(CSR, CSR, DATA, DATA, DATA, types.float64, SYSTEM, ITERATE, OUT), **COMPILED)
 def begin(H, G, g, lower, upper, scale, system, iterate, sizes):
     """Write the regularized least-squares point, its slacks and multipliers pushed inside; False where the system
     breaks down."""
@@ -136,7 +133,7 @@ def begin(H, G, g, lower, upper, scale, system, iterate, sizes):
     return bool(np.isfinite(largest(x)))
 
 
-@njit(types.float64(OUT, OUT, DATA, DATA, types.float64), **_FAST)
+@njit(types.float64(OUT, OUT, DATA, DATA, types.float64), **COMPILED)
 def _reach(value, change, lower, upper, most):
     """Return the largest step up to `most` that keeps value + step·change ≥ 0 at all sides."""
     N, fastest = lower.size, 0.0
@@ -148,7 +145,7 @@ def _reach(value, change, lower, upper, most):
     return min(most, 1.0 / fastest) if fastest > 0.0 else most
 
 
-@njit(types.float64(OUT, OUT, DATA, DATA), **_FAST)
+@njit(types.float64(OUT, OUT, DATA, DATA), **COMPILED)
 def _products(t, z, lower, upper):
     """Return tᵀz over all sides."""
     N, total = lower.size, 0.0
@@ -162,7 +159,7 @@ def _products(t, z, lower, upper):
 
 @njit(
     types.float64(CSR, CSR, DATA, DATA, DATA, SYSTEM, ITERATE, types.float64, types.float64, types.float64, OUT),
-    **_FAST,
+    **COMPILED,
 )
 def _step(H, G, g, lower, upper, system, iterate, delta, share, enough, sizes):
     """Return the share that the linear system leaves, infinite where it breaks down; take one predictor and corrector
@@ -282,7 +279,7 @@ def _step(H, G, g, lower, upper, system, iterate, delta, share, enough, sizes):
         *(CSR, CSR, DATA, DATA, DATA, types.float64, SYSTEM, ITERATE),
         *(types.float64, types.float64, types.float64, INT, OUT, types.int64),
     ),
-    **_FAST,
+    **COMPILED,
 )
 def advance(H, G, g, lower, upper, scale, system, iterate, share, near, enough, counts, sizes, until):
     """Make one step, and more until there is a reason to come back.

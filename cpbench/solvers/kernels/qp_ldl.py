@@ -8,6 +8,7 @@ not eliminated: what is left of them is their dense Schur complement. Davis 2005
 import numpy as np
 from numba import njit, types
 
+from cpbench.solvers.kernels.array_types import COMPILED
 from cpbench.solvers.kernels.qp_dense import dot
 from cpbench.solvers.kernels.vectors import put
 
@@ -22,10 +23,9 @@ OUT2 = types.float64[:, ::1]
 INT = types.int64[::1]
 ROWS = types.uint32[::1]  # unsigned: a signed index costs a test for negative ones
 _COLUMNS = types.int32[::1]
-_FAST = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
-@njit(types.void(CSR, CSR, INT, _COLUMNS, _COLUMNS), **_FAST)
+@njit(types.void(CSR, CSR, INT, _COLUMNS, _COLUMNS), **COMPILED)
 def adjacency(H, G, starts, indptr, indices):
     """Write the pattern of [[H, Gᵀ], [G, 0]] without its diagonal. starts : work, (n + r,). indices : of size
     nnz(H) + 2 nnz(G) at least."""
@@ -55,7 +55,7 @@ def adjacency(H, G, starts, indptr, indices):
             starts[n + i] += 1
 
 
-@njit(types.void(CSR, CSR, INT, INT, INT, _COLUMNS, _COLUMNS, OUT, OUT), **_FAST)
+@njit(types.void(CSR, CSR, INT, INT, INT, _COLUMNS, _COLUMNS, OUT, OUT), **COMPILED)
 def permuted(H, G, place, starts, ends, indptr, indices, data, diagonal):
     """Write the columns of the upper triangle of [[H, Gᵀ], [G, 0]], unknown i at place[i], and its diagonal apart.
 
@@ -88,7 +88,7 @@ def permuted(H, G, place, starts, ends, indptr, indices, data, diagonal):
                 ends[k] = indptr[k]
 
 
-@njit(types.void(INDEX, INDEX, INT, INT), **_FAST)
+@njit(types.void(INDEX, INDEX, INT, INT), **COMPILED)
 def tree(indptr, indices, parent, count):
     """Write the elimination tree and entries below the diagonal of every column of L. parent, count : (N,)."""
     N = parent.size
@@ -105,7 +105,7 @@ def tree(indptr, indices, parent, count):
                 i = parent[i]
 
 
-@njit(types.boolean(INDEX, INDEX, DATA, DATA, INT, INT, ROWS, OUT, OUT, OUT2, types.int64), **_FAST)
+@njit(types.boolean(INDEX, INDEX, DATA, DATA, INT, INT, ROWS, OUT, OUT, OUT2, types.int64), **COMPILED)
 def factor(indptr, indices, data, diagonals, parent, starts, rows, L, D, S, tail):
     """Return L and D of the columns before `tail`, S (N - tail)² the lower triangle of the rest; False at a NaN
     and where a diagonal entry is 0.
@@ -158,7 +158,7 @@ def factor(indptr, indices, data, diagonals, parent, starts, rows, L, D, S, tail
     return True
 
 
-@njit(types.boolean(OUT2, OUT), **_FAST)
+@njit(types.boolean(OUT2, OUT), **COMPILED)
 def dense_factor(S, diagonals):
     """Overwrite the lower triangle of a quasi-definite S by L below its diagonal and D on it; False at a NaN.
 
@@ -200,7 +200,7 @@ def dense_factor(S, diagonals):
     return True
 
 
-@njit(types.void(OUT2, OUT), **_FAST)
+@njit(types.void(OUT2, OUT), **COMPILED)
 def dense_solve(S, x):
     """Set x ← (LDLᵀ)⁻¹x by the factors of `dense_factor`."""
     N = x.size
@@ -214,7 +214,7 @@ def dense_solve(S, x):
             x[k] -= row[k] * value
 
 
-@njit(types.void(INT, ROWS, DATA, OUT, types.int64), **_FAST)
+@njit(types.void(INT, ROWS, DATA, OUT, types.int64), **COMPILED)
 def forward(starts, rows, L, x, tail):
     """Set x ← L⁻¹x."""
     for c in range(tail):
@@ -223,7 +223,7 @@ def forward(starts, rows, L, x, tail):
             x[rows[q]] -= L[q] * value
 
 
-@njit(types.void(INT, ROWS, DATA, DATA, OUT, types.int64), **_FAST)
+@njit(types.void(INT, ROWS, DATA, DATA, OUT, types.int64), **COMPILED)
 def backward(starts, rows, L, D, x, tail):
     """Set x ← L⁻ᵀD⁻¹x."""
     for c in range(tail - 1, -1, -1):

@@ -7,6 +7,7 @@ coordinates v = Lᵀx, LLᵀ = H + εI. Where H is positive definite ε is 0 and
 import numpy as np
 from numba import njit, types
 
+from cpbench.solvers.kernels.array_types import COMPILED
 from cpbench.solvers.kernels.qp_dense import dot, equilibrate, judged_error
 from cpbench.solvers.kernels.qp_dual import (
     FIRST_PART,
@@ -38,10 +39,9 @@ VECTOR = types.Array(types.float64, 1, "C", readonly=True)
 MATRIX = types.Array(types.float64, 2, "C", readonly=True)
 _OUT = types.float64[::1]
 _OUT2 = types.float64[:, ::1]
-_FAST = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
-@njit(types.boolean(_OUT2, _OUT2, types.float64, types.boolean), **_FAST)
+@njit(types.boolean(_OUT2, _OUT2, types.float64, types.boolean), **COMPILED)
 def _cholesky(H, L, shift, unit):
     """Write the lower factor of H + shift·diag(H) (`unit`), or of H + shift·I; False at a pivot that is not
     positive. Where `unit`, a row with the diagonal entry 0 must be 0, and stands for one of the identity."""
@@ -62,14 +62,14 @@ def _cholesky(H, L, shift, unit):
     return True
 
 
-@njit(types.void(_OUT2, _OUT, types.int64), **_FAST)
+@njit(types.void(_OUT2, _OUT, types.int64), **COMPILED)
 def _forward(L, x, first):
     """Set x ← L⁻¹x, whose numbers before `first` are 0."""
     for i in range(first, x.size):
         x[i] = (x[i] - dot(L[i, first:i], x[first:i])) / L[i, i]
 
 
-@njit(types.void(_OUT2, _OUT), **_FAST)
+@njit(types.void(_OUT2, _OUT), **COMPILED)
 def _backward(L, x):
     """Set x ← L⁻ᵀx."""
     for i in range(x.size - 1, -1, -1):
@@ -86,7 +86,7 @@ def _backward(L, x):
         *(types.float64, types.float64, types.float64, types.float64, types.int64),
         *(_OUT, _OUT, _OUT, _OUT, _OUT, types.int64[::1]),
     ),
-    **_FAST,
+    **COMPILED,
 )
 def solve(Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, most, z, lam, mu, nu, error, counts):
     """Write z, λ, μ, ν and their judged error; return SOLVED where it is within the tolerance, else why not.

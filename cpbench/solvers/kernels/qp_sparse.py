@@ -6,15 +6,15 @@ Matrices are (row pointers, columns, numbers).
 import numpy as np
 from numba import njit, types
 
+from cpbench.solvers.kernels.array_types import COMPILED
 from cpbench.solvers.kernels.qp_dense import largest, of_bounds
 from cpbench.solvers.kernels.qp_ldl import CSR, DATA, OUT
 
 _DENSE = types.Array(types.float64, 2, "C", readonly=True)
 _OWN = types.Tuple((types.int32[::1], types.int32[::1], types.float64[::1]))
-_FAST = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
-@njit(_OWN(_DENSE), **_FAST)
+@njit(_OWN(_DENSE), **COMPILED)
 def rows_of(M):
     """Return the entries of a dense matrix that are not 0."""
     count = 0
@@ -33,7 +33,7 @@ def rows_of(M):
     return indptr, indices, data
 
 
-@njit(_OWN(CSR, CSR), **_FAST)
+@njit(_OWN(CSR, CSR), **COMPILED)
 def stacked(A, C):
     """Return the rows of A and then of C."""
     m, k = A[0].size - 1, C[0].size - 1
@@ -51,14 +51,14 @@ def stacked(A, C):
     return indptr, indices, data
 
 
-@njit(types.void(OUT), **_FAST)
+@njit(types.void(OUT), **COMPILED)
 def _roots(size):
     """Replace sizes by powers of two near size^-½, 1 where the size is 0."""
     for i in range(size.size):
         size[i] = 2.0 ** np.rint(-0.5 * np.log2(size[i])) if size[i] > 0.0 else 1.0
 
 
-@njit(types.void(_OWN, _OWN, OUT, OUT, types.int64), **_FAST)
+@njit(types.void(_OWN, _OWN, OUT, OUT, types.int64), **COMPILED)
 def equilibrate(H, G, column, row, passes):
     """Scale as `qp_dense.equilibrate` does. column, row : D, E, ones on entry."""
     n, r = column.size, row.size
@@ -86,7 +86,7 @@ def equilibrate(H, G, column, row, passes):
                 G[2][q] *= sides[i] * tops[G[1][q]]
 
 
-@njit(types.float64(*(CSR, DATA, CSR, DATA, CSR, DATA, DATA, DATA), *(DATA, DATA, DATA, DATA)), **_FAST)
+@njit(types.float64(*(CSR, DATA, CSR, DATA, CSR, DATA, DATA, DATA), *(DATA, DATA, DATA, DATA)), **COMPILED)
 def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
     """Return the error of an answer, as `qp_dense` has it; infinite for one that is no number."""
     n = p.size

@@ -7,6 +7,7 @@ with the rows C that have θ = 0 or nearly so. H, G : (row pointers, columns, nu
 import numpy as np
 from numba import njit, types
 
+from cpbench.solvers.kernels.array_types import COMPILED
 from cpbench.solvers.kernels.qp_ldl import (
     CSR,
     INT,
@@ -31,10 +32,9 @@ rest, dense. by : their 1/(θ + δ). work : (5 (n + r),)."""
 REFINEMENTS = 4
 ACCURATE = 1e-9
 """What is left of a right-hand side, relative to it, that needs no further refinement."""
-_FAST = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
-@njit(types.void(CSR, OUT, OUT), **_FAST)
+@njit(types.void(CSR, OUT, OUT), **COMPILED)
 def times(M, x, y):
     """Set y ← Mx."""
     for i in range(y.size):
@@ -44,7 +44,7 @@ def times(M, x, y):
         y[i] = total
 
 
-@njit(types.void(CSR, types.float64, OUT, OUT), **_FAST)
+@njit(types.void(CSR, types.float64, OUT, OUT), **COMPILED)
 def add_transposed(M, by, x, y):
     """Set y ← y + by Mᵀx."""
     for i in range(x.size):
@@ -54,7 +54,7 @@ def add_transposed(M, by, x, y):
                 y[M[1][q]] += M[2][q] * value
 
 
-@njit(types.float64(OUT), **_FAST)
+@njit(types.float64(OUT), **COMPILED)
 def largest(x):
     """Return the ∞-norm; NaN where a number is."""
     top = 0.0
@@ -63,7 +63,7 @@ def largest(x):
     return top
 
 
-@njit(types.boolean(CSR, CSR, SYSTEM, OUT, OUT, types.float64), **_FAST)
+@njit(types.boolean(CSR, CSR, SYSTEM, OUT, OUT, types.float64), **COMPILED)
 def factor_system(H, G, system, w, theta, delta):
     """Factor; return False where it breaks down."""
     head, order, indptr, indices, data, diagonal, parent, starts, rows, L, D, S, rest, equal, A, by, work = system
@@ -108,7 +108,7 @@ def factor_system(H, G, system, w, theta, delta):
     )
 
 
-@njit(types.void(SYSTEM, OUT, OUT, OUT, OUT), **_FAST)
+@njit(types.void(SYSTEM, OUT, OUT, OUT, OUT), **COMPILED)
 def apply(system, a, b, x, v):
     """Set x, v ← the solution for a, b of the system as it was factored."""
     head, order, starts, rows, L, D, S = system[0], system[1], system[7], system[8], system[9], system[10], system[11]
@@ -149,7 +149,7 @@ def apply(system, a, b, x, v):
             v[i - n] = y[k]
 
 
-@njit(types.float64(CSR, CSR, OUT, OUT, OUT, OUT, OUT, OUT, OUT, OUT), **_FAST)
+@njit(types.float64(CSR, CSR, OUT, OUT, OUT, OUT, OUT, OUT, OUT, OUT), **COMPILED)
 def _left(H, G, w, theta, a, b, x, v, c, d):
     """Set c, d ← what (x, v) leaves of the right-hand side (a, b), and return its ∞-norm."""
     times(H, x, c)
@@ -165,7 +165,7 @@ def _left(H, G, w, theta, a, b, x, v, c, d):
     return top
 
 
-@njit(types.float64(CSR, CSR, SYSTEM, OUT, OUT, OUT, OUT, OUT, OUT), **_FAST)
+@njit(types.float64(CSR, CSR, SYSTEM, OUT, OUT, OUT, OUT, OUT, OUT), **COMPILED)
 def solve_system(H, G, system, w, theta, a, b, x, v):
     """Set x, v ← the solution for a, b, refined while that helps; return what is left, relative to these."""
     n, N = a.size, a.size + b.size

@@ -7,6 +7,7 @@ nonbasic variable.
 import numpy as np
 from numba import float64, int64, njit, types
 
+from cpbench.solvers.kernels.array_types import COMPILED
 from cpbench.solvers.kernels.vectors import finite
 
 ANY_ORDER = types.Array(float64, 2, "A", readonly=True)
@@ -17,7 +18,7 @@ CODES = 8
 """Runs return pivots * CODES + outcome: a pair would cost more than a pivot does for n = 5."""
 
 
-@njit(int64(ANY_ORDER, float64[::1], int64[::1]), cache=True, error_model="numpy", nogil=True)
+@njit(int64(ANY_ORDER, float64[::1], int64[::1]), **COMPILED)
 def first_row(M, q, ties):
     """Return the row where q is least; among ties the r whose z_r, raised until w_r = 0, lifts the other w most (Σ_j
     M_jr/M_rr).
@@ -45,12 +46,7 @@ def first_row(M, q, ties):
     return r
 
 
-@njit(
-    "int64(float64[::1], float64[::1], int64[::1], int64[::1], float64, float64)",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit("int64(float64[::1], float64[::1], int64[::1], int64[::1], float64, float64)", **COMPILED)
 def blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance):
     """Return how many rows block the entering variable, the rows in `ties`; -1 - row where z_0 is among them."""
     n = rhs.size
@@ -72,12 +68,7 @@ def blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance):
     return count
 
 
-@njit(
-    "int64(float64[::1], float64[::1], int64[::1], int64, float64[::1], int64, float64)",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
-)
+@njit("int64(float64[::1], float64[::1], int64[::1], int64, float64[::1], int64, float64)", **COMPILED)
 def kept(column, col, ties, count, value, unit, tie_tolerance):
     """Return how many of the tied rows have the least ratio column/col, moved to the front of `ties`.
 
@@ -98,7 +89,7 @@ def kept(column, col, ties, count, value, unit, tie_tolerance):
     return kept
 
 
-@njit("int64(float64[::1], int64[::1], int64)", cache=True, error_model="numpy", nogil=True)
+@njit("int64(float64[::1], int64[::1], int64)", **COMPILED)
 def largest(col, ties, count):
     """Return ties that survive every column can only come from rounding: the largest pivot element is then the
     safest."""
@@ -112,9 +103,7 @@ def largest(col, ties, count):
 @njit(
     "int64(float64[:,::1], float64[::1], float64[::1], float64[:,::1], float64[:,::1], int64[:,::1], int64, float64,"
     " float64)",
-    cache=True,
-    error_model="numpy",
-    nogil=True,
+    **COMPILED,
 )
 def whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
     """Solve one LCP from its data to z of the basis it ends in; scales by max|M| and max|q|.
