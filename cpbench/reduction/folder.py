@@ -178,7 +178,8 @@ def _proofs(problem: Problem, points: dict[str, Any]) -> tuple[str, list[str]]:
         near = f" within {found.distance:.3g} of that answer" if found else ""
         reason = f" ({found.reason})" if found.reason else ""
         level = found.level
-        lines.append(f"Certificate of that answer: a solution is {found.level}{near}{unique}{reason}.")
+        what = "refuted, no solution is near it" if found.level == "refuted" else f"a solution is {found.level}"
+        lines.append(f"Certificate of that answer: {what}{near}{unique}{reason}.")
     if "claimed" in points:
         found = certify(problem, points["claimed"], seconds=PROOF_SECONDS)
         if found.excluded:

@@ -23,7 +23,9 @@ import numpy as np
 import cpbench as cp
 from cpbench.diagnosis.attempts import SolverTrial, attempt
 from cpbench.diagnosis.diagnose import diagnose
+from cpbench.formulations.coneqp import ConeQP
 from cpbench.generators.symbols import log, mapped, unknowns
+from cpbench.product_cones import Cone, ProductCone
 from cpbench.verification import MET_TOLERANCE, PROVEN
 
 Random = np.random.Generator
@@ -293,6 +295,22 @@ DEGENERATE = [
 ]
 
 
+def no_interior(rng: Random) -> Iterator[Plant]:
+    """s = (x, x, y) in the second-order cone leaves y = 0 and no room, and the dual has no solution that is attained;
+    with (x + 1, x, y) there is room."""
+    k = int(rng.integers(1, 6))
+    n = 2 * k
+    Q, p = definite(rng, n), rng.standard_normal(n)
+    A = np.zeros((3 * k, n))
+    i = np.arange(k)
+    A[3 * i, 2 * i] = A[3 * i + 1, 2 * i] = A[3 * i + 2, 2 * i + 1] = 1.0
+    K = ProductCone.of((Cone.SECOND_ORDER, k, 3, 1.0))
+    room = np.tile([1.0, 0.0, 0.0], k)
+    bad, twin = (ConeQP.over(Q, p, K, A, b) for b in (0.0 * room, room))
+    solvers = ["interior-point-coneqp", "scs-coneqp", "clarabel-coneqp"]
+    yield from each("no interior", bad, twin, solvers, tolerance=1e-8)
+
+
 def lost(rng: Random) -> Iterator[Plant]:
     """A free block that is nearly singular is eliminated."""
     mlcp, _, _ = free_blocks(rng)
@@ -340,7 +358,7 @@ def cone(rng: Random) -> Iterator[Plant]:
 
 GENERATORS: tuple[Callable[[Random], Iterator[Plant]], ...] = (
     infeasible, unbounded, rounding, iterations, out_of_time, cycling, diverging, scale, hyperstatic, singular,
-    nonmonotone, degenerate, start, cone, lost,
+    nonmonotone, degenerate, no_interior, start, cone, lost,
 )  # fmt: skip
 
 
