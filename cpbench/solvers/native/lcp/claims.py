@@ -170,9 +170,9 @@ PASSES = 8
 """Passes of Ruiz' scaling; each takes the square root of what is left of the differences."""
 
 
-def _tops(size: Matrix, axis: int) -> Vector:
-    top: Any = size.max(axis=axis)
-    return top.toarray().ravel() if sp.issparse(top) else top
+def _tops(size: Any, axis: int) -> Vector:
+    top = size.max(axis=axis)
+    return top if isinstance(top, np.ndarray) else top.toarray().ravel()
 
 
 def _apart(tops: Vector) -> bool:
@@ -183,18 +183,17 @@ def _apart(tops: Vector) -> bool:
 def even_units(problem: LCP) -> tuple[Vector, Vector] | None:
     """Return D₁ and D₂ for which the rows and columns of D₁MD₂ are of like size; None where those of M are not far
     apart."""
-    size = abs(problem.M)
+    size: Any = abs(problem.M)
     if not size.size or not (_apart(_tops(size, 1)) or _apart(_tops(size, 0))):
         return None
     rows, unknowns = np.ones((2, problem.q.size))
     for _ in range(PASSES):
         for scales, axis in ((rows, 1), (unknowns, 0)):
-            now = (
-                size.multiply(rows[:, None]).multiply(unknowns)
-                if sp.issparse(size)
-                else rows[:, None] * size * unknowns
-            )
-            top = _tops(sp.csr_array(now) if sp.issparse(now) else now, axis)
+            if isinstance(size, np.ndarray):
+                now: Any = rows[:, None] * size * unknowns
+            else:
+                now = sp.csr_array(size.multiply(rows[:, None]).multiply(unknowns))
+            top = _tops(now, axis)
             scales /= np.sqrt(np.where(top > 0, top, 1.0))
     return rows, unknowns
 
