@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from string import Template
+from textwrap import indent
 from typing import Any
 
 import numpy as np
@@ -27,11 +28,14 @@ def snippets(form: Form, title: str, answers: Mapping[str, Any]) -> dict[str, st
     title : a line about the problem and the solver. answers : name -> point, `claimed` and `true`, as far as known.
     """
     vectors = {name: form.vector(point) for name, point in answers.items()}
-    writers = {"snippet.py": (_PYTHON, _python), "snippet.c": (_C, _c), "snippet.jl": (_JULIA, _julia)}
+    conditions = _CONDITIONS.format(names=_names(form))
+    writers = {"snippet.py": ("", _PYTHON, _python), "snippet.c": ("   ", _C, _c), "snippet.jl": ("# ", _JULIA, _julia)}
     found: dict[str, str] = {}
-    for name, (template, write) in writers.items():
+    for name, (margin, template, write) in writers.items():
         data = write(form, vectors)
-        found[name] = Template(template).substitute(title=title, met=repr(MET), names=_names(form), **data)
+        found[name] = Template(template).substitute(
+            title=title, met=repr(MET), conditions=indent(conditions, margin), **data
+        )
     return found
 
 
@@ -102,11 +106,14 @@ def _julia_matrix(K: Dense) -> str:
     return "[" + ";\n     ".join(" ".join(_number(float(x), "Inf") for x in row) for row in K) + "]"
 
 
+_CONDITIONS = """\
+Unknowns x: {names}. F = Kx + k. Outside the blocks x is in [lo, hi] with F = 0 inside, F >= 0 at lo, F <= 0 at hi.
+In a block (start, slides, rolls, mu, mu_r): |x_T| <= mu x_N, |x_M| <= mu_r x_N, and F (with friction
+F + (mu|F_T| + mu_r|F_M|)e_N) is in the dual cone and orthogonal to x."""
+"""Explanation at the head of each program."""
 _PYTHON = '''"""$title
 
-Unknowns x: $names. F = Kx + k. Outside the blocks x is in [lo, hi] with F = 0 inside, F >= 0 at lo, F <= 0 at hi.
-In a block (start, slides, rolls, mu, mu_r): |x_T| <= mu x_N, |x_M| <= mu_r x_N, and F (with friction
-F + (mu|F_T| + mu_r|F_M|)e_N) is in the dual cone and orthogonal to x.
+$conditions
 """
 from math import inf, sqrt
 
@@ -144,9 +151,7 @@ raise SystemExit(errors.get("claimed", inf) <= $met or errors.get("true", 0.0) >
 
 _C = """/* $title
 
-   Unknowns x: $names. F = Kx + k. Outside the blocks x is in [lo, hi] with F = 0 inside, F >= 0 at lo,
-   F <= 0 at hi. In a block {start, slides, rolls, mu, mu_r}: |x_T| <= mu x_N, |x_M| <= mu_r x_N, and F (with friction
-   F + (mu|F_T| + mu_r|F_M|)e_N) is in the dual cone and orthogonal to x.
+$conditions
 
    cc snippet.c -lm && ./a.out */
 #include <math.h>
@@ -210,9 +215,7 @@ int main(void) {
 
 _JULIA = """# $title
 #
-# Unknowns x: $names. F = Kx + k. Outside the blocks x is in [lo, hi] with F = 0 inside, F >= 0 at lo, F <= 0 at hi.
-# In a block (start, slides, rolls, mu, mu_r): |x_T| <= mu x_N, |x_M| <= mu_r x_N, and F (with friction
-# F + (mu|F_T| + mu_r|F_M|)e_N) is in the dual cone and orthogonal to x.
+$conditions
 K = $K
 k = $k
 lo = $lo
