@@ -46,7 +46,7 @@ def mixed_error(system: System) -> BackwardError:
     found = block_errors(system, Parts.of(whole, whole.terms.rows, Measure.PAIRS), sums)
     counted = linear | (asked & (constants > 0))
     errors = np.where(linear, found.blocks, rows.blocks)
-    grown = found.beyond[whole.spread(counted)]
+    grown = found.beyond[_components(whole, counted)]
     error = largest(float(errors.max()), squared(largest(float(grown.max(initial=0.0)))))
     floor = max(0.0 if linear.all() else rows.floor, float(found.floors[linear].max(initial=0.0)))
     if found.explained[counted].any():
@@ -59,8 +59,12 @@ def _within_rows(system: System, sums: Vector, asked: Flags, error: float) -> bo
     constants = system.frame.constants
     excess, explained = beyond(system, ROUNDINGS * EPS * (sums + constants), inverse(constants))
     asked = asked & (constants > 0)
-    grown = excess[system.frame.spread(asked)]
+    grown = excess[_components(system.frame, asked)]
     return not explained[asked].any() and squared(largest(float(grown.max(initial=0.0)))) <= error
+
+
+def _components(frame: Frame, flags: Flags) -> Flags:
+    return flags if frame.block is None else flags[frame.block]
 
 
 def _asked(frame: Frame) -> Flags:

@@ -249,3 +249,18 @@ def test_a_budget_of_pivots_is_kept() -> None:
     output = solvers.get("lemke").run(problem, Budget(iterations=40))
     assert output.claim is Claim.MAX_ITER
     assert output.counters["pivots"] == 40
+
+
+@pytest.mark.parametrize("name", ["bpp", "interior-point-lcp", "keller", "mprgp", "murty", "newton-fb", "newton-min"])
+def test_rows_in_units_far_apart_are_claimed_only_where_they_hold(name: str) -> None:
+    """M is definite in units 2^±20 of its unknowns, where a norm sees nothing of most rows."""
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        n = int(rng.integers(2, 12))
+        G, D = rng.standard_normal((n, n)), 2.0 ** rng.integers(-20, 21, n)
+        M = G @ G.T + 0.1 * np.eye(n)
+        z = np.where(rng.random(n) < 0.5, rng.random(n), 0.0)
+        problem = LCP(M=D[:, None] * M * D, q=D * (np.where(z > 0, 0.0, rng.random(n)) - M @ z))
+        output = solvers.get(name).run(problem, Budget(tolerance=1e-6))
+        if output.claim is Claim.SOLVED:
+            assert judge(problem, output.point, 1e-6).error <= 1e-5, seed

@@ -164,6 +164,65 @@ def measured(problem: LCP, z: Vector) -> float:
     return error if math.isfinite(error) else math.inf
 
 
+APART = 2.0**20
+"""The largest entries of rows, or of columns, differ by more: below, double precision has digits enough."""
+PASSES = 8
+"""Passes of Ruiz' scaling; each takes the square root of what is left of the differences."""
+
+
+def _tops(size: Any, axis: int) -> Vector:
+    top = size.max(axis=axis)
+    return top if isinstance(top, np.ndarray) else top.toarray().ravel()
+
+
+def _apart(tops: Vector) -> bool:
+    some = tops[tops > 0]
+    return bool(some.size) and bool(some.max() > APART * some.min())
+
+
+def even_units(problem: LCP) -> tuple[Vector, Vector] | None:
+    """Return D₁ and D₂ for which the rows and columns of D₁MD₂ are of like size; None where those of M are not far
+    apart."""
+    size: Any = abs(problem.M)
+    if not size.size or not (_apart(_tops(size, 1)) or _apart(_tops(size, 0))):
+        return None
+    rows, unknowns = np.ones((2, problem.q.size))
+    for _ in range(PASSES):
+        for scales, axis in ((rows, 1), (unknowns, 0)):
+            if isinstance(size, np.ndarray):
+                now: Any = rows[:, None] * size * unknowns
+            else:
+                now = sp.csr_array(size.multiply(rows[:, None]).multiply(unknowns))
+            top = _tops(now, axis)
+            scales /= np.sqrt(np.where(top > 0, top, 1.0))
+    return rows, unknowns
+
+
+def in_even_units(problem: LCP, z: Vector, error: float, tolerance: float) -> tuple[Vector, float]:
+    """Return an answer within the tolerance and its error, the larger one of that in even units: a norm sees nothing
+    of rows 2^20 times smaller than others. Where only that is beyond the tolerance, the basic solution that it tells
+    is tried."""
+    units = even_units(problem)
+    if units is None:
+        return z, error
+    rows, unknowns = units
+
+    def worst(x: Vector) -> tuple[float, np.ndarray[Any, Any]]:
+        Mx = problem.M @ x
+        w = rows * (Mx + problem.q)
+        size = max(max_abs(rows * problem.q), max_abs(rows * Mx))
+        found = scaled(max_abs(np.minimum(x / unknowns, w)), size)
+        return found if math.isfinite(found) else math.inf, x / unknowns > w
+
+    found, active = worst(z)
+    if found > tolerance:
+        better = refined(problem.M, problem.q, np.where(active, z, 0.0), active)
+        again, least = worst(better)[0], error_of(problem, better)
+        if max(again, least) < found:
+            return better, max(again, least)
+    return z, max(error, found)
+
+
 def conclude(
     problem: LCP,
     z: Vector,
@@ -181,6 +240,8 @@ def conclude(
     """
     error = error_of(problem, z) if error is None else error
     if error <= budget.tolerance:  # finite, so z is
+        z, error = in_even_units(problem, z, error, budget.tolerance)
+    if error <= budget.tolerance:
         return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z), counters=counters)
     if not np.isfinite(z).all():
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message or "the answer is not finite")

@@ -7,7 +7,7 @@ sparse (SuperLU). `regularized` counts the steps that were not Newton's.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, ClassVar
 
@@ -20,6 +20,7 @@ from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmei
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.claims import (
     ScaledLCP,
+    conclude,
     dense_obstacle,
     error_of,
     guessed,
@@ -115,7 +116,7 @@ class _NewtonLCP(Solver):
         better, error = settled(prepared.problem, z, active, budget.tolerance, counters)
         if record is not None and better is not z:
             record(counters["iterations"] + 1, error, partial(LCPPoint, better))
-        return replace(output, point=LCPPoint(better), counters=counters)
+        return conclude(prepared.problem, better, budget, counters, error=error)
 
 
 def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, quick: bool = False) -> SolverSpec:
