@@ -155,8 +155,8 @@ def run(
 
     put_off : receives a block of the pairs whose solvers are still compiling; None to wait for them.
     """
-    first = block.pairs[0]
-    if stackable(first) and len(block.pairs) > 1:
+    if len(block.pairs) > 1 and stackable(block.pairs[0]):
+        first = block.pairs[0]
         if slot.start([first.entry.solver], first.limits, on_event, patient=put_off is None):
             if put_off is not None:
                 put_off.append(block)
