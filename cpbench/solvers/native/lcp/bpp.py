@@ -19,6 +19,7 @@ from cpbench.solvers.native.lcp.claims import (
     dense_obstacle,
     ended_in_basis,
     error_of,
+    recorded,
     settled,
 )
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
@@ -99,7 +100,8 @@ class BlockPrincipalPivoting(Solver):
             if record is not None and sweeps:
                 record(sweeps, error, partial(LCPPoint, z))
             message = f"error {error:.1e} after {sweeps} sweeps"
-            return conclude(problem, z, budget, counters, error=error, otherwise=Claim.MAX_ITER, message=message)
+            output = conclude(problem, z, budget, counters, error=error, otherwise=Claim.MAX_ITER, message=message)
+            return recorded(output, z, problem, record, sweeps + 1)
         inside = prepared.points_to(z, prepared.M @ z + q)
         basis = ChangingBasis(prepared.M, prepared.columns, q, problem.symmetric)
         least, patience = n + 1, PATIENCE
@@ -150,7 +152,8 @@ class BlockPrincipalPivoting(Solver):
             if why
             else f"{least} components infeasible at best after {counters['iterations']} steps"
         )
-        return conclude(problem, z, budget, counters, otherwise=claim, message=why)
+        output = conclude(problem, z, budget, counters, otherwise=claim, message=why)
+        return recorded(output, z, problem, record, counters["iterations"] + 1)
 
     def _by_lemke(
         self,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from cpbench.factorization import sparse_lu
 from cpbench.formulations.base import scaled
 from cpbench.formulations.lcp import LCP, LCPPoint, unit_free_complementarity
 from cpbench.matrices import Matrix, Vector, dense, max_abs, norm
-from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench.solvers.native import linear_program
 
 CLOSE = 100.0
@@ -249,6 +250,13 @@ def conclude(
         otherwise = Claim.INACCURATE if error <= CLOSE * budget.tolerance else Claim.FAILED
         message = message or f"ended at error {error:.1e}, asked for {budget.tolerance:.0e}"
     return SolverOutput(claim=otherwise, point=LCPPoint(z), counters=counters, message=message)
+
+
+def recorded(output: SolverOutput, z: Vector, problem: LCP, record: Record | None, iteration: int) -> SolverOutput:
+    """Return a conclusion; where its answer is not z, the last that was recorded, it is recorded as that iteration."""
+    if record is not None and isinstance(output.point, LCPPoint) and not np.array_equal(output.point.z, z):
+        record(iteration, error_of(problem, output.point.z), partial(LCPPoint, output.point.z))
+    return output
 
 
 def ended_in_basis(

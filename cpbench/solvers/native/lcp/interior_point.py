@@ -24,7 +24,7 @@ from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.matrices import Vector, max_abs
 from cpbench.ncp_functions import fischer_burmeister, minimum
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp.claims import CLOSE, conclude
+from cpbench.solvers.native.lcp.claims import CLOSE, conclude, recorded
 from cpbench.solvers.native.lcp.interior_point_system import ShiftedSystem
 from cpbench.solvers.native.mlcp.claims import ScaledMLCP, dense_obstacle, mixed, scale, settled
 from cpbench.solvers.native.mlcp.newton import LinearBox
@@ -232,7 +232,9 @@ class _InteriorPoint(Solver):
         if output.claim is not Claim.SOLVED or output.point is None:
             return output
         problem = LCP(M=prepared.problem.B, q=prepared.problem.b)
-        return conclude(problem, output.point.z, budget, output.counters, error=0.0)  # by its own measure, until now
+        z, steps = output.point.z, output.counters["iterations"]
+        concluded = conclude(problem, z, budget, output.counters, error=0.0)  # by its own measure, until now
+        return recorded(concluded, z, problem, record, steps + 2)  # steps + 1 may be the solution on the active set
 
 
 @register

@@ -19,7 +19,7 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native import linear_program
-from cpbench.solvers.native.lcp.claims import CLOSE, conclude, dense_obstacle, error_of, farkas
+from cpbench.solvers.native.lcp.claims import CLOSE, conclude, dense_obstacle, error_of, farkas, recorded
 from cpbench.solvers.native.progress import Progress, next_stop
 from cpbench.solvers.options import fixed, searched
 
@@ -214,9 +214,10 @@ class _OnLCP(Solver):
                     message=f"{message}; y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding (Farkas)",
                 )
             message += ", and no certificate that there is no solution"
-        return conclude(
+        output = conclude(
             problem, ended.z, budget, ended.counters, error=ended.error, otherwise=ended.claim, message=message
         )
+        return recorded(output, ended.z, problem, record, ended.counters["iterations"] + 1)
 
 
 _TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})

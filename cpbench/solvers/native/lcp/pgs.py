@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle
+from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, recorded
 from cpbench.solvers.native.progress import Progress, next_stop
 from cpbench.solvers.options import fixed, searched
 
@@ -120,7 +120,8 @@ class SplittingSolver(Solver):
             error, products = afresh(*prepared.matrix, q, z, problem.z_unit, w), products + 1
         counters = {"iterations": sweeps, "matrix_vector_products": products}
         known = error if claim is Claim.MAX_ITER else None
-        return conclude(problem, z, budget, counters, error=known, otherwise=claim, message=message)
+        output = conclude(problem, z, budget, counters, error=known, otherwise=claim, message=message)
+        return recorded(output, z, problem, record, sweeps + 1)
 
 
 _TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})

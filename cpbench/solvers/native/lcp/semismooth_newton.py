@@ -8,7 +8,6 @@ sparse (SuperLU). `regularized` counts the steps that were not Newton's.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,6 +23,7 @@ from cpbench.solvers.native.lcp.claims import (
     dense_obstacle,
     error_of,
     guessed,
+    recorded,
     scale,
     settled,
     solve_linear,
@@ -114,9 +114,8 @@ class _NewtonLCP(Solver):
         z, counters = output.point.z, dict(output.counters)
         active = guessed(prepared, z / prepared.z_unit)
         better, error = settled(prepared.problem, z, active, budget.tolerance, counters)
-        if record is not None and better is not z:
-            record(counters["iterations"] + 1, error, partial(LCPPoint, better))
-        return conclude(prepared.problem, better, budget, counters, error=error)
+        concluded = conclude(prepared.problem, better, budget, counters, error=error)
+        return recorded(concluded, z, prepared.problem, record, counters["iterations"] + 1)
 
 
 def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, quick: bool = False) -> SolverSpec:
