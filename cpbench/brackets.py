@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 from cpbench.errors import CpbenchError
 
 
@@ -28,9 +26,24 @@ def read(kind: str, text: str) -> tuple[str, dict[str, str]]:
 
 
 def split(text: str, separator: str) -> list[str]:
-    """Split a list of names at separators that are not within brackets.
+    """Split a list of names at separators that are not within brackets, braces or quotation marks.
 
     >>> split("fc-lcp-inner[facets=1e+1]+lcp-qp", "+"), split("nsgs[omega=1,shuffle=true], psor", ",")
     (['fc-lcp-inner[facets=1e+1]', 'lcp-qp'], ['nsgs[omega=1,shuffle=true]', 'psor'])
+    >>> split('lemke@head={serve="./mine", env={A="1,]"}}, psor', ",")
+    ['lemke@head={serve="./mine", env={A="1,]"}}', 'psor']
     """
-    return [part.strip() for part in re.split(rf"{re.escape(separator)}(?![^\[]*\])", text)]
+    parts, begin, depth, quoted = list[str](), 0, 0, False
+    for k, letter in enumerate(text):
+        if letter == '"':
+            quoted = not quoted
+        elif quoted:
+            continue
+        elif letter in "[{":
+            depth += 1
+        elif letter in "]}":
+            depth -= 1
+        elif letter == separator and depth <= 0:
+            parts.append(text[begin:k])
+            begin = k + 1
+    return [part.strip() for part in (*parts, text[begin:])]

@@ -38,12 +38,11 @@ def outcome(slot: Slot, address: Path, solver: str, tolerance: float = 1e-6) -> 
 
 @pytest.mark.nightly
 def test_bimatrix_game(slot: Slot, shared_data: Path) -> None:
-    """lcp_CPS_3, Cottle, Pang and Stone 4.4.23: Lemke ends in a ray and says so; the game has three equilibria."""
+    """lcp_CPS_3, Cottle, Pang and Stone 4.4.23: every covering vector ends in a ray, a first basis of two unknowns
+    leads to one of the three equilibria."""
     path = shared_data / "lcp" / "lcp_CPS_3.dat"
-    by_lemke = outcome(slot, path, "lemke")
-    assert by_lemke.status == "failed"
-    assert "ray" in by_lemke.message
-    assert outcome(slot, path, "newton-min").status == "solved"
+    for solver in ("lemke", "newton-min"):
+        assert outcome(slot, path, solver).status == "solved"
 
 
 def test_infeasible(slot: Slot, tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from cpbench.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.progress import SHARE
 from cpbench.solvers.native.qp.claims import (
+    SPARSE_KERNEL,
     ErrorMeasure,
     convex_obstacle,
     definite_obstacle,
@@ -162,6 +163,7 @@ class DualActiveSet(Solver):
         return dense_obstacle(problem) or convex_obstacle(problem) or definite_obstacle(problem)
 
     def warmup(self) -> None:
+        load(SPARSE_KERNEL)  # measures answers to sparse problems
         self.run(QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1)))
 
     def solve(

@@ -12,9 +12,17 @@ from scipy.linalg import blas, lapack
 
 from cpbench import matrices
 from cpbench.formulations.qp import QP
+from cpbench.kernel_cache import load
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, dense_obstacle, infeasible, unbounded
+from cpbench.solvers.native.qp.claims import (
+    SPARSE_KERNEL,
+    ErrorMeasure,
+    convex_obstacle,
+    dense_obstacle,
+    infeasible,
+    unbounded,
+)
 from cpbench.solvers.native.qp.dual_active_set import ActiveSet
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
 from cpbench.solvers.options import fixed, searched
@@ -108,6 +116,7 @@ class PrimalActiveSet(Solver):
         return dense_obstacle(problem) or convex_obstacle(problem)
 
     def warmup(self) -> None:
+        load(SPARSE_KERNEL)  # measures answers to sparse problems
         self.run(QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1)))
 
     def solve(

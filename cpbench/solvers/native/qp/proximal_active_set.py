@@ -15,7 +15,14 @@ from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench.solvers.native.progress import Progress
-from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, dense_obstacle, infeasible, unbounded
+from cpbench.solvers.native.qp.claims import (
+    SPARSE_KERNEL,
+    ErrorMeasure,
+    convex_obstacle,
+    dense_obstacle,
+    infeasible,
+    unbounded,
+)
 from cpbench.solvers.native.qp.dual_active_set import ActiveSet
 from cpbench.solvers.native.qp.scaling import scaled
 from cpbench.solvers.options import fixed, searched
@@ -98,6 +105,7 @@ class ProximalActiveSet(Solver):
         return dense_obstacle(problem) or convex_obstacle(problem)
 
     def warmup(self) -> None:
+        load(SPARSE_KERNEL)  # measures answers to sparse problems
         one = QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1))
         self.run(one)
         self.run(one, Budget(iterations=10))
