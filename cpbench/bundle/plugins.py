@@ -58,12 +58,12 @@ def gather(store: Store, rows: Sequence[Row], *, anonymous: bool) -> Plugins:
     sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
     needed = {row.solver for row in rows}
     needed |= {name.partition("@")[0] for name in needed}
-    named = [str(sheet.get("plugin") or "") for sheet in sheets.values() if sheet.get("name") in needed]
+    in_sheets = [str(sheet.get("plugin") or "") for sheet in sheets.values() if sheet.get("name") in needed]
     named = [*_in_command(str(store.meta().get("command", ""))), *os.environ.get(PLUGIN_FILES, "").split(os.pathsep)]
     found = Plugins()
     files: dict[Path, None] = {}
     origins: dict[Path, list[str]] = {}
-    for text in dict.fromkeys(filter(None, [*named, *named])):
+    for text in dict.fromkeys(filter(None, [*named, *in_sheets])):
         path = _located(text, store)
         if path is None:
             found.absent.append(f"{text if not anonymous else Path(text).name}, which is not there any more")
