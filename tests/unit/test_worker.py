@@ -95,6 +95,9 @@ def test_processes_there_when_a_solve_begins_are_helpers_and_more_of_them_are_le
             forget()
         load()
         load()
+        for helper in began:
+            assert helper.stdout is not None
+            helper.stdout.readline()  # the children that they begin with have ended
         measured.begin()
         assert measured.end(1e-3, 1e-3)["children"] == 1
     finally:
