@@ -184,13 +184,11 @@ def number_of_solutions(certificate: Certificate) -> str:
     count = certificate.solutions
     if math.isnan(count) or certificate.unique:
         return ""
-    return (
-        "a continuum of solutions"
-        if math.isinf(count)
-        else f"{count:.0f} solutions, all listed"
-        if count
-        else ("there is no solution: all complementary bases were looked at")
-    )
+    if math.isinf(count):
+        return "a continuum of solutions"
+    if not count:
+        return "there is no solution: all complementary bases were looked at"
+    return f"{count:.0f} solutions, all listed"
 
 
 def save_certificate(certificate: Certificate, problem: Problem, path: str | Path, *, force: bool = False) -> None:

@@ -223,13 +223,10 @@ class SolverRunner:
 
     def _timed_stack(self, stack: Stack) -> tuple[dict[str, Vector], float, float]:
         """Return the vectors of the answers, and wall and CPU seconds of one call for all of them."""
-        budget, options = (
-            Budget(tolerance=self._asked.tolerance, seconds=self._asked.seconds),
-            self._solver.spec.options,
-        )
+        budget = Budget(tolerance=self._asked.tolerance, seconds=self._asked.seconds)
         gc.collect(0)
         cpu, begun = self.meter.cpu(), time.perf_counter()
-        vectors = stacked.solve_all(self._solver, stack, budget, options(), self._asked.stack)
+        vectors = stacked.solve_all(self._solver, stack, budget, self._solver.spec.options(), self._asked.stack)
         return vectors, time.perf_counter() - begun, self.meter.cpu() - cpu
 
     def _repeat(self) -> tuple[messages.Seconds, messages.Seconds]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
@@ -181,9 +182,18 @@ def _apart(tops: Vector) -> bool:
     return bool(some.size) and bool(some.max() > APART * some.min())
 
 
+_UNITS: WeakKeyDictionary[LCP, tuple[Vector, Vector] | None] = WeakKeyDictionary()
+
+
 def even_units(problem: LCP) -> tuple[Vector, Vector] | None:
     """Return D₁ and D₂ for which the rows and columns of D₁MD₂ are of like size; None where those of M are not far
-    apart."""
+    apart. They are found once for a problem: repeated solves need not look at all of M again."""
+    if problem not in _UNITS:
+        _UNITS[problem] = _even_units(problem)
+    return _UNITS[problem]
+
+
+def _even_units(problem: LCP) -> tuple[Vector, Vector] | None:
     size: Any = abs(problem.M)
     if not size.size or not (_apart(_tops(size, 1)) or _apart(_tops(size, 0))):
         return None
@@ -199,7 +209,7 @@ def even_units(problem: LCP) -> tuple[Vector, Vector] | None:
     return rows, unknowns
 
 
-def in_even_units(problem: LCP, z: Vector, error: float, tolerance: float) -> tuple[Vector, float]:
+def checked_in_even_units(problem: LCP, z: Vector, error: float, tolerance: float) -> tuple[Vector, float]:
     """Return an answer within the tolerance and its error, the larger one of that in even units: a norm sees nothing
     of rows 2^20 times smaller than others. Where only that is beyond the tolerance, the basic solution that it tells
     is tried."""
@@ -241,7 +251,7 @@ def conclude(
     """
     error = error_of(problem, z) if error is None else error
     if error <= budget.tolerance:  # finite, so z is
-        z, error = in_even_units(problem, z, error, budget.tolerance)
+        z, error = checked_in_even_units(problem, z, error, budget.tolerance)
     if error <= budget.tolerance:
         return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z), counters=counters)
     if not np.isfinite(z).all():
