@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from cpbench.verification import judge
 
 NEAR = 100.0
@@ -22,3 +24,13 @@ def assert_claim(problem: Any, point: Any, tolerance: float) -> None:
     assert_own_measure(problem, point, tolerance)
     error = judge(problem, point, tolerance).error
     assert error <= NEAR * tolerance, f"{problem.name}: backward error {error:.3g}, claimed {tolerance:.3g}"
+
+
+def row_error(K: np.ndarray, k: np.ndarray, x: np.ndarray, free: int = 0) -> float:
+    """Return the largest error of a row by what the rows feel; the first `free` rows are equalities."""
+    w, R, felt = K @ x + k, np.linalg.norm(K, axis=1), abs(K) @ abs(x)
+    pair = np.arange(k.size) >= free
+    S = (np.where(pair & (x == 0) & (w > 0), felt, np.maximum(felt, abs(k))) / R).max()
+    x_hat, w_hat = x * (abs(K) / R[:, None]).max(axis=0) / S, w / R / S
+    errors = np.where(pair, abs(np.minimum(x_hat, w_hat)), abs(w_hat))
+    return float(errors[k != 0].max(initial=0.0))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from claims import row_error
 
 from cpbench import kernel_cache, matrices, storage
 from cpbench.formulations import LCP, MLCP, MLCPPoint
@@ -38,7 +39,12 @@ def kkt(rng: np.random.Generator, n: int, m: int, *, flat: int = 0) -> MLCP:
     return MLCP(A=A, B=np.zeros((m, m)), C=-D.T, D=D, a=D.T @ v - A @ u, b=w - D @ u)
 
 
-def test_the_kernels_error_is_the_judges(rng: np.random.Generator) -> None:
+def from_sparse(problem: MLCP) -> MLCP:
+    parts = {name: sp.csr_array(getattr(problem, name)) for name in "ABCD"}
+    return MLCP(**parts, a=problem.a, b=problem.b)
+
+
+def test_the_error_is_that_of_the_norms_or_of_a_row(rng: np.random.Generator) -> None:
     """Whatever the units of the rows and of the unknowns."""
     for _ in range(40):
         row, column = 10.0 ** rng.uniform(-6, 6, (2, 9))
@@ -47,7 +53,11 @@ def test_the_kernels_error_is_the_judges(rng: np.random.Generator) -> None:
         x = np.concatenate([rng.uniform(-1, 1, 4), rng.uniform(0, 1, 5)]) / column
         scaled = scale(problem)
         error = problem.residuals(MLCPPoint(u=x[:4], v=x[4:])).error
-        assert scaled.error(x / scaled.unit) == pytest.approx(error, rel=1e-9)
+        inner = x / scaled.unit
+        error = max(error, row_error(matrices.dense(scaled.K), scaled.k, inner, 4))
+        assert scaled.error(inner) == pytest.approx(error, rel=1e-9)
+        sparse = scale(from_sparse(problem), keep_sparse=True)
+        assert sparse.error(inner) == pytest.approx(error, rel=1e-9)
 
 
 def test_scaling_keeps_symmetry_and_is_exact(rng: np.random.Generator) -> None:

@@ -1,14 +1,14 @@
-"""A sparse matrix to rows of blocks, d rows a contact, and the constants of the one-contact problems.
+"""A matrix to rows of blocks, d rows a contact, and the constants of the one-contact problems.
 
 The d rows of a contact are merged: a block of `width` columns is where any of them has an entry, whatever the others
-have. Nothing is allocated but what the caller hands over; the matrix is read once for its places and once for its
+have. Nothing is allocated but what the caller hands over; a sparse matrix is read once for its places and once for its
 numbers. `apart` : the diagonal blocks are left out.
 """
 
 import numpy as np
 from numba import boolean, float64, int32, int64, njit, types, uint32, uint64, void
 
-from cpbench.solvers.kernels.array_types import DATA
+from cpbench.solvers.kernels.array_types import COMPILED, DATA, DATA_2D
 
 INT32, INT64 = (types.Array(kind, 1, "C", readonly=True) for kind in (int32, int64))
 BLOCKS = types.Array(float64, 3, "C", readonly=True)
@@ -114,6 +114,88 @@ def one_contact_constants(D, local):
         local[i, 8], local[i, 9] = h1, h2
         local[i, 10] = -least * (1.0 + SINGULAR) if indefinite else (SINGULAR * size if singular else 0.0)
         local[i, 11] = indefinite
+
+
+@njit(float64(float64[:, :, ::1], int64), **COMPILED)
+def natural_rho(diagonal, i):
+    """Return ρ of contact i: d over the trace of its block, 1 where that is not positive."""
+    trace = 0.0
+    for t in range(diagonal.shape[1]):
+        trace += diagonal[i, t, t]
+    return diagonal.shape[1] / trace if trace > 0.0 else 1.0
+
+
+@njit(
+    void(DATA_2D, uint64[::1], uint32[::1], float64[::1], float64[:, :, ::1], float64[:, ::1], float64[::1]),
+    **COMPILED,
+)
+def from_dense(W, start, column, blocks, diagonal, local, rho):
+    """Write everything from a dense matrix; blocks of zeros are left out.
+
+    Parameters
+    ----------
+    start : (nc + 1,). column : at least as many as there are blocks. blocks : d·d times as many; of three rows by
+    columns and with one number more, as the kernel of 3×3 blocks reads them with four lanes, of two by rows. diagonal :
+    (nc, d, d). local : (nc, 12), not written for d = 2. rho : (nc,).
+    """
+    nc, d = diagonal.shape[0], diagonal.shape[1]
+    down, right = (1, d) if d == 3 else (d, 1)
+    at = 0
+    for i in range(nc):
+        start[i] = at
+        for j in range(nc):
+            some = False
+            for a in range(d):
+                for b in range(d):
+                    entry = W[d * i + a, d * j + b]
+                    some |= entry != 0.0
+                    if i == j:
+                        diagonal[i, a, b] = entry
+                    else:
+                        blocks[d * d * at + down * a + right * b] = entry
+            if some and i != j:
+                column[at] = j
+                at += 1
+        rho[i] = natural_rho(diagonal, i)
+    start[nc] = at
+    if d == 3:
+        blocks[d * d * at] = 0.0
+        one_contact_constants(diagonal, local)
+
+
+@njit(
+    [
+        void(
+            kind,
+            kind,
+            DATA,
+            uint64[::1],
+            uint32[::1],
+            float64[::1],
+            float64[:, :, ::1],
+            float64[:, ::1],
+            float64[::1],
+        )
+        for kind in (INT32, INT64)
+    ],
+    **COMPILED,
+)
+def from_sparse(indptr, indices, data, start, column, blocks, diagonal, local, rho):
+    """Write what `from_dense` does from a matrix in CSR whose blocks `count` has counted, into `blocks` and `diagonal`
+    of zeros."""
+    d = diagonal.shape[1]
+    down, right = (1, d) if d == 3 else (d, 1)
+    fill(indptr, indices, data, d, True, down, right, start, column, blocks)
+    for i in range(diagonal.shape[0]):
+        for a in range(d):
+            row = d * i + a
+            at = indptr[row] + np.searchsorted(indices[indptr[row] : indptr[row + 1]], d * i)
+            while at < indptr[row + 1] and indices[at] < d * (i + 1):
+                diagonal[i, a, indices[at] - d * i] = data[at]
+                at += 1
+        rho[i] = natural_rho(diagonal, i)
+    if d == 3:
+        one_contact_constants(diagonal, local)
 
 
 READY = True

@@ -6,8 +6,8 @@ import numpy as np
 from numba import float64, int64, njit, types, void
 
 from cpbench.solvers.kernels.array_types import DATA
+from cpbench.solvers.kernels.lcp_error import error_dense
 from cpbench.solvers.kernels.pivoting import lemke
-from cpbench.solvers.kernels.splitting import judged
 
 MATRIX = float64[:, ::1]
 
@@ -19,15 +19,9 @@ MATRIX = float64[:, ::1]
 )
 def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
     """Return (what `lemke` returns, the judged error of z, NaN where it is not finite); z_unit : of the LCP."""
-    n = q.size
-    w = q.copy()  # as what the pivots read, then as what they end in
+    w = q.copy()  # the pivots end in it
     code = lemke(M, w, z, max_pivots, pivot_tolerance, tie_tolerance)
-    for i in range(n):
-        total = q[i]
-        for j in range(n):
-            total += M[i, j] * z[j]
-        w[i] = total
-    return code, judged(q, z, w, z_unit)
+    return code, error_dense(M, q, z, z_unit)
 
 
 @njit(float64(MATRIX), cache=True, nogil=True)

@@ -4,6 +4,7 @@ import numpy as np
 from numba import float64, int64, njit
 
 from cpbench.solvers.kernels.array_types import COMPILED, DATA, DATA_2D
+from cpbench.solvers.kernels.row_errors import largest_dense, rows_dense
 
 
 @njit(float64(DATA, int64, DATA, DATA, DATA, DATA, DATA, float64, float64), **COMPILED)
@@ -55,7 +56,8 @@ def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
 
 @njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA, float64[::1], float64[::1]), **COMPILED)
 def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
-    """Return the judged error of unit * x. K : (N, N). of_u, of_v : (N,), workspace."""
+    """Return the larger one of the judged error of unit * x and of the errors of rows. K : (N, N). of_u, of_v :
+    (N,), workspace."""
     N = k.size
     for i in range(N):
         first = second = 0.0
@@ -64,7 +66,9 @@ def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
         for j in range(n, N):
             second += K[i, j] * x[j]
         of_u[i], of_v[i] = first, second
-    return judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push)
+    error = judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push)
+    S = rows_dense(K, k, x, n, of_u, of_v)  # the workspace holds rows and their units from here on
+    return largest_dense(K, k, x, n, of_u, of_v, S, error)
 
 
 @njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), **COMPILED)

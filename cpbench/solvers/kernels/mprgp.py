@@ -10,7 +10,8 @@ A by rows: values[start[i]:start[i+1]] are in `column`; dense, n rows of n, wher
 import numpy as np
 from numba import boolean, float64, int64, njit, types
 
-from cpbench.solvers.kernels.splitting import DATA, FAST, INDEX, VECTOR
+from cpbench.solvers.kernels.array_types import DATA, INDEX, VECTOR
+from cpbench.solvers.kernels.lcp_error import FAST
 
 LIMIT, SETTLED, RAY, NOT_FINITE = 0, 1, 2, 3
 """As many iterations as asked; the projected gradient is small enough; −p descends without end; not a number."""

@@ -4,43 +4,11 @@ A component that stays where it is costs nothing; one that moves costs an axpy w
 reassociation and contraction are allowed to the compiler, so NaN and infinity keep their meaning.
 """
 
-import numpy as np
 from numba import boolean, float64, int64, njit
 
 from cpbench.solvers.kernels.array_types import DATA, DATA_2D, INDEX, VECTOR
+from cpbench.solvers.kernels.lcp_error import FAST, judged
 from cpbench.solvers.kernels.vectors import put
-
-FAST = {"reassoc", "contract"}
-
-
-@njit(float64(DATA, DATA, DATA, float64), cache=True, fastmath=FAST, error_model="numpy")
-def judged(q, z, w, z_unit):
-    """Return max(natural, unit_free) of `cpbench.formulations.lcp`, with Mz = w - q and its `z_unit`; NaN when
-    anything is."""
-    n = q.size
-    natural = 0.0
-    q_square = 0.0
-    z_top = z_unit
-    w_top = 0.0
-    for i in range(n):
-        least = z[i] if z[i] < w[i] else w[i]
-        natural += least * least
-        q_square += q[i] * q[i]
-        z_top = max(z_top, abs(z[i]))
-        w_top = max(w_top, max(abs(q[i]), abs(w[i] - q[i])))
-    z_scale = 1.0 / z_top if z_top > 0.0 else 1.0
-    w_scale = 1.0 / w_top if w_top > 0.0 else 1.0
-    unit_free = 0.0
-    for i in range(n):
-        a = z[i] * z_scale
-        b = w[i] * w_scale
-        least = a if a < b else b
-        unit_free += least * least
-    natural = np.sqrt(natural)
-    if q_square > 0.0:
-        natural /= np.sqrt(q_square)
-    unit_free = np.sqrt(unit_free)
-    return natural if not natural < unit_free else unit_free
 
 
 @njit(

@@ -1,4 +1,5 @@
-"""When iterates are looked at, and when a method should give up: its error is no number, blew up, does not fall."""
+"""When iterates are looked at, how small what a method watches must be, and when it should give up: its error is no
+number, blew up, does not fall."""
 
 from __future__ import annotations
 
@@ -13,11 +14,23 @@ GAIN = 0.99
 SHARE = 8
 """Iterates are looked at after every iteration at first, and never later than after an eighth more of them."""
 
+REDUCED = 0.3
+"""Where what a method watches was as small as it had to be and the error was not, it must be as small as the error
+wants, times this."""
+LEAST = 1e-3
+"""The most that it is reduced at once."""
+
 
 def next_stop(done: int, until: int, record: Record | None) -> int:
     """Return where compiled iterations, which could run from `done` to `until`, come back: earlier only for who
     records."""
     return until if record is None else min(until, done + 1 + done // SHARE)
+
+
+def reduced(threshold: float, error: float, tolerance: float) -> float:
+    """Return the next threshold of what a method watches, which is met although the error is not within the
+    tolerance."""
+    return threshold * (min(REDUCED, max(LEAST, REDUCED * tolerance / error)) if error > 0.0 else REDUCED)
 
 
 class Progress:

@@ -57,7 +57,7 @@ class BlockRows:
 
     Attributes
     ----------
-    start, column, blocks : block-CSR without the diagonal. diagonal : (nc, d·d). local : (nc, 12).
+    start, column, blocks : block-CSR without the diagonal. diagonal : (nc, d·d). local : (nc, 12). rho : (nc,).
     """
 
     problem: FrictionContact
@@ -66,13 +66,14 @@ class BlockRows:
     blocks: Vector
     diagonal: Dense
     local: Dense
+    rho: Vector
 
     @cached_property
     def law(self) -> tuple[Any, ...]:
         """First arguments of every kernel of sweeps: the data of the problem."""
         problem = self.problem
         matrix = (self.start, self.column, self.blocks, self.diagonal, self.local)
-        return (*matrix, problem.q, problem.mu, problem.rho)
+        return (*matrix, problem.q, problem.mu, self.rho)
 
     @cached_property
     def order(self) -> NDArray[np.int64]:
@@ -198,22 +199,24 @@ def work(problem: FrictionContact, done: int, seen: int) -> dict[str, int]:
 def block_rows(problem: FrictionContact) -> BlockRows:
     """Return W by rows of blocks."""
     d, nc = problem.dimension, problem.nc
-    start = np.zeros(nc + 1, np.uint64)
-    if nc == 0:
-        none = np.zeros(0)
-        sides = (none.reshape(0, d * d), none.reshape(0, 12))
-        return BlockRows(problem, start, np.zeros(0, np.uint32), none, *sides)
-    layout, W = kernel("block_layout"), sparse(problem.W)
-    layout.count(W.indptr, W.indices, d, True, start)
-    column = np.empty(int(start[nc]), np.uint32)
-    # by columns and with one number more, as the kernel of 3×3 blocks reads them with four lanes; by rows else
-    blocks = np.zeros(column.size * d * d + (d == 3))
-    steps = (1, d) if d == 3 else (d, 1)
-    layout.fill(W.indptr, W.indices, W.data, d, True, *steps, start, column, blocks)
-    local = np.empty((nc, 12 if d == 3 else 0))
-    if d == 3:
-        layout.one_contact_constants(problem.diagonal_blocks, local)
-    return BlockRows(problem, start, column, blocks, problem.diagonal_blocks.reshape(nc, d * d), local)
+    layout, W = kernel("block_layout"), problem.W
+    start, diagonal = np.zeros(nc + 1, np.uint64), np.zeros((nc, d, d))
+    local, rho = np.empty((nc, 12 if d == 3 else 0)), np.empty(nc)
+    # 3×3 blocks are read with four lanes: there is one number more
+    if isinstance(W, np.ndarray):
+        column = np.empty(nc * nc - nc, np.uint32)
+        blocks = np.empty(column.size * d * d + (d == 3))
+        compiled(layout.from_dense)(W, start, column, blocks, diagonal, local, rho)
+        some = int(start[nc])
+        column, blocks = column[:some], blocks[: some * d * d + (d == 3)]
+    else:
+        rows = sparse(W)
+        if nc:
+            layout.count(rows.indptr, rows.indices, d, True, start)
+        column = np.empty(int(start[nc]), np.uint32)
+        blocks = np.zeros(column.size * d * d + (d == 3))
+        layout.from_sparse(rows.indptr, rows.indices, rows.data, start, column, blocks, diagonal, local, rho)
+    return BlockRows(problem, start, column, blocks, diagonal.reshape(nc, d * d), local, rho)
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,14 @@ class AutoLCP(AutomaticChoice):
         "newton-pfb",
         "enumeration-lcp",
     )
-    kernels: ClassVar[tuple[str, ...]] = ("pivoting", "lemke_judged", "mprgp", "splitting", "complementary_bases")
+    kernels: ClassVar[tuple[str, ...]] = (
+        "pivoting",
+        "lemke_judged",
+        "lcp_error",
+        "mprgp",
+        "splitting",
+        "complementary_bases",
+    )
 
     def phases(self, problem: LCP) -> Sequence[SolverPhase]:
         n = problem.q.size

@@ -7,16 +7,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
 from cpbench.factorization import sparse_lu
-from cpbench.formulations.base import scaled
-from cpbench.formulations.lcp import LCP, LCPPoint, unit_free_complementarity
-from cpbench.matrices import Matrix, Vector, dense, max_abs, norm
+from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.kernel_cache import compiled, load
+from cpbench.matrices import Matrix, Vector, dense, max_abs, sparse
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench.solvers.native import linear_program
 
@@ -145,93 +144,15 @@ def _feasible_everywhere(problem: LCP) -> bool:
 
 
 def error_of(problem: LCP, z: Vector) -> float:
-    """Return the judged error (`LCP.residuals`, without its readable parts), infinite for an answer that is not
-    finite."""
-    with np.errstate(all="ignore"):
-        q, Mz = problem.q, problem.M @ z
-        w = Mz + q
-        natural = scaled(norm(np.minimum(z, w)), norm(q))
-        z_scale, w_scale = max(max_abs(z), problem.z_unit), max(max_abs(q), max_abs(Mz))
-        error = max(natural, unit_free_complementarity(z, w, z_scale, w_scale))
-    return error if math.isfinite(natural) and math.isfinite(error) else math.inf
-
-
-def measured(problem: LCP, z: Vector) -> float:
-    """Compute `error_of` by a compiled loop, for those who have loaded one: a tenth of its time where z is short."""
-    from cpbench.kernel_cache import load
-
-    with np.errstate(all="ignore"):
-        w = problem.M @ z + problem.q
-    error = load("cpbench.solvers.kernels.splitting").judged(problem.q, z, w, problem.z_unit)
+    """Return the larger one of the judged error and of the errors of rows (`row_errors`), infinite for an answer that
+    is not finite."""
+    M, kernel = problem.M, load("cpbench.solvers.kernels.lcp_error")
+    if isinstance(M, np.ndarray):
+        error = compiled(kernel.error_dense)(M, problem.q, z, problem.z_unit)
+    else:
+        M = sparse(M)
+        error = kernel.error_sparse(M.indptr, M.indices, M.data, problem.q, z, problem.z_unit)
     return error if math.isfinite(error) else math.inf
-
-
-APART = 2.0**20
-"""The largest entries of rows, or of columns, differ by more: below, double precision has digits enough."""
-PASSES = 8
-"""Passes of Ruiz' scaling; each takes the square root of what is left of the differences."""
-
-
-def _tops(size: Any, axis: int) -> Vector:
-    top = size.max(axis=axis)
-    return top if isinstance(top, np.ndarray) else top.toarray().ravel()
-
-
-def _apart(tops: Vector) -> bool:
-    some = tops[tops > 0]
-    return bool(some.size) and bool(some.max() > APART * some.min())
-
-
-_UNITS: WeakKeyDictionary[LCP, tuple[Vector, Vector] | None] = WeakKeyDictionary()
-
-
-def even_units(problem: LCP) -> tuple[Vector, Vector] | None:
-    """Return D₁ and D₂ for which the rows and columns of D₁MD₂ are of like size; None where those of M are not far
-    apart. They are found once for a problem: repeated solves need not look at all of M again."""
-    if problem not in _UNITS:
-        _UNITS[problem] = _even_units(problem)
-    return _UNITS[problem]
-
-
-def _even_units(problem: LCP) -> tuple[Vector, Vector] | None:
-    size: Any = abs(problem.M)
-    if not size.size or not (_apart(_tops(size, 1)) or _apart(_tops(size, 0))):
-        return None
-    rows, unknowns = np.ones((2, problem.q.size))
-    for _ in range(PASSES):
-        for scales, axis in ((rows, 1), (unknowns, 0)):
-            if isinstance(size, np.ndarray):
-                now: Any = rows[:, None] * size * unknowns
-            else:
-                now = sp.csr_array(size.multiply(rows[:, None]).multiply(unknowns))
-            top = _tops(now, axis)
-            scales /= np.sqrt(np.where(top > 0, top, 1.0))
-    return rows, unknowns
-
-
-def checked_in_even_units(problem: LCP, z: Vector, error: float, tolerance: float) -> tuple[Vector, float]:
-    """Return an answer within the tolerance and its error, the larger one of that in even units: a norm sees nothing
-    of rows 2^20 times smaller than others. Where only that is beyond the tolerance, the basic solution that it tells
-    is tried."""
-    units = even_units(problem)
-    if units is None:
-        return z, error
-    rows, unknowns = units
-
-    def worst(x: Vector) -> tuple[float, np.ndarray[Any, Any]]:
-        Mx = problem.M @ x
-        w = rows * (Mx + problem.q)
-        size = max(max_abs(rows * problem.q), max_abs(rows * Mx))
-        found = scaled(max_abs(np.minimum(x / unknowns, w)), size)
-        return found if math.isfinite(found) else math.inf, x / unknowns > w
-
-    found, active = worst(z)
-    if found > tolerance:
-        better = refined(problem.M, problem.q, np.where(active, z, 0.0), active)
-        again, least = worst(better)[0], error_of(problem, better)
-        if max(again, least) < found:
-            return better, max(again, least)
-    return z, max(error, found)
 
 
 def conclude(
@@ -251,8 +172,6 @@ def conclude(
     """
     error = error_of(problem, z) if error is None else error
     if error <= budget.tolerance:  # finite, so z is
-        z, error = checked_in_even_units(problem, z, error, budget.tolerance)
-    if error <= budget.tolerance:
         return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z), counters=counters)
     if not np.isfinite(z).all():
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message or "the answer is not finite")
@@ -273,10 +192,10 @@ def ended_in_basis(
     problem: LCP, z: Vector, F: np.ndarray[Any, Any], budget: Budget, counters: dict[str, int]
 ) -> SolverOutput:
     """Return the claim of a method that ended in the basis of F: z, or what one step of refinement makes of it."""
-    error = measured(problem, z)
+    error = error_of(problem, z)
     if not error <= budget.tolerance:
         candidate = refined(dense(problem.M), problem.q, z, F)
         counters["factorizations"] = counters.get("factorizations", 0) + 1
-        if (better := measured(problem, candidate)) < error:
+        if (better := error_of(problem, candidate)) < error:
             z, error = candidate, better
     return conclude(problem, z, budget, counters, error=error)

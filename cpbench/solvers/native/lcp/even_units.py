@@ -14,8 +14,12 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.kernel_cache import load
 from cpbench.matrices import Vector
 from cpbench.solvers.base import SolverOutput
-from cpbench.solvers.native.lcp.claims import PASSES
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp
+
+APART = 2.0**20
+"""The largest entries of rows, or of columns, differ by more: below, double precision has digits enough."""
+PASSES = 8
+"""Passes of Ruiz' scaling; each takes the square root of what is left of the differences."""
 
 
 @dataclass(frozen=True)

@@ -141,8 +141,8 @@ def _solve(
     limit = budget.iterations or options.max_iterations
     deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
     counters = {"iterations": 0, "factorizations": 0}
-    shown = np.zeros(prepared.k.size) if start is None else start
-    best, least = shown, np.inf
+    best = shown = first = np.zeros(prepared.k.size) if start is None else start
+    least = np.inf
     at: _Iterate | None = None
     claim, message = Claim.MAX_ITER, f"{limit} iterations"
     while True:
@@ -168,7 +168,9 @@ def _solve(
                 )
         if trouble is not None or at is None:
             counters["iterations"] += 1
-            best, least = min((best, least), _finished(prepared, best, budget), key=lambda found: found[1])
+            # what has no interior is left far behind by interior points: Newton's method goes on from the start, too
+            ends = (_finished(prepared, x, budget) for x in (best, first))
+            best, least = min((best, least), *ends, key=lambda found: found[1])
             if record is not None:
                 record(counters["iterations"], least, partial(answer, best))
             claim, message = Claim.INACCURATE if least <= CLOSE * budget.tolerance else Claim.FAILED, str(trouble)

@@ -11,8 +11,8 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.kernel_cache import compiled, load
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved_at
 from cpbench.solvers.native import linear_program
-from cpbench.solvers.native.lcp.claims import APART, conclude, dense_obstacle, error_of
-from cpbench.solvers.native.lcp.even_units import EvenLCP, in_even_units
+from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, error_of
+from cpbench.solvers.native.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench.solvers.native.lcp.lemke_columns import BLOCKS
 from cpbench.solvers.native.lcp.lemke_run import SMALL, LemkeOptions, LemkeRun, judged

@@ -20,16 +20,11 @@ from cpbench.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.claims import CLOSE, conclude, dense_obstacle, error_of, farkas, recorded
-from cpbench.solvers.native.progress import Progress, next_stop
+from cpbench.solvers.native.progress import Progress, next_stop, reduced
 from cpbench.solvers.options import fixed, searched
 
 CHUNK = 256
 """The most steps between two measurements in full, and with one gradient."""
-REDUCED = 0.3
-"""Where the projected gradient was as small as asked and the error was not, it must be as small as the tolerance
-wants, times this."""
-LEAST = 1e-3
-"""The most that it is reduced at once."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +150,7 @@ def minimize(
         elif outcome == kernel.SETTLED:
             # the projected gradient said that it was done, and the measured error does not: by as much as that is too
             # large
-            threshold *= min(REDUCED, max(LEAST, REDUCED * budget.tolerance / error if error > 0 else REDUCED))
+            threshold = reduced(threshold, error, budget.tolerance)
             if threshold < 1e-18 * box.size and why is None:
                 why = f"stalled at {least:.1e} after {done} steps: the gradient is lost in rounding"
         if why is None and time.monotonic() > deadline:

@@ -14,8 +14,8 @@ import scipy.sparse as sp
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, recorded
-from cpbench.solvers.native.progress import Progress, next_stop
+from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, error_of, recorded
+from cpbench.solvers.native.progress import Progress, next_stop, reduced
 from cpbench.solvers.options import fixed, searched
 
 CHUNK = 256
@@ -97,29 +97,35 @@ class SplittingSolver(Solver):
         limit = budget.iterations or options.max_iterations
         deadline = time.monotonic() + budget.seconds
         progress = Progress(options.stall_window)
-        sweeps, products = 0, 1
-        error = afresh(*prepared.matrix, q, z, problem.z_unit, w)
-        if record is not None:
-            record(0, error, lambda: LCPPoint(z))
+        sweeps, products, aim, known = 0, 0, budget.tolerance, None
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
-        # the kernel's w drifts by rounding, so it starts afresh in every chunk and an end is confirmed here
-        while not error <= budget.tolerance and sweeps < limit:
+        while True:
+            # the kernel's w drifts by rounding, so it starts afresh in every chunk and an end is confirmed here
+            error, products = afresh(*prepared.matrix, q, z, problem.z_unit, w), products + 1
+            if record is not None and not sweeps:
+                record(0, error, lambda: LCPPoint(z))
+            if error <= aim:
+                error, products = error_of(problem, z), products + 1
+                if error <= budget.tolerance:
+                    known = error
+                    break
+                aim = reduced(aim, error, budget.tolerance)
+            if sweeps >= limit:
+                break
             until = min(limit, sweeps + CHUNK)
-            while sweeps < until and error > budget.tolerance and time.monotonic() <= deadline:
+            while sweeps < until and error > aim and time.monotonic() <= deadline:
                 errors = np.empty(next_stop(sweeps, min(until, 2 * sweeps + FEW), record) - sweeps)
-                done = sweep(z, w, budget.tolerance, errors)
+                done = sweep(z, w, aim, errors)
                 sweeps, error = sweeps + done, float(errors[done - 1])
                 if record is not None:
                     record(sweeps, error, lambda: LCPPoint(z))
             why = progress.trouble(sweeps, error)
-            if why is None and sweeps < until and error > budget.tolerance:
+            if why is None and sweeps < until and error > aim:
                 why = f"out of time after {sweeps} sweeps"
             if why is not None:
                 claim, message = Claim.FAILED, why
                 break
-            error, products = afresh(*prepared.matrix, q, z, problem.z_unit, w), products + 1
         counters = {"iterations": sweeps, "matrix_vector_products": products}
-        known = error if claim is Claim.MAX_ITER else None
         output = conclude(problem, z, budget, counters, error=known, otherwise=claim, message=message)
         return recorded(output, z, problem, record, sweeps + 1)
 

@@ -57,9 +57,14 @@ class ScaledMLCP:
         return np.concatenate([point.u, np.maximum(point.v, 0.0)]) / self.unit
 
     def error(self, x: Vector) -> float:
-        """Return the judged error, infinite for an answer that is not finite."""
-        if matrices.is_sparse(self.K):
-            return self.problem.residuals(self.point(x)).error
+        """Return the larger one of the judged error and of the errors of rows (`row_errors`), infinite for an answer
+        that is not finite."""
+        K: Any = self.K
+        if matrices.is_sparse(K):
+            kernel, (w, unit) = load("cpbench.solvers.kernels.row_errors"), np.empty((2, self.k.size))
+            matrix, error = (K.indptr, K.indices, K.data), self.problem.residuals(self.point(x)).error
+            S = kernel.rows_sparse(*matrix, self.k, x, self.free, w, unit)
+            return kernel.largest_sparse(*matrix, self.k, x, self.free, w, unit, S, error)
         kernel = load("cpbench.solvers.kernels.mlcp_judged")
         # compiled, since small problems spend more time on measuring than on solving
         error: float = kernel.error_of(

@@ -19,7 +19,7 @@ from cpbench.formulations.mlcp import MLCP
 from cpbench.matrices import Vector, sparse
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale
-from cpbench.solvers.native.progress import Progress, next_stop
+from cpbench.solvers.native.progress import Progress, next_stop, reduced
 from cpbench.solvers.options import fixed, searched
 from cpbench.transversal import has_full_structural_rank
 
@@ -123,15 +123,15 @@ class _Splitting(Solver):
         sweeps, products, chunk = 0, 1, 4
         if record is not None:
             record(0, least, lambda: scaled.point(x))
-        error, claim, message = least, Claim.MAX_ITER, f"{limit} sweeps"
+        claim, message, aim = Claim.MAX_ITER, f"{limit} sweeps", budget.tolerance
         x = np.array(x)
         while not least <= budget.tolerance and sweeps < limit:
             until = min(limit, sweeps + chunk)
             of_u, of_v = scaled.K[:, :n] @ x[:n], scaled.K[:, n:] @ x[n:]
             error = np.inf
-            while sweeps < until and error > budget.tolerance:
+            while sweeps < until and error > aim:
                 errors = np.empty(next_stop(sweeps, until, record) - sweeps)
-                done = sweep(*prepared.matrix, *law, x, of_u, of_v, omega, budget.tolerance, errors)
+                done = sweep(*prepared.matrix, *law, x, of_u, of_v, omega, aim, errors)
                 sweeps, error = sweeps + done, float(errors[done - 1])
                 if record is not None:
                     record(sweeps, error, lambda: scaled.point(x))
@@ -139,8 +139,10 @@ class _Splitting(Solver):
             why = progress.trouble(sweeps, error)
             if why is None and time.monotonic() > deadline:
                 why = f"out of time after {sweeps} sweeps"
-            if error < least:
-                best, least = np.array(x), scaled.error(x)
+            if error < least and (all_rows := scaled.error(x)) < least:
+                best, least = np.array(x), all_rows
+            if error <= aim:
+                aim = reduced(aim, least, budget.tolerance)
             if why is not None:
                 claim, message = Claim.FAILED, why
                 break
