@@ -17,6 +17,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.native.contact.admm_global import Dynamics
+from cpbench.solvers.native.contact.dynamics_error import DynamicsError
 from cpbench.solvers.native.contact.nsgs_global import Bodies, VelocitySweeps
 from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows
 from cpbench.testing import planted_contact
@@ -205,3 +206,124 @@ def test_real_files_by_gauss_seidel_on_velocities(shared_data: Path, file: str, 
     output = solvers.get("nsgs-gfc").run(problem, Budget(tolerance=tolerance, seconds=120.0))
     assert output.claim is Claim.SOLVED, output.message
     assert_claim(problem, output.point, tolerance)
+
+
+def tower(seed: int, dimension: int = 3) -> GlobalFrictionContact:
+    """Four boxes on each other, the ground sloping, four contacts (two in the plane) under each, masses to 1000 times
+    apart: hyperstatic, with reactions that are large beside all velocities."""
+    rng = np.random.default_rng(seed)
+    plane = dimension == 2
+    freedoms, corners = (3, [[-1.0], [1.0]]) if plane else (6, [[x, y] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
+    boxes, per = 4, len(corners)
+    masses, n = 10.0 ** rng.uniform(-1.5, 1.5, boxes), boxes * freedoms
+    H = np.zeros((n, boxes * per * dimension))
+    for box in range(boxes):
+        for k, corner in enumerate(corners):
+            for sign, body, height in ((1.0, box, -0.5), (-1.0, box - 1, 0.5)):
+                if body < 0:
+                    continue
+                arm = np.array([*corner, height])  # normal is the last axis of the body, first of the contact
+                own = slice(body * freedoms, (body + 1) * freedoms)
+                for row, axis in enumerate(np.roll(np.eye(dimension), 1, axis=0)):
+                    turn = [arm[0] * axis[1] - arm[1] * axis[0]] if plane else np.cross(arm, axis)
+                    H[own, (box * per + k) * dimension + row] = sign * np.concatenate([axis, turn])
+    weights = np.zeros((boxes, freedoms))
+    weights[:, :dimension] = -0.1 * masses[:, None] * np.array([0.1] * (dimension - 1) + [1.0])
+    inertia = np.concatenate([np.ones(dimension), np.full(freedoms - dimension, 0.2)])
+    return GlobalFrictionContact(
+        M=sp.csr_array(sp.diags_array(np.outer(masses, inertia).ravel())),
+        H=sp.csr_array(H),
+        f=weights.ravel(),
+        w=np.zeros(H.shape[1]),
+        mu=rng.uniform(0.05, 0.8, boxes * per),
+        dimension=dimension,
+    )
+
+
+@pytest.mark.parametrize("name", ["admm-gfc", "auto-gfc", "nsgs-gfc"])
+def test_what_is_claimed_of_bodies_that_press_and_hardly_move_is_so(name: str) -> None:
+    claimed = 0
+    for seed in range(4):
+        for tolerance in (1e-4, 1e-8):
+            problem = tower(seed, 2 + seed % 2)
+            output = solvers.get(name).run(problem, Budget(tolerance=tolerance, seconds=1.0))
+            if output.claim is Claim.SOLVED:
+                claimed += 1
+                assert judge(problem, output.point, tolerance).solved, (seed, tolerance)
+    assert claimed >= 6
+
+
+def test_norms_alone_would_claim_what_is_not_so() -> None:
+    """The verdict sees what is wrong, and so does the error by which methods end."""
+    wrong = 0
+    for seed in range(4):
+        problem = tower(seed, 2 + seed % 2)
+        made, error = Bodies.of(problem), DynamicsError.of(problem)
+        method = VelocitySweeps(made, np.zeros(problem.w.size))
+        point = made.point(method.r)
+        while problem.residuals(point).error > 1e-4:
+            method.step(50, 1.0, 1.0)
+            point = made.point(method.r)
+        backward = judge(problem, point, 1e-4).error
+        wrong += backward > 1e-4
+        assert error(point) >= backward
+        assert error(point) <= max(1.5 * backward, problem.residuals(point).error)
+    assert wrong
+
+
+def even_units(A: np.ndarray) -> np.ndarray:
+    """log₂ of the D that make D_i A_ij D_j about 1: four times least squares, solved with numpy."""
+    row, column = np.nonzero(A)
+    logs, at, x, weight = np.log2(A[row, column]), np.arange(row.size), np.zeros(len(A)), np.ones(row.size)
+    for _ in range(4):
+        design = np.zeros((row.size, len(A)))
+        np.add.at(design, (at, row), 1.0)
+        np.add.at(design, (at, column), 1.0)
+        root = np.sqrt(weight)[:, None]
+        x = np.linalg.lstsq(root * design, -root[:, 0] * logs, rcond=None)[0]
+        weight = np.exp2(np.minimum(logs + x[row] + x[column], 0.0))
+    return x
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("node", ["gfc", "grfc"])
+def test_the_error_of_dynamics_is_that_of_plain_numpy(rng: np.random.Generator, node: str, sparse: bool) -> None:
+    """Norms of `residuals`, and the parts with the compiled units, which are those of least squares but for a tenth."""
+    for seed in range(4):
+        problem, answer = problem_of(node, seed, sparse=sparse)
+        M, H, G = (A.toarray() if sparse else A for A in (problem.M, problem.H, problem.G))
+        lengths, law = problem.lengths, problem.law.in_units(problem.lengths)
+        nc, n = problem.nc, problem.f.size
+        Hn = np.linalg.norm((H * lengths.ravel()).reshape(n, nc, -1), axis=2)
+        A = np.zeros((nc + n + problem.b.size,) * 2)
+        A[nc : nc + n, :nc], A[nc : nc + n, nc : nc + n], A[nc : nc + n, nc + n :] = Hn, abs(M), abs(G)
+        A = np.maximum(A, A.T)
+        measured = DynamicsError.of(problem)
+        D = measured.units
+        even = np.log2(D) - even_units(A)
+        assert np.ptp(even) < 0.4
+        constants = np.concatenate(
+            [np.linalg.norm(problem.w.reshape(nc, -1) * lengths, axis=1), abs(problem.f), abs(problem.b)]
+        )
+        for size in (1e-6, 1e-3, 1.0):
+            v, r, lam = (x + size * rng.standard_normal(x.size) for x in (answer.v, answer.r, answer.lam))
+            R, U = r.reshape(nc, -1) / lengths, law.shift((H.T @ v + problem.w).reshape(nc, -1) * lengths)
+            equations = np.concatenate([M @ v - H @ r - G @ lam - problem.f, G.T @ v + problem.b])
+            sums = A @ np.concatenate([np.linalg.norm(R, axis=1), abs(v), abs(lam)])
+            idle = np.zeros(D.size, bool)
+            idle[:nc] = np.einsum("ij,ij->i", R, U) > 0
+            force, other = slice(nc, nc + n), np.r_[0:nc, nc + n : D.size]
+            counted = np.where(idle, sums, np.maximum(sums, constants))
+            F = np.linalg.norm((D * counted)[force])
+            V = max(np.linalg.norm((D * counted)[other]), np.linalg.norm(v / D[force]))
+            x, f = R * (Hn * D[force, None] / F).max(axis=0)[:, None], U * D[:nc, None] / V
+            parts = [(x - law.project(x - f)).ravel(), equations[:n] * D[force] / F, equations[n:] * D[nc + n :] / V]
+            beyond = np.linalg.norm(law.project(-U), axis=1) * D[:nc] / np.linalg.norm((D * constants)[other])
+            expected = max(
+                problem.residuals(GFCPoint(v=v, r=r, lam=lam)).error,
+                1.1 * np.linalg.norm(np.concatenate(parts)),
+                beyond.max() ** 2,
+                (abs(equations[:n]) * D[force]).max() ** 2 / np.linalg.norm((D * constants)[force]) ** 2,
+                (abs(equations[n:]) * D[nc + n :]).max(initial=0) ** 2 / np.linalg.norm((D * constants)[other]) ** 2,
+            )
+            assert measured(GFCPoint(v=v, r=r, lam=lam)) == pytest.approx(expected, rel=1e-6), (seed, size)

@@ -54,7 +54,8 @@ def _defect(r, u, mu, mu_r, rho, x):
 
 
 @njit(error_model="numpy")
-def _square(x):
+def square(x):
+    """Return ‖x‖²."""
     total = 0.0
     for i in range(x.size):
         total += x[i] * x[i]
@@ -79,16 +80,16 @@ def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r):
         _add_own(diagonal, c, own, v, u)
         energy += _defect(own, u, mu[c], mu_r[c], rho[c], x) / rho[c]
         opening += rho[c] * _defect(zero, u, mu[c], mu_r[c], 1.0, x)
-        rr_e += _square(own) / rho[c]
-        uu_e += _square(u) * rho[c]
-        qq_e += _square(free) * rho[c]
+        rr_e += square(own) / rho[c]
+        uu_e += square(u) * rho[c]
+        qq_e += square(free) * rho[c]
         for i in range(d):  # with moments as such
             unit = lengths[c] if i > (d - 1) // 2 else 1.0
             plain_r[i], plain_u[i], plain_q[i] = own[i] * unit, u[i] / unit, free[i] / unit
         natural += _defect(plain_r, plain_u, mu[c], mu_r[c] * lengths[c], 1.0, x)
-        rr += _square(plain_r)
-        uu += _square(plain_u)
-        qq += _square(plain_q)
+        rr += square(plain_r)
+        uu += square(plain_u)
+        qq += square(plain_q)
     if qq > 0.0:
         natural /= max(qq, max(rr, uu))
         energy /= max(qq_e, max(rr_e, uu_e))

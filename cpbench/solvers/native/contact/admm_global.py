@@ -17,10 +17,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.factorization import Factorization
+from cpbench.formulations.base import formulations
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.matrices import Matrix, Vector, block, identity, max_abs, sparse, transpose, zeros
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
+from cpbench.solvers.native.contact.dynamics_error import DynamicsError
 from cpbench.solvers.native.contact.run import iterate_on
 
 RELAXED, REFINEMENTS = 1e-8, 3
@@ -43,6 +45,7 @@ class Dynamics(Delassus):
         D = sp.diags_array(self.s)
         self._columns: Matrix = sp.csr_array(sparse(H) @ D) if sp.issparse(H) else np.asarray(H * self.s)
         self._free = self.s * (problem.H.T @ self._motion(np.zeros_like(self.s))[0] + problem.w)
+        self.error = DynamicsError.of(problem)
 
     def factorize(self, rho: float) -> None:
         problem, H = self.problem, self._columns
@@ -96,6 +99,11 @@ class GlobalADMM(Solver):
     def obstacle(self, problem: GlobalContact) -> str | None:
         return "M is singular: velocities do not follow from reactions" if problem.factorization.singular else None
 
+    def warmup(self) -> None:
+        one, node = np.eye(3), formulations.get(self.spec.node)
+        law = {"mu": [0.5], "dimension": 3} | ({"mu_r": [0.1]} if self.spec.node == "grfc" else {})
+        self.run(node(M=one, H=one, f=-one[0], w=np.zeros(3), **law))
+
     def setup(self, problem: GlobalContact, budget: Budget, options: ConicADMMOptions) -> Dynamics:
         return Dynamics(problem)
 
@@ -111,7 +119,7 @@ class GlobalADMM(Solver):
         r = np.zeros(problem.w.size) if start is None else np.array(start.r)
 
         method = ConicADMM(prepared, options, r, budget)
-        return iterate_on(problem, prepared.point, method, budget, options, record)
+        return iterate_on(prepared.error, prepared.point, method, budget, options, record)
 
 
 def _spec(name: str, node: str, summary: str) -> SolverSpec:

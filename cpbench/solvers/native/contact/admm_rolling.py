@@ -66,5 +66,8 @@ class RollingADMM(Solver):
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
 
+        def measured(point: FCPoint) -> float:
+            return problem.residuals(point, budget.tolerance).error
+
         method = ConicADMM(prepared, options, r, budget)
-        return iterate_on(problem, FCPoint, method, budget, options, record)
+        return iterate_on(measured, FCPoint, method, budget, options, record)

@@ -4,32 +4,35 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.formulations.global_contact import GFCPoint
+from cpbench.matrices import EPS
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
 from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
 from cpbench.solvers.native.contact.condensed import Condensed, condensed
+from cpbench.solvers.native.contact.dynamics_error import DynamicsError
+from cpbench.solvers.native.progress import reduced
 
 SWEEPS, ITERATIONS = 2_000, 1_000
 """Of Gauss–Seidel and of ADMM, which stand still for different reasons, before the other goes on from there."""
 LOCAL = "auto-fc"
 FINER = 0.1
-"""Times the tolerance is what is asked for in r: in v and r, part by part, the same answer has a few times its error.
-Once more where that does not do."""
+"""Times the tolerance is what is asked for in r at first: in v and r, part by part, the same answer has a few times its
+error."""
 
 
 @dataclass(frozen=True)
 class PreparedCondensed:
-    """Prepared problem: the problem condensed and what the local solver has made of it."""
+    """Prepared problem: the problem condensed, what the local solver has made of it, and the error of answers."""
 
     condensed: Condensed
     local: Any
     options: Any
+    error: DynamicsError
 
 
 @register
@@ -56,7 +59,7 @@ class AutoGlobal(AutomaticChoice):
             return super().setup(problem, budget, options)
         solver = solvers.get(LOCAL)
         own = solver.spec.options()
-        return PreparedCondensed(small, solver.setup(small.local, budget, own), own)
+        return PreparedCondensed(small, solver.setup(small.local, budget, own), own, DynamicsError.of(problem))
 
     def warmup(self) -> None:
         super().warmup()
@@ -74,7 +77,7 @@ class AutoGlobal(AutomaticChoice):
             return super().solve(prepared, budget, options, start, record)
         end = time.monotonic() + budget.seconds
         output = _locally(solvers.get(LOCAL), prepared, budget, start, record)
-        left = _left(budget, output, end)
+        left = _left(budget, output.counters, budget, end)
         if output.claim is Claim.SOLVED or left is None:
             return output
         plan = super().setup(prepared.condensed.problem, left, options)
@@ -83,40 +86,43 @@ class AutoGlobal(AutomaticChoice):
         return replace(rest, counters=counters, message="; ".join(m for m in (output.message, rest.message) if m))
 
 
-def _left(budget: Budget, output: SolverOutput, end: float) -> Budget | None:
-    """Return what is left of a budget, None where that is nothing."""
+def _left(finer: Budget, counters: Mapping[str, int], budget: Budget, end: float) -> Budget | None:
+    """Return what is left of a budget, with the tolerance of `finer`; None where that is nothing."""
     seconds = end - time.monotonic()
-    spent = output.counters.get("iterations", 0)
+    spent = counters.get("iterations", 0)
     iterations = None if budget.iterations is None else budget.iterations - spent
     if seconds <= 0.0 or (iterations is not None and iterations <= 0):
         return None
-    return replace(budget, seconds=seconds, iterations=iterations)
+    return replace(finer, seconds=seconds, iterations=iterations)
 
 
 def _locally(
     solver: Solver, prepared: PreparedCondensed, budget: Budget, start: Any | None, record: Record | None
 ) -> SolverOutput:
-    """Solve the condensed problem more finely than is asked for, and once more so where that does not do."""
-    small, problem = prepared.condensed, prepared.condensed.problem
+    """Solve the condensed problem more finely than is asked for, and again where the lifted answer is not good
+    enough."""
+    small, end = prepared.condensed, time.monotonic() + budget.seconds
     begin = None if start is None else FCPoint(start.r)
     passing = None if record is None else _lifting(record, small)
-    finer = replace(budget, tolerance=FINER * budget.tolerance)
-    output = solver.solve(prepared.local, finer, prepared.options, begin, passing)
-    point = None if output.point is None else small.lift(output.point)
-    claim = output.claim
-    if point is not None and _solves(problem, point, budget):
-        claim = Claim.SOLVED
-    elif point is not None and claim is Claim.SOLVED:
-        finest = replace(finer, tolerance=FINER * finer.tolerance)
-        again = solver.solve(prepared.local, finest, prepared.options, output.point)
-        point = point if again.point is None else small.lift(again.point)
-        claim = Claim.SOLVED if _solves(problem, point, budget) else Claim.INACCURATE
+    finer, counters = replace(budget, tolerance=FINER * budget.tolerance), Counter[str]()
+    while True:
+        output = solver.solve(prepared.local, finer, prepared.options, begin, passing)
+        counters.update(output.counters)
+        point, claim = None, output.claim
+        if output.point is not None:
+            begin, passing, point = output.point, None, small.lift(output.point)
+            error = prepared.error(point)
+            if error <= budget.tolerance:
+                claim = Claim.SOLVED
+            elif claim is Claim.SOLVED:
+                claim = Claim.INACCURATE
+                finer = replace(finer, tolerance=reduced(finer.tolerance, error, budget.tolerance))
+        left = _left(finer, counters, budget, end)
+        if claim is not Claim.INACCURATE or left is None or finer.tolerance < EPS:
+            break
+        finer = left
     message = f"condensed, {LOCAL}" + (f": {output.message}" if output.message else "")
-    return replace(output, claim=claim, point=point, message=message)
-
-
-def _solves(problem: GlobalFrictionContact, point: GFCPoint, budget: Budget) -> bool:
-    return problem.residuals(point, budget.tolerance).error <= budget.tolerance
+    return replace(output, claim=claim, point=point, counters=dict(counters), message=message)
 
 
 def _lifting(record: Record, small: Condensed) -> Record:

@@ -17,6 +17,7 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.matrices import Dense, Sparse, Vector, freeze, sparse
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.contact.dynamics_error import DynamicsError
 from cpbench.solvers.native.contact.run import ContactMethod, MethodOptions, iterate_on
 from cpbench.solvers.native.contact.sweeps import kernel
 
@@ -43,6 +44,7 @@ class Bodies:
     free: Vector
     diagonal: Dense
     local: Dense
+    error: DynamicsError
 
     @classmethod
     def of(cls, problem: GlobalFrictionContact) -> Bodies:
@@ -60,7 +62,8 @@ class Bodies:
         kernel("velocity_sweeps").diagonal_blocks(start, A, D)
         if d == 3:
             layout.one_contact_constants(D, local)
-        return cls(problem, start, unknown, A, inverse @ problem.f, freeze(D.reshape(nc, d * d)), local)
+        error = DynamicsError.of(problem)
+        return cls(problem, start, unknown, A, inverse @ problem.f, freeze(D.reshape(nc, d * d)), local, error)
 
     def point(self, r: Vector) -> GFCPoint:
         """Return the answer that these reactions make."""
@@ -148,4 +151,4 @@ class NSGSGlobal(Solver):
         r = np.zeros(problem.w.size) if start is None else np.array(start.r)
 
         method = VelocitySweeps(prepared, r)
-        return iterate_on(problem, prepared.point, method, budget, options, record)
+        return iterate_on(prepared.error, prepared.point, method, budget, options, record)

@@ -13,7 +13,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.base import Problem
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Vector
@@ -117,18 +116,17 @@ class MethodOptions:
 
 
 def iterate_on(
-    problem: Problem,
+    measured: Callable[[Any], float],
     answer: Callable[[Vector], Any],
     method: ContactMethod,
     budget: Budget,
     options: MethodOptions,
     record: Record | None,
 ) -> SolverOutput:
-    """Run `iterate` and `finish`, judged by the problem's own residuals of the point that `answer` makes of
-    reactions."""
+    """Run `iterate` and `finish`, judged by what is measured of the point that `answer` makes of reactions."""
 
     def judged(r: Vector) -> float:
-        return problem.residuals(answer(r), budget.tolerance).error if np.isfinite(r).all() else float("nan")
+        return measured(answer(r)) if np.isfinite(r).all() else float("nan")
 
     limit = budget.iterations or options.max_iterations
     return finish(iterate(method, judged, answer, budget, limit, options.stall_window, record), answer, budget)

@@ -18,8 +18,8 @@ LARGE = 300
 """Unknowns beyond which conjugate gradients on faces are ahead of factorizations where there are no rows."""
 STEPS = 5
 """Of conjugate gradients on faces, times √n, a product with Q each: on a grid in the plane one face takes about √n."""
-
-
+ON_SMALL = SolverPhase("proximal-active-set"), SolverPhase("interior-point-qp"), SolverPhase("augmented-lagrangian")
+ACTIVE_SET = ProximalActiveSetOptions()
 OTHERS = ("clarabel", "piqp", "highs", "proxqp", "osqp")
 """Solvers of other packages, those first that solve the most of the Maros-Meszaros problems."""
 
@@ -54,9 +54,7 @@ class AutoQP(AutomaticChoice):
     def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Plan:
         if 0 < problem.p.size <= SMALL:
             # one compiled call, which finds out by itself whether Q is convex
-            phases = tuple(self.phases(problem))
-            solver = warming.ready(phases[0].solver, quickly=True)
-            plan = Plan(problem, phases, problem, ProximalActiveSetOptions(), solver)
+            plan = Plan(problem, ON_SMALL, problem, ACTIVE_SET, warming.ready("proximal-active-set", quickly=True))
         else:
             plan = super().setup(problem, budget, options)
         if options.members == "native":
@@ -67,9 +65,7 @@ class AutoQP(AutomaticChoice):
 
     def phases(self, problem: QP) -> Sequence[SolverPhase]:
         n, rows = problem.p.size, problem.b.size + problem.d.size
-        interior, last = SolverPhase("interior-point-qp"), SolverPhase("augmented-lagrangian")
-        active = [SolverPhase("proximal-active-set"), SolverPhase("dual-active-set")]
         if n <= SMALL:
-            return [active[0], interior, last]
+            return ON_SMALL
         faces = [SolverPhase("mprgp-qp", int(STEPS * math.sqrt(n)))] if n > LARGE and not rows else []
-        return [*faces, interior, last, *active]
+        return [*faces, *ON_SMALL[1:], ON_SMALL[0], SolverPhase("dual-active-set")]

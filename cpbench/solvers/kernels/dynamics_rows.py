@@ -1,0 +1,231 @@
+"""Rows of dynamics, joints and contacts as they are felt: the sizes of their terms, and the units that make these even.
+
+Blocks are the contacts, then the velocities, then the joints, numbered in this order. The matrix of a global contact
+problem by blocks, [[0, Hᵀ, 0], [H, M, G], [0, Gᵀ, 0]], is in CSR, with the norm of every block.
+"""
+
+import numpy as np
+from numba import boolean, int64, njit, types, void
+
+from cpbench.solvers.kernels.array_types import COMPILED, DATA, INDEX, VECTOR
+
+BOOLEAN = types.Array(boolean, 1, "C", readonly=True)
+HEARD = 0.1
+"""Share of the constant of an idle contact that the other terms must reach for it to give a size."""
+
+PASSES = 4
+"""Solutions of the least-squares problem, the later ones with less weight on terms that stay small."""
+STEPS = 200
+BITS = 0.01
+"""Conjugate gradients end where rows are off by less in the root mean square: sizes are compared, no digits."""
+
+
+@njit(
+    int64(INDEX, INDEX, INDEX, INDEX, INDEX, INDEX, int64, int64, int64[::1]),
+    **COMPILED,
+)
+def count(M_start, M_column, H_start, H_column, G_start, G_column, width, contacts, start):
+    """Set start[i + 1] to the number of blocks in the rows before and of block i; return how many there are.
+
+    Parameters
+    ----------
+    M, H, G : in CSR with sorted columns; `width` columns of H a contact. start : (blocks + 1,) of zeros.
+    """
+    n = M_start.size - 1
+    for e in range(n):
+        own = contacts + e
+        start[own + 1] += M_start[e + 1] - M_start[e]
+        last = -1
+        for k in range(H_start[e], H_start[e + 1]):
+            c = H_column[k] // width
+            if c != last:
+                start[own + 1] += 1
+                start[c + 1] += 1
+                last = c
+        for k in range(G_start[e], G_start[e + 1]):
+            start[own + 1] += 1
+            start[contacts + n + G_column[k] + 1] += 1
+    for i in range(start.size - 1):
+        start[i + 1] += start[i]
+    return start[start.size - 1]
+
+
+@njit(
+    void(
+        INDEX, INDEX, DATA, INDEX, INDEX, DATA, INDEX, INDEX, DATA, DATA, int64, int64, INDEX, int64[::1], VECTOR
+    ),
+    **COMPILED,
+)  # fmt: skip
+def fill(
+    M_start, M_column, M, H_start, H_column, H, G_start, G_column, G, unit, width, contacts, start, column, size
+):  # fmt: skip
+    """Write columns and norms of the blocks that `count` counted.
+
+    Parameters
+    ----------
+    unit : times these the columns of H are of one unit in every contact.
+    """
+    n = M_start.size - 1
+    at = start[:-1].copy()
+    for e in range(n):
+        own = contacts + e
+        k = H_start[e]
+        while k < H_start[e + 1]:
+            c = H_column[k] // width
+            square = 0.0
+            while k < H_start[e + 1] and H_column[k] // width == c:
+                square += (H[k] * unit[H_column[k]]) ** 2
+                k += 1
+            column[at[own]], size[at[own]] = c, np.sqrt(square)
+            column[at[c]], size[at[c]] = own, np.sqrt(square)
+            at[own] += 1
+            at[c] += 1
+        for k in range(M_start[e], M_start[e + 1]):
+            column[at[own]], size[at[own]] = contacts + M_column[k], abs(M[k])
+            at[own] += 1
+        for k in range(G_start[e], G_start[e + 1]):
+            joint = contacts + n + G_column[k]
+            column[at[own]], size[at[own]] = joint, abs(G[k])
+            column[at[joint]], size[at[joint]] = own, abs(G[k])
+            at[own] += 1
+            at[joint] += 1
+
+
+@njit(int64(INDEX, INDEX, DATA, int64[::1]), **COMPILED)
+def label(start, column, size, part):
+    """Write the number of the connected part of every block, and return how many there are."""
+    stack = np.empty(part.size, np.int64)
+    part[:] = -1
+    count = 0
+    for first in range(part.size):
+        if part[first] >= 0:
+            continue
+        part[first], stack[0], waiting = count, first, 1
+        while waiting > 0:
+            waiting -= 1
+            i = stack[waiting]
+            for k in range(start[i], start[i + 1]):
+                j = column[k]
+                if size[k] != 0.0 and part[j] < 0:
+                    part[j], stack[waiting] = count, j
+                    waiting += 1
+        count += 1
+    return count
+
+
+@njit(void(INDEX, INDEX, DATA, DATA, VECTOR), **COMPILED)
+def _product(start, column, weight, x, y):
+    """Write y_i = Σ_j W_ij (x_i + x_j)."""
+    for i in range(x.size):
+        total = 0.0
+        for k in range(start[i], start[i + 1]):
+            total += weight[k] * (x[i] + x[column[k]])
+        y[i] = total
+
+
+@njit(void(INDEX, INDEX, DATA, VECTOR), **COMPILED)
+def even_units(start, column, size, D):
+    """Write D, for which the entries D_i A_ij D_j of a symmetric A are about 1: the least Σ W_ij (log A_ij + log D_i +
+    log D_j)² (Curtis and Reid 1972), first with W = 1, then with the entries so scaled where these are below 1."""
+    logs, weight = np.zeros(size.size), np.zeros(size.size)
+    for k in range(size.size):
+        if size[k] > 0.0:
+            logs[k], weight[k] = np.log2(size[k]), 1.0
+    x, r, p, Ap, per_row = np.zeros(D.size), np.empty(D.size), np.empty(D.size), np.empty(D.size), np.empty(D.size)
+    for _ in range(PASSES):
+        enough = 0.0
+        _product(start, column, weight, x, Ap)
+        for i in range(D.size):
+            total = sides = 0.0
+            for k in range(start[i], start[i + 1]):
+                total += weight[k]
+                sides += weight[k] * logs[k]
+            per_row[i] = 1.0 / total if total > 0.0 else 0.0
+            r[i] = -sides - Ap[i]
+            enough += total
+        enough *= BITS * BITS
+        old = 0.0
+        for step in range(STEPS):
+            new = 0.0
+            for i in range(D.size):
+                new += per_row[i] * r[i] * r[i]
+            if not new > enough:
+                break
+            for i in range(D.size):
+                p[i] = per_row[i] * r[i] + (new / old * p[i] if step else 0.0)
+            _product(start, column, weight, p, Ap)
+            curvature = 0.0
+            for i in range(D.size):
+                curvature += p[i] * Ap[i]
+            if not curvature > 0.0:
+                break
+            for i in range(D.size):
+                x[i] += new / curvature * p[i]
+                r[i] -= new / curvature * Ap[i]
+            old = new
+        for i in range(D.size):
+            for k in range(start[i], start[i + 1]):
+                if size[k] > 0.0:
+                    weight[k] = np.exp2(min(logs[k] + x[i] + x[column[k]], 0.0))
+    for i in range(D.size):
+        D[i] = np.exp2(x[i])
+
+
+@njit(
+    void(INDEX, INDEX, DATA, DATA, INDEX, int64, DATA, int64, int64, BOOLEAN, DATA, VECTOR, VECTOR, VECTOR, VECTOR),
+    **COMPILED,
+)
+def felt_units(
+    start, column, size, D, part, parts, constants, contacts, n, idle, x, per_unknown, per_row, per_constant, sums
+):  # fmt: skip
+    """Write 1/size of the reactions of every contact, of every row, and of the constants of every row's part, 0 where
+    there are none; and the sums of the sizes of the terms of every row.
+
+    Forces are relative to those of their part and velocities to velocities, both in energy, by the sums of the terms of
+    the rows. The constant of an idle contact gives no size where others have one. Velocities are at least as large as
+    those of the bodies, and as those of the loads where no contact and no joint moves by itself. What has no size is
+    measured as it is.
+
+    Parameters
+    ----------
+    constants : (blocks,), sizes of f, w and b. idle : (contacts,), whether a contact is open. x : (blocks,), sizes of
+    the unknowns.
+    """
+    forces, velocities, bodies, loads = np.zeros(parts), np.zeros(parts), np.zeros(parts), np.zeros(parts)
+    drifts, tight, heard = np.zeros(parts), np.zeros(parts, np.bool_), np.zeros(parts, np.bool_)
+    for i in range(x.size):
+        sums[i] = 0.0
+        for k in range(start[i], start[i + 1]):
+            sums[i] += size[k] * x[column[k]]
+        p = part[i]
+        if contacts <= i < contacts + n:
+            forces[p] += (D[i] * max(sums[i], constants[i])) ** 2
+            bodies[p] += (x[i] / D[i]) ** 2
+            loads[p] += (D[i] * constants[i]) ** 2
+        elif constants[i] > 0.0:
+            drifts[p] += (D[i] * constants[i]) ** 2
+            if i >= contacts or not idle[i]:
+                tight[p] = heard[p] = True
+            elif sums[i] > HEARD * constants[i]:
+                heard[p] = True
+    for i in range(x.size):
+        if not contacts <= i < contacts + n:
+            quiet = i < contacts and idle[i] and heard[part[i]]
+            velocities[part[i]] += (D[i] * (sums[i] if quiet else max(sums[i], constants[i]))) ** 2
+    for p in range(parts):
+        velocities[p] = max(velocities[p], bodies[p])
+        if not tight[p]:
+            velocities[p] = max(velocities[p], loads[p])
+    for i in range(x.size):
+        square = (forces if contacts <= i < contacts + n else velocities)[part[i]]
+        per_row[i] = D[i] / np.sqrt(square) if square > 0.0 else 1.0
+        square = (loads if contacts <= i < contacts + n else drifts)[part[i]]
+        per_constant[i] = D[i] / np.sqrt(square) if square > 0.0 else 0.0
+    for c in range(contacts):
+        effect = 0.0
+        for k in range(start[c], start[c + 1]):
+            effect = max(effect, size[k] * per_row[column[k]])
+        per_unknown[c] = effect if effect > 0.0 else 1.0
+
+
+READY = True
