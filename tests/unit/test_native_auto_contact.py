@@ -141,7 +141,7 @@ def test_a_scene_on_which_acceleration_stands_still_is_solved(shared_data: Path,
 
 
 def test_plain_sweeps_foretell_when_they_are_done(shared_data: Path) -> None:
-    """On that scene, whose error falls at a steady rate: their turn comes sooner than turns that double would have it."""
+    """On that scene, where the error falls at a steady rate, their turn comes sooner than turns that double."""
     problem = storage.load(shared_data / "fc3d_local" / "mj_soup60_mu08-nc140.hdf5")
     member = PlainMember(scaled_contacts(problem), np.zeros(problem.q.size), 1e-4)
     member.begin(np.zeros(problem.q.size))

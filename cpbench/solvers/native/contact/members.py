@@ -36,7 +36,8 @@ class Member(ABC):
     ----------
     unit, counter : of its steps, for messages and among the counters. expected : steps that it is expected to need.
     cost : of a step [ns]. spent : counted work since `turns` was 0 [ns]. turns : how often it has had its turn in vain.
-    level : the least error that it began at or has seen. over : it cannot go on. steps, factorizations : so far. weight : of its work where turns are given.
+    level : the least error that it began at or has seen. over : it cannot go on. steps, factorizations : so far.
+    weight : of its work where turns are given.
     """
 
     unit: ClassVar[str]
