@@ -1,7 +1,7 @@
 """A dense quadratic program: the error of an answer, and its data scaled to size one.
 
 The error is `QP.residuals(...).error`, but absolute numbers count only where the data have no size: in small units they
-would hide any miss.
+would hide any miss. Without prices it is sides that are reached that give Qz its size, and terms that cancel have it.
 """
 
 import numpy as np
@@ -13,6 +13,8 @@ _VECTOR = types.Array(types.float64, 1, "C", readonly=True)
 _MATRIX = types.Array(types.float64, 2, "C", readonly=True)
 _OUT = types.float64[::1]
 _OUT2 = types.float64[:, ::1]
+NEAR = 0.5
+"""Of a side's size: a value that is nearer to it has its size from it."""
 
 
 @njit(types.float64(_VECTOR, _VECTOR), **COMPILED, fastmath={"reassoc", "contract"})
@@ -71,6 +73,35 @@ def of_bounds(low, high, x, price):
     return outside, size, wrong, term
 
 
+@njit(types.boolean(types.float64, types.float64), **COMPILED)
+def reached(side, value):
+    """Return whether a value has its size from a side that is not 0: it is nearer than by half of it."""
+    return side != 0.0 and abs(side) < np.inf and abs(value - side) <= NEAR * abs(side)
+
+
+@njit(types.boolean(_VECTOR, _VECTOR, _VECTOR), **COMPILED)
+def at_bounds(lb, ub, z):
+    """Return whether an unknown has its size from a bound."""
+    at = False
+    for i in range(z.size):
+        at = at or reached(lb[i], z[i]) or reached(ub[i], z[i])
+    return at
+
+
+@njit(types.float64(_MATRIX, _MATRIX, _VECTOR, _MATRIX, _VECTOR, _VECTOR, _VECTOR, _VECTOR), **COMPILED)
+def _terms(Q, A, b, C, d, lb, ub, z):
+    """Return the largest Σ_j |Q_ij z_j| where a side that is not 0 is reached, else 0."""
+    sided, size = at_bounds(lb, ub, z), 0.0
+    for i in range(b.size):
+        sided = sided or reached(b[i], dot(A[i], z))
+    for i in range(d.size):
+        sided = sided or reached(d[i], dot(C[i], z))
+    if sided:
+        for i in range(z.size):
+            size = max(size, sizes(Q[i], z))
+    return size
+
+
 @njit(
     types.float64(
         *(_MATRIX, _VECTOR, _MATRIX, _VECTOR, _MATRIX, _VECTOR, _VECTOR, _VECTOR),
@@ -119,7 +150,11 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
         constraints += term
     gap, value = abs(zQz + pz - constraints), max(abs(zQz), abs(pz), abs(constraints))
     sides = max(primal_scale, min(summed, 1.0))
-    return largest(stationarity, scale, price, primal, sides, side, dual, dual_scale, gap, value, curvature)
+    error = largest(stationarity, scale, price, primal, sides, side, dual, dual_scale, gap, value, curvature)
+    if price == 0.0 and side > 0.0 and stationarity > 0.0:
+        terms = _terms(Q, A, b, C, d, lb, ub, z)
+        error = max(error, stationarity / max(terms, scale) if terms > 0.0 else 0.0)
+    return error
 
 
 @njit(types.void(_OUT2, _OUT2, _OUT, _OUT, types.int64), **COMPILED)

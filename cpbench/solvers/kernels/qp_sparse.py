@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit, types
 
 from cpbench.solvers.kernels.array_types import COMPILED
-from cpbench.solvers.kernels.qp_dense import largest, of_bounds
+from cpbench.solvers.kernels.qp_dense import at_bounds, largest, of_bounds, reached
 from cpbench.solvers.kernels.qp_ldl import CSR, DATA, OUT
 
 _DENSE = types.Array(types.float64, 2, "C", readonly=True)
@@ -86,6 +86,31 @@ def equilibrate(H, G, column, row, passes):
                 G[2][q] *= sides[i] * tops[G[1][q]]
 
 
+@njit(types.boolean(CSR, DATA, DATA), **COMPILED)
+def _at_sides(A, b, z):
+    """Return whether a row of A has its size from its side."""
+    for i in range(b.size):
+        value = 0.0
+        for q in range(A[0][i], A[0][i + 1]):
+            value += A[2][q] * z[A[1][q]]
+        if reached(b[i], value):
+            return True
+    return False
+
+
+@njit(types.float64(CSR, CSR, DATA, CSR, DATA, DATA, DATA, DATA), **COMPILED)
+def _terms(Q, A, b, C, d, lb, ub, z):
+    """Return the largest Σ_j |Q_ij z_j| where a side that is not 0 is reached, else 0."""
+    most = 0.0
+    if at_bounds(lb, ub, z) or _at_sides(A, b, z) or _at_sides(C, d, z):
+        for i in range(z.size):
+            size = 0.0
+            for q in range(Q[0][i], Q[0][i + 1]):
+                size += abs(Q[2][q] * z[Q[1][q]])
+            most = max(most, size)
+    return most
+
+
 @njit(types.float64(*(CSR, DATA, CSR, DATA, CSR, DATA, DATA, DATA), *(DATA, DATA, DATA, DATA)), **COMPILED)
 def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
     """Return the error of an answer, as `qp_dense` has it; infinite for one that is no number."""
@@ -132,7 +157,11 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
         constraints += term
     gap, value = abs(zQz + pz - constraints), max(abs(zQz), abs(pz), abs(constraints))
     sides = max(primal_scale, min(summed, 1.0))
-    return largest(stationarity, scale, price, primal, sides, side, dual, dual_scale, gap, value, curvature)
+    error = largest(stationarity, scale, price, primal, sides, side, dual, dual_scale, gap, value, curvature)
+    if price == 0.0 and side > 0.0 and stationarity > 0.0:
+        terms = _terms(Q, A, b, C, d, lb, ub, z)
+        error = max(error, stationarity / max(terms, scale) if terms > 0.0 else 0.0)
+    return error
 
 
 READY = True

@@ -114,7 +114,7 @@ class _Multipliers(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        form, measure = scaled(prepared, keep_sparse=True), ErrorMeasure(prepared, record)
+        form, measure = scaled(prepared, keep_sparse=True), ErrorMeasure(prepared, record, budget.tolerance)
         n, equal = form.g.size, form.lower == form.upper
         x, y = (np.zeros(n), np.zeros(equal.size)) if start is None else form.start(start)
         counters = {"iterations": 0, "multiplier_steps": 0, "factorizations": 0}

@@ -4,8 +4,8 @@ on a claim."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from functools import partial
+from collections.abc import Callable, Mapping
+from functools import cached_property, partial
 from typing import TypeAlias
 
 import numpy as np
@@ -28,6 +28,7 @@ RESTORED = 1_000_000
 """Entries of the largest matrix of a least-squares problem that completes a proof."""
 KERNEL = "cpbench.solvers.kernels.qp_dense"
 SPARSE_KERNEL = "cpbench.solvers.kernels.qp_sparse"
+ROWS_KERNEL = "cpbench.solvers.kernels.qp_rows"
 
 
 Parts: TypeAlias = tuple[Vector, Vector, Vector, Vector]
@@ -37,11 +38,15 @@ Parts: TypeAlias = tuple[Vector, Vector, Vector, Vector]
 class ErrorMeasure:
     """The judged error of answers to one problem, for whoever records as well.
 
+    Of answers within `tolerance` it is the larger one of that and of the errors of rows (`qp_rows`): methods that
+    converge step by step end just within, where norms hide what idle rows enlarge.
+
     best : the parts of the answer with the least error of those that were seen, but not merely in passing: those are
     seen only where somebody records. least : that error.
     """
 
-    def __init__(self, problem: QP, record: Record | None = None) -> None:
+    def __init__(self, problem: QP, record: Record | None = None, tolerance: float = -1.0) -> None:
+        self._problem, self._tolerance = problem, tolerance
         self._record, self._recorded = record, -1
         self._last: Parts | None = None
         self.best: Parts | None = None
@@ -55,7 +60,21 @@ class ErrorMeasure:
 
     def error(self, answer: Parts) -> float:
         """Return `QP.residuals(...).error`, infinite for an answer that is not finite."""
-        return self._judged(*self._data, *answer, *self._work)
+        error = self._judged(*self._data, *answer, *self._work)
+        return max(error, self._of_rows(*answer)) if error <= self._tolerance else error
+
+    def _of_rows(self, z: Vector, lam: Vector, mu: Vector, nu: Vector) -> float:
+        m = lam.size
+        return self._rows(z, np.concatenate([lam, mu]) if m and mu.size else lam if m else mu, nu)
+
+    @cached_property
+    def _rows(self) -> Callable[[Vector, Vector, Vector], float]:
+        """The largest error of a row, of z, the multipliers of A and then of C, and ν."""
+        P, kernel = self._problem, load(ROWS_KERNEL)
+        Q, G = entries(P.Q), load(SPARSE_KERNEL).stacked(entries(P.A), entries(P.C))
+        sides = np.concatenate([P.b, P.d])
+        D = kernel.equilibration(Q, G)
+        return partial(kernel.largest_error, Q, P.p, G, sides, P.b.size, P.lb, P.ub, D)
 
     def see(self, iteration: int, answer: Parts, *, passing: bool = False) -> float:
         """Return the error, recorded where nothing was recorded of that iteration."""

@@ -6,6 +6,7 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 
+from cpbench import matrices
 from cpbench.cones import project_box
 from cpbench.formulations.qp import QP, QPPoint
 from cpbench.matrices import Vector, max_abs
@@ -13,6 +14,7 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.claims import CLOSE
 from cpbench.solvers.native.lcp.mprgp import MPRGPOptions, ScaledBox, definite_obstacle, minimize, scaled_box
+from cpbench.solvers.native.qp.claims import ErrorMeasure
 
 FLAT = 1e-12
 """|Qd| of each row, over |Q||d|, up to which Qd is rounding."""
@@ -35,7 +37,8 @@ class _OnBox(Solver):
 
     def warmup(self) -> None:
         linear_program.load()
-        self.run(QP.build(np.eye(2), -np.ones(2), lb=np.zeros(2)))
+        for Q in (np.eye(2), matrices.sparse(np.eye(2))):
+            self.run(QP.build(Q, -np.ones(2), lb=np.zeros(2)))
 
     def solve(
         self,
@@ -50,9 +53,11 @@ class _OnBox(Solver):
         def point(z: Vector) -> QPPoint:
             return with_multipliers(problem, z)
 
+        measure = ErrorMeasure(problem, tolerance=budget.tolerance)
+
         def error(z: Vector) -> float:
-            value = problem.residuals(point(z), budget.tolerance).error if np.isfinite(z).all() else np.inf
-            return value if np.isfinite(value) else np.inf
+            answer = point(z)
+            return measure.error((answer.z, answer.lam, answer.mu, answer.nu))
 
         first = np.zeros(problem.p.size) if start is None else start.z
         ended = minimize(prepared, options, self.projected, budget, first, error, point, record)

@@ -156,7 +156,7 @@ class _Projected(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        form, measure = scaled(prepared, keep_sparse=True), ErrorMeasure(prepared, record)
+        form, measure = scaled(prepared, keep_sparse=True), ErrorMeasure(prepared, record, budget.tolerance)
         x, y = (np.zeros(form.g.size), np.zeros(form.lower.size)) if start is None else form.start(start)
         deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
         limit = budget.iterations or options.max_iterations
