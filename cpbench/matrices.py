@@ -217,8 +217,8 @@ def digest(M: Matrix | Vector) -> bytes:
 
 
 def max_abs(M: Matrix | Vector) -> float:
-    data = M.data if sp.issparse(M) else np.asarray(M)
-    return float(np.abs(data).max()) if data.size else 0.0
+    data = M if isinstance(M, np.ndarray) else cast(Any, M).data if sp.issparse(M) else np.asarray(M)
+    return float(np.maximum.reduce(np.abs(data), axis=None)) if data.size else 0.0
 
 
 def norm(x: Vector) -> float:

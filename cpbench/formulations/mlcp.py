@@ -64,12 +64,12 @@ class MLCP(Problem):
         Not the larger of both: with a large a and a weak C, v has nothing to do with a/C, and would not be measured.
         """
         for x, X in ((self.b, self.B), (self.a, self.C)):
-            if max_abs(x) > 0 and max_abs(X) > 0:
-                return max_abs(x) / max_abs(X)
+            if (top := max_abs(x)) > 0 and (size := max_abs(X)) > 0:
+                return top / size
         return max_abs(self.b)
 
     @cached_property
-    def _push(self) -> float:
+    def equality_scale(self) -> float:
         """Effect of v_unit on the equalities: their scale where a = 0, or u = 1e-12 for 0 would be 100 % wrong."""
         return max_abs(self.C) * self.v_unit
 
@@ -101,7 +101,7 @@ class MLCP(Problem):
                     ),
                     "equality": norm(equality)
                     if data == 0.0
-                    else scaled(norm(equality), norm(self.a) or self._push, norm(Au), norm(Cv)),
+                    else scaled(norm(equality), norm(self.a) or self.equality_scale, norm(Au), norm(Cv)),
                 },
                 parts={
                     "natural_absolute": natural,

@@ -13,8 +13,9 @@ from tiers import some_by_day
 from cpbench import kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers.native.contact.members import PlainMember
 from cpbench.solvers.native.contact.policy import SweepProgress, next_method
-from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows
+from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows, scaled_contacts
 from cpbench.testing import planted
 
 DUE = {"newton": 1e8, "admm": 3e8}
@@ -130,11 +131,24 @@ def test_an_answer_is_a_start_that_costs_nothing(shared_data: Path) -> None:
 
 
 @pytest.mark.parametrize(("tolerance", "most"), [(1e-4, 5_000), (1e-8, 7_000)])
-def test_plain_sweeps_solve_what_acceleration_does_not(shared_data: Path, tolerance: float, most: int) -> None:
+def test_a_scene_on_which_acceleration_stands_still_is_solved(shared_data: Path, tolerance: float, most: int) -> None:
     """`nsgs` needs 1,710 and 5,034 sweeps; accelerated ones stand still at 3e-4, and Newton steps cost more."""
     problem = storage.load(shared_data / "fc3d_local" / "mj_soup60_mu08-nc140.hdf5")
     output = solvers.get("auto-fc").run(problem, Budget(tolerance=tolerance))
     assert_claim(problem, output.point, tolerance)
-    assert "plain sweeps" in output.message
     assert output.counters["newton_steps"] == 0
     assert output.counters["sweeps"] <= most
+
+
+def test_plain_sweeps_foretell_when_they_are_done(shared_data: Path) -> None:
+    """On that scene, where the error falls at a steady rate, their turn comes sooner than turns that double."""
+    problem = storage.load(shared_data / "fc3d_local" / "mj_soup60_mu08-nc140.hdf5")
+    member = PlainMember(scaled_contacts(problem), np.zeros(problem.q.size), 1e-4)
+    member.begin(np.zeros(problem.q.size))
+    first = member.due
+    member.advance(100_000, np.inf)
+    member.turns = 1
+    assert first == member.weight * 1200 * member.cost
+    assert 1200 < member.due / member.weight / member.cost < 2400
+    member.advance(100_000, np.inf)
+    assert problem.residuals(FCPoint(member.r)).error <= 1e-4

@@ -63,9 +63,12 @@ def test_the_error_is_that_of_the_norms_or_of_a_row(rng: np.random.Generator) ->
 def test_scaling_keeps_symmetry_and_is_exact(rng: np.random.Generator) -> None:
     G = rng.standard_normal((9, 9)) * 10.0 ** rng.uniform(-4, 4, 9)
     problem = from_whole(G.T @ G, rng.standard_normal(9), 4)
-    scaled = scale(problem)
+    scaled, apart = scale(problem), scale(from_sparse(problem), keep_sparse=True)
     K = matrices.dense(scaled.K)
     np.testing.assert_array_equal(K, K.T)
+    np.testing.assert_array_equal(K, matrices.dense(apart.K))
+    for name in ("k", "unit", "row_unit"):
+        np.testing.assert_array_equal(getattr(scaled, name), getattr(apart, name))
     assert 0.02 < abs(K).max(axis=1).min() <= abs(K).max() < 4.0
     np.testing.assert_array_equal(K * scaled.row_unit[:, None] / scaled.unit, G.T @ G)
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
-from cpbench.matrices import Vector, norm, sparse, transpose
+from cpbench.matrices import Matrix, Vector, norm, transpose
 from cpbench.solvers.native.contact.sweeps import kernel
 
 
@@ -64,7 +64,11 @@ class DynamicsError:
         return error if math.isfinite(error) else math.inf
 
 
-def _entries(A: Any) -> tuple[Any, Any, Any]:
+def _entries(A: Matrix) -> tuple[Any, Any, Any]:
     """Return row starts, columns and values of a matrix by rows, as the kernels read them."""
-    A = sparse(A)
+    if isinstance(A, np.ndarray):
+        rows, columns = A.shape
+        at = np.flatnonzero(A)
+        start = np.searchsorted(at, columns * np.arange(rows + 1))
+        return start, at - columns * np.repeat(np.arange(rows), np.diff(start)), A.ravel()[at]
     return np.asarray(A.indptr, np.int64), np.asarray(A.indices, np.int64), np.ascontiguousarray(A.data)

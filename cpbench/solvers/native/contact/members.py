@@ -24,6 +24,9 @@ from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, ScaledConta
 
 PIECE = 2_000
 """Sweeps between two looks at the clock."""
+SOONER, LATER = 0.5, 2.0
+"""Weights. Interior points and proximal points end in a few dozen steps where they succeed, whatever sweeps have gained
+before: they are asked when others have had half of that work. Plain sweeps mostly gain what accelerated ones do."""
 
 
 class Member(ABC):
@@ -34,12 +37,14 @@ class Member(ABC):
     unit, counter : of its steps, for messages and among the counters. expected : steps that it is expected to need.
     cost : of a step [ns]. spent : counted work since `turns` was 0 [ns]. turns : how often it has had its turn in vain.
     level : the least error that it began at or has seen. over : it cannot go on. steps, factorizations : so far.
+    weight : of its work where turns are given.
     """
 
     unit: ClassVar[str]
     counter: ClassVar[str]
     expected: ClassVar[int]
     takes_start: ClassVar[bool] = False
+    weight: ClassVar[float] = 1.0
 
     def __init__(self, contacts: ScaledContacts, cost: float) -> None:
         self._contacts, self.cost = contacts, cost
@@ -53,8 +58,8 @@ class Member(ABC):
 
     @property
     def due(self) -> float:
-        """That work, or less where it is expected to be done sooner [ns]."""
-        return self.allowed
+        """That work, or less where it is expected to be done sooner, times its weight [ns]."""
+        return self.weight * self.allowed
 
     @property
     @abstractmethod
@@ -111,7 +116,7 @@ class NewtonMember(Member):
 class ProximalMember(Member):
     """Proximal points, over-relaxed, by Newton steps."""
 
-    unit, counter, expected = "Newton steps to proximal points", "newton_steps", 60
+    unit, counter, expected, weight = "Newton steps to proximal points", "newton_steps", 60, SOONER
     takes_start = True
 
     def __init__(self, contacts: ScaledContacts) -> None:
@@ -139,7 +144,7 @@ class PlainMember(Member):
     Their error falls at a steady rate, which says when they are done.
     """
 
-    unit, counter, expected = "plain sweeps", "sweeps", 1200
+    unit, counter, expected, weight = "plain sweeps", "sweeps", 1200, LATER
 
     def __init__(self, contacts: ScaledContacts, start: Vector, tolerance: float) -> None:
         super().__init__(contacts, sweep_work(contacts.rows))
@@ -152,10 +157,11 @@ class PlainMember(Member):
     @property
     def due(self) -> float:
         if self.over or self.steps == 0:
-            return self.allowed
+            return self.weight * self.allowed
         spent = round(self.spent / self.cost)
         turn = round(self.allowed / self.cost) - spent
-        return SweepProgress(self.cost, turn, spent, self.steps, 1.0, self._sweeps.error).due(self._tolerance)
+        progress = SweepProgress(self.cost, turn, spent, self.steps, 1.0, self._sweeps.error)
+        return self.weight * progress.due(self._tolerance)
 
     def begin(self, r: Vector) -> None:
         self._sweeps = AcceleratedSweeps(self._contacts.rows, self._start, self._contacts.rows.plain)
@@ -196,7 +202,7 @@ class ADMMMember(Member):
 class InteriorMember(Member):
     """Interior points: a way that no first point and no active set decides, of a few dozen steps where it succeeds."""
 
-    unit, counter, expected = "interior-point steps", "interior_steps", 35
+    unit, counter, expected, weight = "interior-point steps", "interior_steps", 35, SOONER
 
     def __init__(self, contacts: ScaledContacts) -> None:
         super().__init__(contacts, point_work(contacts.rows.problem.W))

@@ -31,7 +31,7 @@ class AutoMLCP(AutomaticChoice):
         "interior-point-mlcp",
         "enumeration-mlcp",
     )
-    kernels: ClassVar[tuple[str, ...]] = ("mlcp_pivoting", "mlcp_judged", "complementary_bases")
+    kernels: ClassVar[tuple[str, ...]] = ("mlcp_pivoting", "mlcp_judged", "mlcp_scaling", "complementary_bases")
 
     def phases(self, problem: MLCP) -> Sequence[SolverPhase]:
         newton = [SolverPhase("newton-min-mlcp"), SolverPhase("newton-fb-mlcp")]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ import scipy.sparse as sp
 from cpbench import matrices
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.kernel_cache import load
+from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench.solvers.native import linear_program
@@ -68,14 +67,9 @@ class ScaledMLCP:
         kernel = load("cpbench.solvers.kernels.mlcp_judged")
         # compiled, since small problems spend more time on measuring than on solving
         error: float = kernel.error_of(
-            self.K, self.k, self.free, self.row_unit, self.unit, self.problem.v_unit, self.push, x
+            self.K, self.k, self.free, self.row_unit, self.unit, self.problem.v_unit, self.problem.equality_scale, x
         )
         return error if math.isfinite(error) else math.inf
-
-    @cached_property
-    def push(self) -> float:
-        """max|C| v_unit: the scale of the equalities where a = 0."""
-        return max_abs(self.problem.C) * self.problem.v_unit
 
 
 def mixed(problem: LCP | MLCP) -> MLCP:
@@ -88,22 +82,19 @@ def mixed(problem: LCP | MLCP) -> MLCP:
 
 def scale(problem: MLCP, *, keep_sparse: bool = False) -> ScaledMLCP:
     """Return the scaled data, K dense unless `keep_sparse` and one of the four matrices is sparse."""
-    n, blocks = problem.a.size, [[problem.A, problem.C], [problem.D, problem.B]]
-    K: Any = matrices.block([list(row) for row in blocks]) if keep_sparse else _assembled(blocks)
-    k = np.concatenate([problem.a, problem.b])
+    P, n, N = problem, problem.a.size, problem.a.size + problem.b.size
+    stored = P.A, P.B, P.C, P.D
+    if not (keep_sparse and any(map(matrices.is_sparse, stored))):
+        K, (k, unit, row_unit) = np.empty((N, N)), np.empty((3, N))
+        kernel = compiled(load("cpbench.solvers.kernels.mlcp_scaling").scaled)
+        kernel(*map(dense, stored), P.a, P.b, PASSES, K, k, unit, row_unit)
+        return ScaledMLCP(problem, K, k, n, unit, row_unit)
+    K, k = matrices.block([[P.A, P.C], [P.D, P.B]]), np.concatenate([P.a, P.b])
     row, column = equilibration(K, n)
-    if matrices.is_sparse(K):
-        K = sp.csr_array(K, copy=True)
-        K.data *= np.repeat(row, np.diff(K.indptr)) * column[K.indices]
-    else:
-        K *= row[:, None]
-        K *= column
+    K = sp.csr_array(K, copy=True)
+    K.data *= np.repeat(row, np.diff(K.indptr)) * column[K.indices]
     size = float(matrices.power_of_two(np.array([max_abs(row * k) or 1.0]))[0])
     return ScaledMLCP(problem, K, size * row * k, n, column / size, 1.0 / (size * row))
-
-
-def _assembled(blocks: list[list[Matrix]]) -> Any:
-    return np.block([[dense(block) for block in row] for row in blocks])
 
 
 def equilibration(K: Any, n: int) -> tuple[Any, Any]:

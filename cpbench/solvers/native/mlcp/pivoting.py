@@ -124,7 +124,7 @@ class LemkeMLCP(Solver):
 def packed(scaled: ScaledMLCP, options: LemkeMLCPOptions) -> Vector:
     """Return what the compiled call reads, and the room in which it works."""
     kernel, N = load(KERNEL), scaled.k.size
-    numbers = [scaled.free, scaled.problem.v_unit, scaled.push]
+    numbers = [scaled.free, scaled.problem.v_unit, scaled.problem.equality_scale]
     numbers += [options.rank_tolerance, options.pivot_tolerance, options.tie_tolerance]
     room = np.empty(kernel.workspace(N, N - scaled.free))
     return np.concatenate([numbers, np.ravel(scaled.K), scaled.k, scaled.row_unit, scaled.unit, room])

@@ -115,7 +115,15 @@ class _Splitting(Solver):
         divisors = prepared.diagonal
         if isinstance(options, RPGSMLCPOptions):
             divisors = divisors + np.where(divisors < 0.0, -options.rho, options.rho)
-        law = (divisors, scaled.k, n, scaled.row_unit, scaled.unit, scaled.problem.v_unit, scaled.push)
+        law = (
+            divisors,
+            scaled.k,
+            n,
+            scaled.row_unit,
+            scaled.unit,
+            scaled.problem.v_unit,
+            scaled.problem.equality_scale,
+        )
         x = scaled.start(start)
         best, least = x, scaled.error(x)
         limit = budget.iterations or options.max_iterations
