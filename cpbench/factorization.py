@@ -163,7 +163,9 @@ class Factorization:
     @cached_property
     def symmetric(self) -> bool:
         """`is_symmetric` of A."""
-        if not (sp.issparse(self.A) and self.n > DENSE_LIMIT and self.block_diagonal):
+        if self.n <= DENSE_LIMIT:
+            return is_symmetric(self._small)
+        if not (sp.issparse(self.A) and self.block_diagonal):
             return is_symmetric(self.A)
         return max(float(block_asymmetry(b.values).max()) for b in self.blocks) <= SYMMETRY_TOLERANCE
 
@@ -187,14 +189,18 @@ class Factorization:
         return _sparse_scales(self.A) if sp.issparse(self.A) else _dense_scales(self.A)
 
     @cached_property
+    def _small(self) -> Dense:
+        """A as a dense array."""
+        return dense(self.A)
+
+    @cached_property
     def _solver(self) -> _Solver | None:
         """Function that solves with A; None where A is exactly singular."""
         try:
             if not sp.issparse(self.A):
                 return _DenseLU(self.A, self.scales)
             if self.n <= DENSE_LIMIT:
-                small = dense(self.A)
-                return _DenseLU(small, _dense_scales(small))
+                return _DenseLU(self._small, _dense_scales(self._small))
             if self.block_diagonal and self._inverted.rcond() > INVERTED_RCOND:
                 return self._inverted
             return _SparseLU(sparse(self.A), self.scales)
@@ -364,6 +370,10 @@ def _dense_scales(A: Dense) -> _Scales:
         raise np.linalg.LinAlgError
     if min(first_ratio, second_ratio) >= POORLY_SCALED:
         return None
+    sizes = np.abs(A)
+    scales = _even_diagonal(sizes.diagonal())
+    if scales is not None and (sizes * scales[:, None] * scales).max() <= 2.0:
+        return scales, scales
     row, column = np.nonzero(A)
     return _balanced(A.shape[0], row, column, np.abs(A[row, column]))
 
@@ -377,15 +387,19 @@ def _sparse_scales(A: Sparse) -> _Scales:
     return _balanced(A.shape[0], row, A.indices, size)
 
 
+def _even_diagonal(diagonal: Vector) -> Vector | None:
+    """Return units of unknowns in which a diagonal is about 1, None where it has a 0: near the best there is for a
+    positive definite matrix (van der Sluis 1969)."""
+    return np.ldexp(1.0, -np.frexp(diagonal)[1] // 2) if diagonal.all() else None
+
+
 def _balanced(n: int, row: NDArray[Any], column: NDArray[Any], size: Vector) -> tuple[Vector, Vector]:
     """Return powers of 2 for the rows and columns of an n x n matrix with the entries ±size at (row, column)."""
     diagonal = np.zeros(n)
     np.maximum.at(diagonal, row[row == column], size[row == column])
-    if diagonal.all():
-        # units of unknowns: near the best there is for a positive definite matrix (van der Sluis 1969)
-        scales = np.ldexp(1.0, -np.frexp(diagonal)[1] // 2)
-        if (size * scales[row] * scales[column]).max() <= 2.0:
-            return scales, scales
+    scales = _even_diagonal(diagonal)
+    if scales is not None and (size * scales[row] * scales[column]).max() <= 2.0:
+        return scales, scales
     found: list[tuple[float, tuple[Vector, Vector]]] = []
     for first, second in ((row, column), (column, row)):
         one, _ = _scales_of(first, size, n)

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse.linalg as spla
 
 from cpbench import matrices
-from cpbench.factorization import Factorization
+from cpbench.factorization import DENSE_LIMIT, Factorization
 from cpbench.formulations.base import Point, Residuals, scaled, squared
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.sizes import least_squares
@@ -56,6 +56,18 @@ class GlobalContact(_HasDynamics, ContactProblem):
     def point_sizes(self) -> dict[str, int]:
         return {"v": self.f.size, "r": self.w.size, "lam": self.b.size}
 
+    @property
+    def small(self) -> bool:
+        """Whether dense arrays of it are small, too."""
+        return max(self.f.size + self.b.size, self.w.size) <= DENSE_LIMIT
+
+    @cached_property
+    def at_hand(self) -> tuple[Matrix, Matrix, Matrix]:
+        """M, H and G to multiply with: dense where they are small, for SciPy takes ten times as long to look at a
+        sparse matrix as NumPy to multiply with a small one."""
+        M, H, G = self.M, self.H, self.G
+        return (matrices.dense(M), matrices.dense(H), matrices.dense(G)) if self.small else (M, H, G)
+
     @cached_property
     def factorization(self) -> Factorization:
         """LU of M."""
@@ -66,18 +78,22 @@ class GlobalContact(_HasDynamics, ContactProblem):
         """LU of K = [[M, −G], [Gᵀ, 0]], the equations of v and λ for given r; that of M where G is empty."""
         if not self.b.size:
             return self.factorization
-        corner = matrices.zeros(self.b.size, self.b.size, self.G)
-        return Factorization(matrices.block([[self.M, -self.G], [matrices.transpose(self.G), corner]]))
+        M, _, G = self.at_hand
+        K = matrices.block([[M, -G], [matrices.transpose(G), matrices.zeros(self.b.size, self.b.size, G)]])
+        some_sparse = matrices.is_sparse(self.M) or matrices.is_sparse(self.G)
+        return Factorization(matrices.sparse(K) if some_sparse else K)  # what comes in sparse stays so
 
     @cached_property
     def mobility(self) -> Dense:
         """Diagonal of HᵀM⁻¹H, shape (nc, d); where M is singular of [Hᵀ 0]K⁻¹[H; 0], and 0 where K is too."""
-        H, M = self.H, self.factorization
+        H, M = self.at_hand[1], self.factorization
         if M.singular and self.saddle.singular:
             return matrices.freeze(np.zeros((self.nc, self.dimension)))
         if matrices.is_sparse(H) and self.w.size > BUNDLE and M.block_diagonal and not M.singular:
             product: Any = M.sparse_inverse @ H
             diagonal = np.asarray(product.multiply(H).sum(axis=0), dtype=np.float64)
+        elif self.small:
+            diagonal = np.einsum("ij,ij->j", matrices.dense(H), self.responses)
         else:
             diagonal = np.empty(self.w.size)
             columns: Any = matrices.sparse(H).tocsc() if matrices.is_sparse(H) else H
@@ -85,6 +101,11 @@ class GlobalContact(_HasDynamics, ContactProblem):
                 chunk = matrices.dense(columns[:, start : start + BUNDLE])
                 diagonal[start : start + BUNDLE] = np.einsum("ij,ij->j", chunk, self._moved(chunk))
         return matrices.freeze(diagonal.reshape(self.nc, self.dimension))
+
+    @cached_property
+    def responses(self) -> Dense:
+        """M⁻¹H, how the reactions move the bodies; where M is singular the velocities of K⁻¹(H, 0)."""
+        return matrices.freeze(np.asarray(self._moved(matrices.dense(self.at_hand[1]))))
 
     def _moved(self, force: Vector | Dense) -> Vector | Dense:
         """Return M⁻¹ force, shape (n,) or (n, k); where M is singular the velocities of K⁻¹(force, 0)."""
@@ -113,7 +134,7 @@ class GlobalContact(_HasDynamics, ContactProblem):
     @cached_property
     def free_velocity(self) -> Vector:
         """u for r = 0, which is q of the local form: the scale of the contact errors."""
-        return matrices.freeze(self.H.T @ self.free_motion + self.w)
+        return matrices.freeze(self.at_hand[1].T @ self.free_motion + self.w)
 
     @cached_property
     def units(self) -> tuple[float, float]:
@@ -121,11 +142,12 @@ class GlobalContact(_HasDynamics, ContactProblem):
 
         The contacts' part is what the impulses ρq, q the free velocities of the contacts, do to the bodies.
         """
-        push = abs(self.H) @ (self.effective_mass * np.abs(self.free_velocity))
+        M, H, G = self.at_hand
+        push = abs(H) @ (self.effective_mass * np.abs(self.free_velocity))
         velocity = np.abs(self.free_motion)
         if not (self.factorization.singular and self.saddle.singular):
             velocity = velocity + np.abs(self._moved(push))
-        return max(norm(push), norm(self.M @ self.free_motion)), norm(abs(self.G).T @ velocity)
+        return max(norm(push), norm(M @ self.free_motion)), norm(abs(G).T @ velocity)
 
     def slacks(self, point: GFCPoint) -> dict[str, Vector]:
         return {"u": self.H.T @ point.v + self.w}

@@ -17,6 +17,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.native.contact.admm_global import Dynamics
+from cpbench.solvers.native.contact.condensed import condensed as condense
 from cpbench.solvers.native.contact.dynamics_error import DynamicsError
 from cpbench.solvers.native.contact.nsgs_global import Bodies, VelocitySweeps
 from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows
@@ -327,3 +328,28 @@ def test_the_error_of_dynamics_is_that_of_plain_numpy(rng: np.random.Generator, 
                 (abs(equations[n:]) * D[nc + n :]).max(initial=0) ** 2 / np.linalg.norm((D * constants)[other]) ** 2,
             )
             assert measured(GFCPoint(v=v, r=r, lam=lam)) == pytest.approx(expected, rel=1e-6), (seed, size)
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("joints", [False, True])
+def test_small_problems_are_condensed_by_dense_arrays(joints: bool, sparse: bool) -> None:
+    """W, q and the diagonal of W of [Hᵀ 0]K⁻¹[H; 0] formed, and the way back; a saddle stays sparse where data are."""
+    problem = problem_of("gfc", 2, sparse=sparse)[0] if joints else bodies(3, nc=8)
+    if not (joints or sparse):
+        problem = dataclasses.replace(problem, M=problem.M.toarray(), H=problem.H.toarray(), G=None)
+    assert problem.small
+    M, H, G = (A.toarray() if sp.issparse(A) else A for A in (problem.M, problem.H, problem.G))
+    n, p = G.shape
+    inverse = np.linalg.inv(np.block([[M, -G], [G.T, np.zeros((p, p))]]))
+    small = condense(problem)
+    assert small is not None
+    W = H.T @ inverse[:n, :n] @ H
+    np.testing.assert_allclose(np.asarray(small.local.W), W, atol=1e-10 * abs(W).max())
+    v = inverse @ np.r_[problem.f, -problem.b]
+    np.testing.assert_allclose(small.local.q, H.T @ v[:n] + problem.w, atol=1e-10)
+    np.testing.assert_allclose(problem.mobility.ravel(), np.diag(H.T @ np.linalg.solve(M, H)), rtol=1e-9)
+    assert sp.issparse(problem.saddle.A) == sp.issparse(problem.M)
+    r = np.arange(problem.w.size, dtype=float)
+    lifted = inverse @ np.r_[problem.f + H @ r, -problem.b]
+    point = small.lift(FCPoint(r))
+    np.testing.assert_allclose(np.r_[point.v, point.lam], lifted, rtol=1e-9, atol=1e-9)

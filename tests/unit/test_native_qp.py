@@ -556,14 +556,64 @@ def test_one_compiled_call_tells_what_is_not_convex_and_leaves_the_rest() -> Non
     assert small(QP.build(np.zeros((1, 1)), np.ones(1))) is None
 
 
+def radial(n: int, seed: int, ridge: float) -> QP:
+    """The dual of a support vector machine on points in the plane, whose Q is singular to rounding but for a ridge."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.standard_normal((n, 2)), rng.choice([-1.0, 1.0], n)
+    Q = y[:, None] * np.exp(-0.5 * ((x[:, None] - x) ** 2).sum(2)) * y + ridge * np.eye(n)
+    return QP.build(Q, -np.ones(n), C=y[None], d=np.zeros(1), lb=np.zeros(n), ub=np.full(n, 10.0))
+
+
+@pytest.mark.parametrize("n", [60, 80, 100])
+def test_proximal_steps_are_taken_where_half_of_the_digits_would_be_lost(n: int) -> None:
+    """Without them passes undo each other, and the call ends without an answer."""
+    for seed in range(3):
+        output = in_one_call(radial(n, seed, 1e-11), 1e-8, ProximalActiveSetOptions())
+        assert output is not None, seed
+        assert output.claim is Claim.SOLVED
+        assert output.counters["proximal_steps"] > 1
+        assert output.counters["iterations"] <= 3 * n
+
+
+def test_a_limit_of_passes_ends_one_compiled_call_with_its_best_answer() -> None:
+    problem = radial(60, 0, 1e-3)
+    whole = in_one_call(problem, 1e-8, ProximalActiveSetOptions())
+    assert whole is not None
+    passes = whole.counters["iterations"] - whole.counters["proximal_steps"]
+    assert passes > 4
+    cut = in_one_call(problem, 1e-8, ProximalActiveSetOptions(), passes // 2)
+    assert cut is not None
+    assert cut.claim is Claim.MAX_ITER
+    assert cut.counters["iterations"] <= passes // 2 + 1
+    error = problem.residuals(cut.point).error
+    assert 1e-8 < error < np.inf
+    assert f"{error:.1e}" in cut.message
+    again = in_one_call(problem, 1e-8, ProximalActiveSetOptions(), passes)
+    assert again is not None
+    assert again.claim is Claim.SOLVED
+
+
+def test_dense_data_are_for_the_active_set_until_the_interior_point_would_be_done() -> None:
+    """Which it takes over then: 200 passes or so are more than the time of its 20 iterations."""
+    solver, b = solvers.get("auto-qp"), Budget(tolerance=1e-6)
+    fit = np.random.default_rng(0).standard_normal((300, 150))
+    quick = QP.build(fit.T @ fit, fit.T @ np.ones(300), lb=np.zeros(150))
+    assert solver.run(quick, b).message == "proximal-active-set: solved"
+    assert solver.phases(banded(150, np.random.default_rng(0)))[0].solver == "interior-point-qp"
+    long = radial(300, 0, 0.0)
+    limit = solver.phases(long)[0].iterations
+    output = solver.run(long, b)
+    assert output.claim is Claim.SOLVED
+    assert f"after {limit} passes; interior-point-qp" in output.message
+
+
 def test_installed_members_are_asked_and_what_they_claim_is_measured() -> None:
     solver = solvers.get("auto-qp")
     options = solver.spec.options(members="installed")
     problem = planted.qp(np.random.default_rng(1), 120, 60, 10)[0]
     plan = solver.setup(problem, Budget(), options)
     names = [phase.solver for phase in plan.phases]
-    assert names[0] == "interior-point-qp"
-    assert "clarabel" in names
+    assert names[names.index("interior-point-qp") + 1] == "clarabel"
     kept = tuple(phase for phase in plan.phases if phase.solver == "clarabel")
     output = solver.solve(plan._replace(phases=kept, first=None, solver=None), Budget(tolerance=1e-6), options)
     assert output.claim is Claim.SOLVED

@@ -1,7 +1,8 @@
 """A small dense quadratic program from its data to its answer: proximal steps over the dual active set.
 
 x⁺ = argmin ½xᵀHx + gᵀx + ½ε‖x − x⁰‖² over lower ≤ (x, Gx) ≤ upper, in the data scaled to size one, by `qp_dual` in the
-coordinates v = Lᵀx, LLᵀ = H + εI. Where H is positive definite ε is 0 and there is one step.
+coordinates v = Lᵀx, LLᵀ = H + εI. Where H is positive definite ε is 0 and there is one step; where that is by less
+than √eps, half of the digits of v would be lost, and passes that undo each other: proximal steps are ahead.
 """
 
 import numpy as np
@@ -13,6 +14,7 @@ from cpbench.solvers.kernels.qp_dual import (
     FIRST_PART,
     INFEASIBLE,
     LIMIT,
+    OPERATIONS,
     PART,
     PASSES,
     SOLVED,
@@ -23,8 +25,6 @@ from cpbench.solvers.kernels.qp_dual import (
 )
 from cpbench.solvers.kernels.vectors import put
 
-MANY = 2**62
-"""Operations that are enough for any problem of this size."""
 NOT_CONVEX = 4
 """The outcome, beside those of `qp_dual`, where no factorization says that Q is positive semidefinite."""
 SCALINGS = 4
@@ -83,19 +83,22 @@ def _backward(L, x):
 @njit(
     types.int64(
         *(MATRIX, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR),
-        *(types.float64, types.float64, types.float64, types.float64, types.int64),
+        *(types.float64, types.float64, types.float64, types.float64, types.int64, types.int64),
         *(_OUT, _OUT, _OUT, _OUT, _OUT, types.int64[::1]),
     ),
     **COMPILED,
 )
-def solve(Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, most, z, lam, mu, nu, error, counts):
+def solve(
+    Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, most, operations, z, lam, mu, nu, error, counts
+):
     """Write z, λ, μ, ν and their judged error; return SOLVED where it is within the tolerance, else why not.
 
     Parameters
     ----------
     psd : the share of its diagonal that Q may lack to be semidefinite. proximal : ε relative to the size of H.
-    feasible : tolerance of `qp_dual`. most : passes. error : (1,) of the best answer, which is written.
-    counts : (2,) passes, proximal steps.
+    feasible : tolerance of `qp_dual`. most : passes. operations : of `qp_dual`, soon after which it ends.
+    error : (1,) of the best answer, which is written.
+    counts : (3,) passes, proximal steps, operations.
     """
     n, m, r = p.size, b.size, b.size + d.size
     H, G, D, E = np.empty((n, n)), np.empty((r, n)), np.ones(n), np.ones(r)
@@ -113,7 +116,7 @@ def solve(Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, most, z,
         least, size = min(least, H[i, i]), max(size, abs(D[i] * p[i]))
         for j in range(n):
             top = max(top, abs(H[i, j]))
-    if not (least > 0.0 and _cholesky(H, L, -DEFINITE * n * eps, True)):
+    if not (least > 0.0 and _cholesky(H, L, -max(np.sqrt(eps), DEFINITE * n * eps), True)):
         if not (least >= 0.0 and _cholesky(H, L, max(psd, SEMIDEFINITE * n * eps), True)):
             return NOT_CONVEX
         epsilon = proximal * (max(top, LEAST * max(top, size)) or 1.0)
@@ -163,9 +166,10 @@ def solve(Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, most, z,
         state[PASSES], state[PART] = passes, FIRST_PART
         gained[0] = -1.0
         begin(M, v0, v, y, where, state)
-        how = gained, before, work, most, MANY, feasible
+        how = gained, before, work, most, operations - counts[2], feasible
         outcome = advance(M, lower, upper, v0, v, y, R, W, where, side, state, *how)
         counts[0] = state[PASSES]
+        counts[2] += state[OPERATIONS]
         if outcome == INFEASIBLE:
             return INFEASIBLE
         put(x, v)

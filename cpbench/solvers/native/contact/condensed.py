@@ -32,24 +32,28 @@ class Condensed:
     def lift(self, point: FCPoint) -> GFCPoint:
         """Return (v, r, λ) with (v, λ) = K⁻¹(Hr + f, −b)."""
         problem = self.problem
-        force = problem.H @ point.r + problem.f
+        force = problem.at_hand[1] @ point.r + problem.f
         v, lam = np.split(problem.saddle.solve(np.concatenate([force, -problem.b])), [force.size])
         return GFCPoint(v=v, r=point.r, lam=lam)
 
 
 def condensed(problem: GlobalFrictionContact) -> Condensed | None:
     """Return the problem condensed, or None where that is too large, or K nearly singular."""
-    saddle, H = problem.saddle, problem.H
+    saddle, H = problem.saddle, problem.at_hand[1]
     if not problem.nc or not saddle.rcond > WORST:
         return None
-    if matrices.is_sparse(saddle.A) and saddle.block_diagonal and not problem.b.size:
+    if matrices.is_sparse(H) and matrices.is_sparse(saddle.A) and saddle.block_diagonal and not problem.b.size:
         W = matrices.transpose(H) @ (saddle.sparse_inverse @ matrices.sparse(H))
     elif saddle.n * problem.w.size <= MOST:
-        full = np.zeros((saddle.n, problem.w.size))
-        full[: problem.f.size] = matrices.dense(H)
-        W = matrices.transpose(H) @ saddle.solve(full)[: problem.f.size]
+        if problem.small and not problem.b.size:
+            moved = problem.responses
+        else:
+            full = np.zeros((saddle.n, problem.w.size))
+            full[: problem.f.size] = matrices.dense(H)
+            moved = saddle.solve(full)[: problem.f.size]
+        W = matrices.transpose(H) @ moved
     else:
         return None
-    if matrices.is_symmetric(problem.M):
+    if problem.factorization.symmetric:
         W = 0.5 * (W + W.T)
     return Condensed(problem, FrictionContact(W=W, q=problem.free_velocity, mu=problem.mu, dimension=problem.dimension))

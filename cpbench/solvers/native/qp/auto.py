@@ -1,4 +1,4 @@
-"""Automatic choice on QPs: active sets where matrices are small, the interior point where they are not."""
+"""Automatic choice on QPs: active sets where matrices are small or dense, the interior point where they are not."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from cpbench.formulations.qp import QP
+from cpbench.matrices import nnz
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, SolverSpec, Trait, missing, register, solvers
 from cpbench.solvers.native.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
-from cpbench.solvers.native.qp.proximal_active_set import SMALL, ProximalActiveSetOptions
+from cpbench.solvers.native.qp.kkt_system import FULL
+from cpbench.solvers.native.qp.proximal_active_set import ProximalActiveSetOptions, fits_one_call
 from cpbench.solvers.options import searched
 
 LARGE = 300
@@ -19,7 +21,13 @@ LARGE = 300
 STEPS = 5
 """Of conjugate gradients on faces, times √n, a product with Q each: on a grid in the plane one face takes about √n."""
 ON_SMALL = SolverPhase("proximal-active-set"), SolverPhase("interior-point-qp"), SolverPhase("augmented-lagrangian")
+SMALL = 100
+"""Unknowns up to which sparse matrices are no reason for the interior point, whose order of pivots takes as long."""
+TURNS, AHEAD = 20, 2.5
+"""Iterations that the interior point takes where the active set takes many passes; and the time of an operation of
+these, over that of a factorization."""
 ACTIVE_SET = ProximalActiveSetOptions()
+ACTIVE = SolverPhase("proximal-active-set"), SolverPhase("dual-active-set")
 OTHERS = ("clarabel", "piqp", "highs", "proxqp", "osqp")
 """Solvers of other packages, those first that solve the most of the Maros-Meszaros problems."""
 
@@ -34,7 +42,8 @@ class AutoQPOptions:
 
 @register
 class AutoQP(AutomaticChoice):
-    """Proximal steps over the dual active set in one compiled call for few unknowns; the interior point for more.
+    """Proximal steps over the dual active set in one compiled call for few unknowns, and for up to some hundreds where
+    the data are dense, as long as the interior point would take; else the interior point.
 
     Conjugate gradients on faces first where there are many unknowns and bounds alone.
     """
@@ -52,9 +61,11 @@ class AutoQP(AutomaticChoice):
     kernels: ClassVar[tuple[str, ...]] = ("qp_small", "qp_interior", "qp_sparse", "minimum_degree", "mprgp")
 
     def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Plan:
-        if 0 < problem.p.size <= SMALL:
+        phases = tuple(self.phases(problem))
+        if phases[0].solver == "proximal-active-set" and problem.p.size:
             # one compiled call, which finds out by itself whether Q is convex
-            plan = Plan(problem, ON_SMALL, problem, ACTIVE_SET, warming.ready("proximal-active-set", quickly=True))
+            solver = warming.ready("proximal-active-set", quickly=True)
+            plan = Plan(problem, phases, problem, ACTIVE_SET, solver if phases[0].iterations is None else None)
         else:
             plan = super().setup(problem, budget, options)
         if options.members == "native":
@@ -64,8 +75,24 @@ class AutoQP(AutomaticChoice):
         return plan._replace(phases=(*plan.phases[:before], *others, *plan.phases[before:]))
 
     def phases(self, problem: QP) -> Sequence[SolverPhase]:
-        n, rows = problem.p.size, problem.b.size + problem.d.size
+        n = problem.p.size
         if n <= SMALL:
             return ON_SMALL
-        faces = [SolverPhase("mprgp-qp", int(STEPS * math.sqrt(n)))] if n > LARGE and not rows else []
-        return [*faces, *ON_SMALL[1:], ON_SMALL[0], SolverPhase("dual-active-set")]
+        m, k = problem.b.size, problem.d.size
+        if fits_one_call(n, m + k) and _entries(problem) >= FULL * n * (n + m + k):
+            return [SolverPhase("proximal-active-set", _passes(n, m, k)), *ON_SMALL[1:], *ACTIVE]
+        faces = [SolverPhase("mprgp-qp", int(STEPS * math.sqrt(n)))] if n > LARGE and not m + k else []
+        return [*faces, *ON_SMALL[1:], *ACTIVE]
+
+
+def _entries(problem: QP) -> int:
+    return sum(map(nnz, (problem.Q, problem.A, problem.C)))
+
+
+def _passes(n: int, m: int, k: int) -> int:
+    """Return how many passes of the active set take the time of `TURNS` iterations of the interior point.
+
+    A factorization of the latter takes mn² + (n + k)³/3 operations of dense matrices; a pass of the former looks at all
+    sides and bounds, solves with a factor, and adds a row to it.
+    """
+    return int(TURNS * (m * n * n + (n + k) ** 3 / 3.0) / (AHEAD * n * (3.0 * n + m + k))) + 1

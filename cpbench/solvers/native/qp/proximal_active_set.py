@@ -23,7 +23,7 @@ from cpbench.solvers.native.qp.claims import (
     infeasible,
     unbounded,
 )
-from cpbench.solvers.native.qp.dual_active_set import ActiveSet
+from cpbench.solvers.native.qp.dual_active_set import CHUNK, ActiveSet
 from cpbench.solvers.native.qp.scaling import scaled
 from cpbench.solvers.options import fixed, searched
 
@@ -33,10 +33,9 @@ LEAST = 0.1
 """The size of Q, its data scaled, counts as this at least when ε is chosen: Q may be 0."""
 
 
-SMALL = 100
-"""Unknowns up to which one compiled call does it all: it does not look at the clock."""
-PASSES = 10
-"""Of that call, times the unknowns and rows; who needs more may need the checks of the other way."""
+PASSES, OPERATIONS = 10, 10**9
+"""Of the one compiled call: passes, times the unknowns and rows, and operations, a quarter of a second: it does not
+look at the clock. Who needs more may need the checks of the other way."""
 
 
 @dataclass(frozen=True)
@@ -49,21 +48,38 @@ class ProximalActiveSetOptions:
     max_iterations: int = fixed(0)
 
 
-def in_one_call(problem: QP, tolerance: float, options: ProximalActiveSetOptions) -> SolverOutput | None:
-    """Return the answer that one compiled call finds, or that Q is not convex; None where it does not end so."""
+def fits_one_call(n: int, rows: int) -> bool:
+    """Return whether one compiled call factorizes and solves with all rows in less time than a look at the clock may
+    take."""
+    return n * n * (n + rows) <= CHUNK
+
+
+def in_one_call(
+    problem: QP, tolerance: float, options: ProximalActiveSetOptions, limit: int | None = None
+) -> SolverOutput | None:
+    """Return the answer that one compiled call finds, or that Q is not convex, or the best after `limit` passes; None
+    where it does not end so."""
     P, (n, m, k) = problem, (problem.p.size, problem.b.size, problem.d.size)
-    x, error, counts = np.zeros(2 * n + m + k), np.empty(1), np.zeros(2, dtype=np.int64)
+    x, error, counts = np.zeros(2 * n + m + k), np.empty(1), np.zeros(3, dtype=np.int64)
     z, lam, mu, nu = x[:n], x[n : n + m], x[n + m : n + m + k], x[n + m + k :]
     Q, A, C = matrices.dense(P.Q), matrices.dense(P.A), matrices.dense(P.C)
     solve, solved_by, not_convex = _one_call()
-    how = tolerance, matrices.PSD_TOLERANCE, options.proximal, options.feasibility_tolerance, PASSES * (n + m + k + 10)
+    most = PASSES * (n + m + k + 10)
+    if limit is not None:
+        most = min(most, limit)
+    how = tolerance, matrices.PSD_TOLERANCE, options.proximal, options.feasibility_tolerance, most, OPERATIONS
     outcome = solve(Q, P.p, A, P.b, C, P.d, P.lb, P.ub, *how, z, lam, mu, nu, error, counts)
-    passes, steps = counts.tolist()
+    passes, steps, _ = counts.tolist()
     counters = {"iterations": passes + steps, "proximal_steps": steps}
     if outcome == solved_by:
         return solved(QPPoint.adopt(z, lam, mu, nu), counters)
     if outcome == not_convex and not P.convex:
         return SolverOutput(claim=Claim.FAILED, counters=counters, message="Q is not convex")
+    if limit is not None and passes >= limit:
+        message = f"error {error[0]:.1e} after {passes} passes"
+        return SolverOutput(
+            claim=Claim.MAX_ITER, point=QPPoint.adopt(z, lam, mu, nu), counters=counters, message=message
+        )
     return None
 
 
@@ -108,7 +124,7 @@ class ProximalActiveSet(Solver):
         load(SPARSE_KERNEL)  # measures answers to sparse problems
         one = QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1))
         self.run(one)
-        self.run(one, Budget(iterations=10))
+        self.run(one, start=one.zero_point())
 
     def solve(
         self,
@@ -118,8 +134,8 @@ class ProximalActiveSet(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        if start is None and budget.iterations is None and prepared.p.size <= SMALL:
-            output = in_one_call(prepared, budget.tolerance, options)
+        if start is None and fits_one_call(prepared.p.size, prepared.b.size + prepared.d.size):
+            output = in_one_call(prepared, budget.tolerance, options, budget.iterations)
             if output is not None:
                 if record is not None and output.point is not None:
                     _record_ends(prepared, output.point, output.counters["iterations"], record)
