@@ -157,6 +157,16 @@ def sparse(M: Matrix) -> Sparse:
     return M if isinstance(M, sp.csr_array) else sp.csr_array(M)  # pyright: ignore
 
 
+def entries(M: Matrix) -> tuple[Any, Any, Vector]:
+    """Return row starts, columns and values of a matrix by rows, as compiled loops read them."""
+    if sp.issparse(M):
+        return np.asarray(M.indptr, np.int64), np.asarray(M.indices, np.int64), np.ascontiguousarray(M.data)  # pyright: ignore
+    rows, columns = M.shape
+    at = np.flatnonzero(M)
+    start = np.searchsorted(at, columns * np.arange(rows + 1))
+    return start, at - columns * np.repeat(np.arange(rows), np.diff(start)), np.ravel(M)[at]
+
+
 def transpose(M: Matrix) -> Matrix:
     """Return Mᵀ: a view when dense, CSR when sparse."""
     return sp.csr_array(M.T) if sp.issparse(M) else M.T

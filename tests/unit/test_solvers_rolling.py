@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from scipy.optimize import brentq
 from tiers import some_by_day
 
@@ -195,3 +196,52 @@ def test_it_never_claims_what_it_has_not_reached() -> None:
             reached = problem.residuals(output.point, 1e-8).error <= 1e-8
             assert (output.claim is Claim.SOLVED) == reached
             assert not reached or judge(problem, output.point, 1e-8).error <= 1e-6
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("d", [3, 5])
+def test_the_layout_is_that_of_plain_numpy(rng: np.random.Generator, d: int, sparse: bool) -> None:
+    """Blocks in units of lengths, and of the diagonal ones W_NN, S and monotonicity: by NumPy's SVD and eigenvalues."""
+    solver, nc, n = solvers.get(SOLVER), 6, d - 1
+    W = rng.standard_normal((nc * d, nc * d))
+    W[:d, d : 2 * d] = W[3 * d : 4 * d, :d] = 0.0  # two blocks are none
+    for i in range(nc):
+        G = rng.standard_normal((d, d))
+        W[i * d : i * d + d, i * d : i * d + d] = G @ G.T + (0.0 if i < 4 else 5.0 * (G - G.T))
+    W[0, 0], W[:d, d - 1], W[d - 1, :d] = 0.0, 0.0, 0.0  # no W_NN, and S is singular
+    W[d : 2 * d, d : 2 * d] = np.ones((d, d))  # monotone by rounding only, S is 0
+    W[2 * d + 1, 2 * d + 1] -= 50.0  # not monotone, no length
+    problem = RollingFrictionContact(
+        W=sp.csr_array(W) if sparse else W,
+        q=rng.standard_normal(nc * d),
+        mu=rng.uniform(0.1, 1.0, nc),
+        mu_r=rng.uniform(0.1, 1.0, nc),
+        dimension=d,
+    )
+    prepared = solver.setup(problem, Budget(), solver.spec.options())
+    start, column, blocks, diagonal, q, _, mu_r, rho, unit, schur, to_tangent, to_normal, scalars = prepared.kernel
+    L = problem.lengths.ravel()
+    np.testing.assert_allclose(prepared.lengths, L, rtol=1e-14)
+    np.testing.assert_allclose(rho, problem.rho, rtol=1e-13)
+    np.testing.assert_allclose(q, L * problem.q, rtol=1e-14)
+    np.testing.assert_allclose(mu_r * unit, problem.mu_r, rtol=1e-14)
+    expected = (L[:, None] * W * L).reshape(nc, d, nc, d).swapaxes(1, 2)
+    found = np.zeros_like(expected)
+    rows = np.repeat(np.arange(nc), np.diff(start))
+    found[rows, column] = blocks.reshape(-1, d, d)
+    found[np.arange(nc), np.arange(nc)] = diagonal.reshape(nc, d, d)
+    np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-15)
+    assert rows.size == nc * (nc - 1) - 2
+    for i in range(nc):
+        D = expected[i, i]
+        top = abs(D).max()
+        inverse = 1.0 / D[0, 0] if D[0, 0] > 1e-12 * top else 0.0
+        S = D[1:, 1:] - np.outer(D[1:, 0], D[0, 1:]) * inverse
+        np.testing.assert_allclose(schur[i].reshape(n, n), S, rtol=1e-12, atol=1e-13 * top)
+        np.testing.assert_allclose(to_tangent[i], D[1:, 0] * inverse, rtol=1e-12)
+        np.testing.assert_allclose(to_normal[i], D[0, 1:] * inverse, rtol=1e-12)
+        singular = np.linalg.svd(S, compute_uv=False)[-1] <= 1e-12 * top
+        monotone = np.linalg.eigvalsh(D + D.T)[0] >= -1e-12 * top
+        np.testing.assert_allclose(scalars[i], [1e-7 * top * singular, inverse, monotone], rtol=1e-12)
+    assert 0 < scalars[:, 2].sum() < nc
+    assert (scalars[:, 0] > 0).sum() == 2

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
-from cpbench.matrices import Matrix, Vector, norm, transpose
+from cpbench.matrices import Vector, entries, norm, transpose
 from cpbench.solvers.native.contact.sweeps import kernel
 
 
@@ -34,9 +34,9 @@ class DynamicsError:
     def of(cls, problem: GlobalContact) -> DynamicsError:
         rows, nc, d = kernel("dynamics_rows"), problem.nc, problem.dimension
         n, p, lengths = problem.f.size, problem.b.size, problem.lengths
-        matrices = M, H, G = tuple(_entries(A) for A in (problem.M, problem.H, problem.G))
+        matrices = M, H, G = tuple(entries(A) for A in (problem.M, problem.H, problem.G))
         if not problem.factorization.symmetric:
-            M = _entries(0.5 * (abs(problem.M) + transpose(abs(problem.M))))
+            M = entries(0.5 * (abs(problem.M) + transpose(abs(problem.M))))
         start = np.zeros(nc + n + p + 1, np.int64)
         count = rows.count(*M[:2], *H[:2], *G[:2], d, nc, start)
         column, size = np.empty(count, np.int64), np.empty(count)
@@ -62,13 +62,3 @@ class DynamicsError:
         """
         error = kernel("dynamics_error").judged(*self.data, point.v, point.r, point.lam)
         return error if math.isfinite(error) else math.inf
-
-
-def _entries(A: Matrix) -> tuple[Any, Any, Any]:
-    """Return row starts, columns and values of a matrix by rows, as the kernels read them."""
-    if isinstance(A, np.ndarray):
-        rows, columns = A.shape
-        at = np.flatnonzero(A)
-        start = np.searchsorted(at, columns * np.arange(rows + 1))
-        return start, at - columns * np.repeat(np.arange(rows), np.diff(start)), A.ravel()[at]
-    return np.asarray(A.indptr, np.int64), np.asarray(A.indices, np.int64), np.ascontiguousarray(A.data)

@@ -7,21 +7,16 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.sparse as sp
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.kernel_cache import compiled
-from cpbench.matrices import Dense, Vector, freeze
+from cpbench.matrices import Vector, entries
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.contact.sweeps import conclude, kernel
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed, searched
 
-SINGULAR = 1e-12
-"""Relative to the block's largest entry: W_NN below it cannot carry the normal equation; S below it is regularised."""
-SHIFT = 1e-7
-"""Added to a singular S, over the same."""
 BLOCKS_A_CALL = 400_000
 """Blocks, and contacts, between two looks at the clock."""
 
@@ -65,25 +60,19 @@ class NSGSRolling(Solver):
 
     def setup(self, problem: RollingFrictionContact, budget: Budget, options: NSGSRollingOptions) -> RollingBlocks:
         d, nc = problem.dimension, problem.nc
-        lengths = problem.lengths.ravel()
         if nc == 0:
-            return RollingBlocks(problem, lengths, ())
-        L = sp.diags_array(lengths)
-        W = sp.bsr_array(sp.csr_array(L @ problem.W @ L), blocksize=(d, d))
-        W.sort_indices()
-        row = np.repeat(np.arange(nc), np.diff(W.indptr))
-        off = W.indices != row
-        start = np.concatenate([[0], np.cumsum(np.bincount(row[off], minlength=nc))])
-        D = problem.diagonal_blocks * problem.lengths[:, :, None] * problem.lengths[:, None, :]
-        matrix = (
-            start.astype(np.int64),
-            W.indices[off].astype(np.int64),
-            np.ascontiguousarray(W.data[off]).ravel(),
-            np.ascontiguousarray(D.reshape(nc, d * d)),
-        )
-        unit = np.ascontiguousarray(problem.lengths[:, -1])
-        law = (lengths * problem.q, problem.mu, problem.mu_r / unit, problem.rho, unit)
-        return RollingBlocks(problem, lengths, (*matrix, *law, *_local(D)))
+            return RollingBlocks(problem, np.zeros(0), ())
+        rows, start = entries(problem.W), np.zeros(nc + 1, np.uint64)
+        kernel("block_layout").count(*rows[:2], d, True, start)
+        column = np.empty(int(start[nc]), np.uint32)
+        blocks, D, n = np.zeros(column.size * d * d), np.zeros((nc, d, d)), d - 1
+        lengths, rho = np.empty((nc, d)), np.empty(nc)
+        local = np.empty((nc, n * n)), np.empty((nc, n)), np.empty((nc, n)), np.empty((nc, 3))
+        compiled(kernel("rolling_layout").from_rows)(*rows, start, column, blocks, D, lengths, rho, *local)
+        matrix = (start.astype(np.int64), column.astype(np.int64), blocks, D.reshape(nc, d * d))
+        unit, every = lengths[:, n].copy(), lengths.ravel()
+        law = (every * problem.q, problem.mu, problem.mu_r / unit, rho, unit)
+        return RollingBlocks(problem, every, (*matrix, *law, *local))
 
     def warmup(self) -> None:
         for d in (3, 5):
@@ -131,21 +120,3 @@ class NSGSRolling(Solver):
         counters = {"iterations": done, "projections": done * problem.nc, "hard_contacts": int(state[rolling.HARD])}
         least = float(measured[rolling.LEAST])
         return conclude(problem, lengths * best, least, budget, claim, message, counters)
-
-
-def _local(D: Dense) -> tuple[Dense, Dense, Dense, Dense]:
-    """Return `schur`, `to_tangent`, `to_normal` and `scalars` of the kernel from the diagonal blocks, shape (nc, d,
-    d)."""
-    nc, d, _ = D.shape
-    top = np.abs(D).max(axis=(1, 2))
-    normal = D[:, 0, 0]
-    carries = normal > SINGULAR * top
-    inverse = np.where(carries, 1.0 / np.where(carries, normal, 1.0), 0.0)
-    to_tangent, to_normal = D[:, 1:, 0] * inverse[:, None], D[:, 0, 1:] * inverse[:, None]
-    S = D[:, 1:, 1:] - D[:, 1:, :1] * to_normal[:, None, :]
-    least = np.linalg.svd(S, compute_uv=False)[:, -1]
-    shift = np.where(least <= SINGULAR * top, SHIFT * top, 0.0)
-    monotone = np.linalg.eigvalsh(D + D.transpose(0, 2, 1))[:, 0] >= -SINGULAR * top
-    scalars = np.column_stack([shift, inverse, monotone])
-    schur = np.ascontiguousarray(S.reshape(nc, (d - 1) ** 2))
-    return freeze(schur), freeze(to_tangent.copy()), freeze(to_normal.copy()), freeze(scalars)
