@@ -310,3 +310,35 @@ def test_block_pivoting_from_any_guess(sweeps: int) -> None:
         warm = solver.run(problem, Budget(tolerance=1e-9), start=output.point)
         assert warm.claim is Claim.SOLVED
         assert warm.counters["iterations"] == 0
+
+
+def test_the_transform_of_a_pair_is_its_definition(rng: np.random.Generator) -> None:
+    kernel = kernel_cache.load("cpbench.solvers.kernels.lemke_pairs")
+    n = 7
+    for _ in range(30):
+        M, q = rng.uniform(-1, 1, (n, n)), rng.uniform(-1, 1, n)
+        r, i = (int(k) for k in rng.choice(n, 2, replace=False))
+        T, t, row, column = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
+        assert kernel.transform(M, q, r, i, T, t, row, column)
+        expected, constant = reference_transform(M, q, np.sort([r, i]))
+        np.testing.assert_allclose(T * row[:, None] / column, expected, rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(t * row, constant, rtol=1e-9, atol=1e-11)
+
+
+def test_a_singular_pair_has_no_transform() -> None:
+    kernel = kernel_cache.load("cpbench.solvers.kernels.lemke_pairs")
+    M = np.array([[0.1, 0.3, 1.0], [0.2, 0.6, 0.0], [1.0, 0.0, 1.0]])
+    assert not kernel.transform(M, np.ones(3), 0, 1, np.empty((3, 3)), *np.empty((3, 3)))
+
+
+@pytest.mark.parametrize("n", [2, 9, 40])
+def test_games_are_solved_from_pairs_in_one_call(n: int) -> None:
+    """Where nothing blocks the first pivot, as in bimatrix games, no run from w = q with larger pivots is tried."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        A, B = rng.uniform(1, 2, (2, n, n))
+        M = np.block([[np.zeros((n, n)), A], [B.T, np.zeros((n, n))]])
+        problem = LCP(M=M, q=np.full(2 * n, -1.0))
+        output = solvers.get("lemke").run(problem, Budget(tolerance=1e-8))
+        assert output.claim is Claim.SOLVED, seed
+        assert judge(problem, output.point, 1e-8).solved, seed

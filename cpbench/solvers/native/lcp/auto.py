@@ -50,6 +50,7 @@ class AutoLCP(AutomaticChoice):
     kernels: ClassVar[tuple[str, ...]] = (
         "pivoting",
         "lemke_judged",
+        "lemke_pairs",
         "lcp_error",
         "mprgp",
         "splitting",

@@ -15,6 +15,7 @@ from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, error_of
 from cpbench.solvers.native.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench.solvers.native.lcp.lemke_columns import BLOCKS
+from cpbench.solvers.native.lcp.lemke_restarts import PAIRS_KERNEL
 from cpbench.solvers.native.lcp.lemke_run import SMALL, LemkeOptions, LemkeRun, judged
 
 OMEGA = 0.6
@@ -63,6 +64,7 @@ class Lemke(Solver):
         self.warmup_quickly()
 
     def warmup_quickly(self) -> None:
+        load(PAIRS_KERNEL)  # for games
         load(BLOCKS)  # for problems that are larger than the one that is solved here
         self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
 

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cpbench.kernel_cache import load
 from cpbench.matrices import Vector
+
+PAIRS_KERNEL = "cpbench.solvers.kernels.lemke_pairs"
 
 LARGER_PIVOTS = (1e-9, 1e-7)
 """Least pivots of the next runs, the data scaled to size one. Columns carry rounding errors that grow with the pivots
@@ -24,13 +29,16 @@ def pairs(M: np.ndarray[Any, Any]) -> Iterator[tuple[int, int]]:
     section 4.4). Lemke and Howson (1964) begin with z_r and the first unknown i of the other player that it serves
     least, which this does in general; the pivots then go on from the principal transform there.
     """
-    n = len(M)
-    for r in np.random.default_rng(0).permutation(n)[:PAIRS]:
-        column = M[:, r]
-        served = np.flatnonzero((column > 0.0) & (M[r] != 0.0))
-        served = served[served != r]
-        if served.size:
-            yield int(r), int(served[np.argmin(column[served])])
+    least_served = load(PAIRS_KERNEL).least_served
+    for r in order(len(M)):
+        if (i := least_served(M, r)) >= 0:
+            yield int(r), int(i)
+
+
+@cache
+def order(n: int) -> NDArray[np.int64]:
+    """Return the first unknowns of the pairs."""
+    return np.random.default_rng(0).permutation(n)[:PAIRS].astype(np.int64)
 
 
 def in_pair(n: int, pair: tuple[int, int]) -> Vector:

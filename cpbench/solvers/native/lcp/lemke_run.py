@@ -17,7 +17,7 @@ from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench.solvers.native.lcp.claims import conclude, ended_in_basis, farkas
 from cpbench.solvers.native.lcp.first_basis import DenseLCP
 from cpbench.solvers.native.lcp.lemke_columns import PivotingState
-from cpbench.solvers.native.lcp.lemke_restarts import LARGER_PIVOTS, in_pair, pairs
+from cpbench.solvers.native.lcp.lemke_restarts import LARGER_PIVOTS, PAIRS_KERNEL, in_pair, order, pairs
 from cpbench.solvers.native.lcp.principal_transform import PrincipalTransform, transformed
 from cpbench.solvers.options import fixed, searched
 
@@ -69,7 +69,7 @@ class LemkeRun:
         self._kernel = load(PIVOTING)
         self._asked = budget.iterations or options.max_pivots
         self._limit = self._asked or pivot_limit(lcp.problem.q.size)
-        self._may_be_infeasible = True
+        self._may_be_infeasible, self._ray_at_once = True, False
         self._deadline = time.monotonic() + budget.seconds
         self.counters = {"iterations": 0, "pivots": 0}
 
@@ -125,14 +125,41 @@ class LemkeRun:
         return output
 
     def _other_ways(self) -> Iterator[Callable[[], SolverOutput | None]]:
-        """Yield larger pivots from w = q, then other first bases."""
+        """Yield larger pivots from w = q, then other first bases; these first where nothing blocked the first pivot,
+        for larger ones would not either."""
         M, n = self._lcp.M, self._lcp.problem.q.size
-        for least in LARGER_PIVOTS:
-            if least > self._options.pivot_tolerance:
-                yield partial(self._plain, replace(self._options, pivot_tolerance=least))
-        for pair in pairs(M):
-            if (seen := transformed(self._lcp, in_pair(n, pair))) is not None:
-                yield partial(self._from_transform, seen)
+        larger = [
+            partial(self._plain, replace(self._options, pivot_tolerance=least))
+            for least in LARGER_PIVOTS
+            if least > self._options.pivot_tolerance
+        ]
+        at_once = self._ray_at_once
+        if not at_once:
+            yield from larger
+        if n <= SMALL:
+            tried = 0
+            while (tried := self._first_pair(tried)) >= 0:
+                yield self._conclude_pair
+        else:
+            for pair in pairs(M):
+                if (seen := transformed(self._lcp, in_pair(n, pair))) is not None:
+                    yield partial(self._from_transform, seen)
+        if at_once:
+            yield from larger
+
+    def _first_pair(self, tried: int) -> int:
+        """Pivot from the pairs after those that were tried, until one of them leads to a complementary basis; how many
+        have been tried then, or -1 where none does."""
+        lcp, options = self._lcp, self._options
+        self._z, chosen = np.empty(lcp.problem.q.size), order(lcp.problem.q.size)
+        rest = chosen, tried, lcp.problem.q.size, options.pivot_tolerance, options.tie_tolerance
+        tried, pivots = compiled(load(PAIRS_KERNEL).from_pairs)(lcp.M, lcp.problem.q, self._z, *rest)
+        self._spend(pivots)
+        return tried
+
+    def _conclude_pair(self) -> SolverOutput:
+        """Return what the last of the pairs led to."""
+        return ended_in_basis(self._lcp.problem, self._z, np.flatnonzero(self._z), self._budget, self.counters)
 
     def _plain(self, options: LemkeOptions) -> SolverOutput:
         """Start from w = q, where a ray may be followed by a proof."""
@@ -156,6 +183,7 @@ class LemkeRun:
     def _ended(self, z: Vector, outcome: str) -> SolverOutput:
         problem, budget, counters = self._lcp.problem, self._budget, self.counters
         if outcome == "ray":
+            self._ray_at_once |= self.counters["pivots"] <= 1
             certificate = farkas(problem, budget) if self._may_be_infeasible else None
             self._may_be_infeasible = False
             return _after_ray(problem, z, budget, counters, certificate)
