@@ -1,8 +1,9 @@
 """A small dense quadratic program from its data to its answer: proximal steps over the dual active set.
 
 x⁺ = argmin ½xᵀHx + gᵀx + ½ε‖x − x⁰‖² over lower ≤ (x, Gx) ≤ upper, in the data scaled to size one, by `qp_dual` in the
-coordinates v = Lᵀx, LLᵀ = H + εI. Where H is positive definite ε is 0 and there is one step; where that is by less
-than √eps, half of the digits of v would be lost, and passes that undo each other: proximal steps are ahead.
+coordinates v = Lᵀx, LLᵀ = H + εI. Where H is positive definite ε is 0 and there is one step; where less than
+√eps is left of a number on its diagonal, half of the digits of v would be lost, and passes would undo each other:
+proximal steps are ahead.
 """
 
 import numpy as np
@@ -28,9 +29,8 @@ from cpbench.solvers.kernels.vectors import put
 NOT_CONVEX = 4
 """The outcome, beside those of `qp_dual`, where no factorization says that Q is positive semidefinite."""
 SCALINGS = 4
-DEFINITE, SEMIDEFINITE = 20.0, 4.0
-"""Times n eps: what is taken from, or added to, a diagonal of ones before the factorization has to do, as in
-`matrices.is_definite` and `is_psd`."""
+SEMIDEFINITE = 4.0
+"""Times n eps: what is added to a diagonal of ones before the factorization has to do, as in `matrices.is_psd`."""
 LEAST = 0.1
 """The size of H counts as this share of that of g at least when ε is chosen: H may be 0."""
 RAY, WINDOW, GAIN = 1e6, 20, 0.99
@@ -41,10 +41,12 @@ _OUT = types.float64[::1]
 _OUT2 = types.float64[:, ::1]
 
 
-@njit(types.boolean(_OUT2, _OUT2, types.float64, types.boolean), **COMPILED)
+@njit(types.float64(_OUT2, _OUT2, types.float64, types.boolean), **COMPILED)
 def _cholesky(H, L, shift, unit):
-    """Write the lower factor of H + shift·diag(H) (`unit`), or of H + shift·I; False at a pivot that is not
-    positive. Where `unit`, a row with the diagonal entry 0 must be 0, and stands for one of the identity."""
+    """Write the lower factor of H + shift·diag(H) (`unit`), or of H + shift·I, and return the least share that is left
+    of a number on the diagonal; 0 at the first one of which nothing is. Where `unit`, a row with the diagonal entry 0
+    must be 0, and stands for one of the identity."""
+    least = 1.0
     for i in range(H.shape[0]):
         row = L[i]
         for j in range(i):
@@ -52,14 +54,16 @@ def _cholesky(H, L, shift, unit):
         if unit and H[i, i] == 0.0:
             for j in range(H.shape[0]):
                 if H[i, j] != 0.0:
-                    return False
+                    return 0.0
             row[i] = 1.0
             continue
-        pivot = H[i, i] + (shift * H[i, i] if unit else shift) - dot(row[:i], row[:i])
+        whole = H[i, i] + (shift * H[i, i] if unit else shift)
+        pivot = whole - dot(row[:i], row[:i])
         if not pivot > 0.0:
-            return False
+            return 0.0
+        least = min(least, pivot / whole)
         row[i] = np.sqrt(pivot)
-    return True
+    return least
 
 
 @njit(types.void(_OUT2, _OUT, types.int64), **COMPILED)
@@ -116,12 +120,12 @@ def solve(
         least, size = min(least, H[i, i]), max(size, abs(D[i] * p[i]))
         for j in range(n):
             top = max(top, abs(H[i, j]))
-    if not (least > 0.0 and _cholesky(H, L, -max(np.sqrt(eps), DEFINITE * n * eps), True)):
-        if not (least >= 0.0 and _cholesky(H, L, max(psd, SEMIDEFINITE * n * eps), True)):
+    if not (least > 0.0 and _cholesky(H, L, 0.0, False) > np.sqrt(eps)):
+        if not (least >= 0.0 and _cholesky(H, L, max(psd, SEMIDEFINITE * n * eps), True) > 0.0):
             return NOT_CONVEX
         epsilon = proximal * (max(top, LEAST * max(top, size)) or 1.0)
-    if not _cholesky(H, L, epsilon, False):
-        return NOT_CONVEX
+        if not _cholesky(H, L, epsilon, False) > 0.0:
+            return NOT_CONVEX
     sides = 0
     for i in range(n + r):
         sides += i >= n or lb[i] > -np.inf or ub[i] < np.inf

@@ -61,11 +61,11 @@ class AutoQP(AutomaticChoice):
     kernels: ClassVar[tuple[str, ...]] = ("qp_small", "qp_interior", "qp_sparse", "minimum_degree", "mprgp")
 
     def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Plan:
-        phases = tuple(self.phases(problem))
-        if phases[0].solver == "proximal-active-set" and problem.p.size:
+        if 0 < problem.p.size <= SMALL:
             # one compiled call, which finds out by itself whether Q is convex
-            solver = warming.ready("proximal-active-set", quickly=True)
-            plan = Plan(problem, phases, problem, ACTIVE_SET, solver if phases[0].iterations is None else None)
+            plan = Plan(problem, ON_SMALL, problem, ACTIVE_SET, warming.ready("proximal-active-set", quickly=True))
+        elif problem.p.size and (phases := tuple(self.phases(problem)))[0].solver == "proximal-active-set":
+            plan = Plan(problem, phases, problem, ACTIVE_SET)
         else:
             plan = super().setup(problem, budget, options)
         if options.members == "native":
