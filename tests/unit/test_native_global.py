@@ -268,7 +268,7 @@ def test_norms_alone_would_claim_what_is_not_so() -> None:
         backward = judge(problem, point, 1e-4).error
         wrong += backward > 1e-4
         assert error(point) >= backward
-        assert error(point) <= max(1.5 * backward, problem.residuals(point).error)
+        assert error(point) <= max(1.6 * backward, problem.residuals(point).error)
     assert wrong
 
 
@@ -322,7 +322,7 @@ def test_the_error_of_dynamics_is_that_of_plain_numpy(rng: np.random.Generator, 
             beyond = np.linalg.norm(law.project(-U), axis=1) * D[:nc] / np.linalg.norm((D * constants)[other])
             expected = max(
                 problem.residuals(GFCPoint(v=v, r=r, lam=lam)).error,
-                1.1 * np.linalg.norm(np.concatenate(parts)),
+                1.25 * np.linalg.norm(np.concatenate(parts)),
                 beyond.max() ** 2,
                 (abs(equations[:n]) * D[force]).max() ** 2 / np.linalg.norm((D * constants)[force]) ** 2,
                 (abs(equations[n:]) * D[nc + n :]).max(initial=0) ** 2 / np.linalg.norm((D * constants)[other]) ** 2,

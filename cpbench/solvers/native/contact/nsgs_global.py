@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from cpbench.factorization import Blocks, assembled, components, diagonal_blocks
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
-from cpbench.matrices import Dense, Sparse, Vector, freeze, sparse
+from cpbench.matrices import Dense, Matrix, Sparse, Vector, dense, entries, freeze, sparse
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.contact.dynamics_error import DynamicsError
 from cpbench.solvers.native.contact.run import ContactMethod, MethodOptions, iterate_on
@@ -31,6 +31,18 @@ def whitening(M: Sparse) -> Sparse:
     parts = diagonal_blocks(M, LARGEST)
     lower = [Blocks(part.unknowns, np.tril(np.linalg.inv(np.linalg.cholesky(part.values)))) for part in parts]
     return assembled(lower, M.shape)
+
+
+def _whitened(problem: GlobalFrictionContact) -> tuple[Matrix, Matrix]:
+    """Return L⁻¹ and A = L⁻¹H, the columns of A sorted."""
+    if problem.small:
+        M, H, _ = problem.at_hand
+        inverse = np.tril(np.linalg.inv(np.linalg.cholesky(dense(M))))
+        return inverse, inverse @ dense(H)
+    inverse = whitening(sparse(problem.M))
+    A = sp.csc_array(inverse @ sparse(problem.H))
+    A.sort_indices()
+    return inverse, A  # pyright: ignore[reportReturnType]
 
 
 @dataclass(frozen=True)
@@ -49,16 +61,16 @@ class Bodies:
     @classmethod
     def of(cls, problem: GlobalFrictionContact) -> Bodies:
         d, nc = problem.dimension, problem.nc
-        layout, inverse = kernel("block_layout"), whitening(sparse(problem.M))
-        rows = sp.csr_array((inverse @ sparse(problem.H)).T)
-        rows.sort_indices()
+        layout = kernel("block_layout")
+        inverse, A = _whitened(problem)
+        indptr, indices, data = entries(A.T)
         start = np.zeros(nc + 1, np.uint64)
         if nc:
-            layout.count(rows.indptr, rows.indices, 1, False, start)
+            layout.count(indptr, indices, 1, False, start)
         unknown, A = np.empty(int(start[-1]), np.uint32), np.zeros(d * int(start[-1]))
         D, local = np.empty((nc, d, d)), np.empty((nc, 12 if d == 3 else 0))
         if nc:
-            layout.fill(rows.indptr, rows.indices, rows.data, 1, False, 1, 0, start, unknown, A)
+            layout.fill(indptr, indices, data, 1, False, 1, 0, start, unknown, A)
         kernel("velocity_sweeps").diagonal_blocks(start, A, D)
         if d == 3:
             layout.one_contact_constants(D, local)
