@@ -317,9 +317,11 @@ def is_psd(M: Matrix, tolerance: float = PSD_TOLERANCE) -> bool:
     matrix with that much added to its diagonal: Cholesky when dense, SuperLU on diagonal pivots when sparse (all
     pivots positive means positive definite).
     """
-    n = M.shape[0]
-    if (np.asarray(M.diagonal()) < 0.0).any():
+    n, diagonal = M.shape[0], np.asarray(M.diagonal())
+    if (diagonal < 0.0).any():
         return False
+    if _has_nothing_beside(M, diagonal):
+        return True
     shift = max(tolerance, 4 * n * EPS)
     with np.errstate(over="ignore", invalid="ignore"):
         S = unit_diagonal(M)
@@ -334,7 +336,15 @@ def is_definite(M: Matrix) -> bool:
     diagonal = np.asarray(M.diagonal())
     if not (diagonal > 0.0).all():
         return False
+    if _has_nothing_beside(M, diagonal):
+        return True
     return _has_cholesky(unit_diagonal(M), np.full(diagonal.size, -20 * diagonal.size * EPS))
+
+
+def _has_nothing_beside(M: Matrix, diagonal: Vector) -> bool:
+    """Return whether a sparse matrix stores no entry but its finite diagonal's: most objectives of control do not, and
+    a factorization takes as long as their solution."""
+    return is_sparse(M) and nnz(M) == np.count_nonzero(diagonal) and bool(np.isfinite(diagonal).all())
 
 
 def _has_cholesky(S: Matrix, added: Vector) -> bool:

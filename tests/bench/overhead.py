@@ -23,12 +23,11 @@ from __future__ import annotations
 
 import argparse
 import itertools
-import sqlite3
 import statistics
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -111,18 +110,12 @@ def run(slot: Slot, path: Path, planned: Sequence[Pair]) -> Clock:
 
 def fill(path: Path, rows: int) -> None:
     """Copy the first row and its answer until the file holds `rows` of them."""
-    db = sqlite3.connect(path)
-    for table in ("rows", "answers"):
-        names = [name for _, name, *_ in db.execute(f"PRAGMA table_info({table})")]
-        copied = ", ".join(f'"{name}"' for name in names if name != "key")
-        db.execute(
-            f"WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < ?) "
-            f"INSERT INTO {table} (key, {copied}) SELECT printf('%032x', (i * 2654435761) % 4294967296), {copied} "
-            f"FROM n, (SELECT * FROM {table} LIMIT 1)",
-            (rows - db.execute(f"SELECT count(*) FROM {table}").fetchone()[0],),
-        )
-    db.commit()
-    db.close()
+    with Store(path, create=True) as store:
+        first, answer = next(iter(list(store.rows()))), next(answer for _, answer in store.answers())
+        missing = rows - sum(store.counts().values())
+        keys = [f"{i * 2654435761 % 2**32:032x}" for i in range(1, missing + 1)]
+        store.add(replace(first, key=key) for key in keys)
+        store.add_kept(((key, answer) for key in keys), (), ())
 
 
 def warm(folder: Path, pairs: int) -> float:

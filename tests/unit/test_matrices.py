@@ -68,6 +68,19 @@ def test_definiteness_is_exact_and_has_no_units(seed: int) -> None:
                 ]
 
 
+def test_a_sparse_matrix_of_a_diagonal_alone_needs_no_factorization() -> None:
+    """It is told from one whose zeros on the diagonal make up for entries beside it, and from stored zeros."""
+    for diagonal in ([3.0, 0.0, 1e-9], [3.0, 2.0, 1e-9], [0.0, 0.0, 0.0], [1.0, -1e-9, 2.0]):
+        for beside in (0.0, 2.0):
+            whole = np.diag(diagonal)
+            whole[0, 1] = whole[1, 0] = beside
+            stored = sp.csr_array(whole)
+            spread = sp.csr_array((np.diag(diagonal).ravel(), np.tile(np.arange(3), 3), [0, 3, 6, 9]), shape=(3, 3))
+            for M in (stored, spread) if beside == 0.0 else (stored,):
+                assert matrices.is_psd(M) == matrices.is_psd(whole)
+                assert matrices.is_definite(M) == matrices.is_definite(whole)
+
+
 @pytest.mark.parametrize("large", [False, True])
 def test_a_small_negative_direction_is_seen_beside_a_large_one(large: bool) -> None:
     """diag(1e9, -1), and the same inside 1000 coupled rows: eigenvalues far below max|M| in size."""

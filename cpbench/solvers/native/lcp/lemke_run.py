@@ -114,14 +114,15 @@ class LemkeRun:
 
     def _settled(self, output: SolverOutput) -> SolverOutput:
         """Return the output, or the first of the other ways that solves the problem or proves that nothing does."""
-        if self._asked:  # a limit that was asked for is that of the way from w = q
+        if self._asked or output.claim in SETTLED:  # a limit that was asked for is that of the way from w = q
             return output
         for attempt in self._other_ways():
             self._limit = self.counters["iterations"] + pivot_limit(self._lcp.problem.q.size)
-            if output.claim in SETTLED or time.monotonic() > self._deadline:
-                return output
+            if time.monotonic() > self._deadline:
+                break
             other = attempt()
-            output = output if other is None or other.claim not in SETTLED else other
+            if other is not None and other.claim in SETTLED:
+                return other
         return output
 
     def _other_ways(self) -> Iterator[Callable[[], SolverOutput | None]]:
