@@ -24,9 +24,9 @@ from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, ScaledConta
 
 PIECE = 2_000
 """Sweeps between two looks at the clock."""
-SOONER, LATER = 0.5, 2.0
-"""Weights. Interior points and proximal points end in a few dozen steps where they succeed, whatever sweeps have gained
-before: they are asked when others have had half of that work. Plain sweeps mostly gain what accelerated ones do."""
+SOONER = 0.5
+"""Interior points and proximal points end in a few dozen steps where they succeed, whatever sweeps have gained before:
+they are asked when others have had half of that work."""
 
 
 class Member(ABC):
@@ -144,7 +144,7 @@ class PlainMember(Member):
     Their error falls at a steady rate, which says when they are done.
     """
 
-    unit, counter, expected, weight = "plain sweeps", "sweeps", 1200, LATER
+    unit, counter, expected = "plain sweeps", "sweeps", 1200
 
     def __init__(self, contacts: ScaledContacts, start: Vector, tolerance: float) -> None:
         super().__init__(contacts, sweep_work(contacts.rows))
@@ -157,11 +157,10 @@ class PlainMember(Member):
     @property
     def due(self) -> float:
         if self.over or self.steps == 0:
-            return self.weight * self.allowed
+            return self.allowed
         spent = round(self.spent / self.cost)
         turn = round(self.allowed / self.cost) - spent
-        progress = SweepProgress(self.cost, turn, spent, self.steps, 1.0, self._sweeps.error)
-        return self.weight * progress.due(self._tolerance)
+        return SweepProgress(self.cost, turn, spent, self.steps, 1.0, self._sweeps.error).due(self._tolerance)
 
     def begin(self, r: Vector) -> None:
         self._sweeps = AcceleratedSweeps(self._contacts.rows, self._start, self._contacts.rows.plain)
