@@ -34,15 +34,15 @@ def whitening(M: Sparse) -> Sparse:
 
 
 def _whitened(problem: GlobalFrictionContact) -> tuple[Matrix, Matrix]:
-    """Return L⁻¹ and A = L⁻¹H, the columns of A sorted."""
+    """Return L⁻¹ and Aᵀ of A = L⁻¹H."""
     if problem.small:
         M, H, _ = problem.at_hand
-        inverse = np.tril(np.linalg.inv(np.linalg.cholesky(dense(M))))
-        return inverse, inverse @ dense(H)
-    inverse = whitening(sparse(problem.M))
-    A = sp.csc_array(inverse @ sparse(problem.H))
-    A.sort_indices()
-    return inverse, A  # pyright: ignore[reportReturnType]
+        inverse = np.asarray(np.tril(np.linalg.inv(np.linalg.cholesky(dense(M)))), np.float64)
+        return inverse, (inverse @ dense(H)).T
+    lower = whitening(sparse(problem.M))
+    rows = sp.csr_array((lower @ sparse(problem.H)).T)
+    rows.sort_indices()
+    return lower, rows
 
 
 @dataclass(frozen=True)
@@ -62,8 +62,8 @@ class Bodies:
     def of(cls, problem: GlobalFrictionContact) -> Bodies:
         d, nc = problem.dimension, problem.nc
         layout = kernel("block_layout")
-        inverse, A = _whitened(problem)
-        indptr, indices, data = entries(A.T)
+        inverse, rows = _whitened(problem)
+        indptr, indices, data = entries(rows)
         start = np.zeros(nc + 1, np.uint64)
         if nc:
             layout.count(indptr, indices, 1, False, start)
