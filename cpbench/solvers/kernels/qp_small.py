@@ -2,8 +2,8 @@
 
 x⁺ = argmin ½xᵀHx + gᵀx + ½ε‖x − x⁰‖² over lower ≤ (x, Gx) ≤ upper, in the data scaled to size one, by `qp_dual` in the
 coordinates v = Lᵀx, LLᵀ = H + εI. Where H is positive definite ε is 0 and there is one step; where less than
-√eps is left of a number on its diagonal, half of the digits of v would be lost, and passes would undo each other:
-proximal steps are ahead.
+n√eps is left of a number on its diagonal, the least eigenvalue is about √eps or less: half of the digits of v would be
+lost, and passes would undo each other. Proximal steps are ahead then.
 """
 
 import numpy as np
@@ -120,7 +120,7 @@ def solve(
         least, size = min(least, H[i, i]), max(size, abs(D[i] * p[i]))
         for j in range(n):
             top = max(top, abs(H[i, j]))
-    if not (least > 0.0 and _cholesky(H, L, 0.0, False) > np.sqrt(eps)):
+    if not (least > 0.0 and _cholesky(H, L, 0.0, False) > n * np.sqrt(eps)):
         if not (least >= 0.0 and _cholesky(H, L, max(psd, SEMIDEFINITE * n * eps), True) > 0.0):
             return NOT_CONVEX
         epsilon = proximal * (max(top, LEAST * max(top, size)) or 1.0)

@@ -23,8 +23,8 @@ STEPS = 5
 ON_SMALL = SolverPhase("proximal-active-set"), SolverPhase("interior-point-qp"), SolverPhase("augmented-lagrangian")
 SMALL = 100
 """Unknowns up to which sparse matrices are no reason for the interior point, whose order of pivots takes as long."""
-TURNS, AHEAD = 20, 2.5
-"""Iterations that the interior point takes where the active set takes many passes; and the time of an operation of
+TURNS, AHEAD = 40, 2.5
+"""Iterations that the interior point takes on programs that are hard for it, too; and the time of an operation of
 these, over that of a factorization."""
 ACTIVE_SET = ProximalActiveSetOptions()
 ACTIVE = SolverPhase("proximal-active-set"), SolverPhase("dual-active-set")
