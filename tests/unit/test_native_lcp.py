@@ -73,6 +73,8 @@ def test_errors_of_rows_are_those_of_plain_numpy(rng: np.random.Generator, spars
     for k in range(40):
         M, z = rng.uniform(-1, 1, (9, 9)) * 10.0 ** rng.uniform(-6, 6, (9, 1)), rng.uniform(0, 1, 9)
         M[rng.random((9, 9)) < 0.4] = 0.0
+        if k % 2:  # two parts
+            M[:4, 4:] = M[4:, :4] = 0.0
         np.fill_diagonal(M, 1.0)
         z[rng.random(9) < 0.4] = 0.0
         q = 1e-3 * rng.uniform(-1, 1, 9) - M @ z
@@ -283,8 +285,7 @@ def test_rows_in_units_far_apart_are_claimed_only_where_they_hold(name: str) -> 
 
 @pytest.mark.parametrize("name", ["pgs", "psor", "ssor", "block-gs"])
 def test_sweeps_end_where_the_verdict_agrees(name: str) -> None:
-    """Nearly always, since rows are brought to like size here in one pass. Norms relative to q, which idle rows
-    enlarge, miss by up to 2.5 times, one answer of ten."""
+    """Norms relative to q, which idle rows enlarge, miss by up to 2.5 times, one answer of ten."""
     beyond = []
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -294,5 +295,4 @@ def test_sweeps_end_where_the_verdict_agrees(name: str) -> None:
             output = solvers.get(name).run(problem, Budget(tolerance=tolerance))
             assert output.claim is Claim.SOLVED, seed
             beyond.append(judge(problem, output.point, tolerance).error / tolerance)
-    assert max(beyond) <= 1.5
-    assert sum(share > 1.0 for share in beyond) <= 1
+    assert max(beyond) <= 1.0

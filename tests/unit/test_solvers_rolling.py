@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
 from scipy.optimize import brentq
 from tiers import some_by_day
 
-from cpbench import cones, kernel_cache
+from cpbench import cones, kernel_cache, matrices
 from cpbench.formulations import FCPoint, FrictionContact, RollingFrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted, planted_contact
@@ -183,8 +185,20 @@ def test_the_compiled_error_is_that_of_the_residuals(rng: np.random.Generator, d
         prepared = solver.setup(problem, Budget(), solver.spec.options())
         for size in (0.0, 1e-6, 1.0, 1e3):
             r = point.r + size * rng.standard_normal(nc * d)
-            measured = kernel.judged(*prepared.kernel[:9], r / prepared.lengths)
+            measured = kernel.judged(*prepared.kernel[:10], r / prepared.lengths)
             assert measured == pytest.approx(problem.residuals(FCPoint(r)).error, rel=1e-9, abs=1e-14)
+
+
+def test_a_part_that_is_small_beside_another_is_right(rng: np.random.Generator) -> None:
+    """Two scenes that do not touch, the second one with a ten-thousandth of the loads."""
+    for _ in range(5):
+        first, second = (planted_contact.rfc(rng, 4, 5)[0] for _ in range(2))
+        W: Any = sp.block_diag([matrices.dense(first.W), matrices.dense(second.W)]).toarray()
+        mu, mu_r = (np.concatenate([getattr(P, name) for P in (first, second)]) for name in ("mu", "mu_r"))
+        problem = RollingFrictionContact(W=W, q=np.concatenate([first.q, 1e-4 * second.q]), mu=mu, mu_r=mu_r)
+        output = solvers.get(SOLVER).run(problem, Budget(tolerance=1e-6))
+        assert output.claim is Claim.SOLVED
+        assert judge(problem, output.point, 1e-6).solved
 
 
 def test_it_never_claims_what_it_has_not_reached() -> None:
@@ -219,7 +233,7 @@ def test_the_layout_is_that_of_plain_numpy(rng: np.random.Generator, d: int, spa
         dimension=d,
     )
     prepared = solver.setup(problem, Budget(), solver.spec.options())
-    start, column, blocks, diagonal, q, _, mu_r, rho, unit, schur, to_tangent, to_normal, scalars = prepared.kernel
+    start, column, blocks, diagonal, q, _, mu_r, rho, unit, _, schur, to_tangent, to_normal, scalars = prepared.kernel
     L = problem.lengths.ravel()
     np.testing.assert_allclose(prepared.lengths, L, rtol=1e-14)
     np.testing.assert_allclose(rho, problem.rho, rtol=1e-13)

@@ -4,7 +4,15 @@ import numpy as np
 from numba import float64, njit
 
 from cpbench.solvers.kernels.array_types import COMPILED, DATA, DATA_2D
-from cpbench.solvers.kernels.row_errors import FAST, INDICES, largest_dense, largest_sparse, rows_dense, rows_sparse
+from cpbench.solvers.kernels.row_errors import (
+    FAST,
+    INDICES,
+    PART,
+    largest_dense,
+    largest_sparse,
+    rows_dense,
+    rows_sparse,
+)
 
 
 @njit(float64(DATA, DATA, DATA, float64), fastmath=FAST, **COMPILED)
@@ -37,25 +45,25 @@ def judged(q, z, w, z_unit):
     return natural if not natural < unit_free else unit_free
 
 
-@njit(float64(DATA_2D, DATA, DATA, float64), fastmath=FAST, **COMPILED)
-def error_dense(M, q, z, z_unit):
+@njit(float64(DATA_2D, DATA, DATA, float64, PART, DATA), fastmath=FAST, **COMPILED)
+def error_dense(M, q, z, z_unit, part, share):
     """Return the larger one of `judged` and of the errors of the rows; not finite when anything is.
 
     Parameters
     ----------
-    M : (n, n). q, z : (n,). z_unit : of the LCP.
+    M : (n, n). q, z : (n,). z_unit : of the LCP. part, share : of `row_errors`.
     """
-    w, unit = np.empty(q.size), np.empty(q.size)
-    S = rows_dense(M, q, z, 0, w, unit)
-    return largest_dense(M, q, z, 0, w, unit, S, judged(q, z, w, z_unit))
+    w, size = np.empty(q.size), np.empty(q.size)
+    rows_dense(M, q, z, 0, part, share, w, size)
+    return largest_dense(M, q, z, 0, w, size, judged(q, z, w, z_unit))
 
 
-@njit([float64(*index, DATA, DATA, DATA, float64) for index in INDICES], fastmath=FAST, **COMPILED)
-def error_sparse(start, columns, values, q, z, z_unit):
+@njit([float64(*index, DATA, DATA, DATA, float64, PART, DATA) for index in INDICES], fastmath=FAST, **COMPILED)
+def error_sparse(start, columns, values, q, z, z_unit, part, share):
     """Measure as `error_dense` does; row i of M has values[start[i]:start[i+1]] in columns[start[i]:start[i+1]]."""
-    w, unit = np.empty(q.size), np.empty(q.size)
-    S = rows_sparse(start, columns, values, q, z, 0, w, unit)
-    return largest_sparse(start, columns, values, q, z, 0, w, unit, S, judged(q, z, w, z_unit))
+    w, size = np.empty(q.size), np.empty(q.size)
+    rows_sparse(start, columns, values, q, z, 0, part, share, w, size)
+    return largest_sparse(start, columns, values, q, z, 0, w, size, judged(q, z, w, z_unit))
 
 
 READY = True

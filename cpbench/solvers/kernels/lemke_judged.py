@@ -21,7 +21,7 @@ def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
     """Return (what `lemke` returns, the judged error of z, NaN where it is not finite); z_unit : of the LCP."""
     w = q.copy()  # the pivots end in it
     code = lemke(M, w, z, max_pivots, pivot_tolerance, tie_tolerance)
-    return code, error_dense(M, q, z, z_unit)
+    return code, error_dense(M, q, z, z_unit, np.zeros(q.size, np.int64), np.ones(q.size))
 
 
 @njit(float64(MATRIX), cache=True, nogil=True)

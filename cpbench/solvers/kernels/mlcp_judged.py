@@ -67,8 +67,9 @@ def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
             second += K[i, j] * x[j]
         of_u[i], of_v[i] = first, second
     error = judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push)
-    S = rows_dense(K, k, x, n, of_u, of_v)  # the workspace holds rows and their units from here on
-    return largest_dense(K, k, x, n, of_u, of_v, S, error)
+    # the workspace holds rows and their sizes from here on
+    rows_dense(K, k, x, n, np.zeros(N, np.int64), np.ones(N), of_u, of_v)
+    return largest_dense(K, k, x, n, of_u, of_v, error)
 
 
 @njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), **COMPILED)

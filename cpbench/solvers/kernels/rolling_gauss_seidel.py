@@ -62,27 +62,28 @@ def square(x):
     return total
 
 
-_LAW = (INDEX, INDEX, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA)
+_LAW = (INDEX, INDEX, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, INDEX)
 
 
 @njit(float64(*_LAW, DATA), cache=True, error_model="numpy")
-def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r):
-    """Return max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`; NaN when anything
-    is."""
+def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, part, r):
+    """Return max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`, or `energy` of a
+    connected part by itself; NaN when anything is. part : (nc,), its number."""
     d = q.size // mu.size
     v, u, zero, x = np.empty(d), np.empty(d), np.zeros(d), np.empty(d - 1)
     plain_r, plain_u, plain_q = np.empty(d), np.empty(d), np.empty(d)
-    natural = energy = opening = 0.0
-    rr = uu = qq = rr_e = uu_e = qq_e = 0.0
+    natural = opening = 0.0
+    rr = uu = qq = 0.0
+    sums, sizes = np.zeros(mu.size), np.zeros((3, mu.size))
     for c in range(mu.size):
         own, free = r[d * c : d * c + d], q[d * c : d * c + d]
         _velocity(start, column, blocks, q, r, c, v)
         _add_own(diagonal, c, own, v, u)
-        energy += _defect(own, u, mu[c], mu_r[c], rho[c], x) / rho[c]
+        sums[part[c]] += _defect(own, u, mu[c], mu_r[c], rho[c], x) / rho[c]
         opening += rho[c] * _defect(zero, u, mu[c], mu_r[c], 1.0, x)
-        rr_e += square(own) / rho[c]
-        uu_e += square(u) * rho[c]
-        qq_e += square(free) * rho[c]
+        sizes[0, part[c]] += square(own) / rho[c]
+        sizes[1, part[c]] += square(u) * rho[c]
+        sizes[2, part[c]] += square(free) * rho[c]
         for i in range(d):  # with moments as such
             unit = lengths[c] if i > (d - 1) // 2 else 1.0
             plain_r[i], plain_u[i], plain_q[i] = own[i] * unit, u[i] / unit, free[i] / unit
@@ -90,10 +91,14 @@ def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r):
         rr += square(plain_r)
         uu += square(plain_u)
         qq += square(plain_q)
+    energy = sums.sum()
     if qq > 0.0:
         natural /= max(qq, max(rr, uu))
-        energy /= max(qq_e, max(rr_e, uu_e))
-        opening /= qq_e
+        energy /= max(sizes[0].sum(), max(sizes[1].sum(), sizes[2].sum()))
+        opening /= sizes[2].sum()
+        for p in range(mu.size):
+            if sizes[2, p] > 0.0:
+                energy = max(energy, sums[p] / max(sizes[0, p], max(sizes[1, p], sizes[2, p])))
     worst = np.sqrt(natural) if not natural < energy else np.sqrt(energy)
     return worst if not worst < opening else opening
 
@@ -107,7 +112,7 @@ def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r):
     error_model="numpy",
 )  # fmt: skip
 def sweeps(
-    start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, schur, to_tangent, to_normal, scalars,
+    start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, part, schur, to_tangent, to_normal, scalars,
     r, best, warm, order, omega, shuffle, tolerance, until, state, measured, watched,
 ):  # fmt: skip
     """Return sweep, in place on r, until its judged error is at most `tolerance`, no number, or `until` sweeps are
@@ -116,7 +121,7 @@ def sweeps(
     Parameters
     ----------
     start, column, blocks : block-CSR of W without its diagonal blocks. diagonal : (nc, d²).
-    q, r, best : (nc·d,). mu, mu_r, rho, lengths : (nc,).
+    q, r, best : (nc·d,). mu, mu_r, rho, lengths, part : (nc,).
     schur : (nc, (d−1)²). to_tangent, to_normal : (nc, d−1), W_XN/W_NN and W_NX/W_NN.
     scalars : (nc, 3), the shift that makes S safely invertible; 1/W_NN, 0 where it is not positive; whether the
     block is monotone, which is when there is something to bracket.
@@ -127,7 +132,7 @@ def sweeps(
     u, v, x, dx, b = np.empty(d), np.empty(d), np.empty(n), np.empty(n), np.empty(n)
     A, pivots = np.empty((n, n)), np.empty(n, np.int64)
     if state[NEXT_CHECK] == 0:
-        measured[ERROR] = measured[LEAST] = judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r)
+        measured[ERROR] = measured[LEAST] = judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, part, r)
         put(best, r)
         state[NEXT_CHECK] = 1
         if watched or measured[ERROR] <= tolerance or not np.isfinite(measured[ERROR]):
@@ -165,7 +170,7 @@ def sweeps(
         it = state[ITERATION]
         if it >= state[NEXT_CHECK] or it == until:
             state[NEXT_CHECK] = it + 1 + it // SHARE
-            error = judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r)
+            error = judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, part, r)
             measured[ERROR] = error
             if error < measured[LEAST]:
                 measured[LEAST] = error

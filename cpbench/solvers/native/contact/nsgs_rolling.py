@@ -71,7 +71,9 @@ class NSGSRolling(Solver):
         compiled(kernel("rolling_layout").from_rows)(*rows, start, column, blocks, D, lengths, rho, *local)
         matrix = (start.astype(np.int64), column.astype(np.int64), blocks, D.reshape(nc, d * d))
         unit, every = lengths[:, n].copy(), lengths.ravel()
-        law = (every * problem.q, problem.mu, problem.mu_r / unit, rho, unit)
+        part = np.empty(nc, np.int64)
+        kernel("dynamics_rows").label(*matrix[:2], np.ones(column.size), part)
+        law = (every * problem.q, problem.mu, problem.mu_r / unit, rho, unit, part)
         return RollingBlocks(problem, every, (*matrix, *law, *local))
 
     def warmup(self) -> None:

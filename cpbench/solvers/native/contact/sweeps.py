@@ -268,7 +268,8 @@ def conclude(
     if not error <= budget.tolerance and not np.isfinite(r).all():  # an infinite r has no finite error
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message)
     point = FCPoint.adopt(r.copy())
-    error = problem.residuals(point, budget.tolerance).error
+    if not budget.tolerance + APART < error < np.inf:
+        error = problem.residuals(point, budget.tolerance).error
     if error <= budget.tolerance:
         return solved(point, counters)
     return SolverOutput(claim=claim, point=point, counters=counters, message=f"{message}, error {error:.1e}")

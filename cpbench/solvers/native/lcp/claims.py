@@ -7,9 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from cpbench.factorization import sparse_lu
@@ -143,15 +145,34 @@ def _feasible_everywhere(problem: LCP) -> bool:
     return bool(np.all((sums > 0.0) | ((sums == 0.0) & (problem.q >= 0.0))))
 
 
+_PARTS: WeakKeyDictionary[LCP, tuple[NDArray[np.int64], Vector]] = WeakKeyDictionary()
+
+
+def parts(problem: LCP) -> tuple[NDArray[np.int64], Vector]:
+    """Return, for every row, the number of its connected part of M, and for every column 1 over its norm: found once
+    for a problem."""
+    if (found := _PARTS.get(problem)) is None:
+        kernel, M, n = load("cpbench.solvers.kernels.row_errors"), problem.M, problem.q.size
+        part, share = found = _PARTS[problem] = np.empty(n, np.int64), np.empty(n)
+        if isinstance(M, np.ndarray):
+            kernel.label_dense(M, part)
+            kernel.shares_dense(M, share)
+        else:
+            M = sparse(M)
+            kernel.label_sparse(M.indptr, M.indices, M.data, part)
+            kernel.shares_sparse(M.indptr, M.indices, M.data, share)
+    return found
+
+
 def error_of(problem: LCP, z: Vector) -> float:
     """Return the larger one of the judged error and of the errors of rows (`row_errors`), infinite for an answer that
     is not finite."""
-    M, kernel = problem.M, load("cpbench.solvers.kernels.lcp_error")
+    M, q, unit, kernel = problem.M, problem.q, problem.z_unit, load("cpbench.solvers.kernels.lcp_error")
     if isinstance(M, np.ndarray):
-        error = compiled(kernel.error_dense)(M, problem.q, z, problem.z_unit)
+        error = compiled(kernel.error_dense)(M, q, z, unit, *parts(problem))
     else:
         M = sparse(M)
-        error = kernel.error_sparse(M.indptr, M.indices, M.data, problem.q, z, problem.z_unit)
+        error = kernel.error_sparse(M.indptr, M.indices, M.data, q, z, unit, *parts(problem))
     return error if math.isfinite(error) else math.inf
 
 

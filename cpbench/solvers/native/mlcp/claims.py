@@ -60,10 +60,10 @@ class ScaledMLCP:
         that is not finite."""
         K: Any = self.K
         if matrices.is_sparse(K):
-            kernel, (w, unit) = load("cpbench.solvers.kernels.row_errors"), np.empty((2, self.k.size))
-            matrix, error = (K.indptr, K.indices, K.data), self.problem.residuals(self.point(x)).error
-            S = kernel.rows_sparse(*matrix, self.k, x, self.free, w, unit)
-            return kernel.largest_sparse(*matrix, self.k, x, self.free, w, unit, S, error)
+            kernel, N = load("cpbench.solvers.kernels.row_errors"), self.k.size
+            rows, (w, size) = (K.indptr, K.indices, K.data, self.k, x, self.free), np.empty((2, N))
+            kernel.rows_sparse(*rows, np.zeros(N, np.int64), np.ones(N), w, size)
+            return kernel.largest_sparse(*rows, w, size, self.problem.residuals(self.point(x)).error)
         kernel = load("cpbench.solvers.kernels.mlcp_judged")
         # compiled, since small problems spend more time on measuring than on solving
         error: float = kernel.error_of(
