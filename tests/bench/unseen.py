@@ -203,6 +203,12 @@ def _fastest(rows: pd.DataFrame) -> tuple[float, str]:
     return float(first["time"]), str(first["solver"])
 
 
+def quantiles(both: pd.DataFrame) -> str:
+    """Return quantiles of the time of `auto` over that of the best member, in words."""
+    q = (both["auto"] / both["member"]).quantile([0.5, 0.95, 1.0]).to_list()
+    return f"median {q[0]:.2f}, 95 % {q[1]:.2f}, worst {q[2]:.1f}"
+
+
 def report(table: pd.DataFrame) -> str:
     """Return what is printed."""
     lines = []
@@ -211,14 +217,12 @@ def report(table: pd.DataFrame) -> str:
         ever = group["member"].notna() | group["rival"].notna() | solved
         lines.append(f"{node}: {len(group)} problems, {ever.sum()} solved by anybody, {solved.sum()} by auto")
         for _, row in group[ever & ~solved].iterrows():
-            who = row["best member"] or row["best rival"]
-            when = min(t for t in (row["member"], row["rival"]) if t == t)
-            lines.append(f"  not by auto: {row['problem']} ({row['status']}, {row['spent']:.3g} s), {who} {when:.3g} s")
+            found = [(row[k], row[f"best {k}"]) for k in ("member", "rival") if row[k] == row[k]]
+            others = " and ".join(f"{name} {took:.3g} s" for took, name in found)
+            lines.append(f"  not by auto: {row['problem']} ({row['status']}, {row['spent']:.3g} s), {others}")
         both = group[solved & group["member"].notna()]
         if len(both):
-            ratio = both["auto"] / both["member"]
-            q = ratio.quantile([0.5, 0.95, 1.0]).to_list()
-            lines.append(f"  over the best member: median {q[0]:.2f}, 95 % {q[1]:.2f}, worst {q[2]:.1f}")
+            lines.append(f"  over the best member: {quantiles(both)}")
         both = group[solved & group["rival"].notna()]
         if len(both):
             speed = both["rival"] / both["auto"]
@@ -229,6 +233,8 @@ def report(table: pd.DataFrame) -> str:
                 f" at least as fast on {share:.0%} of {len(above)} above 10 µs, least {speed.min():.3g}"
             )
     both = table[table["auto"].notna() & table["member"].notna()]
+    if len(both):
+        lines.append(f"all: {len(table)} problems, over the best member: {quantiles(both)}")
     worst = both.assign(regret=both["auto"] / both["member"]).nlargest(10, "regret")
     lines.append("the ten worst:")
     lines += [
