@@ -3,25 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import ClassVar
 
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.solvers.base import SolverSpec, register
 from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
 
-TURNS = (500, 200), (2_000, 800)
-"""Sweeps and iterations of ADMM of the first turns; the last ones have the solvers' own limits."""
+ITERATIONS = 200, 800
+"""Of ADMM in the first turns; the last ones have the solvers' own limits."""
+SWEEPS, CONTACTS = 2.5, 100
+"""What takes as long as an iteration of ADMM: so many sweeps, or sweeps over so many contacts where that is more, as on
+all problems of less than 40 contacts."""
 
 
 @register
 class AutoRolling(AutomaticChoice):
-    """Sweeps from contact to contact and ADMM by turns, each from the best point so far, then each for as long as it
-    gains."""
+    """Sweeps from contact to contact and ADMM by turns of equal work, each from the best point so far, then each for as
+    long as it gains."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("rfc", "auto-rfc", "Gauss-Seidel and ADMM by turns")
     members: ClassVar[tuple[str, ...]] = ("nsgs-rfc", "admm-rfc")
 
     def phases(self, problem: RollingFrictionContact) -> Sequence[SolverPhase]:
-        sweeps, admm = self.members
-        turns = [(SolverPhase(sweeps, some), SolverPhase(admm, few)) for some, few in TURNS]
-        return [phase for turn in (*turns, (SolverPhase(sweeps), SolverPhase(admm))) for phase in turn]
+        return _turns(*self.members, problem.nc)
+
+
+@cache
+def _turns(sweeps: str, admm: str, contacts: int) -> tuple[SolverPhase, ...]:
+    a_turn = max(SWEEPS, CONTACTS / max(contacts, 1))
+    turns = [(SolverPhase(sweeps, int(a_turn * few)), SolverPhase(admm, few)) for few in ITERATIONS]
+    return tuple(phase for turn in (*turns, (SolverPhase(sweeps), SolverPhase(admm))) for phase in turn)
