@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from functools import cache
+from typing import Any, ClassVar
 
 import numpy as np
 
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import is_sparse, nnz
-from cpbench.solvers.base import SolverSpec, Trait, register
-from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
+from cpbench.solvers import warming
+from cpbench.solvers.base import Budget, Solver, SolverSpec, Trait, register
+from cpbench.solvers.native.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
 
 SMALL = 200
 """Up to this many unknowns Lemke's method is done before others have factored M_FF a few times."""
@@ -57,6 +59,13 @@ class AutoLCP(AutomaticChoice):
         "complementary_bases",
     )
 
+    def setup(self, problem: LCP, budget: Budget, options: Any) -> Plan:
+        if not 0 < problem.q.size <= SMALL:
+            return super().setup(problem, budget, options)
+        # no question of the general way has another answer here, and to ask them all takes as long as such a problem
+        solver, own = _on_small()
+        return Plan(problem, ON_SMALL, solver.setup(problem, budget, own), own, solver)
+
     def phases(self, problem: LCP) -> Sequence[SolverPhase]:
         n = problem.q.size
         if n <= SMALL:
@@ -73,3 +82,10 @@ class AutoLCP(AutomaticChoice):
         faces = [SolverPhase("projected-cg", n * n // entries)] if sweeps and problem.symmetric else []
         bordered = [SolverPhase("bpp")] if positive else []
         return [*sweeps, *faces, *bordered, SolverPhase("newton-min"), SolverPhase("lemke"), *newton[1:]]
+
+
+@cache
+def _on_small() -> tuple[Solver, Any]:
+    """Return the first solver of small problems, ready, and its options."""
+    solver = warming.ready(ON_SMALL[0].solver, quickly=True)
+    return solver, solver.spec.options()
