@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.kernel_cache import load
 from cpbench.matrices import Matrix, Vector, identity
 from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
@@ -93,6 +94,9 @@ class _NewtonLCP(Solver):
 
     def obstacle(self, problem: LCP) -> str | None:
         return None if sp.issparse(problem.M) else dense_obstacle(problem)
+
+    def warmup(self) -> None:
+        load("cpbench.solvers.kernels.lcp_error")
 
     def setup(self, problem: LCP, budget: Budget, options: NewtonLCPOptions) -> ScaledLCP:
         return scale(problem, keep_sparse=problem.q.size > DENSE_LIMIT)
