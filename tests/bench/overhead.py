@@ -68,7 +68,7 @@ class Clock:
         if not isinstance(event, Done):
             return
         now, row = time.perf_counter(), event.outcome
-        if row.status not in ("solved", "inaccurate"):
+        if row.status != "solved":
             raise SystemExit(f"{event.pair.address}: {row.status}: {row.message}")
         if self.last:
             self.rows.append(row)
@@ -111,7 +111,7 @@ def run(slot: Slot, path: Path, planned: Sequence[Pair]) -> Clock:
 def fill(path: Path, rows: int) -> None:
     """Copy the first row and its answer until the file holds `rows` of them."""
     with Store(path, create=True) as store:
-        first, answer = next(iter(list(store.rows()))), next(answer for _, answer in store.answers())
+        (first, *_), ((_, answer), *_) = store.rows(), store.answers()
         missing = rows - sum(store.counts().values())
         keys = [f"{i * 2654435761 % 2**32:032x}" for i in range(1, missing + 1)]
         store.add(replace(first, key=key) for key in keys)

@@ -125,6 +125,18 @@ def natural_rho(diagonal, i):
     return diagonal.shape[1] / trace if trace > 0.0 else 1.0
 
 
+@njit(error_model="numpy")
+def own_block(indptr, indices, data, i, diagonal):
+    """Write the diagonal block of contact i of a matrix in CSR with sorted columns into `diagonal` of zeros."""
+    d = diagonal.shape[1]
+    for a in range(d):
+        row = d * i + a
+        at = indptr[row] + np.searchsorted(indices[indptr[row] : indptr[row + 1]], d * i)
+        while at < indptr[row + 1] and indices[at] < d * (i + 1):
+            diagonal[i, a, indices[at] - d * i] = data[at]
+            at += 1
+
+
 @njit(
     void(DATA_2D, uint64[::1], uint32[::1], float64[::1], float64[:, :, ::1], float64[:, ::1], float64[::1]),
     **COMPILED,
@@ -187,12 +199,7 @@ def from_sparse(indptr, indices, data, start, column, blocks, diagonal, local, r
     down, right = (1, d) if d == 3 else (d, 1)
     fill(indptr, indices, data, d, True, down, right, start, column, blocks)
     for i in range(diagonal.shape[0]):
-        for a in range(d):
-            row = d * i + a
-            at = indptr[row] + np.searchsorted(indices[indptr[row] : indptr[row + 1]], d * i)
-            while at < indptr[row + 1] and indices[at] < d * (i + 1):
-                diagonal[i, a, indices[at] - d * i] = data[at]
-                at += 1
+        own_block(indptr, indices, data, i, diagonal)
         rho[i] = natural_rho(diagonal, i)
     if d == 3:
         one_contact_constants(diagonal, local)

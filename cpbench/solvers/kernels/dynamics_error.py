@@ -2,23 +2,22 @@
 (`dynamics_rows`)."""
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types
+from numba import boolean, float64, njit, types
 
 from cpbench.solvers.kernels.array_types import COMPILED, DATA, DATA_2D, INDEX
 from cpbench.solvers.kernels.dynamics_rows import felt_units
-from cpbench.solvers.kernels.one_contact import natural_step as coulomb_step
-from cpbench.solvers.kernels.rolling_gauss_seidel import square
-from cpbench.solvers.kernels.rolling_local import natural_step as rolling_step
+from cpbench.solvers.kernels.one_contact import natural_step
+from cpbench.solvers.kernels.rolling_gauss_seidel import defect, square
 
 ROUNDING = 16.0 * np.finfo(np.float64).eps
-"""Of the sum of the sizes of its terms, what a row may be off by rounding."""
+"""Share of the sum of the sizes of its terms by which rounding may change a row."""
 UNCERTAIN = 1.25
 """Units come from an iteration that ends early: they are known to 0.15 bits, and in an error are two of them."""
 MATRIX = types.Tuple((INDEX, INDEX, DATA))
 """A matrix in CSR: row starts, columns, values."""
 LAW = types.Tuple((DATA, DATA, DATA_2D, DATA))
 """μ, μ_r (nothing without rolling friction), the lengths of moments, ρ."""
-ROWS = types.Tuple((INDEX, INDEX, DATA, DATA, INDEX, int64, DATA))
+ROWS = types.Tuple((INDEX, INDEX, DATA, DATA, INDEX, DATA))
 """The first arguments of `felt_units`."""
 
 
@@ -26,12 +25,9 @@ ROWS = types.Tuple((INDEX, INDEX, DATA, DATA, INDEX, int64, DATA))
 def _miss(r, u, mu, mu_r, rolling, rho, x):
     """Return ‖r − P_K(r − ρ û)‖²; x is room."""
     if rolling:
-        total = (r[0] - rolling_step(r, u, mu, mu_r, rho, x)) ** 2
-        for i in range(x.size):
-            total += (r[1 + i] - x[i]) ** 2
-        return total
+        return defect(r, u, mu, mu_r, rho, x)
     r2, u2 = (r[2], u[2]) if r.size == 3 else (0.0, 0.0)
-    p0, p1, p2 = coulomb_step(r[0], r[1], r2, u[0], u[1], u2, mu, rho)
+    p0, p1, p2 = natural_step(r[0], r[1], r2, u[0], u[1], u2, mu, rho)
     return (r[0] - p0) ** 2 + (r[1] - p1) ** 2 + (r2 - p2) ** 2
 
 
@@ -92,11 +88,11 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
 
     # the norms, as `GlobalContact.residuals` has them
     off = np.sqrt(square(force))
-    worst = off
     if impulse > 0.0:
         largest = max(max(np.sqrt(square(Mv)), np.sqrt(square(Hr))), max(np.sqrt(square(Gl)), impulse))
         worst = max(off / largest, (off / impulse) ** 2)
-    worst = max(worst, off * off if not impulse > 0.0 else 0.0)
+    else:
+        worst = max(off, off * off)
     if p:
         off = np.sqrt(square(joint))
         if velocity > 0.0:
@@ -141,11 +137,9 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
     # what every part feels
     sizes = np.concatenate((carried, np.abs(v), np.abs(lam)))
     per_unknown, per_row, per_constant, sums = np.empty(nc), sizes.copy(), sizes.copy(), sizes.copy()
-    start, column, size, D, part, parts, constants = rows
-    felt_units(
-        start, column, size, D, part, parts, constants, nc, n, idle, sizes, per_unknown, per_row, per_constant, sums
-    )
-    squares, beyond = np.zeros(parts), 0.0
+    start, column, size, D, part, constants = rows
+    felt_units(start, column, size, D, part, constants, nc, n, idle, sizes, per_unknown, per_row, per_constant, sums)
+    squares, beyond = np.zeros(sizes.size), 0.0
     for i in range(sizes.size):
         if i < nc:
             for k in range(d):
@@ -158,8 +152,7 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
             off = abs(force[i - nc]) if i < nc + n else abs(joint[i - nc - n])
             squares[part[i]] += (off * per_row[i]) ** 2
         beyond = max(beyond, (off - ROUNDING * (sums[i] + constants[i])) * per_constant[i])
-    for k in range(parts):
-        worst = max(worst, UNCERTAIN * np.sqrt(squares[k]))
+    worst = max(worst, UNCERTAIN * np.sqrt(squares.max()) if squares.size else 0.0)
     worst = max(worst, beyond * beyond)
     total = natural + energy + opening + square(force) + square(joint)
     return worst if np.isfinite(total) else np.nan

@@ -91,28 +91,6 @@ def fill(
             at[joint] += 1
 
 
-@njit(int64(INDEX, INDEX, DATA, int64[::1]), **COMPILED)
-def label(start, column, size, part):
-    """Write the number of the connected part of every block, and return how many there are."""
-    stack = np.empty(part.size, np.int64)
-    part[:] = -1
-    count = 0
-    for first in range(part.size):
-        if part[first] >= 0:
-            continue
-        part[first], stack[0], waiting = count, first, 1
-        while waiting > 0:
-            waiting -= 1
-            i = stack[waiting]
-            for k in range(start[i], start[i + 1]):
-                j = column[k]
-                if size[k] != 0.0 and part[j] < 0:
-                    part[j], stack[waiting] = count, j
-                    waiting += 1
-        count += 1
-    return count
-
-
 @njit(void(INDEX, INDEX, DATA, DATA, VECTOR), **COMPILED)
 def _product(start, column, weight, x, y):
     """Write y_i = Σ_j W_ij (x_i + x_j)."""
@@ -172,11 +150,11 @@ def even_units(start, column, size, D):
 
 
 @njit(
-    void(INDEX, INDEX, DATA, DATA, INDEX, int64, DATA, int64, int64, BOOLEAN, DATA, VECTOR, VECTOR, VECTOR, VECTOR),
+    void(INDEX, INDEX, DATA, DATA, INDEX, DATA, int64, int64, BOOLEAN, DATA, VECTOR, VECTOR, VECTOR, VECTOR),
     **COMPILED,
 )
 def felt_units(
-    start, column, size, D, part, parts, constants, contacts, n, idle, x, per_unknown, per_row, per_constant, sums
+    start, column, size, D, part, constants, contacts, n, idle, x, per_unknown, per_row, per_constant, sums
 ):  # fmt: skip
     """Write 1/size of the reactions of every contact, of every row, and of the constants of every row's part, 0 where
     there are none; and the sums of the sizes of the terms of every row.
@@ -188,9 +166,10 @@ def felt_units(
 
     Parameters
     ----------
-    constants : (blocks,), sizes of f, w and b. idle : (contacts,), whether a contact is open. x : (blocks,), sizes of
-    the unknowns.
+    part : (blocks,), of `row_errors.label_sparse`. constants : (blocks,), sizes of f, w and b. idle : (contacts,),
+    whether a contact is open. x : (blocks,), sizes of the unknowns.
     """
+    parts = x.size  # as many as there may be
     forces, velocities, bodies, loads = np.zeros(parts), np.zeros(parts), np.zeros(parts), np.zeros(parts)
     drifts, tight, heard = np.zeros(parts), np.zeros(parts, np.bool_), np.zeros(parts, np.bool_)
     for i in range(x.size):

@@ -3,11 +3,10 @@
 import numpy as np
 from numba import float64, njit
 
-from cpbench.solvers.kernels.array_types import COMPILED, DATA, DATA_2D
+from cpbench.solvers.kernels.array_types import COMPILED, DATA, DATA_2D, INDEX
 from cpbench.solvers.kernels.row_errors import (
     FAST,
     INDICES,
-    PART,
     largest_dense,
     largest_sparse,
     rows_dense,
@@ -45,7 +44,7 @@ def judged(q, z, w, z_unit):
     return natural if not natural < unit_free else unit_free
 
 
-@njit(float64(DATA_2D, DATA, DATA, float64, PART, DATA), fastmath=FAST, **COMPILED)
+@njit(float64(DATA_2D, DATA, DATA, float64, INDEX, DATA), fastmath=FAST, **COMPILED)
 def error_dense(M, q, z, z_unit, part, share):
     """Return the larger one of `judged` and of the errors of the rows; not finite when anything is.
 
@@ -58,7 +57,7 @@ def error_dense(M, q, z, z_unit, part, share):
     return largest_dense(M, q, z, 0, w, size, judged(q, z, w, z_unit))
 
 
-@njit([float64(*index, DATA, DATA, DATA, float64, PART, DATA) for index in INDICES], fastmath=FAST, **COMPILED)
+@njit([float64(*index, DATA, DATA, DATA, float64, INDEX, DATA) for index in INDICES], fastmath=FAST, **COMPILED)
 def error_sparse(start, columns, values, q, z, z_unit, part, share):
     """Measure as `error_dense` does; row i of M has values[start[i]:start[i+1]] in columns[start[i]:start[i+1]]."""
     w, size = np.empty(q.size), np.empty(q.size)

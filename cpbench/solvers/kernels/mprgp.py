@@ -14,7 +14,7 @@ from cpbench.solvers.kernels.array_types import DATA, INDEX, VECTOR
 from cpbench.solvers.kernels.lcp_error import FAST
 
 LIMIT, SETTLED, RAY, NOT_FINITE = 0, 1, 2, 3
-"""As many iterations as asked; the projected gradient is small enough; −p descends without end; not a number."""
+"""Outcomes: as many iterations as asked; a projected gradient that is small enough; −p descends for ever; no number."""
 CODES = 4
 """`run` returns iterations * CODES + outcome."""
 FLAT = 1e-14

@@ -14,7 +14,7 @@ _MATRIX = types.Array(types.float64, 2, "C", readonly=True)
 _OUT = types.float64[::1]
 _OUT2 = types.float64[:, ::1]
 NEAR = 0.5
-"""Of a side's size: a value that is nearer to it has its size from it."""
+"""Share of a side's size: a value that is nearer to it has its size from it."""
 
 
 @njit(types.float64(_VECTOR, _VECTOR), **COMPILED, fastmath={"reassoc", "contract"})

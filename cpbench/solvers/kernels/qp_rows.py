@@ -16,7 +16,7 @@ from cpbench.solvers.kernels.qp_dense import at_bounds
 from cpbench.solvers.kernels.qp_ldl import CSR, DATA
 
 PASSES, ENOUGH = 20, 0.02
-"""Of the equilibration: at most, and the change of log₂ D at which they end."""
+"""Passes of the equilibration at most, and the change of log₂ D at which they end."""
 HEARD = 0.1
 """Share of an idle price that the other terms of its row must reach for it to give the unknowns a size."""
 

@@ -45,7 +45,7 @@ def _add_own(diagonal, c, own, v, u):
 
 
 @njit(error_model="numpy")
-def _defect(r, u, mu, mu_r, rho, x):
+def defect(r, u, mu, mu_r, rho, x):
     """Return ‖r − P_K(r − ρ û)‖²; x is room."""
     total = (r[0] - natural_step(r, u, mu, mu_r, rho, x)) ** 2
     for i in range(x.size):
@@ -79,15 +79,15 @@ def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, part, r):
         own, free = r[d * c : d * c + d], q[d * c : d * c + d]
         _velocity(start, column, blocks, q, r, c, v)
         _add_own(diagonal, c, own, v, u)
-        sums[part[c]] += _defect(own, u, mu[c], mu_r[c], rho[c], x) / rho[c]
-        opening += rho[c] * _defect(zero, u, mu[c], mu_r[c], 1.0, x)
+        sums[part[c]] += defect(own, u, mu[c], mu_r[c], rho[c], x) / rho[c]
+        opening += rho[c] * defect(zero, u, mu[c], mu_r[c], 1.0, x)
         sizes[0, part[c]] += square(own) / rho[c]
         sizes[1, part[c]] += square(u) * rho[c]
         sizes[2, part[c]] += square(free) * rho[c]
         for i in range(d):  # with moments as such
             unit = lengths[c] if i > (d - 1) // 2 else 1.0
             plain_r[i], plain_u[i], plain_q[i] = own[i] * unit, u[i] / unit, free[i] / unit
-        natural += _defect(plain_r, plain_u, mu[c], mu_r[c] * lengths[c], 1.0, x)
+        natural += defect(plain_r, plain_u, mu[c], mu_r[c] * lengths[c], 1.0, x)
         rr += square(plain_r)
         uu += square(plain_u)
         qq += square(plain_q)

@@ -5,7 +5,7 @@ import numpy as np
 from numba import boolean, float64, njit, uint32, uint64, void
 
 from cpbench.solvers.kernels.array_types import COMPILED, DATA, INDEX, VECTOR
-from cpbench.solvers.kernels.block_layout import fill
+from cpbench.solvers.kernels.block_layout import fill, natural_rho, own_block
 
 SINGULAR = 1e-12
 """Relative to the block's largest entry: W_NN below it cannot carry the normal equation; S below it is regularised."""
@@ -89,12 +89,7 @@ def from_rows(
     S, work = np.empty((n, n)), np.empty((d, 2 * d))
     for i in range(nc):
         D = diagonal[i]
-        for a in range(d):
-            row = d * i + a
-            at = indptr[row] + np.searchsorted(indices[indptr[row] : indptr[row + 1]], d * i)
-            while at < indptr[row + 1] and indices[at] < d * (i + 1):
-                D[a, indices[at] - d * i] = data[at]
-                at += 1
+        own_block(indptr, indices, data, i, diagonal)
         slides = rolls = 0.0
         for a in range(k):
             slides += D[1 + a, 1 + a]
@@ -109,13 +104,12 @@ def from_rows(
             for a in range(d):
                 for c in range(d):
                     blocks[(e * d + a) * d + c] *= lengths[i, a] * lengths[j, c]
-        trace = top = 0.0
+        top = 0.0
         for a in range(d):
             for c in range(d):
                 D[a, c] *= lengths[i, a] * lengths[i, c]
                 top = max(top, abs(D[a, c]))
-            trace += D[a, a]
-        rho[i] = d / trace if trace > 0.0 else 1.0
+        rho[i] = natural_rho(diagonal, i)
         inverse = 1.0 / D[0, 0] if D[0, 0] > SINGULAR * top else 0.0
         for a in range(n):
             to_tangent[i, a], to_normal[i, a] = D[1 + a, 0] * inverse, D[0, 1 + a] * inverse

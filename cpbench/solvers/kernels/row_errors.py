@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import float64, int32, int64, njit, types, void
 
-from cpbench.solvers.kernels.array_types import COMPILED, DATA, DATA_2D, VECTOR
+from cpbench.solvers.kernels.array_types import COMPILED, DATA, DATA_2D, INDEX, VECTOR
 
 FAST = {"reassoc", "contract"}
 """Reassociation and contraction only, so that NaN, infinity and divisions keep their meaning."""
@@ -20,7 +20,6 @@ INDICES = [(types.Array(index, 1, "C", readonly=True),) * 2 for index in (int32,
 """Types of the row starts and columns of a CSR matrix."""
 SMALL = 1e-3
 """A row is measured by no less than this share of the largest: a smaller one has its error from others, by rounding."""
-PART = types.Array(int64, 1, "C", readonly=True)
 
 
 @njit(int64(int64[::1], int64), **COMPILED)
@@ -91,7 +90,7 @@ def shares_sparse(start, columns, values, share):
         share[j] = 1.0 / math.sqrt(share[j]) if share[j] > 0.0 else 1.0
 
 
-@njit(void(DATA, int64, PART, DATA, DATA, DATA, VECTOR), **COMPILED)
+@njit(void(DATA, int64, INDEX, DATA, DATA, DATA, VECTOR), **COMPILED)
 def _sizes(k, free, part, x, w, R, size):
     """Make the sums of terms in `size` the sizes of the rows."""
     top = np.zeros(k.size)
@@ -103,7 +102,7 @@ def _sizes(k, free, part, x, w, R, size):
         size[i] = max(max(size[i], abs(k[i])), SMALL * R[i] * top[part[i]])
 
 
-@njit(void(DATA_2D, DATA, DATA, int64, PART, DATA, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
+@njit(void(DATA_2D, DATA, DATA, int64, INDEX, DATA, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
 def rows_dense(K, k, x, free, part, share, w, size):
     """Write the rows w = Kx + k and their sizes.
 
@@ -124,7 +123,7 @@ def rows_dense(K, k, x, free, part, share, w, size):
 
 
 @njit(
-    [void(*index, DATA, DATA, DATA, int64, PART, DATA, VECTOR, VECTOR) for index in INDICES],
+    [void(*index, DATA, DATA, DATA, int64, INDEX, DATA, VECTOR, VECTOR) for index in INDICES],
     fastmath=FAST,
     **COMPILED,
 )

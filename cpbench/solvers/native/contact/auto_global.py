@@ -18,7 +18,7 @@ from cpbench.solvers.native.contact.dynamics_error import DynamicsError
 from cpbench.solvers.native.progress import reduced
 
 SWEEPS, ITERATIONS = 2_000, 1_000
-"""Of Gauss–Seidel and of ADMM, which stand still for different reasons, before the other goes on from there."""
+"""Sweeps of Gauss–Seidel and iterations of ADMM before the other goes on: they stand still for different reasons."""
 LOCAL = "auto-fc"
 FINER = 0.1
 """Times the tolerance is what is asked for in r at first: in v and r, part by part, the same answer has a few times its

@@ -11,7 +11,7 @@ from cpbench.solvers.base import SolverSpec, register
 from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
 
 ITERATIONS = 200, 800
-"""Of ADMM in the first turns; the last ones have the solvers' own limits."""
+"""Iterations of ADMM in the first turns; the last ones have the solvers' own limits."""
 SWEEPS, CONTACTS = 2.5, 100
 """What takes as long as an iteration of ADMM: so many sweeps, or sweeps over so many contacts where that is more, as on
 all problems of less than 40 contacts."""

@@ -42,7 +42,7 @@ class DynamicsError:
         column, size = np.empty(count, np.int64), np.empty(count)
         rows.fill(*M, *H, *G, lengths.ravel(), d, nc, start, column, size)
         part, units = np.empty(start.size - 1, np.int64), np.empty(start.size - 1)
-        parts = rows.label(start, column, size, part)
+        kernel("row_errors").label_sparse(start, column, size, part)
         rows.even_units(start, column, size, units)
         moves = problem.w.reshape(nc, d) * lengths
         constants = np.concatenate([np.sqrt(np.einsum("ij,ij->i", moves, moves)), np.abs(problem.f), np.abs(problem.b)])
@@ -51,7 +51,7 @@ class DynamicsError:
         impulse, velocity = (0.0, 0.0) if absolute else problem.units
         scales = max(impulse, norm(problem.f)), max(velocity, norm(problem.b))
         vectors = (problem.f, problem.w, problem.b, problem.free_velocity)
-        felt = (start, column, size, units, part, parts, constants)
+        felt = (start, column, size, units, part, constants)
         return cls((*matrices, *vectors, law, felt, absolute, *scales), units)
 
     def __call__(self, point: GFCPoint) -> float:

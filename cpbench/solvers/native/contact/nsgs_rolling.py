@@ -72,7 +72,7 @@ class NSGSRolling(Solver):
         matrix = (start.astype(np.int64), column.astype(np.int64), blocks, D.reshape(nc, d * d))
         unit, every = lengths[:, n].copy(), lengths.ravel()
         part = np.empty(nc, np.int64)
-        kernel("dynamics_rows").label(*matrix[:2], np.ones(column.size), part)
+        kernel("row_errors").label_sparse(*matrix[:2], np.ones(column.size), part)
         law = (every * problem.q, problem.mu, problem.mu_r / unit, rho, unit, part)
         return RollingBlocks(problem, every, (*matrix, *law, *local))
 
