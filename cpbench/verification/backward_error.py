@@ -68,7 +68,6 @@ def row_errors(system: System) -> RowErrors:
         return RowErrors(np.zeros(0), False, 0.0)
     sizes, fixed = system.sizes(), system.fixed()
     scale = frame.terms.sums(sizes) + frame.constants
-    scale = np.maximum(scale - system.relief, frame.constants)
     if not np.isfinite(scale).all():  # squares of such unknowns are no numbers any more
         return RowErrors(np.full(frame.k, np.inf), False, 0.0)
     definite = _definite(frame, sizes, scale, fixed)
@@ -113,7 +112,7 @@ def _units(terms: Terms, sizes: Vector, scale: Vector, definite: Vector, asked: 
     """Return E_c of the unknowns that are asked for: the largest effect on a row, per unit; 1 for one that no row
     has."""
     if not np.isfinite(definite).any():
-        units = terms.effects(inverse(scale), asked)
+        units = np.where(asked, terms.effects(inverse(scale)), 0.0)
     else:
         columns = terms.columns
         effect = columns.data * inverse(scale)[columns.indices]

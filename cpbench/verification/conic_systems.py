@@ -17,9 +17,8 @@ from cpbench.matrices import Vector
 from cpbench.verification import sets
 from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.frame import Frame, System, Terms, block_norms
-from cpbench.verification.parallel_rows import ParallelRows
 from cpbench.verification.sets import Flags
-from cpbench.verification.systems import RowsFrame, beside_rows, kept
+from cpbench.verification.systems import kept
 from cpbench.verification.vanishing import ROUNDING, caps
 
 
@@ -28,7 +27,7 @@ def soclcp(P: Any, point: Any) -> System:
 
     def frame() -> Frame:
         block = P.K.blocks
-        return Frame(Terms.of_blocks(P.M, block, block), _norms(P.q, block), sets.of_product(P.K), block)
+        return Frame(Terms.of_blocks(P.M, block, block), _norms(P.q, block), sets.of_product(P.K), P.q, block)
 
     return System(kept(P, frame), point.x, P.M @ point.x + P.q)
 
@@ -37,28 +36,25 @@ def coneqp(P: Any, point: Any) -> System:
     """Return (x, y) beside Qx + p − Aᵀy and Ax + b, which is in K."""
     x, y = point.x, point.y
 
-    def frame() -> RowsFrame:
+    def frame() -> Frame:
         n, m = x.size, y.size
         block = np.concatenate([np.arange(n), n + P.K.blocks])
         last = int(block[-1]) + 1 if block.size else 0
         A = sp.csr_array(P.A)
         whole = sp.block_array([[sp.csr_array(P.Q), A.T], [A, sp.csr_array((m, m))]])
-        return RowsFrame(
+        return Frame(
             terms=Terms.of_blocks(whole, block, block),
             constants=_norms(np.concatenate([P.p, P.b]), block),
             sets=[sets.Box.of(np.arange(n), -np.inf, np.inf), *sets.of_product(P.K, n, rows=True)],
+            signed=np.concatenate([P.p, P.b]),
             block=block,
             multiplier=np.arange(last) >= n,
-            parallel=ParallelRows(A),
         )
 
-    whole, Qx = kept(P, frame), P.Q @ x
-    relief = whole.parallel.relief(y, np.abs(Qx) + np.abs(P.p))
     return System(
-        frame=whole,
+        frame=kept(P, frame),
         x=np.concatenate([x, y]),
-        f=np.concatenate([Qx + P.p - P.A.T @ y, P.A @ x + P.b]),
-        relief=beside_rows(relief, whole.k - x.size),
+        f=np.concatenate([P.Q @ x + P.p - P.A.T @ y, P.A @ x + P.b]),
     )
 
 
@@ -78,7 +74,7 @@ def ge(P: Any, point: Any) -> System:
 def vi(P: Any, point: Any) -> System:
     """Return (z, λ, μ, ν) beside F(z) − Aᵀλ − Cᵀμ − ∇g ν, Az − b, Cz − d and g(z)."""
     z = point.z
-    rows, values, constants = [sp.csr_array(P.A), sp.csr_array(P.C)], [P.A @ z - P.b, P.C @ z - P.d], [P.b, P.d]
+    rows, values, constants = [sp.csr_array(P.A), sp.csr_array(P.C)], [P.A @ z - P.b, P.C @ z - P.d], [-P.b, -P.d]
     curved = np.zeros(P.b.size + P.d.size, dtype=bool)
     if P.g.rows:
         slope, g = sp.csr_array(P.g.jacobian(z)), P.g(z)
@@ -178,7 +174,8 @@ def _with_rows(
         turning[A[curved].indices] = True  # the force of such a row turns with it
         constant = np.where(bent, _of_one_degree(P.F, z, force, slope, force - slope @ z), P.F.compiled.q)
         straight = fixed and not (bent.any() or curved.any())
-    beside = np.concatenate([np.zeros(0), *(np.abs(c) for c in constants)])
+    beside = np.concatenate([np.zeros(0), *constants])
+    signed, beside = np.concatenate([constant, beside]), np.abs(beside)
     whole = np.concatenate([block, first + np.arange(m)])
 
     def frame() -> Frame:
@@ -197,6 +194,7 @@ def _with_rows(
             terms=Terms.of_blocks(matrix, whole, whole, keep_zeros=found is not None),  # caps are of these entries
             constants=np.concatenate([_norms(constant, block), beside]),
             sets=boxes,
+            signed=signed,
             block=whole,
             multiplier=None if multipliers is None else np.arange(first + m) >= first,
             caps=found,
@@ -208,13 +206,11 @@ def _with_rows(
     made = kept(P, frame) if straight else frame()
     if multipliers is None:
         return System(made, z, force)
-    relief = ParallelRows(A).relief(multipliers, np.abs(slope @ z) + np.abs(constant))
     balance = force - A.T @ multipliers
     return System(
         frame=made,
         x=np.concatenate([z, multipliers]),
         f=np.concatenate([balance, *values]),
-        relief=beside_rows(None if relief is None else _norms(relief, block), m),
         also=None if nu is None else (balance - nu, block),
     )
 

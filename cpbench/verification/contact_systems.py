@@ -16,8 +16,7 @@ from cpbench.matrices import Dense, Vector, dense
 from cpbench.product_cones import Cone
 from cpbench.verification import sets
 from cpbench.verification.frame import Frame, System, Terms
-from cpbench.verification.parallel_rows import ParallelRows
-from cpbench.verification.systems import RowsFrame, kept, stack
+from cpbench.verification.systems import kept, stack
 
 
 def local(P: Any, point: Any) -> System:
@@ -28,7 +27,7 @@ def local(P: Any, point: Any) -> System:
     def frame() -> Frame:
         block = np.arange(r.size) // P.dimension
         terms = Terms.of_blocks(_scaled(P.W, unit, unit), block, block)
-        return Frame(terms, _norms(P.q * unit, P.dimension), [contact_set(P)], block)
+        return Frame(terms, _norms(P.q * unit, P.dimension), [contact_set(P)], block=block)
 
     return System(kept(P, frame), r, shifted(P, u))
 
@@ -45,7 +44,7 @@ def mixed(P: Any, point: Any) -> System:
         V = _scaled(P.V, unit, np.ones(joints))
         terms = Terms.of_blocks(stack([[_scaled(P.W, unit, unit), V], [V.T, P.R]]), block, block)
         constants = np.concatenate([_norms(P.q * unit, P.dimension), np.abs(P.s)])
-        return Frame(terms, constants, contact_and_free(P, joints), block)
+        return Frame(terms, constants, contact_and_free(P, joints), block=block)
 
     return System(kept(P, frame), np.concatenate([point.r / unit, lam]), f)
 
@@ -75,28 +74,24 @@ def _dynamics(
     u = (P.H.T @ v + P.w) * unit
     rows, n, p = r.size, v.size, lam.size
 
-    def frame() -> RowsFrame:
+    def frame() -> Frame:
         block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(n + p)])
         at = np.arange(P.nc + n + p)
         H, Gs = _scaled(P.H, np.ones(n), unit), sp.csr_array(G)
         empty = sp.csr_array((rows, rows)), sp.csr_array((rows, p)), sp.csr_array((p, p))
         whole = stack([[empty[0], H.T, empty[1]], [H, mass(), Gs], [empty[1].T, Gs.T, empty[2]]])
-        return RowsFrame(
+        return Frame(
             terms=Terms.of_blocks(whole, block, block),
             constants=np.concatenate([_norms(P.w * unit, P.dimension), load, drift]),
             sets=contact_and_free(P, n + p),
             block=block,
             multiplier=(at < P.nc) | (at >= P.nc + n),
-            parallel=ParallelRows(sp.csr_array(Gs.T)),
         )
 
-    whole = kept(P, frame) if keep else frame()
-    relief = whole.parallel.relief(lam, np.abs(force + G @ lam) + load) if p else None
     return System(
-        whole,
+        kept(P, frame) if keep else frame(),
         x=np.concatenate([r / unit, v, lam]),
         f=np.concatenate([shifted(P, u), force, joints]),
-        relief=0.0 if relief is None else np.concatenate([np.zeros(P.nc), relief, np.zeros(p)]),
     )
 
 

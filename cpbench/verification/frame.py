@@ -60,14 +60,18 @@ class Terms:
         """Return Σ_c terms_dc sizes_c of every row."""
         return np.asarray(self.rows @ sizes)
 
-    def effects(self, weights: Vector, asked: Flags) -> Vector:
-        """Return max_d terms_dc weights_d of every unknown that is asked for, 0 for others."""
-        if 2 * np.count_nonzero(asked) > asked.size:
-            return segment_max(self.columns.data * weights[self.columns.indices], self.columns.indptr)
-        some = self.columns[:, np.flatnonzero(asked)]
-        result = np.zeros(asked.size)
-        result[asked] = segment_max(some.data * weights[some.indices], some.indptr)
-        return result
+    @cached_property
+    def _starts(self) -> Any:
+        """Where the columns begin in the CSC data, None where some are empty."""
+        indptr = self.columns.indptr
+        return indptr[:-1] if indptr.size > 1 and (indptr[1:] > indptr[:-1]).all() else None
+
+    def effects(self, weights: Vector) -> Vector:
+        """Return max_d terms_dc weights_d of every unknown; 0 for one that is in no row."""
+        values = self.columns.data * weights[self.columns.indices]
+        if self._starts is None:
+            return segment_max(values, self.columns.indptr)
+        return np.maximum.reduceat(values, self._starts)
 
     @cached_property
     def alone(self) -> Flags:
@@ -82,7 +86,8 @@ class Frame:
     Attributes
     ----------
     block : (N,) the block of each unknown and of the row paired with it, rising from 0; None where each is its own.
-    terms : sizes of the blocks of ∂f/∂x. constants : (k,) sizes of what else is in a row.
+    terms : sizes of the blocks of ∂f/∂x. constants : (k,) sizes of what else is in a row. signed : (N,) the same with
+        signs, component by component; None where only the sizes are known.
     sets : what the unknowns are in; together they hold every component once.
     multiplier : (k,) whether an unknown only certifies others; without constants it may be anything.
     caps : up to what rows are definite by what vanishes with an unknown that they say is 0.
@@ -95,6 +100,7 @@ class Frame:
     terms: Terms
     constants: Vector
     sets: Sequence[Set]
+    signed: Vector | None = None
     block: Any = None
     multiplier: Flags | None = None
     caps: Caps | None = None
@@ -140,6 +146,18 @@ class Frame:
         """Return euclidean norm of every block."""
         return block_norms(x, self.block, self.k)
 
+    def largest(self, values: Vector) -> Vector:
+        """Return the largest of the values of every block, at least 0."""
+        if self.block is None:
+            return np.maximum(values, 0.0)
+        result = np.zeros(self.k)
+        np.maximum.at(result, self.block, values)
+        return result
+
+    def block_sums(self, values: Vector) -> Vector:
+        """Return the sum of the values of every block."""
+        return values if self.block is None else np.bincount(self.block, values, self.k)
+
     def any(self, flags: Flags) -> Flags:
         """Return whether any component of a block is flagged."""
         return flags if self.block is None else np.bincount(self.block, flags, self.k) > 0
@@ -152,14 +170,12 @@ class System:
     Attributes
     ----------
     frame : the problem. x, f : (N,) the unknowns and the values of the rows paired with them.
-    relief : (k,) what multipliers of parallel rows that cancel add to the sums of terms.
     also : residuals that must vanish beside f, each with the blocks of the rows by which they are measured.
     """
 
     frame: Frame
     x: Vector
     f: Vector
-    relief: Vector | float = 0.0
     also: tuple[Vector, Any] | None = None
 
     def nearest(self) -> Vector:
@@ -182,6 +198,28 @@ class System:
         if not any(part.moored for part in frame.sets):
             return np.zeros(frame.k, dtype=bool)
         return frame.any(joined(frame.sets, frame.count, lambda part: part.anchored(self.x), bool))
+
+    def distances(self, x_unit: Vector, f_unit: Vector) -> Vector:
+        """Return the larger of the distances of x̂ from its set and of f̂ from the dual set, in units of the blocks."""
+        frame = self.frame
+        x_units, f_units = frame.spread(x_unit), frame.spread(f_unit)
+        return joined(frame.sets, frame.count, lambda part: part.conditions(self.x, self.f, x_units, f_units))
+
+    def products(self, reach: Vector) -> Vector:
+        """Return x_i f_i, with x_i counted from the bound to which f_i pushes, at most `reach` (k,)."""
+        frame = self.frame
+        far = frame.spread(reach)
+        return joined(frame.sets, frame.count, lambda part: part.products(self.x, self.f, far))
+
+    def excess(self, f_unit: Vector) -> Vector:
+        """Return the rows that no unknown may have, in units of the blocks."""
+        frame = self.frame
+        units = frame.spread(f_unit)
+        return joined(frame.sets, frame.count, lambda part: part.excess(self.f, units))
+
+    def idle(self) -> Flags:
+        """Return of each component whether the sign of its row alone holds it on its bound."""
+        return joined(self.frame.sets, self.frame.count, lambda part: part.idle(self.x, self.f), bool)
 
     def defect(self, x_unit: Vector, f_unit: Vector) -> Vector:
         """Return x̂ − P(x̂ − f̂) in units of the blocks."""

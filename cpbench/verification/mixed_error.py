@@ -21,10 +21,9 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from cpbench.formulations.base import squared
-from cpbench.matrices import Vector
-from cpbench.verification.backward_error import EPS, ROUNDINGS, BackwardError, row_errors
-from cpbench.verification.frame import Frame, System, inverse, largest
-from cpbench.verification.part_error import EXPLAINED, beyond, block_errors, part_error, parts_of, term_sums
+from cpbench.verification.backward_error import BackwardError, row_errors
+from cpbench.verification.frame import Frame, System, largest
+from cpbench.verification.part_error import block_errors, part_error, parts_of
 from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags
 
@@ -34,37 +33,22 @@ def mixed_error(system: System) -> BackwardError:
     frame = system.frame
     if not frame.k or frame.steady is None:
         return part_error(system, parts_of(frame, Measure.PAIRS))
-    rows, sums, linear = row_errors(system), term_sums(system), _linear_parts(frame)
+    rows, linear = row_errors(system), _linear_parts(frame)
+    sums = frame.terms.sums(system.sizes())
     if not np.isfinite(sums).all():  # squares of such unknowns are no numbers any more
         return BackwardError(np.inf, False, 0.0)
     asked = _asked(frame)
     constants = np.where(asked, np.minimum(frame.steady, sums + frame.constants), 0.0)
     whole = dataclasses.replace(frame, constants=np.where(linear, frame.constants, constants), caps=None)
-    system = dataclasses.replace(system, frame=whole)
-    if not linear.any() and _within_rows(system, sums, asked, float(rows.blocks.max())):
-        return BackwardError(largest(float(rows.blocks.max())), rows.absolute, rows.floor)
-    found = block_errors(system, Parts.of(whole, whole.terms.rows, Measure.PAIRS), sums)
+    found = block_errors(
+        dataclasses.replace(system, frame=whole), Parts.of(whole, whole.terms.rows, Measure.PAIRS), sums
+    )
     counted = linear | (asked & (constants > 0))
-    errors = np.where(linear, found.blocks, rows.blocks)
-    grown = found.beyond[_components(whole, counted)]
-    error = largest(float(errors.max()), squared(largest(float(grown.max(initial=0.0)))))
-    floor = max(0.0 if linear.all() else rows.floor, float(found.floors[linear].max(initial=0.0)))
-    if found.explained[counted].any():
-        floor = max(floor, EXPLAINED**2)
+    errors = np.where(linear, found.errors, rows.blocks)
+    grown = float(found.grown[counted].max(initial=0.0))
+    error = largest(float(errors.max()), squared(largest(grown)))
+    floor = max(0.0 if linear.all() else rows.floor, float(found.floors[counted].max(initial=0.0)))
     return BackwardError(error, rows.absolute or (found.absolute and bool(linear.any())), floor)
-
-
-def _within_rows(system: System, sums: Vector, asked: Flags, error: float) -> bool:
-    """Return whether the constants of each row by themselves, no larger than those of its part, are enough."""
-    constants = system.frame.constants
-    excess, explained = beyond(system, ROUNDINGS * EPS * (sums + constants), inverse(constants))
-    asked = asked & (constants > 0)
-    grown = excess[_components(system.frame, asked)]
-    return not explained[asked].any() and squared(largest(float(grown.max(initial=0.0)))) <= error
-
-
-def _components(frame: Frame, flags: Flags) -> Flags:
-    return flags if frame.block is None else flags[frame.block]
 
 
 def _asked(frame: Frame) -> Flags:

@@ -1,34 +1,30 @@
 """Error of an answer to a linear or contact problem or a program, measured over connected parts of the problem.
 
 Methods hold their conditions in norms: a row that is small beside its neighbours is as wrong as they are, and a
-solution that decays has no digits of its own in its tail. Every connected part of the problem's matrix, for programs
-[[Q, −Aᵀ], [A, 0]], is equilibrated, and has one size for its unknowns z, one for the rows beside z and one for those
-beside the multipliers. With the rows f in these sizes, and every unknown by its largest effect on a row,
+solution that decays has no digits of its own in its tail. So every connected part of the problem's matrix, for programs
+[[Q, −Aᵀ], [A, 0]], is equilibrated, and has one size for its rows (`sizes`; of programs, one for rows beside z and one
+for rows beside multipliers). In these units, with P the projection on the set of x,
 
-    pairs     error = max ‖x̂ − P(x̂ − f̂)‖ of complementarity problems and inequalities,
-    contact   error = √Σ‖x̂ − P(x̂ − f̂)‖² over a part; with D = 1/√W_cc, sizes and error are in energy,
-    programs  error = max(distance of x̂ from its set, distance of f̂ from the dual set, Σ products of x̂ and f̂).
+    pairs     ‖x̂ − P(x̂ − f̂)‖, the largest, of complementarity problems and inequalities,
+    contact   √Σ‖x̂ − P(x̂ − f̂)‖² over a part, in energy (D = 1/√W_cc),
+    programs  the distance of x̂ from its set and of f̂ from the dual set, the largest.
 
-The sum of products is the duality gap: a pair of which both are √ε is optimal to ε.
+Unknowns that a problem leaves free may be of any size, and must hide nothing. Two further numbers count for that.
 
-- No idle side, price or open contact sets a size: its constant counts as far as other terms of its row balance it.
-  The multiplier of a bound that is written as a row is no such term, and no size of other rows: a bound that is a side
-  of the set has none.
-- Rows and unknowns of pairs may have no term in common (prices beside sides): each such system is a part.
-- Small rows that no felt term couples to large ones are parts of their own (`coupling`).
-- What no constant feeds but idle ones has the solution 0 and no size: it is measured absolutely. A part without an
-  objective needs no multipliers.
-- Unknowns that grow without bound would pass on problems without a solution, for they are in the sizes. So the square
-  of what no answer may have (a row on the wrong side), over the constants of the part alone, must be within ε, too.
-  That is strict where a solution's own multipliers are a million times the prices (QFORPLAN): a gradient that misses
-  5e-9 of its terms misses 4 % of the prices there, and is wrong at 1e-6. Rounding of terms that cancel is taken off
-  such a row, for the exact solution rounded to doubles leaves as much. Where that is `EXPLAINED` of the constants, or
-  could be all of them, the answer would solve other constants as well, and it is `unresolvable`.
+- Gap: |Σ x_i f_i| of a part over the terms of its objective, max(|f|, ½|zᵀQz|, gap); of complementarity problems over
+  max(Σ|q_i x_i|, |xᵀMx|, gap). x is counted from the bound to which f pushes. A part that no constant sizes has no
+  objective of its own: its gap is compared with the objective of the whole program.
+- Growth: the same error, with sizes by the constants alone, squared. Within √ε it is no objection, for a solution may
+  be large beside the constants. Of programs it is taken of the rows beside multipliers; a gradient counts by what it
+  could change in the objective.
+
+Rounding of terms that cancel, 8 eps Σ|terms|, is no error there. Where it hides `UNKNOWN` of the constants, the answer
+would solve other constants as well, and is `unresolvable`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -37,16 +33,13 @@ import scipy.sparse as sp
 from cpbench.formulations.base import squared
 from cpbench.matrices import Vector
 from cpbench.verification.backward_error import EPS, ROUNDINGS, BackwardError
-from cpbench.verification.coupling import felt_parts
 from cpbench.verification.frame import Frame, System, inverse, largest
 from cpbench.verification.parts import Measure, Parts
-from cpbench.verification.sets import Flags, joined
+from cpbench.verification.sets import Flags
+from cpbench.verification.sizes import Units, units_of
 
-HEARD = 0.1
-"""Share of an idle constant that other terms of its row must reach for it to give a size."""
-EXPLAINED = 0.1
-"""Share of the constants of its part that is taken off a row as rounding, from which on the answer says nothing of
-them."""
+UNKNOWN = 0.1
+"""Share of the constants of a row that is taken off as rounding, from which on the answer says nothing of them."""
 _PARTS: WeakKeyDictionary[Frame, Parts] = WeakKeyDictionary()
 
 
@@ -68,34 +61,18 @@ def parts_between(frame: Frame, other: Frame, measure: Measure) -> Parts:
 
 
 @dataclass(frozen=True, eq=False)
-class _Units:
-    """1/size of every block, of its unknowns and of its rows; 1/size of rows by constants alone."""
-
-    x: Vector
-    f: Vector
-    data: Vector
-    quiet: Flags
-    absolute: bool
-
-
-@dataclass(frozen=True, eq=False)
 class BlockErrors:
-    """Errors as `part_error` measures them, block by block and, of the components of blocks, one by one.
+    """Errors as `part_error` measures them, block by block.
 
     Attributes
     ----------
-    blocks : (k,) errors of blocks or of their parts. components : (N,) those of components, None where there are none.
-    beyond : (N,) rows that no unknown may have. also : (rows,) residuals that must vanish beside f, None without any.
-    floors : (k,) what rounding may cause. explained : (k,) whether it may be all that a row has.
-    absolute : whether a part without constants was measured absolutely.
+    errors : (k,) of blocks or of their parts. grown : (k,) with sizes by the constants alone, at most 1; squares count.
+    floors : (k,) what rounding may cause. absolute : whether a part that no constant sizes was measured as it is.
     """
 
-    blocks: Vector
-    components: Vector | None
-    beyond: Vector
-    also: Vector | None
+    errors: Vector
+    grown: Vector
     floors: Vector
-    explained: Flags
     absolute: bool
 
 
@@ -103,163 +80,124 @@ def part_error(system: System, parts: Parts) -> BackwardError:
     """Measure an answer. Rows beside multipliers are those of the primal."""
     if not system.frame.k:
         return BackwardError(0.0, False, 0.0)
-    sums = term_sums(system)
+    sums = system.frame.terms.sums(system.sizes())
     if not np.isfinite(sums).all():  # squares of such unknowns are no numbers any more
         return BackwardError(np.inf, False, 0.0)
     found = block_errors(system, parts, sums)
-    error = largest(*(float(a.max(initial=0.0)) for a in (found.blocks, found.components, found.also) if a is not None))
-    error = largest(error, squared(largest(float(found.beyond.max(initial=0.0)))))
-    return BackwardError(error, found.absolute, float(found.floors.max(initial=0.0)))
-
-
-def term_sums(system: System) -> Vector:
-    """Return the sums of the sizes of the terms of every row."""
-    sums = system.frame.terms.sums(system.sizes())
-    return sums if np.isscalar(system.relief) else np.maximum(sums - system.relief, 0.0)
+    error = largest(float(found.errors.max()), squared(largest(float(found.grown.max()))))
+    return BackwardError(error, found.absolute, float(found.floors.max()))
 
 
 def block_errors(system: System, parts: Parts, sums: Vector) -> BlockErrors:
-    """Measure an answer whose `term_sums` are `sums`, all of them finite."""
-    frame, sizes = system.frame, system.sizes()
-    gross = sums + frame.constants
-    fixed = system.fixed()
-    held = fixed if frame.multiplier is None else fixed & ~frame.multiplier
-    parts = felt_parts(parts, sizes, gross, held)
-    units = _units(system, parts, sizes, sums, held)
-    noise = (ROUNDINGS * EPS) * gross
-    components = None
-    if parts.measure is Measure.GAP:
-        components, blocks, wrong = *_gap(system, parts, units), ~units.quiet
-    else:
-        blocks = frame.norms(system.defect(units.x, units.f))
-        wrong = blocks != 0
-        if parts.measure is Measure.ENERGY:
-            blocks = parts.every.spread(parts.every.size(blocks)) + np.zeros(frame.k)
-    also = None
-    if system.also is not None:
-        value, rows = system.also
-        # the force of a bound has digits of its own row only
-        size = np.maximum(1.0, frame.norms(system.f)[rows] * units.f[rows])
-        also = np.abs(value) * units.f[rows] / size
+    """Measure an answer; `sums` are those of the sizes of the terms of its rows, all of them finite."""
+    frame, units = system.frame, units_of(system, parts, sums)
+    errors = _conditions(system, parts, units)
+    noise = (ROUNDINGS * EPS) * (sums + frame.constants)
     # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing there
-    wrong |= (frame.amplification * EPS >= 1.0) & (frame.norms(system.f) > 0)
-    floors = noise * units.f * frame.amplification * wrong
-    excess, explained = beyond(system, noise, units.data)
-    floors[explained] = np.maximum(floors[explained], EXPLAINED**2)
-    return BlockErrors(blocks, components, excess, also, floors, explained, units.absolute)
+    deciding = (errors > 0) | ((frame.amplification * EPS >= 1.0) & (frame.norms(system.f) > 0))
+    floors = noise * units.f * frame.amplification * deciding
+    if parts.measure is Measure.ENERGY:
+        errors = parts.whole.spread(parts.whole.norm(errors))
+    if system.also is not None:
+        _count_also(system, units, errors)
+    rounded = _without_rounding(system, noise)
+    grown, unknown = _growth(system, rounded, parts, units, noise, errors)
+    if unknown is not None:
+        floors[unknown] = np.maximum(floors[unknown], UNKNOWN**2)
+    if frame.signed is not None:
+        slope = frame.largest(rounded.excess(np.ones(frame.k))) if parts.measure is Measure.GAP else np.zeros(0)
+        gap, objective = _gap(rounded, parts, units, slope)
+        errors = np.maximum(errors, parts.whole.spread(gap))
+        if parts.measure is Measure.GAP:
+            slope = slope * inverse(units.x) * parts.whole.spread(inverse(objective))
+            grown = np.where(frame.multiplier, grown, np.where(units.absolute, 0.0, slope))
+    absolute = bool((units.absolute & parts.beside_z & (system.sizes() > 0)).any())
+    return BlockErrors(errors, np.minimum(grown, 1.0), floors, absolute)
 
 
-def _gap(system: System, parts: Parts, units: _Units) -> tuple[Vector, Vector]:
-    """Return the conditions of every pair, and the sum of the products of the part of every block."""
-    frame = system.frame
-    x_units, f_units = frame.spread(units.x), frame.spread(units.f)
-    conditions, every = np.empty(frame.count), np.empty(frame.count)
-    for part in frame.sets:
-        conditions[part.place], every[part.place] = part.conditions(system.x, system.f, x_units, f_units)
-    if parts.count == 1:
-        return conditions, np.full(frame.k, every.sum())
-    products: Vector = np.bincount(frame.spread(parts.part), every).astype(np.float64, copy=False)
-    return conditions, products[parts.part]
+def _conditions(system: System, parts: Parts, units: Units) -> Vector:
+    """Return by how much every block misses its conditions, in units."""
+    if parts.measure is Measure.GAP:
+        return system.frame.largest(system.distances(units.x, units.f))
+    return system.frame.norms(system.defect(units.x, units.f))
 
 
-def beyond(system: System, noise: Vector, data_unit: Vector) -> tuple[Vector, Flags]:
-    """Return the rows that no unknown may have, over the constants, less what rounding leaves of terms that cancel; and
-    of which blocks that explains the constants (`EXPLAINED`)."""
-    frame = system.frame
-    f = np.abs(system.f) - frame.spread(noise)
-    f = np.copysign(np.maximum(f, 0.0, out=f), system.f)
-    unit = frame.spread(data_unit)
-
-    def excess(f: Vector) -> Vector:
-        return joined(frame.sets, frame.count, lambda part: part.excess(f, unit))
-
-    found, hidden = excess(f), noise * data_unit
-    explained = hidden >= 1.0  # no digit of the constants is in the row
-    if (hidden * frame.amplification >= EXPLAINED).any():
-        less = np.maximum(excess(system.f), 0.0) - np.maximum(found, 0.0)
-        explained |= frame.any(less >= EXPLAINED)
-    return found, explained
+def _count_also(system: System, units: Units, errors: Vector) -> None:
+    """Count the residuals that must vanish beside f; the force of a bound has digits of its own row only."""
+    assert system.also is not None
+    value, at = system.also
+    size = np.maximum(1.0, system.frame.norms(system.f)[at] * units.f[at])
+    places = np.arange(errors.size)[at] if isinstance(at, slice) else at
+    np.maximum.at(errors, places, np.abs(value) * units.f[at] / size)
 
 
-def _units(system: System, parts: Parts, sizes: Vector, sums: Vector, held: Flags) -> _Units:
-    """Return the sizes of the parts, as units of their blocks."""
-    frame, z, multipliers = system.frame, parts.z, parts.multipliers
-    constants, gap = frame.constants, parts.measure is Measure.GAP
-    quiet = frame.any(joined(frame.sets, frame.count, lambda part: part.idle(system.x, system.f), bool))
-    some_held = parts.every.any(held) if held.any() else np.zeros(parts.count, dtype=bool)
+def _without_rounding(system: System, noise: Vector) -> System:
+    """Return the answer with rows nearer to 0 by what rounding leaves of terms that cancel."""
+    f = np.maximum(np.abs(system.f) - system.frame.spread(noise), 0.0)
+    return replace(system, f=np.copysign(f, system.f))
 
-    # every z is as large as its part; without a side that is what the prices ask of a curved objective, idle prices
-    # only where there are no others; else nothing
-    prices, sides, curved = parts.prices, parts.sides, parts.curved
-    tight = ~quiet & (constants > 0)
-    sided = some_held | ((sides > 0) & multipliers.any(tight[multipliers.at]))  # idle sides give no size
-    unsized = ~sided & ~((prices > 0) & curved)
-    unpriced = unsized & (prices == 0)
-    priced_by, bound = parts.bounding
-    taken = None
-    if bound.size:  # a bound that is a row takes its share of a price, as a side of the set does
-        taken = np.bincount(priced_by, parts.bounding_terms * sizes[bound], frame.k)
-        sums = np.maximum(sums - taken, 0.0)
-        quiet = quiet | (frame.norms(system.f) < 0.5 * taken)
-    balanced = (constants > 0) & (~quiet | (sums > HEARD * constants))
-    priced = z.any(balanced[z.at])
-    if parts.measure is not Measure.ENERGY:  # nor do idle prices that no other term of their row balances
-        unheard = ~sided & ~priced
-        unsized |= unheard
-        unpriced |= unheard
-    reach = prices
-    if gap or frame.multiplier is not None:
-        reach = z.size((sizes * parts.per_unknown)[z.at])
-        asked = z.size((np.where(balanced, constants, 0.0) * parts.per_row)[z.at])
-        reach = np.where(sided, reach, np.maximum(reach, np.where(asked > 0, asked, prices)))
-    felt = np.where(unsized, 0.0, reach)
-    data_unit = parts.data_unit
-    if some_held.any():
-        own = np.maximum(sides, z.size((np.where(held, sizes, 0.0) * parts.per_unknown)[z.at]))
-        data_unit = data_unit.copy()
-        data_unit[multipliers.at] = parts.per_row[multipliers.at] * multipliers.spread(inverse(own))
 
-    weight, x_unit = np.zeros(frame.k), np.zeros(frame.k)
-    empty = False
-    for i, (group, least, plain) in enumerate(
-        ((z, np.where(curved & gap, felt, 0.0), unpriced), (multipliers, felt, unsized))
-    ):
-        rows = group.at
-        D, constant, feeds = parts.per_row[rows], constants[rows], sums[rows]
-        if not D.size:
-            continue
-        counted = np.maximum(feeds, constant)
-        heard = priced if group is z else group.any(balanced[rows])
-        if not i and parts.measure is not Measure.ENERGY:  # sized unknowns make enough of a row
-            heard = priced | (sided & curved & (felt > 0))
-        if heard.any():
-            counted = np.where(quiet[rows] & group.spread(heard), feeds, counted)
-        # an entry of the equilibrated matrix is about 1: so much does a z of the part's size make of a row
-        size = np.maximum(group.size(counted * D), least)
-        empty = empty or not size.all()
-        unit = group.spread(inverse(size))
-        weight[rows] = D * unit
-        if plain.any():
-            weight[rows] = np.where(group.spread(plain), 1.0, weight[rows])
-        if not parts.split:
-            effect = parts.effects[i] * (unit if group is parts.every else parts.every.spread(inverse(size)))
-            if plain.any():
-                effect = np.where(parts.every.spread(plain), parts.plain_effects[i], effect)
-            x_unit = np.maximum(x_unit, effect)
-    if taken is not None:  # the force of a bound has digits of its own row only
-        weight = np.divide(weight, weight * taken, out=weight, where=weight * taken > 1.0)
-        x_unit[bound] = parts.bounding_terms * weight[priced_by]
-    if parts.split:  # an unknown has effects on rows of other parts, too
-        x_unit = frame.terms.effects(weight, np.ones(frame.k, dtype=bool))
-    f_unit = np.where(weight > 0, weight, 1.0) if empty else weight
-    # a set of finite size is data: an unknown beyond it is wrong even where no row feels that
-    own = np.maximum(x_unit[z.at], frame.own_unit[z.at])
+def _gap(system: System, parts: Parts, units: Units, slope: Vector) -> tuple[Vector, Vector]:
+    """Return |Σ x_i f_i| over the terms of the objective, and these terms, of every part.
+
+    slope : (k,) what of the rows beside z no bound takes.
+    """
+    frame, whole = system.frame, parts.whole
+    assert frame.signed is not None
+    products = frame.block_sums(system.products(inverse(units.x)))
+    if parts.measure is Measure.GAP:  # what pushes z where it has no bound is no product of a pair: it counts by itself
+        alone = np.where(parts.beside_z & (slope > 0), products, 0.0)
+        gap = np.abs(whole.sum(products - alone)) + whole.sum(np.abs(alone))
+    else:
+        gap = np.abs(whole.sum(products))
+    fixed = system.x * frame.signed
+    quadratic = whole.sum(frame.block_sums(system.x * system.f - fixed))
+    if frame.multiplier is None:
+        straight = whole.sum(np.where(units.needed, frame.block_sums(np.abs(fixed)), 0.0))
+        objective = np.maximum(straight, np.abs(quadratic))
+    else:
+        straight = whole.sum(np.where(units.needed & ~frame.multiplier, frame.block_sums(fixed), 0.0))
+        objective = np.maximum(np.abs(0.5 * quadratic + straight), 0.5 * np.abs(quadratic))
+    objective = np.maximum(objective, gap)
+    error = np.divide(gap, objective, out=np.zeros_like(gap), where=gap > 0)
+    unsized = whole.any(units.absolute)
     if unsized.any():
-        own = np.where(z.spread(unsized), 1.0, own)
-    x_unit[z.at] = own if own.all() else np.where(own == 0, 1.0, own)
-    moot = (prices == 0) & ~curved
-    if frame.multiplier is not None and moot.any():
-        f_unit[z.at] = np.where(z.spread(moot), 0.0, f_unit[z.at])
-        x_unit[multipliers.at] = np.where(multipliers.spread(moot), 0.0, x_unit[multipliers.at])
-    absolute = bool(unsized.any()) and bool((z.spread(unsized) & (sizes[z.at] > 0)).any())
-    return _Units(x_unit, f_unit, data_unit, quiet, absolute)
+        by_itself = whole.sum(np.abs(products) * units.f * units.x)
+        total = objective[~unsized].sum() if parts.measure is Measure.GAP else 0.0
+        if total > 0:
+            by_itself = np.minimum(by_itself, gap / total)
+            objective = np.where(unsized, total, objective)
+        error = np.where(unsized, by_itself, error)
+    return error, objective
+
+
+def _growth(
+    system: System, rounded: System, parts: Parts, units: Units, noise: Vector, errors: Vector
+) -> tuple[Vector, Flags | None]:
+    """Return the errors with sizes by the constants alone, and where rounding hides the constants (None: nowhere).
+
+    No error grows by more than the units do; where its square would be no larger than the largest error, nothing is
+    measured. (What a large coefficient of friction hides in the distances shows here only.)
+    """
+    frame, rows = system.frame, parts.rows
+    data, fixed = parts.constants, system.fixed()
+    if fixed.any():
+        beside = frame.terms.sums(np.where(fixed, system.sizes(), 0.0))
+        data = np.maximum(data, rows.largest(beside * parts.per_row))
+    unit = parts.per_row * rows.spread(inverse(data))
+    most = float(np.divide(unit, units.f, out=np.zeros(frame.k), where=units.f > 0).max())
+    hidden = noise * unit
+    certain = not (hidden * frame.amplification >= UNKNOWN).any()
+    even = parts.measure is Measure.PAIRS or bool((frame.amplification <= 2.0).all())
+    if certain and even and most * most * float(errors.max()) <= 1.0:
+        return np.zeros(frame.k), None
+
+    def measured(of: System) -> Vector:
+        if parts.measure is Measure.PAIRS:
+            return frame.norms(of.defect(frame.terms.effects(unit), unit))
+        return frame.largest(of.excess(unit))
+
+    grown = measured(rounded)
+    if certain:
+        return grown, None
+    return grown, (hidden >= 1.0) | (measured(system) - grown >= UNKNOWN)

@@ -63,9 +63,13 @@ class Set(ABC):
         ...
 
     @abstractmethod
-    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[Vector, Vector]:
-        """Return the larger of the distances of x̂ from the set and of f̂ from the dual set; and the products of
-        both."""
+    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
+        """Return the larger of the distances of x̂ from the set and of f̂ from the dual set."""
+        ...
+
+    @abstractmethod
+    def products(self, x: Vector, f: Vector, reach: Vector) -> Vector:
+        """Return x f, of boxes with x counted from the bound to which f pushes, at most `reach`."""
         ...
 
     @abstractmethod
@@ -166,22 +170,21 @@ class Box(Set):
         below, above = np.abs(own - self.lb), np.abs(own - self.ub)
         return (lower & (below <= above) & (w > 0)) | (upper & (above <= below) & (w < 0))
 
-    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[Vector, Vector]:
+    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         w = f[self.place] * f_unit[self.place]
         if self.kind == "free":
-            return np.abs(w), np.zeros(w.size)
+            return np.abs(w)
         own, unit = x[self.place], x_unit[self.place]
-        sides = [(self.bounded[0], own - self.lb, w), (self.bounded[1], self.ub - own, -w)]
-        if self.kind == "orthant":  # nothing may push towards the other side, and there is no room to measure
-            room, pushed = sides[0][1] * unit, np.maximum(w, 0.0)
-            return np.maximum(-w, -room), np.minimum(pushed, 1.0) * np.minimum(np.maximum(room, 0.0), 1.0)
-        worst, products = np.zeros(w.size), np.zeros(w.size)
-        for some, gap, push in sides:
-            room = np.where(some, gap, 0.0) * unit
-            pushed = np.maximum(push, 0.0)  # towards this bound: it is reached, or nothing pushes
-            products += np.minimum(pushed, 1.0) * np.minimum(np.maximum(room, 0.0), 1.0)
-            worst = np.maximum(worst, np.where(some, -room, pushed))
-        return worst, products
+        lower, upper = self.bounded
+        below = np.where(lower, (self.lb - own) * unit, w)  # without a bound nothing may push towards it
+        above = np.where(upper, (own - self.ub) * unit, -w)
+        return np.maximum(np.maximum(below, above), 0.0)
+
+    def products(self, x: Vector, f: Vector, reach: Vector) -> Vector:
+        w, own = f[self.place], x[self.place]
+        bound = np.where(w > 0, self.lb, self.ub)
+        room = np.where(np.isfinite(bound), own - bound, own)
+        return w * np.clip(room, -reach[self.place], reach[self.place])
 
     def excess(self, f: Vector, f_unit: Vector) -> Vector:
         w = f[self.place] * f_unit[self.place]
@@ -274,20 +277,27 @@ class ConeFactors(Set):
                 held[empty] = (project(self.kind, -some, mu, mu_r) == 0).all(axis=1)
         return np.broadcast_to(held[:, None], self.at.shape)
 
-    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[Vector, Vector]:
+    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         own, other = x[self.at] * x_unit[self.at], f[self.at] * f_unit[self.at]
-        unit, products = x_unit[self.at[:, 0]], np.zeros(self.at.shape)
+        unit = x_unit[self.at[:, 0]]
         if self.rows:
             own, other, unit = other, own, f_unit[self.at[:, 0]]
         if self.kind in (Cone.CYLINDER, Cone.BALL):
             radius = self.mu * unit
-            return self._of_each(row_norms(own - project(self.kind, own - other, radius, self.mu_r))), products
+            return self._of_each(row_norms(own - project(self.kind, own - other, radius, self.mu_r)))
         outside = row_norms(own - project(self.kind, own, self.mu, self.mu_r))
         # Moreau: the part of −y in K is what y lacks of being in the dual cone
         negative = row_norms(project(self.kind, -other, self.mu, self.mu_r))
-        size = np.maximum(1.0, row_norms(own)) * np.maximum(1.0, row_norms(other))
-        products[:, 0] = np.abs(np.einsum("ij,ij->i", own, other)) / size
-        return self._of_each(np.maximum(outside, negative)), products
+        return self._of_each(np.maximum(outside, negative))
+
+    def products(self, x: Vector, f: Vector, reach: Vector) -> Vector:
+        own, other = (f[self.at], x[self.at]) if self.rows else (x[self.at], f[self.at])
+        gap = np.einsum("ij,ij->i", own, other)
+        if self.kind in (Cone.CYLINDER, Cone.BALL):  # their μ is a radius: the least of ⟨y, f⟩ over the set is below 0
+            gap = gap + self.mu * row_norms(other[:, 1:] if self.kind is Cone.CYLINDER else other)
+        result = np.zeros(self.at.shape)
+        result[:, 0] = gap
+        return result
 
     def excess(self, f: Vector, f_unit: Vector) -> Vector:
         if self.kind in (Cone.CYLINDER, Cone.BALL):

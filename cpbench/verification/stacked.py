@@ -9,8 +9,8 @@ ends, whether multipliers of parallel rows cancel, which numbers are finite, and
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any, cast
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,9 @@ from cpbench.matrices import Vector, is_psd
 from cpbench.verification.equilibration import Sums
 from cpbench.verification.frame import System
 from cpbench.verification.measures import BY_PARTS, SYSTEMS
-from cpbench.verification.parallel_rows import LARGE
-from cpbench.verification.part_error import BlockErrors, block_errors, term_sums
+from cpbench.verification.part_error import BlockErrors, block_errors
 from cpbench.verification.parts import Parts
 from cpbench.verification.sets import Flags
-from cpbench.verification.systems import RowsFrame
 
 NODES = ("lcp", "mlcp", "qp", "fc")
 ENTRIES = 2**17
@@ -102,13 +100,12 @@ def _measured(stack: Stack, some: slice, answers: dict[str, Any]) -> tuple[Vecto
     with np.errstate(all="ignore"):
         system = _system(problem, answers, finite)
         own = _Own.of(system, answers, count)
-        system = own.relieved(problem, system)
-        sums = term_sums(system)
+        sums = system.frame.terms.sums(system.sizes())
         bounded = own.all(np.isfinite(sums + system.frame.constants))
         if not bounded.all():  # squares of such unknowns are no numbers any more
             finite &= bounded
-            system = own.relieved(problem, _system(problem, answers, finite))
-            sums = term_sums(system)
+            system = _system(problem, answers, finite)
+            sums = system.frame.terms.sums(system.sizes())
         node = stack.kind.node
         parts = Parts.of(system.frame, system.frame.terms.rows, BY_PARTS[node], Sums.of_each(own.blocks, count))
         error, floor = own.worst(block_errors(system, parts, sums))
@@ -145,25 +142,9 @@ class _Own:
         """Return whether the flags of all blocks of a problem are true."""
         return np.bincount(self.blocks, ~flags, self.count) == 0
 
-    def relieved(self, problem: Any, system: System) -> System:
-        """Return the system, with relief for problems only whose own multipliers add much to a row
-        (`ParallelRows.relief`)."""
-        if np.isscalar(system.relief):
-            return system
-        n = problem.p.size
-        gross = cast(RowsFrame, system.frame).parallel.sizes @ np.abs(system.x[n:])
-        rest = np.abs(problem.Q @ system.x[:n]) + np.abs(problem.p)
-        asked = np.bincount(self.blocks[:n], gross > LARGE * rest, self.count) > 0
-        return replace(system, relief=np.where(asked[self.blocks], system.relief, 0.0))
-
     def worst(self, found: BlockErrors) -> tuple[Vector, Vector]:
         """Return the error of every problem, and what rounding may cause."""
-        error = self._largest(self.blocks, found.blocks)
-        if found.components is not None:
-            error = np.maximum(error, self._largest(self.components, found.components))
-        if found.also is not None:
-            error = np.maximum(error, self._largest(self.components[: found.also.size], found.also))
-        error = np.maximum(error, self._largest(self.components, found.beyond) ** 2)
+        error = self._largest(self.blocks, np.maximum(found.errors, found.grown**2))
         return np.where(np.isfinite(error), error, np.inf), self._largest(self.blocks, found.floors)
 
     def _largest(self, number: NDArray[np.int64], values: Vector) -> Vector:

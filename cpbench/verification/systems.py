@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -14,7 +13,6 @@ from cpbench.formulations.base import Problem
 from cpbench.matrices import Matrix, Vector
 from cpbench.verification import sets
 from cpbench.verification.frame import Frame, System, Terms
-from cpbench.verification.parallel_rows import ParallelRows
 
 _FRAMES: WeakKeyDictionary[Problem, Any] = WeakKeyDictionary()
 AnyFrame = TypeVar("AnyFrame", bound=Frame)
@@ -25,13 +23,6 @@ def kept(problem: Problem, make: Callable[[], AnyFrame]) -> AnyFrame:
     if problem not in _FRAMES:
         _FRAMES[problem] = make()
     return _FRAMES[problem]
-
-
-@dataclass(frozen=True, eq=False)
-class RowsFrame(Frame):
-    """A frame of a problem with rows that have multipliers."""
-
-    parallel: ParallelRows = field(kw_only=True)
 
 
 def stack(blocks: list[list[Any]]) -> Any:
@@ -54,7 +45,7 @@ def lcp(problem: Any, point: Any) -> System:
 
     def frame() -> Frame:
         box = sets.Box.of(np.arange(z.size), 0.0, np.inf)
-        return Frame(Terms.of(abs(problem.M)), np.abs(q), [box])
+        return Frame(Terms.of(abs(problem.M)), np.abs(q), [box], q)
 
     return System(kept(problem, frame), z, problem.M @ z + q)
 
@@ -65,7 +56,7 @@ def relay(problem: Any, point: Any) -> System:
 
     def frame() -> Frame:
         box = sets.Box.of(np.arange(z.size), problem.lb, problem.ub)
-        return Frame(Terms.of(abs(problem.M)), np.abs(q), [box])
+        return Frame(Terms.of(abs(problem.M)), np.abs(q), [box], q)
 
     return System(kept(problem, frame), z, problem.M @ z + q)
 
@@ -79,7 +70,8 @@ def mlcp(problem: Any, point: Any) -> System:
             sets.Box.of(np.arange(u.size), -np.inf, np.inf),
             sets.Box.of(u.size + np.arange(v.size), 0.0, np.inf),
         ]
-        return Frame(Terms.of(stack([[P.A, P.C], [P.D, P.B]])), np.abs(np.concatenate([P.a, P.b])), boxes)
+        constants = np.concatenate([P.a, P.b])
+        return Frame(Terms.of(stack([[P.A, P.C], [P.D, P.B]])), np.abs(constants), boxes, constants)
 
     f = np.concatenate([P.A @ u + P.C @ v + P.a, P.D @ u + P.B @ v + P.b])
     return System(kept(P, frame), np.concatenate([u, v]), f)
@@ -104,7 +96,7 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
     endless = not bool(bound.all())
     lam, b = (np.where(bound, point.lam, 0.0), np.where(bound, P.b, 0.0)) if endless else (point.lam, P.b)
 
-    def frame() -> RowsFrame:
+    def frame() -> Frame:
         A, C = sp.csr_array(P.A), sp.csr_array(P.C)
         sizes = stack([[M, A.T, C.T], [A, sp.csr_array((m, m)), sp.csr_array((m, k))], [C, None, sp.csr_array((k, k))]])
         own: list[sets.Set] = [
@@ -112,30 +104,22 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
             sets.Box.of(np.arange(n, n + m), 0.0, np.inf),
             sets.Box.of(np.arange(n + m, n + m + k), -np.inf, np.inf),
         ]
-        return RowsFrame(
+        return Frame(
             terms=Terms.of(sizes),
             constants=np.abs(np.concatenate([q, b, P.d])),
             sets=[box for box, size in zip(own, (n, m, k), strict=True) if size],
+            signed=np.concatenate([q, -b, -P.d]),
             multiplier=np.arange(n + m + k) >= n,
-            parallel=ParallelRows(sp.csr_array(sp.vstack([A, C]))),
         )
 
-    whole = kept(P, frame)
-    multipliers, own = np.concatenate([lam, mu]), M @ z
-    force = own + q - whole.parallel.transposed @ multipliers
-    rows = whole.parallel.rows @ z - np.concatenate([b, P.d])
+    force = M @ z + q - P.A.T @ lam - P.C.T @ mu
+    rows = np.concatenate([P.A @ z - b, P.C @ z - P.d])
     if endless:
         rows[:m][~bound] = 0.0
     nu = getattr(point, "nu", None)
     return System(
-        frame=whole,
-        x=np.concatenate([z, multipliers]),
+        frame=kept(P, frame),
+        x=np.concatenate([z, lam, mu]),
         f=np.concatenate([force, rows]),
-        relief=beside_rows(whole.parallel.relief(multipliers, np.abs(own) + np.abs(q)), m + k),
         also=None if nu is None else (force - nu, slice(0, n)),
     )
-
-
-def beside_rows(relief: Vector | None, rows: int) -> Vector | float:
-    """Put what is cancelled in the rows beside z before nothing in the others."""
-    return 0.0 if relief is None else np.concatenate([relief, np.zeros(rows)])

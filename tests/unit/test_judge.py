@@ -29,7 +29,6 @@ from cpbench.verification.backward_error import backward_error
 from cpbench.verification.equilibration import equilibrate
 from cpbench.verification.frame import Terms
 from cpbench.verification.measures import SYSTEMS, measure
-from cpbench.verification.parallel_rows import ParallelRows
 
 
 def test_the_error_of_an_lcp_holds_in_80_digits(rng: np.random.Generator) -> None:
@@ -95,23 +94,6 @@ def test_a_program_in_other_units_has_the_same_error(rng: np.random.Generator) -
         wrong = QPPoint(z=point.z * 1.001, lam=point.lam, mu=point.mu, nu=point.nu)
         there = QPPoint(z=wrong.z / D, lam=wrong.lam / E, mu=wrong.mu / F, nu=wrong.nu * D)
         assert measure(other, there).error == pytest.approx(measure(problem, wrong).error, rel=0.5)
-
-
-def _relief(rows: sp.csr_array, multipliers: np.ndarray, rest: np.ndarray) -> np.ndarray:
-    found = ParallelRows(rows).relief(multipliers, rest)
-    return np.zeros(rest.size) if found is None else found
-
-
-@pytest.mark.parametrize("size", [1e3, 1e12])
-def test_multipliers_of_parallel_rows_count_as_their_sum(size: float) -> None:
-    """Rows a, −2a and b with multipliers s, (s − 1)/2 and 3: a pushes with 1 in all, b with 3."""
-    rows = sp.csr_array(np.array([[1.0, 4.0, 0.0], [-2.0, -8.0, 0.0], [0.0, 1.0, 5.0]]))
-    multipliers = np.array([size, (size - 1.0) / 2.0, 3.0])
-    gross = np.abs(rows.toarray()).T @ np.abs(multipliers)
-    net = gross - _relief(rows, multipliers, np.ones(3))
-    assert net == pytest.approx([1.0, 4.0 + 3.0, 15.0], abs=1e-3 * size * 1e-9)
-    nearly = sp.csr_array(np.array([[1.0, 4.0, 0.0], [-2.0, -8.0 * (1 + 1e-6), 0.0], [0.0, 1.0, 5.0]]))
-    assert _relief(nearly, multipliers, np.ones(3)) == pytest.approx(np.zeros(3))
 
 
 def test_what_rounding_decides_is_unresolvable() -> None:
@@ -272,7 +254,8 @@ def test_an_idle_side_or_price_gives_no_size() -> None:
         none = np.zeros(0)
         one = judge(program, QPPoint(z=np.array([z]), lam=np.zeros(1), mu=none, nu=np.zeros(1)), 1e-6)
         other = judge(problem, LCPPoint(z=np.array([z, 0.0])), 1e-6)
-        assert one.error == other.error == z
+        assert one.error == z
+        assert other.error == z / 2  # beside z₁ + z₂, both as if of size 1
         assert one.flags == other.flags == ("absolute",)
 
 
@@ -328,13 +311,13 @@ def test_beside_friction_beyond_all_digits_nothing_is_told(mu: float) -> None:
 
 
 def test_multipliers_of_a_joint_that_cancel_hide_nothing(rng: np.random.Generator) -> None:
-    """A joint is given three times, with multipliers λ, t and −t: what r misses is measured as without t."""
+    """A joint is given three times, with multipliers λ, t and −t: what r misses shows beside the loads, squared."""
     problem, point = planted_contact.gfc(rng, 2, 2, 2, 3, symmetric=True)
     wrong = dataclasses.replace(point, r=2.0 * point.r)
     G = dense(problem.G)
     more = dataclasses.replace(problem, G=np.hstack([G, G[:, [0, 0]]]), b=np.append(problem.b, [problem.b[0]] * 2))
     there = dataclasses.replace(wrong, lam=np.append(wrong.lam, [2.0**40, -(2.0**40)]))
-    assert judge(more, there, 1e-6).error == pytest.approx(judge(problem, wrong, 1e-6).error, rel=0.5)
+    assert judge(more, there, 1e-6).error > judge(problem, wrong, 1e-6).error ** 2
 
 
 @pytest.mark.parametrize("case", cases("qp"), ids=lambda case: case.name)

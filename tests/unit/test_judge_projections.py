@@ -9,7 +9,6 @@ import scipy.sparse as sp
 
 from cpbench.formulations import QP, QPPoint
 from cpbench.product_cones import Cone, ProductCone
-from cpbench.verification.parallel_rows import ParallelRows
 from cpbench.verification.projections import project
 from cpbench.verification.verdict import judge
 
@@ -100,19 +99,6 @@ def test_projections_agree_with_those_of_the_solvers(kind: Cone, size: int, mu: 
     ours = project(kind, x, np.full(count, mu), np.full(count, mu_r))
     theirs = ProductCone.of((kind, count, size, mu, mu_r)).project(x.ravel()).reshape(x.shape)
     assert (np.abs(ours - theirs).max(axis=1) <= 100 * EPS * np.linalg.norm(x, axis=1)).all()
-
-
-@pytest.mark.parametrize("scale", [1.0, -1.0, 8.0, -0.3])
-def test_parallel_rows_cancel_and_nearly_parallel_ones_do_not(scale: float) -> None:
-    row, rest, big = np.array([1.0, -2.0, 0.5]), np.ones(3), 1e12
-    multipliers = np.array([big, -big / scale])
-    parallel = ParallelRows(sp.csr_array(np.stack([row, scale * row]))).relief(multipliers, rest)
-    gross = 2 * big * np.abs(row)
-    # what is left of the multipliers is their own rounding
-    np.testing.assert_allclose(parallel, gross, rtol=1e-15 * 10)
-    near = scale * row * np.array([1.0, 1.0 + 1e-6, 1.0])
-    nearly = ParallelRows(sp.csr_array(np.stack([row, near]))).relief(multipliers, rest)
-    assert nearly is None or (nearly <= 1e-9 * gross).all()
 
 
 def test_a_stored_zero_before_the_first_entry_changes_no_verdict() -> None:

@@ -57,9 +57,9 @@ def _equation(formula: Any, n: int) -> Equation:
 
 
 def test_a_linear_row_with_a_small_constant_counts_in_full() -> None:
-    """x = 1e-9 is data: 1 is as wrong there as anywhere, though x has little effect elsewhere."""
-    problem = _equation(lambda x, y: [x - 1e-9, x + y - 1e6], 2)
-    z = np.array([1.0, 1e6 - 1.0])
+    """x = 1e-9 is data: 1 is as wrong there as anywhere, though x has little effect on a row that is not linear."""
+    problem = _equation(lambda x, y: [x - 1e-9, x + y * y - 1e12], 2)
+    z = np.array([1.0, np.sqrt(1e12 - 1.0)])
     assert judge(problem, EquationPoint(z=z), 1e-6).error >= 0.5
 
 

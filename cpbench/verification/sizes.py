@@ -1,0 +1,100 @@
+"""Sizes by which an answer is compared: one for the rows of a part, and for every unknown its largest effect on them.
+
+Rows of a part share the size s = max D_i Σ_j |J_ij||x_j| (of contacts, the root of the sum of squares), D the
+equilibration. A row is compared in f̂_i = D_i f_i/s, an unknown in x̂_j = x_j max_i D_i |J_ij|/s.
+
+- A constant counts as far as the answer needs it: where the sign of f holds a pair on its bound (an idle side, price or
+  open contact), only if the other terms of the row reach `BALANCED` of it. The multiplier of a row with one entry is no
+  such term: the row is a bound.
+- A part that no constant sizes has the solution 0. Its unknowns are compared as they are, as if of size 1, and each of
+  its rows with its own terms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cpbench.matrices import Vector
+from cpbench.verification.frame import System, inverse
+from cpbench.verification.parts import Measure, Parts
+from cpbench.verification.sets import Flags
+
+BALANCED = 0.1
+"""Share of an idle constant that the other terms of its row must reach for it to give a size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Units:
+    """1/size of what an answer is compared by; every field has the shape (k,).
+
+    Attributes
+    ----------
+    x, f : 1/size of the unknowns and of the rows of each block.
+    absolute : whether the block is in a part that no constant sizes.
+    needed : whether the constant of the row counts.
+    """
+
+    x: Vector
+    f: Vector
+    absolute: Flags
+    needed: Flags
+
+
+def units_of(system: System, parts: Parts, sums: Vector) -> Units:
+    """Return the units of an answer; `sums` (k,) are Σ_j |J_ij||x_j|."""
+    frame, constants = system.frame, system.frame.constants
+    taken = parts.by_bounds(system.sizes())
+    sums = sums - taken
+    balanced = sums > BALANCED * constants
+    idle = frame.any(system.idle()) | (frame.norms(system.f) < 0.5 * taken)
+    needed = (constants > 0) & (balanced | ~idle)
+    sized, known = _sized(system, parts, needed, balanced)
+    unit = _row_units(system, parts, sums, needed, sized, known)
+    # the force of a bound has digits of its own row only
+    unit = np.minimum(unit, inverse(taken), out=unit, where=taken > 0)
+    # a set of finite size is data: an unknown beyond it is wrong even where no row depends on it
+    x = np.maximum(frame.terms.effects(unit if sized.all() else np.where(sized, unit, 0.0)), frame.own_unit)
+    x[(x == 0) | (~known & parts.beside_z)] = 1.0
+    return Units(x, unit, ~known, needed)
+
+
+def _sized(system: System, parts: Parts, needed: Flags, balanced: Flags) -> tuple[Flags, Flags]:
+    """Return whether the rows of each block have a size, and whether its unknowns have one."""
+    frame, rows = system.frame, parts.rows
+    fixed = system.fixed() & parts.beside_z
+    gives = frame.constants > 0 if parts.measure is Measure.ENERGY else needed
+    if fixed.any():
+        gives = gives | (frame.terms.sums(fixed.astype(float)) > 0)
+    sized = rows.spread(rows.any(gives))
+    if frame.multiplier is None:
+        if sized.all():
+            return sized, sized
+        return sized, (frame.terms.effects(sized.astype(float)) > 0) | (frame.own_unit > 0)
+    # sides size z; prices do where they are balanced by z itself, or by nothing
+    own = frame.terms.sums(np.where(frame.multiplier, 0.0, system.sizes())) > BALANCED * frame.constants
+    known = parts.whole.spread(parts.whole.any(np.where(frame.multiplier, sized, needed & (own | ~balanced)) | fixed))
+    return sized | (frame.multiplier & known), known
+
+
+def _row_units(system: System, parts: Parts, sums: Vector, needed: Flags, sized: Flags, known: Flags) -> Vector:
+    """Return 1/size of the rows of every block."""
+    frame, rows, D = system.frame, parts.rows, parts.per_row
+    constants, sizes = frame.constants, system.sizes()
+    energy = parts.measure is Measure.ENERGY
+    only_idle = ~rows.spread(rows.any(needed))
+    counted = np.where(needed | only_idle, np.maximum(sums, constants), sums) * D
+    by_group = sized
+    if frame.multiplier is not None:  # an entry of the equilibrated matrix is about 1: so much does z make of a row
+        equilibrated = np.where(frame.multiplier, 0.0, sizes * inverse(D))
+        reach = parts.whole.spread(parts.whole.norm(equilibrated) if energy else parts.whole.largest(equilibrated))
+        counted = np.where(known & (frame.multiplier | parts.curved), np.maximum(counted, reach), counted)
+        by_group = sized & (known | frame.multiplier)
+    size = rows.spread(rows.norm(counted) if energy else rows.largest(counted))
+    unit = np.divide(D, size, out=np.ones(frame.k), where=size > 0)
+    if not by_group.all():
+        least = np.where(parts.beside_z, np.where(known, sizes, np.maximum(sizes, 1.0)), 0.0)
+        alone = np.maximum(frame.terms.sums(least), constants)
+        unit = np.where(by_group, unit, np.divide(1.0, alone, out=np.ones(frame.k), where=alone > 0))
+    return unit
