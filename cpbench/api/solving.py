@@ -196,7 +196,7 @@ def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Sol
         kind=way.kind,
         promise=solver.spec.kind,
         prove=lambda: look_for_proof(
-            partial(verification.prove, problem),
+            partial(verification.prove, problem, tolerance=tolerance),
             not way.steps,
             output.claim,
             output.certificate,

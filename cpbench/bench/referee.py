@@ -57,7 +57,7 @@ class Referee:
 
     def __init__(self, scratch: Path) -> None:
         self._cache = ProblemCache(scratch)
-        self._attempts: tuple[str, dict[str, verification.ProofAttempt]] = ("", {})
+        self._attempts: tuple[str, dict[tuple[str, float], verification.ProofAttempt]] = ("", {})
 
     def answer(self, asked: messages.Message) -> messages.Message:
         """Answer a message of the runner."""
@@ -135,7 +135,7 @@ class Referee:
         source, ready = self._cache.ready(asked.case)
         answer = {name: vector for name, vector in asked.vectors.items() if name != "certificate"}
         certificate = asked.vectors.get("certificate")
-        attempt = partial(self._attempt, source)
+        attempt = partial(self._attempt, source, asked.case.tolerance)
         found = judge_answer(
             source,
             ready.problem,
@@ -161,17 +161,19 @@ class Referee:
             | ({} if found.proof is None else {"proof": verification.packed(found.proof)}),
         )
 
-    def _attempt(self, source: Problem, kind: str, certificate: Any, seconds: float) -> verification.ProofAttempt:
+    def _attempt(
+        self, source: Problem, tolerance: float, kind: str, certificate: Any, seconds: float
+    ) -> verification.ProofAttempt:
         """Return a proof of this kind, or the failed search for one; each search without a certificate is made once."""
         held, attempts = self._attempts
         if held != source.fingerprint:
             attempts.clear()
             self._attempts = (source.fingerprint, attempts)
-        known = attempts.get(kind)
+        known = attempts.get((kind, tolerance))
         if known is None or (known.proof is None and certificate is not None):
-            known = verification.prove(source, kind, certificate, seconds)
+            known = verification.prove(source, kind, certificate, seconds, tolerance)
             if certificate is None or known.proof is not None:
-                attempts[kind] = known
+                attempts[kind, tolerance] = known
         return known
 
     def judge_history(self, asked: messages.JudgeHistory) -> messages.HistoryJudged:

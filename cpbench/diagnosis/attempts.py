@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -175,7 +176,7 @@ def attempt(trial: SolverTrial, run: Run | None = None) -> TrialOutcome:
         kind=kind,
         promise=solver.spec.kind,
         prove=lambda: look_for_proof(
-            lambda kind, certificate, seconds: verification.prove(trial.problem, kind, certificate, seconds),
+            partial(verification.prove, trial.problem, tolerance=trial.tolerance),
             not steps,
             raw.claim,
             raw.certificate,

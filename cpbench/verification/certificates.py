@@ -2,7 +2,8 @@
 
 Data are doubles, hence rationals. A solver's certificate, or the answer of a linear program, is a hint: it is rounded,
 projected exactly on the equalities that it meets to rounding, and what comes out is checked on the problem that was
-asked. Only what holds there without any tolerance is a proof.
+asked. What holds there without any tolerance, and for all numbers within the tolerance of those of the file
+(`margins`), is a proof. What the file's rounding decides is not.
 """
 
 from __future__ import annotations
@@ -25,10 +26,13 @@ from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
 from cpbench.verification import hints
 from cpbench.verification.exact_linear import Exact, Rationals, rationals, rounded, solve
-from cpbench.verification.polyhedra import Polyhedron, conditions, multipliers, objective
+from cpbench.verification.margins import Contradiction, Descent
+from cpbench.verification.polyhedra import Objective, Polyhedron, conditions, multipliers, objective
 
 SECONDS = 20.0
 """Time for the search of one proof [s]."""
+TOLERANCE = 1e-6
+"""Share of themselves by which the numbers of a problem may change where none is given."""
 ROUNDING = (1e-9, 1e-12, 1e-6)
 """What is this small among the terms it is made of may be meant to be 0."""
 _Vector: TypeAlias = tuple[Fraction, ...]
@@ -41,6 +45,7 @@ class Infeasible:
 
     kind: ClassVar[str] = "infeasible"
     statement: ClassVar[str] = "the conditions add up to 0 ≥ γ with γ > 0, in rational arithmetic"
+    narrow: ClassVar[str] = "the numbers in the file contradict each other by {share} of their size"
     multipliers: _Vector
 
 
@@ -53,6 +58,7 @@ class Unbounded:
 
     kind: ClassVar[str] = "unbounded"
     statement: ClassVar[str] = "from a feasible point the objective falls along a ray for ever, in rational arithmetic"
+    narrow: ClassVar[str] = "along a ray the objective falls by {share} of its terms"
     point: _Vector
     ray: _Vector
 
@@ -63,57 +69,63 @@ _KINDS: dict[str, type[Infeasible] | type[Unbounded]] = {kind.kind: kind for kin
 
 @dataclass(frozen=True)
 class ProofAttempt:
-    """A proof, or none, and what is known then."""
+    """A proof, or none, and what is known then.
+
+    `margin` : the largest share of themselves that all numbers may change while a contradiction or a ray remains one,
+    of the best that was found; 0 without any. It is below the tolerance where there is no proof.
+    """
 
     proof: Proof | None
     message: str
+    margin: float = 0.0
 
 
-def holds(problem: Problem, proof: Proof) -> bool:
-    """Test whether the proof is one of this problem, in exact arithmetic and by nothing but its numbers."""
+def holds(problem: Problem, proof: Proof, tolerance: float = TOLERANCE) -> bool:
+    """Test whether the proof is one of every problem within the tolerance of this one, in exact arithmetic and by
+    nothing but its numbers."""
     known, goal = conditions(problem), objective(problem)
     if known is None:
         return False
+    share = Fraction(tolerance)
     if isinstance(proof, Infeasible):
         combined = known.combined(proof.multipliers)
-        return combined is not None and combined[0] > 0 and combined[1] == 0
-    return (
-        goal is not None
-        and known.contains(proof.point)
-        and known.recedes(proof.ray)
-        and goal.falls(proof.point, proof.ray)
-    )
+        exact = combined is not None and combined[0] > 0 and combined[1] == 0
+        return exact and Contradiction(known, proof.multipliers).survives(share)
+    if goal is None or not (known.contains(proof.point) and known.recedes(proof.ray)):
+        return False
+    return goal.falls(proof.point, proof.ray) and Descent(known, goal, proof.ray).survives(share)
 
 
-def certified_infeasible(problem: Problem, certificate: Vector | None) -> bool:
-    """Return whether a solver's certificate, rounded and projected, proves exactly that this problem has no
-    solution."""
+def certified_infeasible(problem: Problem, certificate: Vector | None, tolerance: float = TOLERANCE) -> bool:
+    """Return whether a solver's certificate, rounded and projected, proves that no problem within the tolerance of this
+    one has a solution (`margins`)."""
     known = conditions(problem)
     if known is None or certificate is None:
         return False
-    return _infeasible(known, _given(problem, known, certificate), time.perf_counter() + SECONDS).proof is not None
+    given = _given(problem, known, certificate)
+    return _infeasible(known, given, time.perf_counter() + SECONDS, tolerance).proof is not None
 
 
-def prove(problem: Problem, kind: str, certificate: Vector | None = None, seconds: float = SECONDS) -> ProofAttempt:
+def prove(
+    problem: Problem,
+    kind: str,
+    certificate: Vector | None = None,
+    seconds: float = SECONDS,
+    tolerance: float = TOLERANCE,
+) -> ProofAttempt:
     """Look for a proof that the problem is `infeasible` or `unbounded` (`kind`), for so many seconds.
 
     `certificate` is a solver's vector for this very problem; without one, or where it leads nowhere, linear programs
-    give hints.
+    give hints. The proof holds for all numbers within the `tolerance` of those of the problem, as `margins` defines it.
     """
     known, goal = conditions(problem), objective(problem)
     if known is None or (kind == Unbounded.kind and goal is None):
         return ProofAttempt(None, f"{kind} was claimed; no exact proof of that is known for {problem.node}")
     deadline = time.perf_counter() + seconds
     if goal is not None and kind == Unbounded.kind:
-        point = _point(known, deadline)
-        if point is None:
-            return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
-        for direction in hints.rays(known, goal, deadline):
-            for ray in _rays(known, goal.Q, direction, deadline):
-                if known.recedes(ray) and goal.falls(point, ray):
-                    return ProofAttempt(Unbounded(tuple(point), tuple(ray)), f"proved: {Unbounded.statement}")
-        return ProofAttempt(None, "unbounded was claimed; no ray was found along which the objective falls, exactly")
-    return _infeasible(known, chain(_given(problem, known, certificate), hints.multipliers(known, deadline)), deadline)
+        return _unbounded(known, goal, deadline, tolerance)
+    vectors = chain(_given(problem, known, certificate), hints.multipliers(known, deadline))
+    return _infeasible(known, vectors, deadline, tolerance)
 
 
 def packed(proof: Proof) -> bytes:
@@ -143,9 +155,9 @@ def _given(problem: Problem, known: Polyhedron, certificate: Vector | None) -> l
     return [multipliers(problem, certificate)]
 
 
-def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float) -> ProofAttempt:
+def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float, tolerance: float) -> ProofAttempt:
     """Return the first proof among the vectors, or the largest radius that they prove."""
-    radius = _ZERO
+    radius, best = _ZERO, -1.0
     for vector in vectors:
         for y in _multipliers(known, vector, deadline):
             if time.perf_counter() > deadline:
@@ -155,12 +167,43 @@ def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float) -
                 continue
             gamma, excess = combined
             if excess == 0:
-                return ProofAttempt(Infeasible(tuple(y)), f"proved: {Infeasible.statement}")
-            radius = max(radius, gamma / excess)
+                best = max(best, Contradiction(known, y).margin())
+                if best >= tolerance:
+                    return _proved(Infeasible(tuple(y)), best)
+            else:
+                radius = max(radius, gamma / excess)
+    if best >= 0.0:
+        return _narrow(Infeasible, best, tolerance)
     if radius == 0:
         return ProofAttempt(None, "infeasible was claimed; no certificate of it holds in exact arithmetic")
     size = f"‖{known.unknowns}‖∞ < {_digits(radius)}"
     return ProofAttempt(None, f"infeasible was claimed; what is proved exactly: no solution with {size}")
+
+
+def _unbounded(known: Polyhedron, goal: Objective, deadline: float, tolerance: float) -> ProofAttempt:
+    """Return the first proof among the rays of the hints."""
+    point, best = _point(known, deadline), -1.0
+    if point is None:
+        return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
+    for direction in hints.rays(known, goal, deadline):
+        for ray in _rays(known, goal.Q, direction, deadline):
+            if known.recedes(ray) and goal.falls(point, ray):
+                best = max(best, Descent(known, goal, ray).margin())
+                if best >= tolerance:
+                    return _proved(Unbounded(tuple(point), tuple(ray)), best)
+    if best >= 0.0:
+        return _narrow(Unbounded, best, tolerance)
+    return ProofAttempt(None, "unbounded was claimed; no ray was found along which the objective falls, exactly")
+
+
+def _proved(proof: Proof, margin: float) -> ProofAttempt:
+    return ProofAttempt(proof, f"proved: {proof.statement}; margin {margin:.2g}", margin)
+
+
+def _narrow(kind: type[Infeasible] | type[Unbounded], margin: float, tolerance: float) -> ProofAttempt:
+    """Return what the numbers of the file say, and changes of them below the tolerance do not."""
+    told = kind.narrow.format(share=f"{margin:.1e}")
+    return ProofAttempt(None, f"{kind.kind} was claimed; {told}, below the tolerance {tolerance:g}", margin)
 
 
 def _multipliers(known: Polyhedron, vector: Vector, deadline: float) -> Iterator[Rationals]:
@@ -215,7 +258,7 @@ def _point(known: Polyhedron, deadline: float) -> Rationals | None:
 
 
 def _rays(known: Polyhedron, Q: Any, direction: Vector, deadline: float) -> Iterator[Rationals]:
-    """Yield the direction projected on the equalities that it meets to rounding; on Qd = 0 too, where it does."""
+    """Yield the direction projected on the equalities that it meets to rounding; first on Qd = 0 too, where it does."""
     G, curves = sp.csr_array(known.G), sp.csr_array(Q)
     d = direction / np.ldexp(1.0, math.frexp(float(np.abs(direction).max()))[1])
     flat = bool((np.abs(curves @ d) <= 1e-6 * (abs(curves) @ np.abs(d))).all())
@@ -223,11 +266,11 @@ def _rays(known: Polyhedron, Q: Any, direction: Vector, deadline: float) -> Iter
         zero = np.abs(d) <= rounding
         near = np.where(zero, 0.0, d)
         active = np.flatnonzero(np.isfinite(known.h) & (G @ near <= rounding * (abs(G) @ np.abs(near))))
-        level = curves if flat else None
-        right = [_ZERO] * (known.f.size + active.size + (d.size if flat else 0))
-        ray = _solved(known, active, level, right, near, zero, deadline)
-        if ray is not None:
-            yield ray
+        for level in (curves, None) if flat else (None,):
+            right = [_ZERO] * (known.f.size + active.size + (0 if level is None else d.size))
+            ray = _solved(known, active, level, right, near, zero, deadline)
+            if ray is not None:
+                yield ray
 
 
 def _solved(

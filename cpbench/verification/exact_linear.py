@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, TypeAlias
 
@@ -55,6 +55,10 @@ class Exact:
         value, exponent = _integers(np.asarray(entries.data, dtype=np.float64)[kept])
         rows, columns = matrix.shape
         return cls((rows, columns), entries.row[kept].tolist(), entries.col[kept].tolist(), value, exponent)
+
+    def absolute(self) -> Exact:
+        """Return the matrix of the entries' sizes."""
+        return replace(self, value=[abs(v) for v in self.value])
 
     def times(self, x: Sequence[Fraction]) -> Rationals:
         """Return the product with x, exact."""

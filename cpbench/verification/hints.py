@@ -47,7 +47,8 @@ def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
     low, high = np.isfinite(S.lb), np.isfinite(S.ub)
     transposed: Any = sp.hstack([S.G.T, S.E.T, sp.eye_array(n), -sp.eye_array(n), sp.csr_array((n, 1))], format="csr")
     gain = np.concatenate([np.where(np.isfinite(S.h), S.h, 0.0), S.f, np.where(low, S.lb, 0), -np.where(high, S.ub, 0)])
-    gain = np.append(gain / (np.abs(gain).max(initial=0.0) or 1.0), 0.0)
+    asked = max(float(gain.max(initial=0.0)), float(np.abs(S.f).max(initial=0.0)))  # sides that 0 meets ask nothing
+    gain = np.append(gain / (asked or 1.0), 0.0)
     bounds = np.zeros((m + k + 2 * n + 1, 2))
     bounds[:m, 1] = np.isfinite(S.h)
     bounds[m : m + k] = (-1.0, 1.0)

@@ -93,7 +93,7 @@ def _judge(
         point = problem.point_from_vector(answers.unpack(blob))
         verdict = verification.judge(problem, point, asked, measure or row.measure)
     kind, target = Kind(row.kind or Kind.EQUIVALENT), _target(row, asked / float(row.tolerance))
-    proven = {f"proven_{one}": _proven(problem, row, one, proof) for one in verification.PROVEN}
+    proven = {f"proven_{one}": _proven(problem, row, one, proof, asked) for one in verification.PROVEN}
     return verification.status(verdict, str(row.claim), kind=kind, target=target, **proven), verdict.error
 
 
@@ -116,14 +116,15 @@ def _exact_route(row: Row) -> bool:
     return (row.route or "") not in NO_ROUTE and Kind(row.kind).exact
 
 
-def _proven(problem: Problem, row: Row, kind: str, kept: tuple[str, bytes] | None) -> bool:
-    """Return whether the row has this status and its proof holds; one is looked for where an older file kept none."""
+def _proven(problem: Problem, row: Row, kind: str, kept: tuple[str, bytes] | None, tolerance: float) -> bool:
+    """Return whether the row has this status and its proof holds at the tolerance; one is looked for where an older
+    file kept none."""
     if row.status != kind:
         return False
     if kept is None:
-        return verification.prove(problem, kind).proof is not None
+        return verification.prove(problem, kind, tolerance=tolerance).proof is not None
     try:
         proof = verification.unpacked(*kept)
     except ValueError:
         return False
-    return proof.kind == kind and verification.holds(problem, proof)
+    return proof.kind == kind and verification.holds(problem, proof, tolerance)

@@ -14,7 +14,9 @@ SECONDS = 5.0
 
 def infeasible(case: FailedTrial) -> Cause | None:
     """Look for multipliers that contradict the problem's linear conditions, in rational arithmetic (Farkas)."""
-    proof = verification.prove(case.problem, Infeasible.kind, seconds=min(SECONDS, case.trial.seconds)).proof
+    trial = case.trial
+    seconds = min(SECONDS, trial.seconds)
+    proof = verification.prove(case.problem, Infeasible.kind, seconds=seconds, tolerance=trial.tolerance).proof
     if not isinstance(proof, Infeasible):
         return None
     rows = np.flatnonzero([v != 0 for v in proof.multipliers])

@@ -14,7 +14,9 @@ SECONDS = 5.0
 
 def unbounded(case: FailedTrial) -> Cause | None:
     """Look for a feasible point and a ray along which the objective falls for ever, in rational arithmetic."""
-    proof = verification.prove(case.problem, Unbounded.kind, seconds=min(SECONDS, case.trial.seconds)).proof
+    trial = case.trial
+    seconds = min(SECONDS, trial.seconds)
+    proof = verification.prove(case.problem, Unbounded.kind, seconds=seconds, tolerance=trial.tolerance).proof
     if not isinstance(proof, Unbounded):
         return None
     moving = int(np.count_nonzero([v != 0 for v in proof.ray]))
