@@ -8,7 +8,9 @@ import pandas as pd
 from cpbench.analysis import table as rows_of
 from cpbench.verification import FALSE_CLAIMS
 
-LEVELS = ("proved", "enclosed", "measured", "refuted")
+LEVELS = ("proved", "enclosed", "stationary", "distant", "measured", "refuted")
+KNOWN = LEVELS[:4]
+"""Levels of answers to problems of which a solution is known."""
 """Levels of certificates, the most certain that there is a solution first."""
 AWAY = 10.0
 """How many tolerances an answer is away from the only solution for its claim to be disproved."""

@@ -13,6 +13,7 @@ from cpbench.api.solution import Solution
 from cpbench.api.solving import solve
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Point, Problem
+from cpbench.verification import PROVEN
 
 if TYPE_CHECKING:
     from cpbench.bench.results.store import Store
@@ -25,7 +26,8 @@ ROW_SECONDS = 10.0
 TOLERANCE = 1e-8
 """Tolerance of a solver where no answer is given: active sets are read off what it returns."""
 FINER, ACCEPTED = 1e-10, 1e-6
-"""Tolerance of the solvers after the automatic choice, and the one that an answer has to meet."""
+"""Tolerance of the solvers after the automatic choice, and the one that an answer has to meet, in error and in distance
+from a proved solution."""
 SOLVE_SECONDS = 20.0
 """Time for each of them [s]."""
 METHODS = (
@@ -35,56 +37,80 @@ METHODS = (
 
 
 def certify(
-    problem: Problem, answer: Solution | Point | Sequence[float] | None = None, *, seconds: float = SECONDS
+    problem: Problem,
+    answer: Solution | Point | Sequence[float] | None = None,
+    *,
+    seconds: float = SECONDS,
+    tolerance: float = ACCEPTED,
 ) -> Certificate:
-    """Look for a proof that a solution of the problem is near an answer.
+    """Look for a proof that an answer is a solution of the problem, or that the problem has none.
 
     Parameters
     ----------
     answer : a point, a vector of shape (n,) with the parts of a point one after the other, or a solution; None: of the
-        verified answers of several methods (`verified_answers`) the first of which more is known than was measured.
+        verified answers of several methods (`verified_answers`) the first that is proved or enclosed, or a proof that
+        there is no solution.
     seconds : limit of the search [s]; one exact system may take longer.
+    tolerance : distance from a proved solution, over its size, up to which the answer is that solution.
 
     Returns
     -------
-    Certificate : its `level` is `proved`, `enclosed`, `refuted` or `measured`; its `reason` says what stops a proof.
+    Certificate : its `level` is `proved`, `enclosed`, `stationary`, `distant`, `refuted` or `measured` for an answer,
+        `infeasible` or `unbounded` for a problem without a solution; its `reason` says what stops a proof. It is true
+        in a condition where the answer is proved or enclosed, or that there is no solution.
 
     Raises CpbenchError without python-flint, or where no solver has an answer; PointError when `answer` is none.
 
     >>> import cpbench
     >>> lcp = cpbench.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0])
-    >>> proved = cpbench.certify(lcp, [1.33, 2.33])
+    >>> proved = cpbench.certify(lcp, [1.33, 2.33], tolerance=0.01)
     >>> proved.level, proved.unique, round(proved.distance, 6)
     ('proved', 'P-matrix', 0.001429)
+    >>> cpbench.certify(lcp, [1.33, 2.33]).level
+    'distant'
     """
     require_flint()
     from cpbench.certificates.certify import certify as certified
 
     if answer is not None:
-        return certified(problem, point_of(problem, answer), seconds)
-    return certify_first(problem, seconds)[1]
+        return certified(problem, point_of(problem, answer), seconds, tolerance)
+    return certify_first(problem, seconds, tolerance)[1]
 
 
-def certify_first(problem: Problem, seconds: float = SECONDS) -> tuple[Solution, Certificate]:
-    """Return the first verified answer of which more is known than was measured, with its certificate; else the first
-    answer. `seconds` : limit of the search at each answer [s].
+def certify_first(
+    problem: Problem, seconds: float = SECONDS, tolerance: float = ACCEPTED
+) -> tuple[Solution | None, Certificate]:
+    """Return the first verified answer that is proved or enclosed, with its certificate; without a verified answer, or
+    where the first is stationary in a program that has no least value, the proof that there is no solution; else the
+    first answer. `seconds` : limit of the search at each answer [s].
 
     Raises CpbenchError where no solver has an answer.
     """
+    require_flint()
+    from cpbench.certificates.no_solution import without_solution
+
     first: tuple[Solution, Certificate] | None = None
     for solution in verified_answers(problem):
-        found = solution, certify(problem, solution, seconds=seconds)
-        if found[1]:
+        if first is None and "stationary" in solution.verdict.flags:
+            none = without_solution(problem, seconds, tolerance)
+            if none is not None:
+                return solution, none
+        found = solution, certify(problem, solution, seconds=seconds, tolerance=tolerance)
+        if found[1] or found[1].level == "stationary":
             return found
         first = first or found
-    if first is None:
-        given = solve(problem, tolerance=TOLERANCE)
-        return given, certify(problem, given, seconds=seconds)
-    return first
+    if first is not None:
+        return first
+    none = without_solution(problem, seconds, tolerance)
+    if none is not None:
+        return None, none
+    given = solve(problem, tolerance=TOLERANCE)
+    return given, certify(problem, given, seconds=seconds, tolerance=tolerance)
 
 
 def verified_answers(problem: Problem, seconds: float = SOLVE_SECONDS) -> Iterator[Solution]:
-    """Yield answers that meet 1e-6: by the automatic choice, at 1e-8 and 1e-10, then by one solver a method.
+    """Yield answers that meet 1e-6: by the automatic choice, at 1e-8 and 1e-10, then by one solver a method; none of a
+    problem that the first solve proves to have no solution.
 
     Solvers are those of the formulation that the automatic choice was found in, which are here; METHODS come first,
     which end at a basis or at the zero of an active set's system, from which a proof is read most easily. `seconds` :
@@ -92,10 +118,13 @@ def verified_answers(problem: Problem, seconds: float = SOLVE_SECONDS) -> Iterat
     """
     from cpbench.solvers.base import solvers
 
-    first = _verified(problem, None, TOLERANCE, seconds) or _verified(problem, None, ACCEPTED, seconds)
+    given = _answer(problem, None, TOLERANCE, seconds)
+    if given is not None and given.status in PROVEN:
+        return
+    first = _verified(given) or _verified(_answer(problem, None, ACCEPTED, seconds))
     if first is not None:
         yield first
-    finer = _verified(problem, None, FINER, seconds)
+    finer = _verified(_answer(problem, None, FINER, seconds))
     if finer is not None:
         yield finer
     node = solvers.get(first.solver).spec.node if first is not None else problem.node
@@ -105,17 +134,22 @@ def verified_answers(problem: Problem, seconds: float = SOLVE_SECONDS) -> Iterat
         if spec.node == node and spec.by_default and spec.kind.exact and solver.availability().ok:
             one.setdefault(spec.method, spec.name)
     for method in sorted(one, key=lambda m: METHODS.index(m) if m in METHODS else len(METHODS)):
-        found = _verified(problem, one[method], FINER, seconds)
+        found = _verified(_answer(problem, one[method], FINER, seconds))
         if found is not None and (first is None or found.solver != first.solver):
             yield found
 
 
-def _verified(problem: Problem, solver: str | None, tolerance: float, seconds: float) -> Solution | None:
+def _answer(problem: Problem, solver: str | None, tolerance: float, seconds: float) -> Solution | None:
     try:
-        found = solve(problem, solver, tolerance=tolerance, seconds=seconds)
+        return solve(problem, solver, tolerance=tolerance, seconds=seconds)
     except CpbenchError:
         return None
-    return found if found.point is not None and verify(problem, found, tolerance=ACCEPTED).solved else None
+
+
+def _verified(found: Solution | None) -> Solution | None:
+    if found is None or found.point is None:
+        return None
+    return found if verify(found.problem, found, tolerance=ACCEPTED).solved else None
 
 
 def require_flint() -> None:
@@ -148,7 +182,7 @@ def certify_rows(store: Store, seconds: float = ROW_SECONDS) -> Iterator[str]:
         problem = loaded[1]
         if problem.fingerprint != row.fingerprint:
             raise CpbenchError(f"{row.address}: is not the problem that was solved (its fingerprint changed)")
-        found = certify(problem, answers.unpack(blob), seconds=seconds)
+        found = certify(problem, answers.unpack(blob), seconds=seconds, tolerance=float(row.tolerance))
         distance = found.distance if math.isfinite(found.distance) else None
         more = found.level != MEASURED or bool(found.excluded) or not math.isnan(found.solutions)
         proof = image(found) if more else None
@@ -200,17 +234,18 @@ def save_certificate(certificate: Certificate, problem: Problem, path: str | Pat
 
 def certificate_lines(certificate: Certificate) -> Iterator[str]:
     """Yield what a certificate says, for a reader."""
-    words = {
-        "proved": "a solution is known exactly",
-        "enclosed": "a box is proved to hold a solution",
-        "refuted": "no solution is near the answer" if certificate.solutions else "there is no solution",
-        "measured": "nothing is proved",
-    }
-    if certificate.node == "qp" and not certificate.unique:
-        words["proved"] = "a point that meets the first-order conditions is known exactly"
-    yield f"  level      {certificate.level}: {words[certificate.level]}"
-    if certificate:
-        yield f"  distance   at most {certificate.distance:.3g} of the solution's size"
+    from cpbench.certificates.certificate import DISTANT
+
+    yield f"  level      {certificate.level}: {_meaning(certificate)}"
+    if not math.isnan(certificate.margin):
+        yield f"  margin     {certificate.margin:.2g} of all numbers, each of its own size"
+    if not math.isnan(certificate.distance):
+        away = f"at most {certificate.distance:.3g} of the solution's size"
+        yield f"  distance   {away}" + (
+            f", above the tolerance {certificate.tolerance:g}"
+            if certificate.level == DISTANT and certificate.distance > certificate.tolerance
+            else ""
+        )
         if certificate.unique:
             enumerated = certificate.solutions == 1
             how = "all complementary bases were looked at" if enumerated else f"by its matrix: {certificate.unique}"
@@ -225,3 +260,23 @@ def certificate_lines(certificate: Certificate) -> Iterator[str]:
     if certificate.reason:
         yield f"  no proof   {certificate.reason}"
     yield f"  seconds    {certificate.seconds:.3g}"
+
+
+def _meaning(certificate: Certificate) -> str:
+    """Return what the level says of the answer, or of the problem."""
+    first_order = certificate.node == "qp" and not certificate.unique
+    known = "a point that meets the first-order conditions" if first_order else "a solution"
+    if certificate.level == "distant":
+        boxed = "centre" in certificate.evidence
+        how = f"a box is proved to hold {known}" if boxed else f"{known} is known exactly"
+        near = certificate.distance <= certificate.tolerance
+        return f"{how}; {'the multipliers of the answer are those of none' if near else 'the answer is not near it'}"
+    return {
+        "proved": f"{known} is known exactly, and the answer is near it",
+        "stationary": f"{known} is known exactly, and the answer is near it; the program is not convex",
+        "enclosed": f"a box near the answer is proved to hold {known}",
+        "refuted": "no solution is near the answer" if certificate.solutions else "there is no solution",
+        "measured": "nothing is proved",
+        "infeasible": "no point meets the conditions, in rational arithmetic",
+        "unbounded": "from a feasible point the objective falls along a ray for ever, in rational arithmetic",
+    }[certificate.level]

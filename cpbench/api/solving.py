@@ -195,10 +195,10 @@ def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Sol
         claim=output.claim,
         kind=way.kind,
         promise=solver.spec.kind,
-        prove=lambda: look_for_proof(
+        prove=lambda claim: look_for_proof(
             partial(verification.prove, problem, tolerance=tolerance),
             not way.steps,
-            output.claim,
+            claim,
             output.certificate,
             PROOF_SHARE * seconds,
         ),

@@ -51,7 +51,7 @@ def judge_answer(
     kind: Kind = Kind.EQUIVALENT,
     promise: Kind = Kind.EQUIVALENT,
     measure: str | None = None,
-    prove: Callable[[], verification.ProofAttempt | None] = lambda: None,
+    prove: Callable[[str], verification.ProofAttempt | None] = lambda _: None,
 ) -> Judgement:
     """Lift an answer to `converted` by its last `steps` conversions and measure it on `source`.
 
@@ -61,7 +61,8 @@ def judge_answer(
     Parameters
     ----------
     answer : the vectors of the point by name, None where the solver has none. claim : a `solvers.Claim` value.
-    kind : the promise of the route. prove : looks for a proof that there is no solution; called where the answer fails.
+    kind : the promise of the route. prove : looks for a proof that a claim of no solution is right; called with the
+        claim where the answer fails, and with `unbounded` where it is stationary in a program that is not convex.
     """
     lifted = verified = 0.0
     point: Point | None = None
@@ -81,7 +82,12 @@ def judge_answer(
                 target = verification.judge(converted, found, wanted) if steps else verdict
         except (PointError, TypeError) as refusal:
             message, point = f"the answer is not valid: {refusal}", None
-    attempt = None if verdict.solved else prove()
+    attempt = None
+    if "stationary" in verdict.flags and verdict.solved:
+        attempt = prove(verification.Status.UNBOUNDED)
+        attempt = attempt if attempt and attempt.proof else None  # the solver claimed nothing of the kind
+    elif not verdict.solved:
+        attempt = prove(claim)
     proof = attempt.proof if attempt else None
     status = verification.status(
         verdict,

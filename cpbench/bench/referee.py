@@ -146,7 +146,7 @@ class Referee:
             kind=ready.kind,
             promise=Kind(asked.promise),
             measure=asked.case.measure,
-            prove=lambda: look_for_proof(attempt, not ready.steps, asked.claim, certificate, asked.proof_seconds),
+            prove=lambda claim: look_for_proof(attempt, not ready.steps, claim, certificate, asked.proof_seconds),
         )
         return messages.Judged(
             status=str(found.status),

@@ -2,9 +2,9 @@
 
 A file holds the group `certificate`:
 
-    @format_version = 2, @node, @fingerprint (of the problem), @level, @unique, @distance, @excluded, @solutions,
-    @seal (SHA-256 of all the rest)
-    answer                the answer in doubles, its parts one after the other
+    @format_version = 3, @node, @fingerprint (of the problem), @level, @unique, @distance, @excluded, @solutions,
+    @tolerance, @margin, @seal (SHA-256 of all the rest)
+    answer                the answer in doubles, its parts one after the other; none where no solution exists
     evidence/*            arrays of the proof
     data/*                the problem: vectors, dense matrices, sparse ones as groups (shape, indptr, indices, data),
                           maps as groups (inputs, constants, heads, left, right, outputs)
@@ -31,28 +31,39 @@ from cpbench.matrices import Vector
 from cpbench.storage.base import write_atomic
 from cpbench.storage.hdf5_writer import new_file, put_array, put_attribute
 
-VERSION = 2
-MEASURED, ENCLOSED, PROVED, REFUTED = "measured", "enclosed", "proved", "refuted"
+VERSION = 3
+MEASURED, ENCLOSED, PROVED, DISTANT, REFUTED = "measured", "enclosed", "proved", "distant", "refuted"
+STATIONARY = "stationary"
+INFEASIBLE, UNBOUNDED = "infeasible", "unbounded"
+TOLERANCE = 1e-6
+"""Distance of an answer from a solution up to which it is that solution, where none is given."""
 Evidence: TypeAlias = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """Facts that are certain of an answer.
+    """Facts that are certain of an answer, or of a problem without a solution.
 
     Attributes
     ----------
     node, fingerprint : of the problem.
-    level : `proved` (an exact solution is known), `enclosed` (a box holds one), `refuted` (no solution is near the
-        answer, and none is known) or `measured` (none of these).
-    answer : the answer in doubles, its parts one after the other.
-    distance : a bound on ‖answer − solution‖∞/‖solution‖∞; NaN where no solution is known.
+    level : of an answer `proved` (an exact solution is known, and the answer is within the tolerance of it), `enclosed`
+        (a box holds one, in the same way), `stationary` (as proved, of a program that is not convex: the first-order
+        conditions), `distant` (a solution is known, and the answer is not near it), `refuted`
+        (no solution is near the answer, and none is known) or `measured` (none of these); of a problem `infeasible` or
+        `unbounded` (proved to have no solution, with a margin of the tolerance).
+    answer : the answer in doubles, its parts one after the other; empty for a problem without a solution.
+    distance : a bound on ‖answer − solution‖∞/‖solution‖∞; for `mlcp` the larger one of u and v, each over its own
+        size (over that of both where it is 0); NaN where no solution is known. It is absolute where the solution is 0.
     excluded : no solution is within this radius of the answer, over its ‖·‖∞; 0 where that is not proved. The answer is
         the whole one; for `qp` and `avi` z alone where the evidence has a `direction`, else z, λ and μ. It is looked
-        for where no solution is known, or none within `SUSPECT`, and for multipliers.
+        for where no solution is known, or none within the tolerance, and for multipliers: an answer with z near a
+        solution is `distant` too where its multipliers are not near those of any.
     unique : the fact that makes the solution unique, '' where none was found.
     solutions : how many there are, infinity where they fill a continuum, NaN where they were not counted.
     reason : what stops a proof, '' where there is one.
+    tolerance : the distance up to which an answer is near. margin : of a problem without a solution, the largest share
+        of themselves by which its numbers may change while it has none (`cpbench.verification.margins`); else NaN.
     evidence : arrays that determine the proof, by name. seconds : what it took [s].
     """
 
@@ -67,9 +78,11 @@ class Certificate:
     reason: str = ""
     evidence: Evidence = field(default_factory=dict)
     seconds: float = 0.0
+    tolerance: float = TOLERANCE
+    margin: float = float("nan")
 
     def __bool__(self) -> bool:
-        return self.level in (ENCLOSED, PROVED)
+        return self.level in (ENCLOSED, PROVED, INFEASIBLE, UNBOUNDED)
 
 
 def save(path: str | Path, certificate: Certificate, problem: Problem, *, force: bool = False) -> None:
@@ -82,7 +95,17 @@ def image(certificate: Certificate, problem: Problem | None = None) -> bytes:
     with new_file() as (root, made):
         own = root.create_group("certificate")
         put_attribute(own, "format_version", VERSION)
-        for name in ("node", "fingerprint", "level", "unique", "distance", "excluded", "solutions"):
+        for name in (
+            "node",
+            "fingerprint",
+            "level",
+            "unique",
+            "distance",
+            "excluded",
+            "solutions",
+            "tolerance",
+            "margin",
+        ):
             put_attribute(own, name, getattr(certificate, name))
         put_array(own, "answer", certificate.answer, compress=True)
         _put_all(own.create_group("evidence"), dict(certificate.evidence))

@@ -17,7 +17,16 @@ from cpbench.certificates.active_sets import States
 from cpbench.certificates.all_solutions import AllSolutions, all_solutions
 from cpbench.certificates.basic_points import ExactPoint, violations
 from cpbench.certificates.basic_points import exact_point as point_of_states
-from cpbench.certificates.certificate import ENCLOSED, MEASURED, PROVED, REFUTED, Certificate
+from cpbench.certificates.certificate import (
+    DISTANT,
+    ENCLOSED,
+    MEASURED,
+    PROVED,
+    REFUTED,
+    STATIONARY,
+    TOLERANCE,
+    Certificate,
+)
 from cpbench.certificates.contact_balls import Scene
 from cpbench.certificates.contact_boxes import enclose_contacts
 from cpbench.certificates.exact_points import rounded, solves_contacts
@@ -28,34 +37,38 @@ from cpbench.certificates.nonlinear_boxes import Bounded, enclose_nonlinear, exa
 from cpbench.certificates.refutation import ROWS, excluded
 from cpbench.certificates.uniqueness import leading, uniqueness
 from cpbench.formulations.base import Problem
+from cpbench.formulations.qp import QP
 from cpbench.matrices import Vector
 
 ENUMERATION = "enumeration"
 """The fact that makes a solution unique where all bases were looked at."""
-SUSPECT = 1e-6
-"""Distance from which on an answer is wrong, of all solutions or of the one that is known."""
 MONOTONE = ("lcp", "relay", "mlcp", "avi", "qp")
 """Nodes in which the first unknowns, those that are compared, belong to a matrix that may make them unique."""
 
 
-def certify(problem: Problem, point: Any, seconds: float = 60.0) -> Certificate:
-    """Look for a proof that a solution is near the answer, for about so many seconds.
+def certify(problem: Problem, point: Any, seconds: float = 60.0, tolerance: float = TOLERANCE) -> Certificate:
+    """Look for a proof that a solution is within `tolerance` of the answer, for about so many seconds.
 
     Raises PointError when the point is no answer to the problem.
     """
     problem.check_point(point)
     began = time.perf_counter()
     answer = np.concatenate([np.zeros(0), *point.arrays().values()])
-    plain = Certificate(problem.node, problem.fingerprint, MEASURED, answer)
+    plain = Certificate(problem.node, problem.fingerprint, MEASURED, answer, tolerance=tolerance)
     with np.errstate(all="ignore"):  # doubles give hints only; answers may be as large as doubles go
         found = _certified(problem, point, plain, seconds)
-    near = found.distance <= SUSPECT
+    near = found.distance <= tolerance
+    known = found.level in (PROVED, ENCLOSED)
+    radius, evidence = 0.0, {}
     if point.finite and (not near or problem.node in ROWS):
         radius, evidence = excluded(problem, point, near=near)
-        if near and radius < SUSPECT:  # the multipliers are as near as z
-            return replace(found, seconds=time.perf_counter() - began)
-        level = REFUTED if radius >= SUSPECT and not found else found.level
-        found = replace(found, excluded=radius, level=level, evidence={**found.evidence, **evidence})
+        if near and radius < tolerance:  # the multipliers are as near as z
+            radius, evidence = 0.0, {}
+    far = not near or radius >= tolerance
+    level = DISTANT if known and far else REFUTED if radius >= tolerance and not known else found.level
+    if level == PROVED and isinstance(problem, QP) and not found.unique and not problem.convex:
+        level = STATIONARY
+    found = replace(found, excluded=radius, level=level, evidence={**found.evidence, **evidence})
     return replace(found, seconds=time.perf_counter() - began)
 
 
@@ -158,11 +171,18 @@ def _compared(problem: Problem, point: Any) -> Vector:
 
 
 def _distance(P: Mixed, answer: Vector, exact: Any) -> float:
-    """Return ‖answer − S·exact‖∞/‖S·exact‖∞ (absolute where that is 0), rounded up."""
-    away, size = rational(0.0), rational(0.0)
+    """Return ‖answer − S·exact‖∞/‖S·exact‖∞ of the part of the answer where it is largest, rounded up.
+
+    A part that is 0 is measured by the size of the whole, absolute where that is 0 too.
+    """
     rows: Any = P.answer
-    for here, (a, b) in zip(answer.tolist(), pairwise(rows.indptr.tolist()), strict=True):
-        pairs = zip(rows.indices[a:b].tolist(), rows.data[a:b].tolist(), strict=True)
-        there = sum((exact[j] * int(sign) for j, sign in pairs), rational(0.0))
-        away, size = max(away, abs(there - rational(here))), max(size, abs(there))
-    return math.nextafter(nearest(away / size if size else away), math.inf) if away else 0.0
+    away, size = [rational(0.0)] * len(P.parts), [rational(0.0)] * len(P.parts)
+    pointers = list(pairwise(rows.indptr.tolist()))
+    for k, (first, last) in enumerate(P.parts):
+        for here, (a, b) in zip(answer[first:last].tolist(), pointers[first:last], strict=True):
+            pairs = zip(rows.indices[a:b].tolist(), rows.data[a:b].tolist(), strict=True)
+            there = sum((exact[j] * int(sign) for j, sign in pairs), rational(0.0))
+            away[k], size[k] = max(away[k], abs(there - rational(here))), max(size[k], abs(there))
+    whole = max(size) or rational(1.0)
+    largest = max(a / (b or whole) for a, b in zip(away, size, strict=True))
+    return math.nextafter(nearest(largest), math.inf) if largest else 0.0

@@ -7,7 +7,7 @@ number of K and c is one of the problem, perhaps with its sign changed: a proof 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ class Mixed:
     Attributes
     ----------
     K : (N, N). c, lo, hi : (N,). answer : (k, N) of 0 and ±1, takes x to the unknowns of the problem that are compared.
+    parts : first and last of those, of each vector among them that has a size of its own.
     """
 
     K: Sparse
@@ -33,6 +34,7 @@ class Mixed:
     lo: Vector
     hi: Vector
     answer: Sparse
+    parts: tuple[tuple[int, int], ...]
 
 
 def mixed(problem: Problem, point: Any) -> tuple[Mixed, Vector] | None:
@@ -63,7 +65,8 @@ def _mlcp(problem: Any, point: Any) -> tuple[Mixed, Vector]:
     K = _block([[problem.A, problem.C], [problem.D, problem.B]], free + signed)
     lo = np.concatenate([np.full(free, -np.inf), np.zeros(signed)])
     c = np.concatenate([problem.a, problem.b])
-    return _plain(K, c, lo, np.full(c.size, np.inf), c.size), np.concatenate([point.u, point.v])
+    form = _plain(K, c, lo, np.full(c.size, np.inf), c.size)
+    return replace(form, parts=((0, free), (free, c.size))), np.concatenate([point.u, point.v])
 
 
 def _avi(problem: Any, point: Any) -> tuple[Mixed, Vector]:
@@ -120,7 +123,7 @@ def _contact(P: Any, point: Any) -> tuple[Mixed, Vector]:
     if P.dimension == 2:
         u_T = (u_free @ free + u_r @ r + u_c)[1::2]
         x[3::4] = np.abs(u_T) * (np.abs(r[1::2]) > (1 - 1e-6) * P.mu * r[::2])
-    return Mixed(K, c, lo, hi, answer), np.concatenate([free, x])
+    return Mixed(K, c, lo, hi, answer, ((0, n),)), np.concatenate([free, x])
 
 
 def _columns(P: Any) -> tuple[NDArray[np.int64], Vector, Sparse]:
@@ -160,7 +163,7 @@ def linear_part(P: Any, point: Any) -> tuple[Any, ...]:
 def _plain(K: Any, c: Vector, lo: Vector, hi: Vector, compared: int) -> Mixed:
     lo = np.where(lo <= -INFINITE, -np.inf, lo)
     hi = np.where(hi >= INFINITE, np.inf, hi)
-    return Mixed(_csr(K), c, lo, hi, sp.csr_array(sp.eye_array(compared, c.size)))
+    return Mixed(_csr(K), c, lo, hi, sp.csr_array(sp.eye_array(compared, c.size)), ((0, compared),))
 
 
 def _block(blocks: list[list[Any]], size: int) -> Sparse:

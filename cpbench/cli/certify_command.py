@@ -14,7 +14,7 @@ from cpbench.api.problems import load, verify
 from cpbench.api.results import is_results_file
 from cpbench.api.solving import solve
 from cpbench.bench.results.store import Store
-from cpbench.cli.options import Command, force_option, format_option, number, timeout_option
+from cpbench.cli.options import Command, force_option, format_option, number, timeout_option, tolerance_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.generators.collection import address_text
@@ -25,6 +25,7 @@ from cpbench.storage.base import require_new
 @click.argument("problem", metavar="PROBLEM|RESULTS", type=ADDRESS)
 @click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
 @click.option("-s", "--solver", metavar="NAME[opt=value]", help="Solver, where no answer is given; default: several.")
+@tolerance_option
 @timeout_option
 @click.option("-o", "--output", type=PATH, help="Output file of the certificate (.h5).")
 @format_option
@@ -33,18 +34,23 @@ def command(
     problem: str,
     answer: Path | None,
     solver: str | None,
+    tolerance: float,
     timeout: float,
     output: Path | None,
     file_format: str | None,
     force: bool,
 ) -> None:
-    """Look for a proof that a solution is near an answer, and show the distance.
+    """Look for a proof that an answer is a solution, and show the distance.
 
-    Polyhedral problems are solved exactly (proved). For others the command looks for a box around the answer that
-    contains a solution (enclosed), or contains none (refuted). If there is no proof, it says what prevents one. The
-    program in cpbench/certificates/checker checks the proof in a file again. The exit code is 1 unless a solution is
-    proved or enclosed. With RESULTS all stored answers get their level and distance, as by cpbench run --certify;
-    cpbench report shows them.
+    Polyhedral problems are solved exactly. An answer is proved when it is within the tolerance of the exact solution.
+    For others the command looks for a box near the answer that contains a solution (enclosed), or for one around it
+    that contains none (refuted). An answer is distant when a solution is known and the answer is not near it, and
+    stationary when the program is not convex, so that only its first-order conditions are proved. If there is no proof,
+    the command says what prevents one. Without an answer it also looks for a proof that the problem has no solution
+    (infeasible, unbounded). The program in cpbench/certificates/checker checks the proof in a file again. The exit code
+    is 0 when the answer is proved or enclosed, when there is proved to be none, and when a distant answer meets the
+    tolerance by its error; else 1. With RESULTS all stored answers get their level and distance, as by cpbench run
+    --certify; cpbench report shows them.
     """
     if is_results_file(problem):
         if answer is not None or solver is not None or output is not None:
@@ -59,13 +65,20 @@ def command(
     loaded = load(problem, format=file_format)
     point: Any
     if answer is None and solver is None:
-        point, certificate = certify_first(loaded, timeout)
+        point, certificate = certify_first(loaded, timeout, tolerance)
     else:
         point = storage.load_answer(answer, loaded) if answer else solve(loaded, solver, tolerance=TOLERANCE)
-        certificate = certify(loaded, point, seconds=timeout)
-    click.echo(f"{address_text(problem)}: error {number(verify(loaded, point).error)}, {certificate.level}")
+        certificate = certify(loaded, point, seconds=timeout, tolerance=tolerance)
+    told, solved = f"{address_text(problem)}: ", False
+    if certificate.answer.size:
+        verdict = verify(loaded, point, tolerance=tolerance)
+        told, solved = f"{told}error {number(verdict.error)}, ", verdict.solved and "stationary" not in verdict.flags
+    click.echo(f"{told}{certificate.level}")
+    far = solved and certificate.level == "distant"
     print_lines(certificate_lines(certificate))
+    if far:
+        click.echo(f"  answer     meets the tolerance {tolerance:g} by its error, away from the solution that is known")
     if output is not None:
         save_certificate(certificate, loaded, output, force=force)
-    if not certificate:
+    if not (certificate or far):
         sys.exit(1)

@@ -175,10 +175,10 @@ def attempt(trial: SolverTrial, run: Run | None = None) -> TrialOutcome:
         claim=raw.claim,
         kind=kind,
         promise=solver.spec.kind,
-        prove=lambda: look_for_proof(
+        prove=lambda claim: look_for_proof(
             partial(verification.prove, trial.problem, tolerance=trial.tolerance),
             not steps,
-            raw.claim,
+            claim,
             raw.certificate,
             PROOF_SECONDS,
         ),

@@ -20,9 +20,12 @@ def certainties(run: Run) -> Iterator[str]:
         return
     yield f"## How certain the answers are ({int(labels['verified'].sum())} verified)"
     yield (
-        "*Proved*: an exact solution is known. *Enclosed*: a box provably holds one. *Refuted*: a box around the "
-        "answer provably holds none. *Measured*: none of these. *Disproved*: a false claim that is refuted, or away "
-        "from the only solution by more than ten times the tolerance. The distance (forward error) is a bound on "
+        "*Proved*: an exact solution is known, and the answer is within the tolerance of it. *Enclosed*: the same, of "
+        "a box that provably holds a solution. *Stationary*: as proved, of a program that is not convex, so that only "
+        "the first-order conditions are proved. *Distant*: a solution is known, and the answer is farther from it; it "
+        "may still meet the tolerance by its error, or be near another solution. *Refuted*: a box around the answer "
+        "provably holds none. *Measured*: none of these. *Disproved*: a false claim that is refuted, or away from the "
+        "only solution by more than ten times the tolerance. The distance (forward error) is a bound on "
         "‖answer − solution‖∞/‖solution‖∞; where a problem has several solutions, to the one that was found."
     )
     yield table(
@@ -38,7 +41,7 @@ def certainties(run: Run) -> Iterator[str]:
             ]
             for row in labels.itertuples(index=False)
         ),
-        right=range(1, 10),
+        right=range(1, 6 + len(certainty.LEVELS)),
     )
     yield from _far(run)
     yield from _problems(run)
@@ -75,9 +78,11 @@ def _problems(run: Run) -> Iterator[str]:
     found = certainty.by_problem(run.rows)
     known = {level: int((found["level"] == level).sum()) for level in certainty.LEVELS}
     yield (
-        f"Of {len(found)} problems the solution is proved for {known['proved']} and enclosed for {known['enclosed']}."
+        f"Of {len(found)} problems an answer is proved for {known['proved']} and enclosed for {known['enclosed']}; for "
+        f"{known['stationary'] + known['distant']} more a solution is known that is stationary, or distant from all "
+        "answers."
     )
-    rest = found[~found["level"].isin(("proved", "enclosed"))]
+    rest = found[~found["level"].isin(certainty.KNOWN)]
     if len(rest):
         yield table(
             ["problem", "formulation", "what stops a proof"],

@@ -1,6 +1,16 @@
 """From an answer to a verdict and a status; knows no solver."""
 
-from cpbench.verification.certificates import Proof, ProofAttempt, certified_infeasible, holds, packed, prove, unpacked
+from cpbench.verification.certificates import (
+    SECONDS,
+    Proof,
+    ProofAttempt,
+    certified_infeasible,
+    holds,
+    packed,
+    prove,
+    reach,
+    unpacked,
+)
 from cpbench.verification.published import PublishedMeasure
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
@@ -24,6 +34,7 @@ __all__ = [
     "MET_TOLERANCE",
     "PROVEN",
     "REFUSED",
+    "SECONDS",
     "TARGET_UNRESOLVABLE",
     "VERIFIED",
     "Proof",
@@ -39,6 +50,7 @@ __all__ = [
     "no_answer",
     "packed",
     "prove",
+    "reach",
     "status",
     "unpacked",
 ]

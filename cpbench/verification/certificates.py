@@ -24,7 +24,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
-from cpbench.verification import hints
+from cpbench.verification import hints, margins
 from cpbench.verification.exact_linear import Exact, Rationals, rationals, rounded, solve
 from cpbench.verification.margins import Contradiction, Descent
 from cpbench.verification.polyhedra import Objective, Polyhedron, conditions, multipliers, objective
@@ -128,6 +128,19 @@ def prove(
     return _infeasible(known, vectors, deadline, tolerance)
 
 
+def reach(problem: Problem, proof: Proof) -> Vector:
+    """Return R, up to which the proof excludes solutions of problems within its margin: of the unknowns of the
+    conditions, or of those of optimality; empty for a ray along which the objective curves down."""
+    known, goal = conditions(problem), objective(problem)
+    if known is None or (goal is None and isinstance(proof, Unbounded)):
+        return np.zeros(0)
+    if isinstance(proof, Infeasible):
+        return margins.reach(known)
+    assert goal is not None
+    contradiction = Descent(known, goal, proof.ray).contradiction
+    return np.zeros(0) if contradiction is None else margins.reach(contradiction.P)
+
+
 def packed(proof: Proof) -> bytes:
     """Return the proof as bytes: its vectors as fractions of hexadecimal integers, compressed JSON."""
     vectors = {f.name: [f"{v.numerator:x}/{v.denominator:x}" for v in getattr(proof, f.name)] for f in fields(proof)}
@@ -182,6 +195,8 @@ def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float, t
 
 def _unbounded(known: Polyhedron, goal: Objective, deadline: float, tolerance: float) -> ProofAttempt:
     """Return the first proof among the rays of the hints."""
+    if bool((np.isfinite(known.lb) & np.isfinite(known.ub)).all()):
+        return ProofAttempt(None, "unbounded was claimed; all unknowns are bounded")
     point, best = _point(known, deadline), -1.0
     if point is None:
         return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")

@@ -180,7 +180,7 @@ class Descent:
     ray: Sequence[Fraction]
 
     @cached_property
-    def _contradiction(self) -> Contradiction | None:
+    def contradiction(self) -> Contradiction | None:
         """What the ray says of the conditions of optimality; None where it curves there."""
         P = optimality(self.P, self.goal)
         combined = P.combined(self.ray)
@@ -195,12 +195,12 @@ class Descent:
     def survives(self, t: Fraction) -> bool:
         """Return whether the statement holds at t, in rational arithmetic."""
         curvature, size = self._curvature
-        return curvature + t * size < 0 or (self._contradiction is not None and self._contradiction.survives(t))
+        return curvature + t * size < 0 or (self.contradiction is not None and self.contradiction.survives(t))
 
     def margin(self) -> float:
         """Return the largest t that the ray survives, to two digits, rounded down; 0 where rounding decides."""
-        if self._contradiction is not None:
-            return self._contradiction.margin()
+        if self.contradiction is not None:
+            return self.contradiction.margin()
         curvature, size = map(float, self._curvature)
         return _largest(lambda t: -curvature - t * size, self.survives)
 

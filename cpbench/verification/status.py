@@ -88,6 +88,7 @@ def status(
     missed = [v for v in (verdict, target) if v is not None and not v.solved]
     close = any(v.error <= INACCURATE_FACTOR * v.tolerance for v in missed)
     rules = (
+        (verdict.solved and "stationary" in verdict.flags and proven_unbounded, Status.UNBOUNDED),
         (verdict.solved and "stationary" in verdict.flags, Status.STATIONARY),
         (verdict.solved, Status.SOLVED),
         (proven_infeasible, Status.INFEASIBLE),

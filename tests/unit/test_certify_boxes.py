@@ -110,7 +110,7 @@ def test_wrong_states_are_changed() -> None:
     """A single contact on which q presses: the answer says that it is open."""
     problem = FrictionContact(W=2 * np.eye(3), q=np.array([-2.0, 1.0, 0.0]), mu=np.array([0.25]))
     certificate = cpbench.certify(problem, [0.0, 0.0, 0.0])
-    assert certificate.level == "enclosed"
+    assert certificate.level == "distant"
     # r_N = 1, r_T = −¼ e₁, u_T = ½ e₁ by hand
     assert certificate.evidence["centre"][:, 0] == pytest.approx([1.0, -0.25, 0.0])
     assert certificate.distance == pytest.approx(1.0)

@@ -84,6 +84,7 @@ def test_every_row_of_the_table(error: float, target: float | None, kind: str, c
 
 def test_flags_decide_where_they_are_about_the_answer() -> None:
     assert status(verdict(MET, "stationary"), "solved") == Status.STATIONARY
+    assert status(verdict(MET, "stationary"), "solved", proven_unbounded=True) == Status.UNBOUNDED
     assert status(verdict(FAR, "stationary"), "solved") == Status.WRONG
     assert status(verdict(FAR, "scale"), "failed") == Status.FAILED
     for claim in Claim:

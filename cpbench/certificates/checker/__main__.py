@@ -15,6 +15,7 @@ from typing import Any
 from all_solutions import enumeration
 from ball_proofs import contacts, maps
 from certificate_file import read, require
+from no_solutions import no_solution
 from polyhedral_proofs import polyhedral
 from refutations import refutation
 from result_rows import is_results_file, rows
@@ -30,6 +31,8 @@ def check(path: str) -> str:
 
 def proved(own: dict[str, Any], data: dict[str, Any], answer: Any, evidence: dict[str, Any]) -> str:
     """Prove what a certificate says and return it in words; raises ValueError where that fails."""
+    if own["level"] in ("infeasible", "unbounded"):
+        return no_solution(own, data, evidence)
     denied = f"no solution within {own['excluded']:.3g} of the answer's size" if own["excluded"] else ""
     if denied:
         denied += ", with its multipliers" if own["node"] in ("qp", "avi") and "direction" not in evidence else ""
@@ -39,9 +42,13 @@ def proved(own: dict[str, Any], data: dict[str, Any], answer: Any, evidence: dic
         proof = bool(denied) or own["solutions"] == 0 or (own["level"] == "measured" and bool(counted))
         require(proof, "nothing is proved")
         return f"{own['level']}: " + "; ".join(filter(None, (denied, counted)))
-    level = "proved" if "held" in evidence or "point" in evidence else "enclosed"
-    require(own["level"] == level, f"the level {own['level']} needs no proof, or has none")
-    polyhedron = "held" in evidence
+    polyhedron, exactly = "held" in evidence, "held" in evidence or "point" in evidence
+    level = own["level"]
+    known = ("distant", *(("proved", "stationary") if exactly else ("enclosed",)))
+    require(level in known, f"the level {level} needs no proof, or has none")
+    if own["format_version"] > 2:  # before, answers of every distance were proved
+        near = own["distance"] <= own["tolerance"] and own["excluded"] < own["tolerance"]
+        require(near != (level == "distant"), f"the answer is {'' if near else 'not '}within the tolerance")
     prove = polyhedral if polyhedron else maps if "F" in data else contacts
     prove(own, data, answer, evidence)
     require(polyhedron or not own["unique"], "uniqueness is not known of this formulation")

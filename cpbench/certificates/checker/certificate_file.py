@@ -12,6 +12,7 @@ from flint import fmpq
 
 ORDER = {
     "lcp": "M q", "relay": "M q lb ub", "mlcp": "A B C D a b", "avi": "M q A b C d lb ub", "qp": "Q p A b C d lb ub",
+    "coneqp": "Q p A b cone_kind cone_size cone_mu cone_mu_r",
     "fc": "W q mu", "fcm": "W V R q s mu", "gfc": "M H G f w b mu",
     "ncp": "start F", "micp": "lb ub start F", "equation": "start F",
 }  # fmt: skip
@@ -117,7 +118,7 @@ def read(path: str) -> tuple[dict[str, Any], dict[str, Any], Any, dict[str, Any]
 def parts(group: Any, stored: Any) -> tuple[dict[str, Any], dict[str, Any], Any, dict[str, Any]]:
     """Return the same of a certificate and of the data of its problem; raises ValueError where they were changed."""
     own = {k: v.decode() if isinstance(v, bytes) else v for k, v in group.attrs.items()}
-    require(own["format_version"] == 2 and own["node"] in ORDER, "is no certificate that is known here")
+    require(own["format_version"] in (2, 3) and own["node"] in ORDER, "is no certificate that is known here")
     require(own["seal"] == seal(group), "the file was changed after it was written")
     data: dict[str, Any] = {}
     for name in ORDER[own["node"]].split():

@@ -129,9 +129,12 @@ def polyhedral(own: dict[str, Any], data: dict[str, Any], answer: Any, evidence:
     there = [sum(((1 if k > 0 else -1) * x[abs(k) - 1] for k in part), fmpq(0)) for part in compared]
     start = data["f"].size if node == "gfc" else 0  # the answer has v before r there
     here = [exact(v) for v in answer[start : start + len(there)].tolist()]
-    size = max(map(abs, there), default=fmpq(0))
-    away = max((abs(a - b) for a, b in zip(there, here, strict=True)), default=fmpq(0))
-    require(away / (size if size else 1) <= exact(own["distance"]), "the answer is farther from the exact point")
+    first = data["a"].size if node == "mlcp" and own["format_version"] > 2 else 0  # u and v have a size each
+    whole_size = max(map(abs, there), default=fmpq(0)) or fmpq(1)
+    for part in (slice(0, first), slice(first, None)):
+        size = max(map(abs, there[part]), default=fmpq(0)) or whole_size
+        away = max((abs(a - b) for a, b in zip(there[part], here[part], strict=True)), default=fmpq(0))
+        require(away / size <= exact(own["distance"]), "the answer is farther from the exact point")
     rows = node in ("avi", "qp") and len(x) > len(compared)
     fact = own["unique"]
     require(not fact or node in OVER_BOXES, "uniqueness is not known of this formulation")

@@ -25,7 +25,7 @@ QUERY = (
     " LEFT JOIN answers USING (key)"
     " LEFT JOIN (SELECT key, proof FROM certificates WHERE kind = 'answer') USING (key)"
     " LEFT JOIN proved_problems USING (fingerprint)"
-    " WHERE certainty IN ('proved', 'enclosed', 'refuted') OR proof IS NOT NULL"
+    " WHERE certainty IN ('proved', 'enclosed', 'stationary', 'distant', 'refuted') OR proof IS NOT NULL"
     " OR certificate LIKE '%solution%' ORDER BY rows.rowid"
 )
 
