@@ -90,7 +90,7 @@ def holds(problem: Problem, proof: Proof, tolerance: float = TOLERANCE) -> bool:
     if isinstance(proof, Infeasible):
         combined = known.combined(proof.multipliers)
         exact = combined is not None and combined[0] > 0 and combined[1] == 0
-        return exact and Contradiction(known, proof.multipliers).survives(share)
+        return exact and Contradiction(known, proof.multipliers, margins.reach(known)).survives(share)
     if goal is None or not (known.contains(proof.point) and known.recedes(proof.ray)):
         return False
     return goal.falls(proof.point, proof.ray) and Descent(known, goal, proof.ray).survives(share)
@@ -138,7 +138,7 @@ def reach(problem: Problem, proof: Proof) -> Vector:
         return margins.reach(known)
     assert goal is not None
     contradiction = Descent(known, goal, proof.ray).contradiction
-    return np.zeros(0) if contradiction is None else margins.reach(contradiction.P)
+    return np.zeros(0) if contradiction is None else contradiction.R
 
 
 def packed(proof: Proof) -> bytes:
@@ -180,7 +180,7 @@ def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float, t
                 continue
             gamma, excess = combined
             if excess == 0:
-                best = max(best, Contradiction(known, y).margin())
+                best = max(best, Contradiction(known, y, margins.reach(known)).margin())
                 if best >= tolerance:
                     return _proved(Infeasible(tuple(y)), best)
             else:
@@ -273,15 +273,17 @@ def _point(known: Polyhedron, deadline: float) -> Rationals | None:
 
 
 def _rays(known: Polyhedron, Q: Any, direction: Vector, deadline: float) -> Iterator[Rationals]:
-    """Yield the direction projected on the equalities that it meets to rounding; first on Qd = 0 too, where it does."""
+    """Yield the direction projected on the equalities that it meets to rounding; on Qd = 0 too, where it does, and then
+    without, where it curves down."""
     G, curves = sp.csr_array(known.G), sp.csr_array(Q)
     d = direction / np.ldexp(1.0, math.frexp(float(np.abs(direction).max()))[1])
     flat = bool((np.abs(curves @ d) <= 1e-6 * (abs(curves) @ np.abs(d))).all())
+    levels = ([curves] if flat else []) + ([None] if not flat or d @ (curves @ d) < 0.0 else [])
     for rounding in ROUNDING:
         zero = np.abs(d) <= rounding
         near = np.where(zero, 0.0, d)
         active = np.flatnonzero(np.isfinite(known.h) & (G @ near <= rounding * (abs(G) @ np.abs(near))))
-        for level in (curves, None) if flat else (None,):
+        for level in levels:
             right = [_ZERO] * (known.f.size + active.size + (0 if level is None else d.size))
             ray = _solved(known, active, level, right, near, zero, deadline)
             if ray is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 
@@ -31,7 +31,8 @@ _ZERO = Fraction(0)
 class Polyhedron:
     """Gx ≥ h, Ex = f, lb ≤ x ≤ ub; sides and bounds may be infinite.
 
-    `unknowns` is what x is called.
+    `unknowns` is what x is called. `further` are rows and sides that are no conditions, and yet set the size of
+    solutions: Qx + p of a program, the tangential velocities of contacts.
     """
 
     G: Matrix
@@ -41,6 +42,7 @@ class Polyhedron:
     lb: Vector
     ub: Vector
     unknowns: str = "z"
+    further: tuple[Matrix, Vector] | None = None
 
     @cached_property
     def exact(self) -> tuple[Exact, Exact]:
@@ -130,7 +132,8 @@ def conditions(problem: Problem) -> Polyhedron | None:
         G, E = matrices.block([[problem.D, problem.B]]), matrices.block([[problem.A, problem.C]])
         return _over(G, -problem.b, E, -problem.a, lb, np.full(free + signed, np.inf), "(u, v)")
     if isinstance(problem, QP):
-        return _over(problem.A, problem.b, problem.C, problem.d, problem.lb, problem.ub)
+        known = _over(problem.A, problem.b, problem.C, problem.d, problem.lb, problem.ub)
+        return replace(known, further=(problem.Q, problem.p))
     if isinstance(problem, AVI):
         return _avi(problem)
     if isinstance(problem, FrictionContact):
@@ -197,7 +200,8 @@ def _contact(problem: FrictionContact) -> Polyhedron:
     rows: Matrix = sp.csr_array(sp.vstack([W[normal], friction - force, friction + force], format="csr"))
     sides = np.concatenate([-problem.q[normal], np.zeros(2 * tangent.size)])
     lb = np.where(place % d == 0, 0.0, -np.inf)
-    return _over(rows, sides, None, None, lb, np.full(n, np.inf), "r")
+    known = _over(rows, sides, None, None, lb, np.full(n, np.inf), "r")
+    return replace(known, further=(W[tangent], problem.q[tangent]))
 
 
 def _coneqp(problem: ConeQP) -> Polyhedron | None:
@@ -208,4 +212,5 @@ def _coneqp(problem: ConeQP) -> Polyhedron | None:
     signed, level = np.flatnonzero(kind == Cone.NONNEGATIVE), np.flatnonzero(kind == Cone.ZERO)
     n, A, b = problem.p.size, problem.A, problem.b
     free = np.full(n, np.inf)
-    return _over(A[signed], -b[signed], A[level], -b[level], -free, free, "x")
+    known = _over(A[signed], -b[signed], A[level], -b[level], -free, free, "x")
+    return replace(known, further=(problem.Q, problem.p))

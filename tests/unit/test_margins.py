@@ -106,16 +106,33 @@ def test_solutions_up_to_ten_times_what_is_asked_are_excluded(kappa: float) -> N
     assert 0.9 * exact <= found <= exact
 
 
-def test_sides_that_ask_nothing_set_no_size() -> None:
-    """Bounds of 1e10, a row that nothing reaches and a large problem beside leave the margin what it is."""
+def test_a_part_beside_sets_no_size() -> None:
+    """A problem of size 1e4 that nothing connects leaves the margin what it is; an objective of that size does not."""
     alone = program(C=PAIR, d=[1.0, 0.9], lb=np.zeros(2))
-    beside = program(
-        C=np.block([[PAIR, np.zeros((2, 1))], [np.zeros((1, 2)), np.ones((1, 1))]]), d=[1.0, 0.9, 1e4],
-        A=np.array([[-1.0, -1.0, 0.0]]), b=[-1e15], lb=np.zeros(3), ub=np.array([1e10, 1e10, np.inf]),
-    )  # fmt: skip
-    found = [prove(problem, "infeasible", tolerance=ALL).margin for problem in (alone, beside)]
+    C = np.block([[PAIR, np.zeros((2, 1))], [np.zeros((1, 2)), np.ones((1, 1))]])
+    beside = program(C=C, d=[1.0, 0.9, 1e4], lb=np.zeros(3))
+    large = dataclasses.replace(alone, p=np.full(2, -1e4))
+    found = [prove(problem, "infeasible", tolerance=ALL).margin for problem in (alone, beside, large)]
     assert found[0] == pytest.approx(found[1], rel=0.05)
-    assert found[0] > 1e-3
+    assert found[2] == pytest.approx(1e-4 * found[0], rel=0.2)
+
+
+def test_a_contradiction_that_is_small_beside_the_solution_is_none() -> None:
+    """x₁ = x₂ and x₁ = x₂ + 1e-12, where a bound or the objective alone puts the solution at 1."""
+    pair = {"C": PAIR, "d": [0.0, 1e-12]}
+    for problem in (
+        QP.build(np.zeros((2, 2)), [-1.0, 0.0], ub=np.ones(2), lb=np.zeros(2), **pair),
+        QP.build(np.eye(2), [-1.0, -1.0], **pair),
+    ):
+        attempt = prove(problem, "infeasible")
+        assert attempt.proof is None
+        assert 0.0 < attempt.margin < 1e-12
+
+
+def test_a_bound_that_stands_for_none_hides_no_contradiction_from_the_search() -> None:
+    """z ≤ 1e15 beside z₁ ≥ 1, z₁ ≤ ½: the row of 1e15 is idle."""
+    problem = program(A=np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, -1.0]]), b=[1.0, -0.5, -1e15])
+    assert prove(problem, "infeasible").proof is not None
 
 
 @pytest.mark.parametrize("make", [infeasible_lcp, infeasible_mlcp, infeasible_qp])
@@ -127,8 +144,9 @@ def test_no_problem_within_the_margin_has_a_solution_within_reach(make) -> None:
         attempt, known = prove(problem, "infeasible"), conditions(problem)
         assert isinstance(attempt.proof, Infeasible)
         assert known is not None
-        best = Contradiction(known, attempt.proof.multipliers)
-        far, t = reach(known), 0.99 * best.margin()
+        far = reach(known)
+        best = Contradiction(known, attempt.proof.multipliers, far)
+        t = 0.99 * best.margin()
         assert best.survives(Fraction(t))
         assert not best.survives(Fraction(1.3 * t)) or t > 0.38
 
