@@ -38,7 +38,8 @@ then say. A problem that is proved to have no solution is *infeasible*, and one 
 lower bound is *unbounded*: right outcomes, but no answers, so that they count as not solved for everybody alike. The
 proof, a combination of the conditions (Farkas) or a feasible point and a ray, holds exactly, in rational arithmetic,
 on the problem that was asked, and is kept. It has a margin of at least the tolerance: no problem whose numbers each
-differ by that share of themselves has a solution up to ten times the size that its sides and bounds set. A claim without such a proof is *failed*.
+differ by that share of themselves has a solution up to ten times the size that its sides and bounds set. A claim
+without such a proof is *failed*.
 
 **Error.** The backward error of the answer: by what share the terms of the problem's rows would have to change for the
 answer to be exact. It depends on the problem and the answer alone, not on how either is written: units of rows and

@@ -26,7 +26,7 @@ from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
 from cpbench.verification import hints, margins
 from cpbench.verification.exact_linear import Exact, Rationals, rationals, rounded, solve
-from cpbench.verification.margins import Contradiction, Descent
+from cpbench.verification.margins import Contradiction, FallingRay
 from cpbench.verification.polyhedra import Objective, Polyhedron, conditions, multipliers, objective
 
 SECONDS = 20.0
@@ -93,7 +93,7 @@ def holds(problem: Problem, proof: Proof, tolerance: float = TOLERANCE) -> bool:
         return exact and Contradiction(known, proof.multipliers, margins.reach(known)).survives(share)
     if goal is None or not (known.contains(proof.point) and known.recedes(proof.ray)):
         return False
-    return goal.falls(proof.point, proof.ray) and Descent(known, goal, proof.ray).survives(share)
+    return goal.falls(proof.point, proof.ray) and FallingRay(known, goal, proof.ray).survives(share)
 
 
 def certified_infeasible(problem: Problem, certificate: Vector | None, tolerance: float = TOLERANCE) -> bool:
@@ -137,7 +137,7 @@ def reach(problem: Problem, proof: Proof) -> Vector:
     if isinstance(proof, Infeasible):
         return margins.reach(known)
     assert goal is not None
-    contradiction = Descent(known, goal, proof.ray).contradiction
+    contradiction = FallingRay(known, goal, proof.ray).contradiction
     return np.zeros(0) if contradiction is None else contradiction.R
 
 
@@ -203,7 +203,7 @@ def _unbounded(known: Polyhedron, goal: Objective, deadline: float, tolerance: f
     for direction in hints.rays(known, goal, deadline):
         for ray in _rays(known, goal.Q, direction, deadline):
             if known.recedes(ray) and goal.falls(point, ray):
-                best = max(best, Descent(known, goal, ray).margin())
+                best = max(best, FallingRay(known, goal, ray).margin())
                 if best >= tolerance:
                     return _proved(Unbounded(tuple(point), tuple(ray)), best)
     if best >= 0.0:

@@ -177,7 +177,7 @@ def _equalities(E: Any, f: Vector, lb: Vector) -> Polyhedron:
 
 
 @dataclass(frozen=True, eq=False)
-class Descent:
+class FallingRay:
     """A ray d of P along which the objective falls for ever, from a feasible point x.
 
     The statement proved at t is that every problem within t has dᵀQd < 0; or, where Qd = 0, that none has a stationary
