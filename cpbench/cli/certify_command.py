@@ -9,7 +9,8 @@ from typing import Any
 import click
 
 from cpbench import storage
-from cpbench.api.certifying import TOLERANCE, certificate_lines, certify, certify_first, certify_rows, save_certificate
+from cpbench.api.certificate_text import certificate_lines
+from cpbench.api.certifying import TOLERANCE, certify, certify_first, certify_rows, save_certificate
 from cpbench.api.problems import load, verify
 from cpbench.api.results import is_results_file
 from cpbench.api.solving import solve

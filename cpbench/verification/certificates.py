@@ -9,10 +9,9 @@ asked. What holds there without any tolerance, and for all numbers within the to
 from __future__ import annotations
 
 import json
-import math
 import time
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from decimal import ROUND_DOWN, Context, Decimal
 from fractions import Fraction
@@ -20,12 +19,11 @@ from itertools import chain
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
-import scipy.sparse as sp
 
 from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
 from cpbench.verification import hints, margins
-from cpbench.verification.exact_linear import Exact, Rationals, rationals, rounded, solve
+from cpbench.verification.exact_vectors import exact_multipliers, exact_point, exact_rays
 from cpbench.verification.margins import Contradiction, FallingRay
 from cpbench.verification.polyhedra import Objective, Polyhedron, conditions, multipliers, objective
 
@@ -33,8 +31,6 @@ SECONDS = 20.0
 """Time for the search of one proof [s]."""
 TOLERANCE = 1e-6
 """Share of themselves by which the numbers of a problem may change where none is given."""
-ROUNDING = (1e-9, 1e-12, 1e-6)
-"""What is this small among the terms it is made of may be meant to be 0."""
 _Vector: TypeAlias = tuple[Fraction, ...]
 _ZERO = Fraction(0)
 
@@ -172,7 +168,7 @@ def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float, t
     """Return the first proof among the vectors, or the largest radius that they prove."""
     radius, best = _ZERO, -1.0
     for vector in vectors:
-        for y in _multipliers(known, vector, deadline):
+        for y in exact_multipliers(known, vector, deadline):
             if time.perf_counter() > deadline:
                 break
             combined = known.combined(y)
@@ -197,11 +193,11 @@ def _unbounded(known: Polyhedron, goal: Objective, deadline: float, tolerance: f
     """Return the first proof among the rays of the hints."""
     if bool((np.isfinite(known.lb) & np.isfinite(known.ub)).all()):
         return ProofAttempt(None, "unbounded was claimed; all unknowns are bounded")
-    point, best = _point(known, deadline), -1.0
+    point, best = exact_point(known, deadline), -1.0
     if point is None:
         return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
     for direction in hints.rays(known, goal, deadline):
-        for ray in _rays(known, goal.Q, direction, deadline):
+        for ray in exact_rays(known, goal.Q, direction, deadline):
             if known.recedes(ray) and goal.falls(point, ray):
                 best = max(best, FallingRay(known, goal, ray).margin())
                 if best >= tolerance:
@@ -219,103 +215,6 @@ def _narrow(kind: type[Infeasible] | type[Unbounded], margin: float, tolerance: 
     """Return what the numbers of the file say, and changes of them below the tolerance do not."""
     told = kind.narrow.format(share=f"{margin:.1e}")
     return ProofAttempt(None, f"{kind.kind} was claimed; {told}, below the tolerance {tolerance:g}", margin)
-
-
-def _multipliers(known: Polyhedron, vector: Vector, deadline: float) -> Iterator[Rationals]:
-    """Yield the vector as it is, rounded, and projected on the components of Gᵀλ + Eᵀμ that are 0 to rounding."""
-    m = known.h.size
-    y = vector.copy()
-    y[:m] = np.where(np.isneginf(known.h), 0.0, np.maximum(y[:m], 0.0))
-    if not y.any():
-        return
-    y = y / np.ldexp(1.0, math.frexp(float(np.abs(y).max()))[1])
-    yield rationals(y)
-    rows: Any = sp.vstack([sp.csr_array(known.G), sp.csr_array(known.E)], format="csr")
-    sizes = np.asarray(abs(rows).max(axis=1).toarray()).ravel() if rows.nnz else np.ones(y.size)
-    for rounding in ROUNDING:
-        large = np.abs(y) * sizes > rounding * float((np.abs(y) * sizes).max(initial=0.0))
-        support = np.flatnonzero(large | (np.arange(y.size) >= m) & (y != 0.0))
-        kept = np.zeros_like(y)
-        kept[support] = y[support]
-        yield rounded(kept)
-        nu, terms = rows.T @ kept, abs(rows).T @ np.abs(kept)
-        boxed = np.isfinite(known.lb) & np.isfinite(known.ub)
-        level = np.isneginf(known.lb) & np.isposinf(known.ub)
-        tight = np.flatnonzero((terms > 0.0) & ~boxed & (level | (np.abs(nu) <= rounding * terms)))
-        block = sp.csr_array(rows[support][:, tight].T)
-        part = solve(block, [_ZERO] * tight.size, kept[support], deadline)
-        if part is not None:
-            whole = [_ZERO] * y.size
-            for place, value in zip(support.tolist(), part, strict=True):
-                whole[place] = value
-            yield whole
-
-
-def _point(known: Polyhedron, deadline: float) -> Rationals | None:
-    """Return a point that meets all conditions exactly."""
-    x = hints.interior_point(known, deadline)
-    if x is None:
-        return None
-    G: Any = sp.csr_array(known.G)
-    for rounding in (0.0, *ROUNDING):
-        size = np.maximum(np.abs(x), max(float(np.abs(x).max(initial=0.0)), 1.0) * rounding)
-        low = (known.lb == known.ub) | (x - known.lb <= rounding * size)
-        high = ~low & (known.ub - x <= rounding * size)
-        near = np.where(low, known.lb, np.where(high, known.ub, x))
-        finite = np.isfinite(known.h)
-        terms = abs(G) @ np.abs(near) + np.abs(np.where(finite, known.h, 0.0))
-        active = np.flatnonzero(finite & (G @ near - known.h <= rounding * terms) & (rounding > 0.0))
-        right = rationals(np.concatenate([known.f, known.h[active]]))
-        point = _solved(known, active, None, right, near, low | high, deadline)
-        if point is not None and known.contains(point):
-            return point
-    return None
-
-
-def _rays(known: Polyhedron, Q: Any, direction: Vector, deadline: float) -> Iterator[Rationals]:
-    """Yield the direction projected on the equalities that it meets to rounding; on Qd = 0 too, where it does, and then
-    without, where it curves down."""
-    G, curves = sp.csr_array(known.G), sp.csr_array(Q)
-    d = direction / np.ldexp(1.0, math.frexp(float(np.abs(direction).max()))[1])
-    flat = bool((np.abs(curves @ d) <= 1e-6 * (abs(curves) @ np.abs(d))).all())
-    levels = ([curves] if flat else []) + ([None] if not flat or d @ (curves @ d) < 0.0 else [])
-    for rounding in ROUNDING:
-        zero = np.abs(d) <= rounding
-        near = np.where(zero, 0.0, d)
-        active = np.flatnonzero(np.isfinite(known.h) & (G @ near <= rounding * (abs(G) @ np.abs(near))))
-        for level in levels:
-            right = [_ZERO] * (known.f.size + active.size + (0 if level is None else d.size))
-            ray = _solved(known, active, level, right, near, zero, deadline)
-            if ray is not None:
-                yield ray
-
-
-def _solved(
-    known: Polyhedron,
-    active: Any,
-    further: Any,
-    right: Rationals,
-    near: Vector,
-    fixed: Any,
-    deadline: float,
-) -> Rationals | None:
-    """Return an exact x near `near` with Ex and the active rows of Gx (and `further` rows) equal to `right`.
-
-    Where `fixed`, x is what `near` is.
-    """
-    blocks = [sp.csr_array(known.E), sp.csr_array(known.G)[active], *([] if further is None else [further])]
-    rows: Any = sp.vstack(blocks, format="csr")
-    kept, free = np.flatnonzero(fixed), np.flatnonzero(~fixed)
-    held = rationals(near)
-    if kept.size:
-        there = Exact.of(rows[:, kept]).times([held[j] for j in kept.tolist()])
-        right = [b - a for a, b in zip(there, right, strict=True)]
-    part = solve(rows[:, free], right, near[free], deadline)
-    if part is None:
-        return None
-    for place, value in zip(free.tolist(), part, strict=True):
-        held[place] = value
-    return held
 
 
 def _digits(x: Fraction) -> str:

@@ -21,7 +21,8 @@ from cpbench.solvers.base import Budget
 from cpbench.solvers.native.lcp.enumeration import enumerate_bases, scale
 
 flint = pytest.importorskip("flint", reason="certificates need python-flint")
-from cpbench.api.certifying import save_certificate, summary  # noqa: E402
+from cpbench.api.certificate_text import summary  # noqa: E402
+from cpbench.api.certifying import save_certificate  # noqa: E402
 from cpbench.certificates.all_solutions import all_solutions, nonnegative  # noqa: E402
 
 CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"

@@ -121,7 +121,8 @@ def conditions(node: str, d: dict[str, Any]) -> Conditions:
 
 
 def _avi(d: dict[str, Any]) -> Conditions:
-    """Return those of (z, λ, μ): F = Mz + q − Aᵀλ − Cᵀμ is ≥ 0 (≤ 0) where z_j has a lower (an upper) bound only, 0 without."""
+    """Return those of (z, λ, μ): F = Mz + q − Aᵀλ − Cᵀμ is ≥ 0 (≤ 0) where z_j has a lower (an upper) bound only, 0
+    without."""
     n, m, k = d["q"].size, d["b"].size, d["d"].size
     force = [dict(row) for row in d["M"].rows]
     for first, A in ((n, d["A"]), (n + m, d["C"])):
