@@ -57,6 +57,7 @@ class AVI(AffineProblem):
         "(Mz + q)ᵀ(y − z) ≥ 0 for all y ∈ X",
     )
     point_type: ClassVar[type[Point]] = AVIPoint
+    primal: ClassVar[str] = "z"
 
     M: Matrix = matrix_field("n", "n")
     q: Vector = vector_field("n")

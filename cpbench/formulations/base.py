@@ -257,6 +257,8 @@ class Problem(ABC):
     relations: ClassVar[tuple[str, ...]]
     """The problem in formulas, one relation a line."""
     point_type: ClassVar[type[Point]]
+    primal: ClassVar[str] = ""
+    """The unknowns among the parts of a point whose other parts are multipliers; "" where there are no multipliers."""
 
     notebook_view: ClassVar[Callable[[Any], str] | None] = None
     """Makes the HTML that a notebook shows, where something above has set it: pictures are not made down here."""

@@ -45,6 +45,7 @@ class ConeQP(ConicProblem):
     equation: ClassVar[str] = "(1) over a cone"
     relations: ClassVar[tuple[str, ...]] = ("min ½xᵀQx + pᵀx", "Ax + b ∈ K")
     point_type: ClassVar[type[Point]] = ConeQPPoint
+    primal: ClassVar[str] = "x"
     cone_rows: ClassVar[str] = "b"
 
     Q: Matrix = matrix_field("n", "n")

@@ -44,6 +44,7 @@ class NLP(Problem):
     equation: ClassVar[str] = "(10)"
     relations: ClassVar[tuple[str, ...]] = ("min f(z)", "g(z) ≥ 0", "h(z) = 0", "lb ≤ z ≤ ub")
     point_type: ClassVar[type[Point]] = NLPPoint
+    primal: ClassVar[str] = "z"
 
     f: Map = map_field("1", "n")
     g: Map = map_field("m", "n", optional=True)

@@ -48,6 +48,7 @@ class QP(Problem):
     equation: ClassVar[str] = "(1)"
     relations: ClassVar[tuple[str, ...]] = ("min ½zᵀQz + pᵀz", "Az ≥ b", "Cz = d", "lb ≤ z ≤ ub")
     point_type: ClassVar[type[Point]] = QPPoint
+    primal: ClassVar[str] = "z"
 
     Q: Matrix = matrix_field("n", "n")
     p: Vector = vector_field("n")

@@ -31,6 +31,7 @@ class VI(RowsProblem):
         "z ∈ X = {z ∈ K : lb ≤ z ≤ ub, Az ≥ b, Cz = d, g(z) ≥ 0}",
     )
     point_type: ClassVar[type[Point]] = VIPoint
+    primal: ClassVar[str] = "z"
 
     F: Map = map_field("n", "n")
     g: Map = map_field("p", "n", optional=True)

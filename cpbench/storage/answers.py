@@ -15,6 +15,7 @@ import numpy as np
 
 from cpbench.errors import FormatError, PointError
 from cpbench.formulations.base import Point, Problem, formulations
+from cpbench.formulations.primal import primal_alone, primal_of, primal_part
 from cpbench.storage.arrays import read_npz, read_vector
 from cpbench.storage.base import read_head, split_address, write_atomic
 from cpbench.storage.hdf5_files import SUFFIXES, locate, members_of, read_problem, write_problem
@@ -95,11 +96,14 @@ def save_point(
     write_atomic(Path(path), image[0], force=force)
 
 
-def load_answer(path: str | Path, problem: Problem) -> Any:
-    """Load the answer to `problem` in a file; raises FormatError when it is of another problem or not of its shape."""
+def load_answer(path: str | Path, problem: Problem, *, primal: bool = False) -> Any:
+    """Load the answer to `problem` in a file; raises FormatError when it is of another problem or not of its shape.
+
+    With `primal`, an answer without its multipliers is one too, and comes as a `Primal`.
+    """
     file, member = split_address(path)
     if _is_hdf5(file):
-        return _load_hdf5(file, member, problem)
+        return _load_hdf5(file, member, problem, primal)
     try:
         if file.suffix.lower() == ".npz":
             arrays = read_npz(file)
@@ -108,9 +112,12 @@ def load_answer(path: str | Path, problem: Problem) -> Any:
                 point = problem.point_type(**{name: arrays.get(name, np.zeros(0)) for name in sizes})
                 problem.check_point(point)
                 return point
+            if primal and primal_alone(problem, arrays):
+                return primal_part(problem, arrays[problem.primal])
             if len(arrays) != 1:
                 raise FormatError(file, "", f"holds {', '.join(arrays)}: expected one array, or {', '.join(sizes)}")
-        return problem.point_from_vector(read_vector(file))
+        vector = read_vector(file)
+        return (primal_of(problem, vector) if primal else None) or problem.point_from_vector(vector)
     except PointError as cause:
         raise FormatError(file, "", str(cause)) from None
 
@@ -119,7 +126,7 @@ def _is_hdf5(path: Path) -> bool:
     return read_head(path).startswith(SIGNATURE) or path.suffix.lower() in SUFFIXES
 
 
-def _load_hdf5(path: Path, member: str, problem: Problem) -> Any:
+def _load_hdf5(path: Path, member: str, problem: Problem, primal: bool) -> Any:
     with open_tree(path) as root:
         parent = root if not members_of(root) else locate(root, member)[0]
         if "solution" not in parent:
@@ -140,6 +147,11 @@ def _load_hdf5(path: Path, member: str, problem: Problem) -> Any:
                 f"is the answer to another problem ({fingerprint[:12]}), asked was {problem.name or problem.node} "
                 f"({problem.fingerprint[:12]})",
             )
+        if primal and primal_alone(problem, tree.names()):
+            try:
+                return primal_part(problem, tree.array(problem.primal))
+            except PointError as cause:
+                raise tree.error(problem.primal, str(cause)) from None
         return _read_point(tree, problem)
 
 

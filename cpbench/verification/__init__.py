@@ -11,6 +11,7 @@ from cpbench.verification.certificates import (
     reach,
     unpacked,
 )
+from cpbench.verification.multipliers import COMPLETED, completed, marked, whole
 from cpbench.verification.published import PublishedMeasure
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
@@ -28,6 +29,7 @@ from cpbench.verification.verdict import DIRECTION_DEGREES, Verdict, judge, judg
 
 __all__ = [
     "CHARGED_TO_ROUTE",
+    "COMPLETED",
     "DIRECTION_DEGREES",
     "FALSE_CLAIMS",
     "INACCURATE_FACTOR",
@@ -43,9 +45,11 @@ __all__ = [
     "Status",
     "Verdict",
     "certified_infeasible",
+    "completed",
     "holds",
     "judge",
     "judge_by_all",
+    "marked",
     "measured",
     "no_answer",
     "packed",
@@ -53,4 +57,5 @@ __all__ = [
     "reach",
     "status",
     "unpacked",
+    "whole",
 ]

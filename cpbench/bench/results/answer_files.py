@@ -20,8 +20,9 @@ from typing import Any, TypeAlias, cast
 
 from cpbench import storage
 from cpbench.errors import CpbenchError, FormatError, PointError
-from cpbench.exchange import exchanges
+from cpbench.exchange import Exchange, exchanges
 from cpbench.formulations.base import Problem
+from cpbench.formulations.primal import primal_alone, primal_of, primal_part
 from cpbench.solvers.base import Claim
 from cpbench.storage.hdf5_tree import SIGNATURE, open_tree
 
@@ -34,7 +35,7 @@ _SHORTEST = 8
 """Fewest digits of a fingerprint that name a problem."""
 
 Read: TypeAlias = Callable[[Problem], Any]
-"""The answer to a problem; raises FormatError."""
+"""The answer to a problem, a point or a `Primal`; raises FormatError."""
 
 
 @dataclass(frozen=True)
@@ -154,8 +155,20 @@ def _reader(entry: Path, exchange: str | None) -> Read:
     elif entry.suffix.lower() == ".json":
         chosen = exchanges.get("mof")
     else:
-        return lambda problem: storage.load_answer(entry, problem)
-    return lambda problem: chosen.read_answer(entry, problem)
+        return lambda problem: storage.load_answer(entry, problem, primal=True)
+    return lambda problem: _exchanged(chosen, entry, problem)
+
+
+def _exchanged(exchange: Exchange, entry: Path, problem: Problem) -> Any:
+    """Return the answer in the form of an exchange; of a folder with a file for every part, the unknowns will do."""
+    files = {file.stem: file for file in entry.iterdir()} if entry.is_dir() else {}
+    if not primal_alone(problem, files):
+        return exchange.read_answer(entry, problem)
+    file = files[problem.primal]
+    try:
+        return primal_part(problem, storage.read_vector(file))
+    except PointError as cause:
+        raise FormatError(file, "", str(cause)) from None
 
 
 def _fingerprint(entry: Path) -> list[str]:
@@ -201,7 +214,7 @@ def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str
 
 def _point(path: Path, problem: Problem, vector: Any) -> Any:
     try:
-        return problem.point_from_vector(vector)
+        return primal_of(problem, vector) or problem.point_from_vector(vector)
     except PointError as cause:
         raise FormatError(path, "", str(cause)) from None
 

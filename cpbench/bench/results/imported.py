@@ -169,8 +169,10 @@ def _judged(pair: Pair, answer: ForeignAnswer | None, reported: Reported, origin
         try:
             problem: Problem = storage.load(pair.address, format=pair.format)
             begun = time.perf_counter()
-            point = answer.read(problem)
+            point, message = verification.whole(problem, answer.read(problem), pair.tolerance)
             verdict = verification.judge(problem, point, pair.tolerance, pair.measure)
+            if message:
+                verdict = verification.marked(verdict)
             verify, blob = time.perf_counter() - begun, answers.pack(point)
         except (FormatError, PointError) as refusal:
             message = f"the answer is not valid: {refusal}"
