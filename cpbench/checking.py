@@ -70,7 +70,7 @@ class CheckReport:
     @property
     def passed(self) -> bool:
         """An exact conversion must give an answer; any other one need not."""
-        return self.source.solved or (bool(self.how) and not self.arrival.kind.exact)
+        return self.source.within or (bool(self.how) and not self.arrival.kind.exact)
 
 
 def check(

@@ -83,10 +83,10 @@ def judge_answer(
         except (PointError, TypeError) as refusal:
             message, point = f"the answer is not valid: {refusal}", None
     attempt = None
-    if "stationary" in verdict.flags and verdict.solved:
+    if verdict.within and not verdict.solved:  # a stationary point
         attempt = prove(verification.Status.UNBOUNDED)
         attempt = attempt if attempt and attempt.proof else None  # the solver claimed nothing of the kind
-    elif not verdict.solved:
+    elif not verdict.within:
         attempt = prove(claim)
     proof = attempt.proof if attempt else None
     status = verification.status(

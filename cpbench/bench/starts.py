@@ -198,7 +198,7 @@ def known_solution(problem: Problem, address: str, tolerance: float) -> Any:
     if found is None:
         raise NotApplicable("start perturbed", "the file has no solution to start near to")
     verdict = verification.judge(problem, found[0], tolerance)
-    if not verdict.solved:
+    if not verdict.within:
         raise NotApplicable(
             "start",
             f"the solution in the file does not solve it: error {verdict.error:.1e}, tolerance {tolerance:.0e}",

@@ -17,7 +17,7 @@ from cpbench.conversions.base import Conversion
 from cpbench.expressions import Map
 from cpbench.expressions.recording import MapRecorder, product
 from cpbench.formulations.base import Kind, Problem, Trace
-from cpbench.formulations.nlp import NLP, NLPPoint
+from cpbench.formulations.nlp import NLP, Convexity, NLPPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.matrices import Vector
@@ -74,12 +74,16 @@ class ProgramConditions(Conversion):
 
     def exactness(self, problem: Problem) -> Kind:
         assert isinstance(problem, NLP)
-        if not problem.convex:
+        if not problem.taken_as_convex:
             return Kind.NECESSARY
         return Kind.ONE_WAY if qualification.of_program(problem) else Kind.EQUIVALENT
 
     def reservation(self, problem: NLP) -> str:
-        if not problem.convex:
+        if problem.convexity is Convexity.REFUTED:
+            return (
+                "its second derivatives show that the program is not convex: a stationary point need not be a minimum"
+            )
+        if not problem.taken_as_convex:
             return "the program is not said to be convex, so that a stationary point need not be a minimum"
         return f"no constraint qualification is known: {qualification.of_program(problem)}"
 
@@ -87,7 +91,7 @@ class ProgramConditions(Conversion):
         """Return why the KKT system is neither necessary nor sufficient here: a minimum may have no multipliers, and
         a point with multipliers may be no minimum; else None.
         """
-        why = "" if problem.convex or self.qualified else qualification.of_program(problem)
+        why = "" if problem.taken_as_convex or self.qualified else qualification.of_program(problem)
         if not why:
             return None
         return f"{why}, so that a minimum may have no multipliers; where it has, use {self.name}[qualified=1]"

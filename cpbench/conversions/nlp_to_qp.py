@@ -15,8 +15,7 @@ import numpy as np
 from cpbench import matrices
 from cpbench.conversions import maps
 from cpbench.conversions.base import Conversion, conversions
-from cpbench.expressions import Map
-from cpbench.expressions.derivatives import second_derivative
+from cpbench.expressions.derivatives import has_constant_curvature
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.nlp import NLP, NLPPoint
 from cpbench.formulations.qp import QP, QPPoint
@@ -36,7 +35,7 @@ class NLPtoQP(Conversion):
 
     def obstacle(self, problem: NLP) -> str | None:
         why = maps.curved(problem.g, "g") or maps.curved(problem.h, "h")
-        if why is None and not is_quadratic(problem.f):
+        if why is None and not has_constant_curvature(problem.f):
             why = "f is not quadratic: its Hessian depends on z"
         return f"{why}; use nlp-micp" if why else None
 
@@ -61,10 +60,3 @@ class NLPtoQP(Conversion):
 
     def push(self, point: NLPPoint, trace: Trace) -> QPPoint:
         return QPPoint(**point.arrays())
-
-
-def is_quadratic(f: Map) -> bool:
-    """Return whether the Hessian of f is written without z."""
-    entries, _, _ = second_derivative(f)
-    used = np.concatenate([entries.left, entries.right, entries.outputs])
-    return not ((used >= 0) & (used < f.inputs)).any()

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 
 from cpbench.expressions import Map
 from cpbench.formulations.coneqp import ConeQP
-from cpbench.formulations.nlp import NLP
+from cpbench.formulations.nlp import NLP, Convexity
 from cpbench.formulations.sizes import least_squares
 from cpbench.formulations.vi import VI
-from cpbench.matrices import Vector, max_abs
+from cpbench.matrices import Matrix, Vector, max_abs
 from cpbench.product_cones import Cone
 
 ROUNDING = 1e-10
-"""Violation of an affine row, beside the size of its terms, that is none."""
+"""Distance from an affine row or a bound, beside what the terms of the rows and the point make of it, that is none."""
 NEAR, MARGIN = 1e-9, 1e-4
 """Distance from K, beside max|Ax + b|, that is none; how far inside a factor a point is, beside its first entry."""
 
@@ -53,22 +53,40 @@ class Constraints:
         """Number of rows of g and h that are not affine."""
         return int(self.curved.sum() + _curved(self.h).sum())
 
-    def no_slater(self) -> str:
-        """Return why the start is no point of Slater's, with the number; empty where it is one."""
+    def no_slater(self, *rows: tuple[Matrix, Vector, bool]) -> str:
+        """Return why the start is no point of Slater's, with the number; empty where it is one.
+
+        Affine rows and bounds may be missed by rounding. A point that misses none is then within that distance, so
+        that a curved row has to have more than its gradient makes of the distance.
+
+        Parameters
+        ----------
+        rows : further affine rows Az − b, as A, b, and whether they are 0 (True) or ≥ 0 (False).
+        """
         if not self.h.compiled.affine:
             return "h is not affine"
-        z = self.start
+        z, affine = self.start, ~self.curved
+        g, h = self.g.compiled, self.h.compiled
+        rows = ((g.M[affine], -g.q[affine], False), (h.M, -h.q, True), *rows)
+        slopes = [np.asarray(abs(A).sum(axis=1)).ravel() for A, _, _ in rows]
         with np.errstate(all="ignore"):
-            g, h = self.g(z), self.h(z)
-            near = ROUNDING * (1.0 + max(max_abs(z), max_abs(self.h.compiled.q), max_abs(self.g.compiled.q)))
+            terms = (abs(A) @ np.abs(z) + np.abs(b) for A, b, _ in rows)
+            reach = np.concatenate([term / slope for term, slope in zip(terms, slopes, strict=True)])
+            near = ROUNDING * (1.0 + max(max_abs(z), max_abs(reach[np.isfinite(reach)])))
             outside = float(np.max(np.maximum(self.lb - z, z - self.ub), initial=0.0))
-            inside, met = g[self.curved], g[~self.curved]
+            depth, steep = self.g(z)[self.curved], abs(self.g.jacobian(z)[self.curved]).sum(axis=1)
         if outside > near:
             return f"the start is {outside:.1e} outside the bounds"
-        if not (np.abs(h) <= near).all():
-            return f"the start has max|h| = {max_abs(h):.1e}"
-        if not ((inside > 0.0).all() and (met >= -near).all()):
-            return f"the start has a gᵢ = {g.min():.1e}"
+        for (A, b, equal), slope in zip(rows, slopes, strict=True):
+            missed = np.abs(A @ z - b) if equal else b - A @ z
+            if not (missed <= near * slope).all():
+                return f"the start misses an affine row by {missed.max():.1e}"
+        needed = near * np.asarray(steep).ravel()
+        if not (depth > needed).all():
+            i = int(np.argmin(depth - needed))
+            return (
+                f"the start has a gᵢ = {depth[i]:.1e} in a row that is not affine, needed is more than {needed[i]:.1e}"
+            )
         return ""
 
 
@@ -81,8 +99,9 @@ def of_program(problem: NLP) -> str:
     rows = Constraints.of_program(problem)
     if not rows.count:
         return ""
-    if not problem.convex:
-        return f"{rows.count} rows of g and h are not affine, and the program is not said to be convex"
+    if not problem.taken_as_convex:
+        known = "is not" if problem.convexity is Convexity.REFUTED else "is not said to be"
+        return f"{rows.count} rows of g and h are not affine, and the program {known} convex"
     return rows.no_slater()
 
 
@@ -94,11 +113,7 @@ def of_set(problem: VI) -> str:
     rows = Constraints(problem.g, h, *problem.box, problem.start)
     if not rows.count:
         return ""
-    slack, equality = problem.A @ problem.start - problem.b, problem.C @ problem.start - problem.d
-    violated = max(max_abs(np.minimum(slack, 0.0)), max_abs(equality))
-    if violated > ROUNDING * (1.0 + max(max_abs(problem.start), max_abs(problem.b), max_abs(problem.d))):
-        return f"the start misses the rows of A and C by {violated:.1e}"
-    return rows.no_slater()
+    return rows.no_slater((problem.A, problem.b, False), (problem.C, problem.d, True))
 
 
 def of_cone(problem: ConeQP) -> str:

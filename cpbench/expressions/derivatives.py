@@ -45,6 +45,13 @@ def second_derivative(F: Map) -> tuple[Map, Index, Index]:
     return _entries(to, rows)
 
 
+def has_constant_curvature(F: Map) -> bool:
+    """Return whether the second derivatives of F are written without z."""
+    entries, _, _ = second_derivative(F)
+    used = np.concatenate([entries.left, entries.right, entries.outputs])
+    return not ((used >= 0) & (used < F.inputs)).any()
+
+
 def gradient(to: Algebra, F: Map, inputs: list[int], weights: list[int]) -> Row:
     """Return the entries of F′ᵀw as operations of `to`; z and w are the values of the numbers `inputs` and
     `weights`.

@@ -3,18 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy.sparse as sp
 
+from cpbench import matrices
 from cpbench.cones import project_box
 from cpbench.errors import ProblemError
 from cpbench.expressions import Map
+from cpbench.expressions.derivatives import has_constant_curvature
 from cpbench.formulations.base import Point, Problem, Residuals, formulations, map_field, scaled, vector_field
 from cpbench.formulations.box import check_bounds
 from cpbench.formulations.models import program_of
 from cpbench.matrices import Vector, max_abs
+
+LARGEST = 20_000
+"""Operations of the largest map whose second derivatives are formed to check them."""
+
+
+class Convexity(StrEnum):
+    """Convexity of a program, as far as it is known."""
+
+    UNKNOWN = "unknown"
+    """It is not declared."""
+    DECLARED = "declared"
+    """The author's word: some second derivative is not constant, or the map is too large to check."""
+    CHECKED = "checked"
+    """All second derivatives are constants, f is convex and g concave."""
+    REFUTED = "refuted"
+    """It is declared, and constant second derivatives show the contrary."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +56,8 @@ class NLP(Problem):
     ‖∇f − ∇g λ − ∇h μ − ν‖; `primal` violation of the constraints, relative to the size of the Jacobians times z, or
     of z; `dual` violation of λ ≥ 0 and of the signs of ν at infinite bounds; `complementarity` |λᵀg| + |ν⁺ᵀ(z − lb)| +
     |ν⁻ᵀ(ub − z)|, relative to |f|. These are the conditions of Karush, Kuhn and Tucker: of a program that is not known
-    to be `convex` they do not say that z is a minimum, and an answer has the flag `stationary`.
+    to be convex (`convexity`) they do not say that z is a minimum, and an answer has the flag `stationary`; where only
+    its author says that it is, the flag `convexity declared`.
     """
 
     node: ClassVar[str] = "nlp"
@@ -54,7 +75,7 @@ class NLP(Problem):
     start: Vector = vector_field("n", fill=0.0)
 
     convex: bool = False
-    """Said by who made the problem: f convex, g concave, h affine. It is no fact that could be measured."""
+    """Whether its author says that f is convex, g concave and h affine; `convexity` has what can be checked of it."""
 
     @classmethod
     def from_mof(cls, text: str | bytes, **others: Any) -> NLP:
@@ -65,6 +86,21 @@ class NLP(Problem):
         check_bounds(self.node, self.lb, self.ub)
         if self.convex and not self.h.compiled.affine:
             raise ProblemError("nlp.convex", "is said of a problem whose h is not affine")
+
+    @cached_property
+    def convexity(self) -> Convexity:
+        """What is known of the convexity that is declared: second derivatives are checked where they are constants."""
+        if not self.convex:
+            return Convexity.UNKNOWN
+        constant = [F.operations <= LARGEST and has_constant_curvature(F) for F in (self.f, self.g)]
+        if (constant[0] and not _curves_up(self.f, 1.0)) or (constant[1] and not _curves_up(self.g, -1.0)):
+            return Convexity.REFUTED
+        return Convexity.CHECKED if all(constant) else Convexity.DECLARED
+
+    @property
+    def taken_as_convex(self) -> bool:
+        """Whether its convexity is declared and not refuted."""
+        return self.convexity in (Convexity.DECLARED, Convexity.CHECKED)
 
     @property
     def point_sizes(self) -> dict[str, int]:
@@ -107,4 +143,25 @@ class NLP(Problem):
             parts |= {f"{k}_relative": v for k, v in relative.items()}
             parts["objective"] = self.objective(z)
             finite = {k: float(np.minimum(absolute[k], relative[k])) if point.finite else np.inf for k in absolute}
-            return Residuals(measured=finite, parts=parts, flags=() if self.convex else ("stationary",))
+            return Residuals(measured=finite, parts=parts, flags=FLAGS[self.convexity])
+
+
+FLAGS = {
+    Convexity.UNKNOWN: ("stationary",),
+    Convexity.REFUTED: ("stationary",),
+    Convexity.DECLARED: ("convexity declared",),
+    Convexity.CHECKED: (),
+}
+
+
+def _curves_up(F: Map, sign: float) -> bool:
+    """Return whether `sign` times every row of F, whose second derivatives are constants, is convex."""
+    zero, weights = np.zeros(F.inputs), np.zeros(F.rows)
+    for row in np.flatnonzero(np.diff(F.compiled.C.indptr)).tolist():  # the others are affine
+        weights[:] = 0.0
+        weights[row] = sign
+        hessian = F.hessian(zero, weights)
+        kept = np.flatnonzero(np.diff(hessian.indptr))
+        if not matrices.is_psd(sp.csr_array(hessian[kept][:, kept])):
+            return False
+    return True

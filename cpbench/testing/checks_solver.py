@@ -105,9 +105,9 @@ def check_some_case_is_solved(solver: Solver, cases: list[Case]) -> None:
     """Check that a case is solved whose solution is not simply 0."""
     only_for(solver.spec.kind is not Kind.RELAXATION, "solvers of the whole law")
     for case in _open(solver, cases):
-        if not judge(case.problem, case.problem.zero_point(), TOLERANCE).solved:
+        if not judge(case.problem, case.problem.zero_point(), TOLERANCE).within:
             point = _run(solver, case).point
-            if point is not None and judge(case.problem, point, TOLERANCE).solved:
+            if point is not None and judge(case.problem, point, TOLERANCE).within:
                 return
     raise AssertionError("no planted case is solved")
 
@@ -213,7 +213,7 @@ def check_warm_starts_are_taken(solver: Solver, cases: list[Case]) -> None:
 
 
 def _solves(case: Case, output: SolverOutput) -> bool:
-    return output.point is not None and judge(case.problem, output.point, TOLERANCE).solved
+    return output.point is not None and judge(case.problem, output.point, TOLERANCE).within
 
 
 def check_histories_end_in_the_answer(solver: Solver, cases: list[Case]) -> None:

@@ -8,8 +8,8 @@ rᵢ(z) = 0, with yᵢ ≥ 0 and yᵢ rᵢ = 0 at inequalities (bounds among the
 with these signs: a slack is paid for by its product, so that no threshold says which rows are active. Both sums have no
 unit. First all w_j are equal; then w_j is what the terms of component j add up to in absolute value, those of the
 multipliers found first among them; of the two points the one with the smaller error counts. Free multipliers are
-eliminated by an orthogonal factorization, the others found by Lawson and Hanson's method (`scipy.optimize.nnls`; Solving
-Least Squares Problems, 1974, chapter 23).
+eliminated by an orthogonal factorization, the others found by Lawson and Hanson's method (`scipy.optimize.nnls`;
+Solving Least Squares Problems, 1974, chapter 23).
 
 None of this can make a wrong z pass: what comes out is measured as any other answer.
 """
@@ -105,7 +105,9 @@ def whole(problem: Problem, answer: Any, tolerance: float) -> tuple[Point, str]:
     if not isinstance(answer, Primal):
         return answer, ""
     names = ", ".join(name for name, size in problem.point_sizes.items() if size and name != answer.name)
-    remark = f"the answer is {answer.name} alone: cpbench computed {names} by least squares, they are no claim of a solver"
+    remark = (
+        f"the answer is {answer.name} alone: cpbench computed {names} by least squares, they are no claim of a solver"
+    )
     return completed(problem, answer, tolerance), remark
 
 

@@ -84,13 +84,13 @@ def status(
     kind : the weakest promise of the route and the solver. target : the verdict on the solver's own problem, at the
         tolerance that it was asked for; None where it is not known.
     """
-    met = target is not None and target.solved
-    missed = [v for v in (verdict, target) if v is not None and not v.solved]
+    met = target is not None and target.within
+    missed = [v for v in (verdict, target) if v is not None and not v.within]
     close = any(v.error <= INACCURATE_FACTOR * v.tolerance for v in missed)
     rules = (
-        (verdict.solved and "stationary" in verdict.flags and proven_unbounded, Status.UNBOUNDED),
-        (verdict.solved and "stationary" in verdict.flags, Status.STATIONARY),
+        (verdict.within and not verdict.solved and proven_unbounded, Status.UNBOUNDED),
         (verdict.solved, Status.SOLVED),
+        (verdict.within, Status.STATIONARY),
         (proven_infeasible, Status.INFEASIBLE),
         (proven_unbounded, Status.UNBOUNDED),
         (any("unresolvable" in v.flags for v in missed), Status.UNRESOLVABLE),

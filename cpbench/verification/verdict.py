@@ -22,19 +22,28 @@ class Verdict:
 
     Attributes
     ----------
-    solved : `error` is at most the tolerance. error : the backward error, or the measure that was named (NaN counts
-    as ∞). judged : the number that decides. parts : further measures, those of the literature among them.
-    flags : `direction` (accepted, but some contact slips or rolls more than 5° off), `contact` (accepted, but a
-    contact that carries load misses the law by more than a tenth), `stationary`, `absolute` (a part of the problem has
-    no constants), `unresolvable` (rounding alone may cause the error).
+    within : `error` is at most the tolerance, and rounding does not decide that. error : the backward error, or the
+    measure that was named (NaN counts as ∞). judged : the number that decides. parts : further measures, those of the
+    literature among them.
+    flags : `stationary` (conditions of optimality were measured, which do not show that the answer is a minimum),
+    `convexity declared` (they do if the problem is convex, as its author says), `direction` (accepted, but some contact
+    slips or rolls more than 5° off), `contact` (accepted, but a contact that carries load misses the law by more than a
+    tenth), `absolute` (a part of the problem has no constants), `unresolvable` (rounding alone may cause the error),
+    `multipliers completed` (they are not the author's, but computed here).
     """
 
     tolerance: float
-    solved: bool
+    within: bool
     error: float
     judged: Mapping[str, float] = field(default_factory=dict)
     parts: Mapping[str, float] = field(default_factory=dict)
     flags: tuple[str, ...] = ()
+
+    @property
+    def solved(self) -> bool:
+        """Whether the answer is a solution at the tolerance; a stationary point of a problem that is not convex is not
+        known to be one."""
+        return self.within and "stationary" not in self.flags
 
 
 def judge(problem: Problem, point: Any, tolerance: float, measure: str | None = None) -> Verdict:
@@ -80,12 +89,12 @@ def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None)
             flags.append("absolute")
         if max(error, tolerance) <= found.floor:
             flags.append("unresolvable")
-    solved = error <= tolerance and "unresolvable" not in flags
-    if solved and any(parts.get(f"{k}_angle [deg]", 0.0) > DIRECTION_DEGREES for k in ("slip", "rolling")):
+    within = error <= tolerance and "unresolvable" not in flags
+    if within and any(parts.get(f"{k}_angle [deg]", 0.0) > DIRECTION_DEGREES for k in ("slip", "rolling")):
         flags.append("direction")
-    if solved and measures.misses_the_law(problem, system, tolerance):
+    if within and measures.misses_the_law(problem, system, tolerance):
         flags.append("contact")
-    return Verdict(tolerance, solved, error, {measure or "backward": error}, parts, tuple(flags)), residuals
+    return Verdict(tolerance, within, error, {measure or "backward": error}, parts, tuple(flags)), residuals
 
 
 def measured(parts: Mapping[str, float], name: str, backward: float) -> float:
