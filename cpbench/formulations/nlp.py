@@ -20,8 +20,8 @@ from cpbench.formulations.box import check_bounds
 from cpbench.formulations.models import program_of
 from cpbench.matrices import Vector, max_abs
 
-LARGEST = 20_000
-"""Operations of the largest map whose second derivatives are formed to check them."""
+LARGEST = 2_000
+"""Operations of the largest map whose second derivatives are formed to check them, in a third of a second."""
 
 
 class Convexity(StrEnum):
