@@ -6,10 +6,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from cpbench import checking
+from cpbench.api import verdict_text
 from cpbench.bench import starts
 from cpbench.errors import CpbenchError
 from cpbench.formulations import Problem
 from cpbench.graph import Arrival
+from cpbench.verification import error_text
 
 
 def carried_starts(points: Sequence[Any], arrival: Arrival) -> tuple[list[Any], list[str]]:
@@ -30,12 +32,12 @@ def lines(problem: Problem, report: checking.CheckReport, tolerance: float) -> I
     if not report.how:
         yield f"check: not possible, no answer at {tolerance:.3g} to {target.node}: {'; '.join(report.tried)}"
         return
-    passes = "passes" if report.source.solved else "does not pass"
+    outcome = verdict_text.outcome(problem, report.source)
     note = "" if promise.exact else f"; the route is {promise}: it need not"
     yield f"check: {report.how}"
     yield from (f"  not used       {reason}" for reason in report.tried)
-    yield f"  error there    {report.target.error:.3g} on {target.node}"
-    yield f"  error here     {report.source.error:.3g} on {problem.node}, {passes} at {tolerance:.3g}{note}"
+    yield f"  error there    {error_text(report.target.error)} on {target.node}"
+    yield f"  error here     {error_text(report.source.error)} on {problem.node}, {outcome}{note}"
     if report.moved is not None:
         beside = f"{report.moved:.3g} at most over {checking.MOVES} answers moved by {checking.MOVED:.3g}"
         yield f"  amplification  {report.amplification:.3g} by the lift; {beside}"

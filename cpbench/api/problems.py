@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from cpbench.api.solution import Solution
 from cpbench.formulations.base import Kind, Point, Problem
+from cpbench.formulations.primal import Primal, primal_of
 
 if TYPE_CHECKING:
     from cpbench.graph import Apply, Arrival
@@ -164,29 +165,41 @@ def explain(problem: Problem, to: str) -> list[str]:
 
 def verify(
     problem: Problem,
-    answer: Solution | Point | Sequence[float],
+    answer: Solution | Point | Primal | Sequence[float],
     *,
     tolerance: float = 1e-6,
     measure: str | None = None,
 ) -> Verdict:
-    """Measure an answer from anywhere on a problem.
+    """Measure an answer from anywhere on a problem; the verdict is true in a condition where the answer solves it.
+
+    A stationary point of a problem that is not known to be convex does not: its verdict has `within` and the flag
+    `stationary`. An answer without multipliers gets those that suit it best; the flag `multipliers completed` says so.
 
     Parameters
     ----------
-    answer : a point, a vector of shape (n,) with the parts of a point one after the other, or a solution.
+    answer : a point, a vector of shape (n,) with the parts of a point one after the other or with its unknowns alone,
+        without multipliers, or a solution.
     tolerance : the largest error that passes. measure : one published number that decides instead of the backward error
         (``"natural"``, ``"fclib2018"``, ...).
 
-    Raises PointError when it has not the shape of an answer, UnknownName on a measure that is not of this formulation.
+    Raises PointError when it has not the shape of an answer or its multipliers cannot be computed, UnknownName on a
+    measure that is not of this formulation.
 
     >>> import cpbench
     >>> lcp = cpbench.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0])
     >>> cpbench.verify(lcp, [4 / 3, 7 / 3]).solved, cpbench.verify(lcp, [1.0, 2.0]).solved
     (True, False)
+    >>> qp = cpbench.QP.build(Q=[[2.0, 1.0], [1.0, 2.0]], p=[-5.0, -6.0], lb=[0.0, 0.0])
+    >>> cpbench.verify(qp, [4 / 3, 7 / 3]).flags
+    ('multipliers completed',)
     """
     from cpbench import verification
 
-    return verification.judge(problem, point_of(problem, answer), tolerance, measure)
+    given = answer if isinstance(answer, Solution | Point | Primal) else primal_of(problem, answer) or answer
+    whole = given if isinstance(given, Primal) else point_of(problem, given)
+    point, completed = verification.whole(problem, whole, tolerance)
+    verdict = verification.judge(problem, point, tolerance, measure)
+    return verification.marked(verdict) if completed else verdict
 
 
 def point_of(problem: Problem, answer: Solution | Point | Sequence[float]) -> Any:

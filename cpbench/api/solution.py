@@ -9,7 +9,7 @@ from typing import Any
 
 from cpbench.formulations.base import Kind, Problem
 from cpbench.matrices import Vector
-from cpbench.verification import MET_TOLERANCE, Status, Verdict
+from cpbench.verification import MET_TOLERANCE, Status, Verdict, error_text
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -66,7 +66,7 @@ class Solution:
             "status": str(self.status),
             "solver": self.solver,
             "route": self.route if self.kind == Kind.EQUIVALENT else f"{self.route} ({self.kind})",
-            "error": f"{self.error:.2g} measured, {self.tolerance:g} asked for",
+            "error": f"{error_text(self.error)} measured, {self.tolerance:g} asked for",
             "claim": self.claim,
             "flags": ", ".join(self.verdict.flags),
             "time": f"{1e3 * self.time:.3g} ms",

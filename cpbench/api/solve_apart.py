@@ -22,7 +22,7 @@ from cpbench.errors import CpbenchError, NoRoute
 from cpbench.plain_text import printable
 from cpbench.solvers.base import solvers
 from cpbench.storage.vectors import save_vector
-from cpbench.verification import MET_TOLERANCE, PROVEN
+from cpbench.verification import MET_TOLERANCE, PROVEN, error_text
 
 
 @dataclass(frozen=True)
@@ -50,10 +50,10 @@ class SolvedApart:
         if row.route:
             yield f"  route      {row.route} ({row.kind})"
         if row.error is not None:
-            yield f"  error      {row.error:.3g}, asked for {pair.tolerance:.3g}; claimed {row.claim}"
+            yield f"  error      {error_text(row.error)}, asked for {pair.tolerance:.3g}; claimed {row.claim}"
         if row.route != "direct" and row.target_error is not None:
             there, wanted = row.target_error, row.target_tolerance
-            yield f"  there      {there:.3g}, asked for {wanted:.3g}: the error on the solver's own problem"
+            yield f"  there      {error_text(there)}, asked for {wanted:.3g}: the error on the solver's own problem"
         if row.flags:
             yield f"  flags      {row.flags}"
         for name, value in json.loads(row.parts or "{}").items():

@@ -9,8 +9,10 @@ from pathlib import Path
 import click
 
 from cpbench import storage, verification
+from cpbench.api import verdict_text
 from cpbench.api.problems import load, verify
 from cpbench.cli.options import Command, format_option, measure_option, number, tolerance_option
+from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 from cpbench.generators.collection import address_text
@@ -38,8 +40,12 @@ def command(
     With --all-measures, show the measures of Siconos, FCLIB, PATH, OSQP, qpbenchmark and ContactBench, as far as they
     know the formulation. With --measure NAME, one of these numbers decides.
 
+    Where the formulation has multipliers, the other unknowns alone are an answer too: cpbench computes multipliers for
+    them and says so.
+
     With --rejudge, measure the stored answers of a results file again, without solving, and print the changes. The exit
-    code is 1 when the answer does not pass; with --rejudge, when a row was changed after the run, or when a status
+    code is 1 when the answer does not pass, or is only stationary (optimality conditions hold, and the problem is not
+    known to be convex); with --rejudge, when a row was changed after the run, or when a status
     changes by the row's own measure and tolerance.
     """
     if rejudge is not None and all_measures:
@@ -58,33 +64,30 @@ def command(
         raise click.UsageError("give a PROBLEM, or --rejudge RESULTS")
     loaded = load(problem, format=file_format)
     if answer is not None:
-        point = storage.load_answer(answer, loaded)
+        given = storage.load_answer(answer, loaded, primal=True)
     else:
         stored = storage.solution(problem)
         if stored is None:
             raise FormatError(problem, "solution", "is missing; give an answer with --answer FILE")
-        point = stored[0]
+        given = stored[0]
+    point, completed = verification.whole(loaded, given, tolerance)
     if all_measures:
         verdict, measures = verification.judge_by_all(loaded, point, tolerance, measure)
         lines = _table(measures, tolerance)
     else:
         verdict = verify(loaded, point, tolerance=tolerance, measure=measure)
-        lines = _parts(verdict)
-    word = "passes" if verdict.solved else "does not pass"
-    click.echo(f"{address_text(problem)}: error {number(verdict.error)}, {word} at {number(tolerance)}")
-    for line in lines:
-        click.echo(line)
-    if verdict.flags:
-        click.echo(f"  flags   {', '.join(verdict.flags)}")
+        lines = verdict_text.lines(verdict)
+    verdict = verification.marked(verdict) if completed else verdict
+    error = number(verdict.error) if measure else verification.error_text(verdict.error)
+    click.echo(f"{address_text(problem)}: error {error}, {verdict_text.outcome(loaded, verdict)}")
+    if completed:
+        click.echo(f"  {completed}")
+    if verdict.within and not verdict.solved:
+        print_lines(verdict_text.unbounded(loaded))
+    print_lines(lines)
+    print_lines(verdict_text.remarks(verdict))
     if not verdict.solved:
         sys.exit(1)
-
-
-def _parts(verdict: verification.Verdict) -> Iterator[str]:
-    for name, value in verdict.judged.items():
-        yield f"  judged  {name:<28} {number(value)}"
-    for name, value in verdict.parts.items():
-        yield f"          {name:<28} {number(value)}"
 
 
 def _table(measures: Sequence[verification.PublishedMeasure], tolerance: float) -> Iterator[str]:

@@ -25,7 +25,15 @@ from cpbench.verification.status import (
     Status,
     status,
 )
-from cpbench.verification.verdict import DIRECTION_DEGREES, Verdict, judge, judge_by_all, measured, no_answer
+from cpbench.verification.verdict import (
+    DIRECTION_DEGREES,
+    Verdict,
+    error_text,
+    judge,
+    judge_by_all,
+    measured,
+    no_answer,
+)
 
 __all__ = [
     "CHARGED_TO_ROUTE",
@@ -46,6 +54,7 @@ __all__ = [
     "Verdict",
     "certified_infeasible",
     "completed",
+    "error_text",
     "holds",
     "judge",
     "judge_by_all",

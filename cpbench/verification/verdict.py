@@ -45,6 +45,14 @@ class Verdict:
         known to be one."""
         return self.within and "stationary" not in self.flags
 
+    def __bool__(self) -> bool:
+        return self.solved
+
+
+def error_text(error: float) -> str:
+    """Return a backward error as a share of the problem's own terms; one above 1 is no share, its size says nothing."""
+    return f"{error:.3g}" if error <= 1.0 or not math.isfinite(error) else "above 1"
+
 
 def judge(problem: Problem, point: Any, tolerance: float, measure: str | None = None) -> Verdict:
     """Measure `point` on `problem`; raises PointError when it is not an answer to it.
