@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg as sl
+import scipy.sparse as sp
 
 from cpbench import matrices
 from cpbench.errors import PointError
@@ -72,7 +73,7 @@ class _LeastSquares:
     @cached_property
     def J(self) -> Dense:
         """Gradients of all conditions, (k, n)."""
-        return np.vstack([matrices.dense(some.J) for some in self.conditions])
+        return np.vstack([matrices.dense(some.J) for some in self.conditions if some.slack.size])
 
     @cached_property
     def slack(self) -> Vector:
@@ -106,7 +107,7 @@ def whole(problem: Problem, answer: Any, tolerance: float) -> tuple[Point, str]:
         return answer, ""
     names = ", ".join(name for name, size in problem.point_sizes.items() if size and name != answer.name)
     remark = (
-        f"the answer is {answer.name} alone: cpbench computed {names} by least squares, they are no claim of a solver"
+        f"the answer is {answer.name} alone: {names} were computed by cpbench (least squares), no solver claimed them"
     )
     return completed(problem, answer, tolerance), remark
 
@@ -131,7 +132,7 @@ def completed(problem: Problem, primal: Primal, tolerance: float = 1e-6) -> Poin
 def _candidates(problem: Problem, primal: Primal) -> Iterable[Point]:
     """Yield the points by equal weights and by those of the terms."""
     given = _stated(problem, primal.values)
-    n, k = given.F.size, sum(some.slack.size for some in given.conditions)
+    n, k = given.F.size, given.slack.size
     if (n + k) * k > LARGEST:
         raise PointError(f"{problem.node}: {k} multipliers of {n} unknowns are too many to compute: give them")
     largest = float(given.terms.max(initial=0.0))
@@ -181,7 +182,7 @@ def _rows(problem: Any, z: Vector) -> list[_Conditions]:
 def _bounds(problem: Any, z: Vector, name: str) -> list[_Conditions]:
     """Return lb ≤ z ≤ ub, with multipliers `name` that are positive at lb."""
     lb, ub = problem.box if isinstance(problem, VI) else (problem.lb, problem.ub)
-    unit, fixed = np.eye(z.size), lb == ub
+    unit, fixed = sp.eye_array(z.size, format="csr"), lb == ub
     both, low, high = (np.flatnonzero(at) for at in (fixed, np.isfinite(lb) & ~fixed, np.isfinite(ub) & ~fixed))
     return [
         _Conditions(name, both, unit[both], np.zeros(both.size), free=True),
@@ -195,7 +196,7 @@ def _cone_rows(problem: ConeQP, x: Vector) -> list[_Conditions]:
     kind = np.repeat(problem.K.kind, problem.K.size.astype(np.int64))
     if not np.isin(kind, (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE)).all():
         raise PointError("coneqp: multipliers are completed where all cones are orthants, {0} or ℝ: give y too")
-    A, s = matrices.dense(problem.A), problem.A @ x + problem.b
+    A, s = matrices.sparse(problem.A), problem.A @ x + problem.b
     zero, signed = np.flatnonzero(kind == Cone.ZERO), np.flatnonzero(kind == Cone.NONNEGATIVE)
     return [_Conditions("y", signed, A[signed], s[signed]), _Conditions("y", zero, A[zero], s[zero], free=True)]
 

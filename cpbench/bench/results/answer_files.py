@@ -22,7 +22,7 @@ from cpbench import storage
 from cpbench.errors import CpbenchError, FormatError, PointError
 from cpbench.exchange import Exchange, exchanges
 from cpbench.formulations.base import Problem
-from cpbench.formulations.primal import primal_alone, primal_of, primal_part
+from cpbench.formulations.primal import Primal, primal_alone, primal_of, primal_part
 from cpbench.solvers.base import Claim
 from cpbench.storage.hdf5_tree import SIGNATURE, open_tree
 
@@ -160,13 +160,21 @@ def _reader(entry: Path, exchange: str | None) -> Read:
 
 
 def _exchanged(exchange: Exchange, entry: Path, problem: Problem) -> Any:
-    """Return the answer in the form of an exchange; of a folder with a file for every part, the unknowns will do."""
-    files = {file.stem: file for file in entry.iterdir()} if entry.is_dir() else {}
-    if not primal_alone(problem, files):
-        return exchange.read_answer(entry, problem)
-    file = files[problem.primal]
+    """Return the answer in the form of an exchange; of a folder or a JSON object of parts, the unknowns will do."""
+    if entry.is_dir():
+        files = {file.stem: file for file in entry.iterdir()}
+        if primal_alone(problem, files):
+            return _unknowns(files[problem.primal], problem, storage.read_vector(files[problem.primal]))
+    elif exchange.name == "mof":
+        found = _object(entry)
+        if primal_alone(problem, found) and not {"primal", "dual"} & set(found):
+            return _unknowns(entry, problem, found[problem.primal])
+    return exchange.read_answer(entry, problem)
+
+
+def _unknowns(file: Path, problem: Problem, values: Any) -> Primal:
     try:
-        return primal_part(problem, storage.read_vector(file))
+        return primal_part(problem, values)
     except PointError as cause:
         raise FormatError(file, "", str(cause)) from None
 
