@@ -195,10 +195,19 @@ def index_dtype(*sizes: int) -> type[np.signedinteger[Any]]:
 def scaled_both(M: Matrix, s: Vector) -> Matrix:
     """Return diag(s) M diag(s), stored as M is; symmetric to the last bit where M is."""
     if not is_sparse(M):
-        return dense(M) * np.outer(s, s)
+        return _scaled(dense(M), s[:, None], s)
     scaled = sp.csr_array(M, copy=True)
-    scaled.data *= np.repeat(s, np.diff(scaled.indptr)) * s[scaled.indices]
+    scaled.data = _scaled(scaled.data, np.repeat(s, np.diff(scaled.indptr)), s[scaled.indices])
     return scaled
+
+
+def _scaled(values: Any, left: Any, right: Any) -> Any:
+    """Return values · left · right; where left · right is no number any more, the larger of the two is taken first."""
+    with np.errstate(over="ignore"):
+        both = left * right
+    if np.isfinite(both).all():
+        return values * both
+    return values * np.maximum(left, right) * np.minimum(left, right)
 
 
 def nnz(M: Matrix) -> int:

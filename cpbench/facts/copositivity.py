@@ -30,7 +30,11 @@ def copositivity(M: Matrix, name: str, known: Fact) -> tuple[Fact, Fact]:
     Units of the unknowns change neither, so that M is taken as S = `unit_diagonal(M)`. The number is the least value
     of xᵀSx found on the simplex, held against PSD_TOLERANCE.
     """
-    S = unit_diagonal(M)
+    with np.errstate(over="ignore", invalid="ignore"):
+        S = unit_diagonal(M)
+    if not np.isfinite(matrices.max_abs(S)):
+        why = f"entries overflow {SCALED}"
+        return undecided("copositive", name, why), undecided("copositive-plus", name, why)
     small = M.shape[0] <= FACES_LIMIT and matrices.max_abs(S) > 0.0
     minima = simplex_minima(matrices.dense(S)) if small else None
     copositive = _copositive(S, name, known, minima)

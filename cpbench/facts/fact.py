@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
@@ -60,6 +61,13 @@ class Fact:
     def record(self) -> dict[str, Any]:
         """Return plain values, for JSON."""
         return {**asdict(self), "how": str(self.how)}
+
+
+def decided(fact: Fact) -> Fact:
+    """Return the fact, or that it is not decided where the number behind it is not one: no comparison with NaN holds."""
+    if fact.number is None or not math.isnan(fact.number):
+        return fact
+    return undecided(fact.name, fact.matrix, "the numbers of the matrix overflow or underflow in the test")
 
 
 def _is_truth(value: object) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cpbench import matrices
 from cpbench.facts.copositivity import copositivity
-from cpbench.facts.fact import Fact, How
+from cpbench.facts.fact import Fact, How, decided
 from cpbench.facts.sign_classes import m_matrix, p_matrix, z_matrix
 from cpbench.facts.spectrum import SCALED, definiteness, rank, symmetry
 from cpbench.formulations import MLCP, Problem
@@ -36,7 +36,7 @@ def of_problem(problem: Problem) -> tuple[Fact, ...]:
         found.append(definiteness(whole, "[[A, C], [D, B]]"))
     if contact:
         found += _contact(problem, {f.matrix: f for f in found if f.name == "rank"})
-    return tuple(found)
+    return tuple(map(decided, found))
 
 
 def of_matrix(M: Matrix, name: str, *, square: bool | None = None, classes: bool = True) -> list[Fact]:

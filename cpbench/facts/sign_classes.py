@@ -196,7 +196,7 @@ def _by_minors(M: Matrix, name: str, blocks: list[NDArray[Any]]) -> Fact:
             minor = [int(rows[k]) for k in bad]
             exact = exact_minor(part, bad)
             if exact <= 0:
-                return _failed(name, minor, float(exact))
+                return _failed(name, minor, exact)
             where = _rows(minor)
             return undecided("P-matrix", name, f"the minor of {where} is positive, too near 0 to go on", float(exact))
         least = min(least, ratio)
@@ -235,10 +235,14 @@ def least_ratio(A: Dense) -> tuple[float, list[int] | None]:
 
 def _counterexample(M: Matrix, name: str, rows: list[int]) -> Fact:
     value = Fraction(float(M[rows[0], rows[0]])) if len(rows) == 1 else exact_minor(M, rows)
-    return _failed(name, rows, float(value))
+    return _failed(name, rows, value)
 
 
-def _failed(name: str, rows: list[int], value: float) -> Fact:
+def _failed(name: str, rows: list[int], minor: Fraction) -> Fact:
+    try:
+        value = float(minor)
+    except OverflowError:  # it is beyond the largest float
+        value = float("inf") if minor > 0 else float("-inf")
     return Fact("P-matrix", name, False, How.EXACT, value, evidence=f"principal minor of {_rows(rows)} is")
 
 

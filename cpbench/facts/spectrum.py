@@ -50,7 +50,10 @@ def definiteness(M: Matrix, name: str) -> Fact:
     label, tolerance = "definiteness", max(PSD_TOLERANCE, 4 * n * EPS)
     if n == 0:
         return Fact(label, name, "positive definite", How.EXACT, evidence="no rows")
-    S: Any = matrices.unit_diagonal(M)
+    with np.errstate(over="ignore", invalid="ignore"):
+        S: Any = matrices.unit_diagonal(M)
+    if not np.isfinite(matrices.max_abs(S)):
+        return undecided(label, name, f"entries overflow {SCALED}")
     values = eigenvalues(S)
     if values is not None:
         rounding = n * EPS * float(np.abs(values).max())
@@ -103,6 +106,8 @@ def rank(M: Matrix, name: str, *, known: Fact | None = None) -> Fact:
     if values is not None:
         tolerance = max(rows, cols) * EPS * float(values.max())
         kept = values[values > tolerance]
+        if not kept.size:  # the matrix is not 0, so that the largest is no finite number
+            return undecided(label, name, "singular values overflow")
         return Fact(
             label, name, int(kept.size), How.FACTORIZATION, float(kept.min()), tolerance, "least singular value kept"
         )

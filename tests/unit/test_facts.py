@@ -19,6 +19,7 @@ from cpbench.cli import cli
 from cpbench.expressions import Builder
 from cpbench.facts import How
 from cpbench.facts.copositivity import simplex_minima
+from cpbench.facts.fact import Fact, decided, undecided
 from cpbench.facts.sign_classes import exact_minor, least_ratio
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, Info, formulations
 from cpbench.formulations.contact import ContactProblem
@@ -339,3 +340,42 @@ def test_facts_agree_with_what_obstacles_ask() -> None:
                 known = facts.definiteness(stored, "M")
                 assert (known.value in ("positive definite", "positive semidefinite")) == matrices.is_psd(stored)
     assert facts.of_problem(LCP(M=np.eye(2), q=[0.0, 0]))[0].value is True
+
+
+# ---------------------------------------------------------------------------------------- the ends of the numbers
+
+
+def test_subnormal_entries_are_judged_in_their_own_units() -> None:
+    """diag(1e-309, 1) and (1e-310) are positive definite by definition, and so a P-matrix and strictly copositive."""
+    for M in (np.diag([1e-309, 1.0]), np.array([[1e-310]]), np.diag([5e-324, 1.0])):
+        found = {fact.name: fact for fact in facts.of_problem(LCP(M=M, q=np.zeros(len(M))))}
+        assert found["definiteness"].value == "positive definite"
+        assert (found["rank"].value, found["P-matrix"].value, found["copositive"].value) == (len(M), True, True)
+    indefinite = facts.of_problem(LCP(M=np.diag([-1e-309, 1.0]), q=np.zeros(2)))
+    assert {fact.name: fact.value for fact in indefinite}["definiteness"] == "indefinite"
+
+
+@pytest.mark.parametrize(
+    "M",
+    [
+        [[1e308, 1.7e308], [1.7e308, 1.0]],  # M + Mᵀ is no finite number
+        [[1e308, -1e308], [1e308, 1e308]],
+        [[5e-324, 1e300], [1e300, 5e-324]],
+        [[5e-324, 0.0], [0.0, 1e308]],
+        [[0.0, 1e-320], [1e-320, 0.0]],
+    ],
+)
+@pytest.mark.filterwarnings("ignore:overflow", "ignore:invalid value")
+def test_no_fact_rests_on_a_number_that_is_none(M: list[list[float]]) -> None:
+    for fact in facts.of_problem(LCP(M=M, q=np.zeros(2))):
+        assert fact.number is None or not np.isnan(fact.number), str(fact)
+        if fact.name in ("definiteness", "copositive", "copositive-plus"):
+            assert fact.value is None, str(fact)
+
+
+def test_a_fact_whose_number_is_nan_is_not_decided() -> None:
+    assert decided(Fact("rank", "M", 1, How.EXACT, float("nan"))) == undecided(
+        "rank", "M", "the numbers of the matrix overflow or underflow in the test"
+    )
+    known = Fact("rank", "M", 1, How.EXACT, 0.5)
+    assert decided(known) is known
