@@ -193,13 +193,13 @@ def verify(
     >>> cpbench.verify(qp, [4 / 3, 7 / 3]).flags
     ('multipliers completed',)
     """
-    from cpbench import verification
+    from cpbench import multipliers, verification
 
     given = answer if isinstance(answer, Solution | Point | Primal) else primal_of(problem, answer) or answer
     whole = given if isinstance(given, Primal) else point_of(problem, given)
-    point, completed = verification.whole(problem, whole, tolerance)
+    point, completed = multipliers.whole(problem, whole, tolerance)
     verdict = verification.judge(problem, point, tolerance, measure)
-    return verification.marked(verdict) if completed else verdict
+    return multipliers.marked(verdict) if completed else verdict
 
 
 def point_of(problem: Problem, answer: Solution | Point | Sequence[float]) -> Any:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import click
 
-from cpbench import storage, verification
+from cpbench import multipliers, storage, verification
 from cpbench.api import verdict_text
 from cpbench.api.problems import load, verify
 from cpbench.cli.options import Command, format_option, measure_option, number, tolerance_option
@@ -70,14 +70,14 @@ def command(
         if stored is None:
             raise FormatError(problem, "solution", "is missing; give an answer with --answer FILE")
         given = stored[0]
-    point, completed = verification.whole(loaded, given, tolerance)
+    point, completed = multipliers.whole(loaded, given, tolerance)
     if all_measures:
         verdict, measures = verification.judge_by_all(loaded, point, tolerance, measure)
         lines = _table(measures, tolerance)
     else:
         verdict = verify(loaded, point, tolerance=tolerance, measure=measure)
         lines = verdict_text.lines(verdict)
-    verdict = verification.marked(verdict) if completed else verdict
+    verdict = multipliers.marked(verdict) if completed else verdict
     error = number(verdict.error) if measure else verification.error_text(verdict.error)
     click.echo(f"{address_text(problem)}: error {error}, {verdict_text.outcome(loaded, verdict)}")
     if completed:

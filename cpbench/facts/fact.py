@@ -64,7 +64,7 @@ class Fact:
 
 
 def decided(fact: Fact) -> Fact:
-    """Return the fact, or that it is not decided where the number behind it is not one: no comparison with NaN holds."""
+    """Return the fact, or that it is not decided where the number behind it is NaN, with which no comparison holds."""
     if fact.number is None or not math.isnan(fact.number):
         return fact
     return undecided(fact.name, fact.matrix, "the numbers of the matrix overflow or underflow in the test")

@@ -46,10 +46,29 @@ class ContactProblem(_HasFriction, Problem):
     dimensions: ClassVar[tuple[int, ...]] = (2, 3)
     rows_of: ClassVar[str]
     """Name of the vector with one number a contact row (q or w)."""
+    no_slip: ClassVar[str] = "bilateral constraints, which gfc has in G and fcm in V and R, with free multipliers"
+    """How a contact that never slips is stated, where mu = inf would be asked of Coulomb's law."""
 
     dimension: int = 3
     sequence: Sequence | None = None
     contacts: Contacts | None = None
+
+    def __post_init__(self) -> None:
+        self._require_finite_friction()
+        super().__post_init__()
+
+    def _require_finite_friction(self) -> None:
+        """Raise ProblemError where a coefficient is infinite: Coulomb's law has no such limit, for a contact that is
+        open has no r_T, however large μ is; u_T = 0 with any r_T is another law, and linear."""
+        for name, moves, still in (("mu", "slips", "u_T = 0 with r_T free"), ("mu_r", "rolls", "ω = 0 with m free")):
+            given: Any = getattr(self, name, None)
+            value = matrices.dense(given) if sp.issparse(given) else np.asarray(given)
+            if value.dtype.kind != "f" or not np.isposinf(value).any():
+                continue
+            contact = int(np.argwhere(np.isposinf(value))[0][0])
+            law = f"a contact that never {moves} has {still}, open or not, which is linear"
+            how = self.no_slip if name == "mu" else ContactProblem.no_slip
+            raise ProblemError(f"{self.node}.{name}", f"is inf at contact {contact}: {law}: {how}")
 
     def check(self) -> None:
         d, rows, nc = self.dimension, getattr(self, self.rows_of).size, self.nc

@@ -29,6 +29,9 @@ class GlobalFrictionContact(GlobalContact):
         "K*_μ ∋ û ⟂ r ∈ K_μ",
     )
     point_type: ClassVar[type[Point]] = GFCPoint
+    no_slip: ClassVar[str] = (
+        "with T its tangential rows, set mu = 0 there and append H[:, T] to G and w[T] to b, so that lam has its r_T"
+    )
 
     M: Matrix = matrix_field("n", "n")
     H: Matrix = matrix_field("n", "m")

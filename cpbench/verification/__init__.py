@@ -11,7 +11,6 @@ from cpbench.verification.certificates import (
     reach,
     unpacked,
 )
-from cpbench.verification.multipliers import COMPLETED, completed, marked, whole
 from cpbench.verification.published import PublishedMeasure
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
@@ -37,7 +36,6 @@ from cpbench.verification.verdict import (
 
 __all__ = [
     "CHARGED_TO_ROUTE",
-    "COMPLETED",
     "DIRECTION_DEGREES",
     "FALSE_CLAIMS",
     "INACCURATE_FACTOR",
@@ -53,12 +51,10 @@ __all__ = [
     "Status",
     "Verdict",
     "certified_infeasible",
-    "completed",
     "error_text",
     "holds",
     "judge",
     "judge_by_all",
-    "marked",
     "measured",
     "no_answer",
     "packed",
@@ -66,5 +62,4 @@ __all__ = [
     "reach",
     "status",
     "unpacked",
-    "whole",
 ]

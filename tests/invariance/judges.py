@@ -22,7 +22,7 @@ Judge = Callable[[Any, Any, float], tuple[bool, float]]
 
 def cpbench_judge(problem: Any, point: Any, tolerance: float) -> tuple[bool, float]:
     verdict = verification.judge(problem, point, tolerance)
-    return verdict.solved, verdict.error
+    return verdict.within, verdict.error
 
 
 def rows_one_by_one(problem: Any, point: Any, tolerance: float) -> tuple[bool, float]:

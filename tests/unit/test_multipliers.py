@@ -19,10 +19,11 @@ from cpbench.errors import PointError
 from cpbench.exchange import exchanges
 from cpbench.formulations import NLP, QP, VI, ConeQP, Point, Problem
 from cpbench.formulations.primal import Primal, primal_of
+from cpbench.multipliers import COMPLETED, completed
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.testing import planted, planted_conic, planted_nonlinear
 from cpbench.testing.planted_nonlinear import graph as formula
-from cpbench.verification import COMPLETED, completed, judge
+from cpbench.verification import judge
 
 LINEAR = ProductCone.of((Cone.NONNEGATIVE, 1, 4), (Cone.ZERO, 1, 2), (Cone.FREE, 1, 1))
 

@@ -151,7 +151,9 @@ def test_a_stationary_point_of_a_nonconvex_qp_is_not_called_solved() -> None:
     """min −½z² on [−1, 1]: z = 0 is stationary (a maximum), and the status says no more."""
     problem = QP.build(-np.eye(1), np.zeros(1), lb=[-1.0], ub=[1.0])
     verdict = judge(problem, QPPoint(z=[0.0], lam=[], mu=[], nu=[0.0]), 1e-6)
-    assert verdict.solved
+    assert verdict.within
+    assert not verdict.solved
+    assert not verdict
     assert status(verdict, "solved") == Status.STATIONARY
 
 

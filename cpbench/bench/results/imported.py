@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cpbench import storage, verification
+from cpbench import multipliers, storage, verification
 from cpbench.bench import machine
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results import answer_files, answers
@@ -169,10 +169,10 @@ def _judged(pair: Pair, answer: ForeignAnswer | None, reported: Reported, origin
         try:
             problem: Problem = storage.load(pair.address, format=pair.format)
             begun = time.perf_counter()
-            point, message = verification.whole(problem, answer.read(problem), pair.tolerance)
+            point, message = multipliers.whole(problem, answer.read(problem), pair.tolerance)
             verdict = verification.judge(problem, point, pair.tolerance, pair.measure)
             if message:
-                verdict = verification.marked(verdict)
+                verdict = multipliers.marked(verdict)
             verify, blob = time.perf_counter() - begun, answers.pack(point)
         except (FormatError, PointError) as refusal:
             message = f"the answer is not valid: {refusal}"

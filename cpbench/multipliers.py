@@ -36,7 +36,7 @@ from cpbench.formulations.qp import QP
 from cpbench.formulations.vi import VI
 from cpbench.matrices import Dense, Matrix, Vector
 from cpbench.product_cones import Cone
-from cpbench.verification.verdict import Verdict, judge
+from cpbench.verification import Verdict, judge
 
 COMPLETED = "multipliers completed"
 """Flag of a verdict on an answer whose multipliers are not its author's but computed here."""
