@@ -150,7 +150,7 @@ def _answer(problem: Problem, solver: str | None, tolerance: float, seconds: flo
 def _verified(found: Solution | None) -> Solution | None:
     if found is None or found.point is None:
         return None
-    return found if verify(found.problem, found, tolerance=ACCEPTED).solved else None
+    return found if verify(found.problem, found, tolerance=ACCEPTED).within else None
 
 
 def require_flint() -> None:

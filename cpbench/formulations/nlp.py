@@ -52,12 +52,13 @@ class NLPPoint(Point):
 class NLP(Problem):
     """min f(z) subject to g(z) ≥ 0, h(z) = 0, lb ≤ z ≤ ub (bounds may be infinite).
 
-    Measured, in the ∞-norm, each the smaller of the absolute and the relative value: `stationarity`
-    ‖∇f − ∇g λ − ∇h μ − ν‖; `primal` violation of the constraints, relative to the size of the Jacobians times z, or
-    of z; `dual` violation of λ ≥ 0 and of the signs of ν at infinite bounds; `complementarity` |λᵀg| + |ν⁺ᵀ(z − lb)| +
-    |ν⁻ᵀ(ub − z)|, relative to |f|. These are the conditions of Karush, Kuhn and Tucker: of a program that is not known
-    to be convex (`convexity`) they do not say that z is a minimum, and an answer has the flag `stationary`; where only
-    its author says that it is, the flag `convexity declared`.
+    `residuals`, by which solvers stop, decides no verdict (`cpbench.verification` has its own error). It has, in the
+    ∞-norm, each the smaller of the absolute and the relative value: `stationarity` ‖∇f − ∇g λ − ∇h μ − ν‖; `primal`
+    violation of the constraints, relative to the size of the Jacobians times z, or of z; `dual` violation of λ ≥ 0 and
+    of the signs of ν at infinite bounds; `complementarity` |λᵀg| + |ν⁺ᵀ(z − lb)| + |ν⁻ᵀ(ub − z)|, relative to |f|.
+    These are the conditions of Karush, Kuhn and Tucker: of a program that is not known to be convex (`convexity`) they
+    do not say that z is a minimum, and an answer has the flag `stationary`; where only its author says that it is, the
+    flag `convexity declared`.
     """
 
     node: ClassVar[str] = "nlp"

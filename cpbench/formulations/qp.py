@@ -38,9 +38,10 @@ class QPPoint(Point):
 class QP(Problem):
     """min ½zᵀQz + pᵀz subject to Az ≥ b, Cz = d, lb ≤ z ≤ ub (bounds may be infinite; b may be -inf nowhere).
 
-    Measured, in the ∞-norm, each the smaller of the absolute and the relative value: `stationarity`
-    ‖Qz + p − Aᵀλ − Cᵀμ − ν‖; `primal` violation of the constraints; `dual` violation of λ ≥ 0 and of the signs of ν
-    at infinite bounds; `gap` between the primal and the dual objective.
+    `residuals`, by which solvers stop, decides no verdict (`cpbench.verification` has its own error). It has, in the
+    ∞-norm, each the smaller of the absolute and the relative value: `stationarity` ‖Qz + p − Aᵀλ − Cᵀμ − ν‖; `primal`
+    violation of the constraints; `dual` violation of λ ≥ 0 and of the signs of ν at infinite bounds; `gap` between the
+    primal and the dual objective.
     """
 
     node: ClassVar[str] = "qp"
