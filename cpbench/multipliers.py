@@ -40,8 +40,8 @@ from cpbench.verification import Verdict, judge
 
 COMPLETED = "multipliers completed"
 """Flag of a verdict on an answer whose multipliers are not its author's but computed here."""
-LARGEST = 2e7
-"""Entries of the largest least-squares matrix, 160 MB; with so many the method takes about a minute."""
+LARGEST = 6e6
+"""Entries of the largest least-squares matrix, 48 MB; with so many the method takes about half a minute."""
 RANK = 1e-12
 """Pivot, beside the first, below which a gradient of an equality depends on the others."""
 
