@@ -106,9 +106,8 @@ def whole(problem: Problem, answer: Any, tolerance: float) -> tuple[Point, str]:
     if not isinstance(answer, Primal):
         return answer, ""
     names = ", ".join(name for name, size in problem.point_sizes.items() if size and name != answer.name)
-    remark = (
-        f"the answer is {answer.name} alone: {names} were computed by cpbench (least squares), no solver claimed them"
-    )
+    how = "computed by cpbench (least squares), no solver claimed them"
+    remark = f"the answer is {answer.name} alone: its multipliers ({names}) were {how}"
     return completed(problem, answer, tolerance), remark
 
 

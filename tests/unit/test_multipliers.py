@@ -166,7 +166,7 @@ def test_verify_takes_the_unknowns_alone_and_says_so(tmp_path: Path, asked: Path
             np.savetxt(file, z, fmt="%.17g")
         done = command(tmp_path, "verify", f"{asked}::qp-0", "--answer", form)
         assert done.returncode == code, done.stderr
-        assert "the answer is z alone: lam, mu, nu were computed by cpbench" in done.stdout
+        assert "the answer is z alone: its multipliers (lam, mu, nu) were computed by cpbench" in done.stdout
         assert f"flags   {COMPLETED}" in done.stdout
 
 
