@@ -79,5 +79,7 @@ def command(
         f"{address_text(case.address)}: {case.asked.predicate} with {data_size(reduced.problem)} numbers of "
         f"{data_size(reduced.source)}, {counted(reduced.tried, 'solve')}"
     )
+    if not reduced.complete:
+        click.echo("  not to the end: the time was over; the same command goes on, --minutes gives it longer")
     for path in written.files:
         click.echo(f"  {path}")
