@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cpbench.api.certifying import certify
 from cpbench.bench.planning.plan import Limits
 from cpbench.bench.results.sealed import sealed
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Problem
+from cpbench.verification import PROVEN
 
 if TYPE_CHECKING:
     from cpbench.diagnosis.attempts import SolverTrial
-    from cpbench.diagnosis.diagnose import Diagnosis
+    from cpbench.diagnosis.deadline import Deadline
+    from cpbench.diagnosis.diagnosis import Diagnosis
 
 SECONDS = 10.0
 """Limit of a solve [s], where none is given."""
+MINUTES = 2.0
+"""Time of a whole explanation by the command."""
+CERTIFIED = ("lcp", "relay", "mlcp", "avi", "qp", "fc", "fcm", "gfc", "ncp", "micp", "equation")
+"""Formulations for which a proof of a solution is known (`certificates`)."""
+CERTIFIED_SIZE = 200
+"""Unknowns up to which a certificate is looked for here: exact systems of this size take about a second."""
+CERTIFIED_SECONDS = 5.0
+"""Time of a certificate [s]."""
 
 
 def diagnose(
@@ -30,7 +44,7 @@ def diagnose(
     via: Sequence[str] = (),
     start: Any = None,
 ) -> Diagnosis:
-    """Say why a solver fails: the first cause, its evidence, and the remedies that were tried, in this process.
+    """Say why a solver fails: the first confirmed cause and the remedies that were tried, in this process.
 
     Parameters
     ----------
@@ -39,7 +53,8 @@ def diagnose(
 
     Returns
     -------
-    Diagnosis : its `cause` is None where the solver does not fail, or no cause was found.
+    Diagnosis : its `cause` is proved, or the same solver succeeds without it; None where there is no such cause, and
+        where the solver does not fail. `suspected` are properties that were not confirmed.
 
     Raises UnknownName.
 
@@ -58,14 +73,57 @@ def diagnose(
     return diagnosed(trial)
 
 
-def diagnose_apart(trial: SolverTrial, limits: Limits) -> Diagnosis:
-    """Do the same with every solve in another process, which is stopped at the limits."""
+def diagnose_apart(
+    trial: SolverTrial, limits: Limits, *, minutes: float, say: Callable[[str], None], address: str
+) -> Diagnosis:
+    """Do the same with every solve in another process, which is stopped at the limits; solvers by others are remedies.
+
+    `minutes` : time of it all; what is found by then is returned. `say` : takes a line on what is being tried.
+    `address` : of the problem, for the command that certifies it.
+    """
     from cpbench.diagnosis.apart import Apart
     from cpbench.diagnosis.attempts import attempt
+    from cpbench.diagnosis.deadline import Deadline
     from cpbench.diagnosis.diagnose import diagnose as diagnosed
 
-    with Apart(limits.threads, limits.memory) as run:
-        return diagnosed(trial, partial(attempt, run=run))
+    deadline = Deadline.after(60.0 * minutes)
+    with Apart(limits.threads, limits.memory, deadline, say) as run:
+        found = diagnosed(trial, partial(attempt, run=run), say=say, deadline=deadline, foreign=True)
+    none = found.failed.status in PROVEN or (found.cause is not None and found.cause.kind in PROVEN)
+    if found.complaint is None or none:
+        return found
+    return replace(found, certificate=_certified(found, deadline, say, address))
+
+
+def _certified(found: Diagnosis, deadline: Deadline, say: Callable[[str], None], address: str) -> str:
+    """Return what a certificate says of the most accurate answer, or why none was made; '' where no proof is known."""
+    from cpbench.diagnosis.deadline import Deadline, OutOfTime
+
+    problem = found.failed.trial.problem
+    if problem.node not in CERTIFIED:
+        return ""
+    right = [(one.error, one.answer) for one in found.tried if one.works]
+    right += [(found.failed.error, found.failed.answer)] if found.failed.solved else []
+    answer = min(right, key=lambda one: one[0], default=(math.inf, None))[1]
+    unknowns = sum(problem.point_sizes.values())
+    if answer is None:
+        why = "no answer that meets the tolerance is known here"
+    elif unknowns > CERTIFIED_SIZE:
+        why = f"{unknowns} unknowns, it is quick to {CERTIFIED_SIZE}"
+    elif importlib.util.find_spec("flint") is None:
+        why = "python-flint is not installed: pip install 'cpbench[certify]'"
+    else:
+        seconds = min(CERTIFIED_SECONDS, deadline.left)
+        say(f"trying certify, at most {seconds:.2g} s")
+        try:
+            certificate = Deadline.after(seconds).run(lambda: certify(problem, answer, seconds=seconds))
+        except OutOfTime:
+            why = f"it was not done in {seconds:.2g} s"
+        else:
+            level, distance = certificate.level, certificate.distance
+            known = f": a solution is within {distance:.1e} of the answer's size" if math.isfinite(distance) else ""
+            return f"{level}{known} (cpbench certify {address})"
+    return f"not run, {why}: cpbench certify {address} looks for a proof of the true answer"
 
 
 def trial_of(

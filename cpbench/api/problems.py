@@ -133,9 +133,9 @@ def explain(problem: Problem, to: str) -> list[str]:
 
     Parameters
     ----------
-    to : a formulation: a line on each exact route that refuses, and one on what leads there. Or a solver: the first
-        cause of its failure, with what was tried against it, as `cpbench explain` says it (`cpbench.diagnose` returns
-        the same as data).
+    to : a formulation: a line on each exact route that refuses, and one on what leads there. Or a solver: the
+        confirmed cause of its failure, or those suspected, with what was tried against it, as `cpbench explain` says
+        it (`cpbench.diagnose` returns the same as data).
 
     Raises UnknownName where it is neither.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
     from rich.console import Group
 
 MINUTE = 60.0
+PAUSE = 1.0
+"""Seconds without a line after which a step has one."""
 ROOM = 4
 """Lines of a terminal that no row of the live table may take: head and end of the table, and what is below it."""
 LARGE = 50e6
@@ -140,6 +143,49 @@ class Display:
         from rich.progress import track
 
         return track(items, description=label, console=Console(file=sys.stderr), transient=True)
+
+
+class Steps:
+    """Steps of a command as lines on stderr, each with the seconds since the start; nothing when quiet.
+
+    A step is printed when nothing was for `pause` seconds, even while it lasts, so that a short command prints none. A
+    context manager, which ends the waiting.
+    """
+
+    def __init__(self, quiet: bool, pause: float = PAUSE) -> None:
+        self._quiet, self._pause = quiet, pause
+        self._began = time.monotonic()
+        self._printed = self._began - pause / 2.0  # the interpreter has started before
+        self._timer: threading.Timer | None = None
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> Steps:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop()
+
+    def say(self, step: str) -> None:
+        """Note a step, which begins."""
+        self._stop()
+        if self._quiet:
+            return
+        wait = max(0.0, self._printed + self._pause - time.monotonic())
+        self._timer = threading.Timer(wait, self._print, (step,))
+        self._timer.daemon = True
+        self._timer.start()
+
+    def _print(self, step: str) -> None:
+        with self._lock:
+            if threading.current_thread() is self._timer:  # else the next step has begun
+                self._printed = time.monotonic()
+                click.echo(f"{self._printed - self._began:5.1f} s  {step}", err=True)
+
+    def _stop(self) -> None:
+        with self._lock:
+            if self._timer is not None:
+                self._timer.cancel()
+            self._timer = None
 
 
 def compiling(solver: str) -> str:

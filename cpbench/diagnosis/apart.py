@@ -7,7 +7,7 @@ What comes back is a claim and numbers; they are measured by whoever asked.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import GRACE, LOAD, WARM_UP
 from cpbench.bench.worker_pool import describe_exit
 from cpbench.diagnosis.attempts import Raw, flat, named, solve_here
+from cpbench.diagnosis.deadline import Deadline
 from cpbench.formulations.base import Problem
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget
@@ -30,10 +31,18 @@ TEXTS, ARRAYS = ("status", "claim", "message"), ("answer", "certificate", "resid
 
 
 class Apart:
-    """A process in which solvers are run; a context manager, which ends it. `memory` : bytes it may add, 0: any."""
+    """A process in which solvers are run; a context manager, which ends it. `memory` : bytes it may add, 0: any.
+    `deadline` : what runs then is stopped, a compilation too. `say` : takes a line on what it does."""
 
-    def __init__(self, threads: int = 1, memory: int = 0) -> None:
-        self._context, self._memory = context(threads), memory
+    def __init__(
+        self,
+        threads: int = 1,
+        memory: int = 0,
+        deadline: Deadline | None = None,
+        say: Callable[[str], None] | None = None,
+    ) -> None:
+        self._context, self._memory, self._deadline = context(threads), memory, deadline or Deadline()
+        self._say = say or (lambda line: None)
         self._child: Child | None = None
         self._folder = tempfile.TemporaryDirectory(prefix="cpbench-explain-")
 
@@ -51,7 +60,10 @@ class Apart:
         request = {"path": str(path), "solver": text, "tolerance": budget.tolerance, "seconds": budget.seconds}
         vectors = {} if start is None else {"start": flat(start)}
         try:
+            start_too = "" if self._child is not None else "starting a process, "
+            self._say(f"{start_too}loading {text} (compiling it, once on this machine)")
             self._ask({"warm": text}, {}, WARM_UP.limit())
+            self._say(f"{text} solves, at most {budget.seconds:.3g} s")
             reply, arrays = self._ask(request, vectors, LOAD.floor + budget.seconds + GRACE)
             return _raw(reply, arrays)
         except TimedOut:
@@ -69,11 +81,13 @@ class Apart:
     def _ask(
         self, request: Mapping[str, Any], vectors: Mapping[str, Any], seconds: float
     ) -> tuple[dict[str, Any], dict[str, Any]]:
+        if not self._deadline.left:
+            raise TimedOut
         if self._child is None:
             self._child = Child(self._context, _main, (self._memory,), memory=self._memory)
         self._child.forget()
         self._child.send(frames.pack(request, vectors))
-        reply = frames.unpack(self._child.receive(seconds), frames.UNTRUSTED_HEADER)
+        reply = frames.unpack(self._child.receive(min(seconds, self._deadline.left)), frames.UNTRUSTED_HEADER)
         self._child.warm()
         return reply
 

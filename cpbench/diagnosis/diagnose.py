@@ -2,146 +2,178 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 from cpbench import verification
 from cpbench.diagnosis.attempts import SolverTrial, TrialOutcome, attempt
 from cpbench.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.diagnosis.causes import DETECTORS
-from cpbench.diagnosis.remedies import others
-
-TRIES = 4
-"""Remedies that are tried at most."""
-
-
-@dataclass(frozen=True, eq=False)
-class Tried:
-    """A remedy with its outcome. `error` : on the problem that was asked. `works` : whether it meets the tolerance of
-    the remedy."""
-
-    remedy: Remedy
-    attempt: TrialOutcome
-    error: float
-    works: bool
-
-    def __str__(self) -> str:
-        outcome = f"error {self.error:.1e}" if self.attempt.answer is not None else self.attempt.message
-        return f"{self.remedy.text}: {'works' if self.works else self.attempt.status}, {outcome}"
+from cpbench.diagnosis.complaint import NOTICEABLE, Complaint, complaint_of
+from cpbench.diagnosis.deadline import Deadline, OutOfTime
+from cpbench.diagnosis.diagnosis import Diagnosis, Suspect, Tried
+from cpbench.diagnosis.remedies import TRIES, choice, families
+from cpbench.solvers.base import Claim
+from cpbench.verification import Status
 
 
-@dataclass(frozen=True, eq=False)
-class Diagnosis:
-    """Reasons for which a trial fails, and what was tried.
+def diagnose(
+    trial: SolverTrial,
+    attempt: Callable[[SolverTrial], TrialOutcome] = attempt,
+    *,
+    say: Callable[[str], None] | None = None,
+    deadline: Deadline | None = None,
+    foreign: bool = False,
+) -> Diagnosis:
+    """Solve; where that fails look for the first confirmed cause, and for remedies that work.
 
-    Attributes
+    Parameters
     ----------
-    failed : what became of it. cause : the first cause, None where none was found, or where it does not fail.
-    confirmed : the evidence is a proof, or the same solver solves the nearest problem without the cause; None where
-    there is no such problem to try. tried : remedies, the last of them the one that works, where one does.
-    also : other causes that were found.
+    attempt : solves. say : takes a line on what is being tried. deadline : end of it all; none by default.
+    foreign : whether solvers by others are remedies, too; they may hang or die, which only `apart` survives.
+
+    A cause is one that is proved, or without which the same solver succeeds; the first in the order of
+    `causes.DETECTORS` ends the search. Those before it are suspected only. At the deadline what was found so far is
+    returned.
     """
+    inquiry = _Inquiry(trial, attempt, say or (lambda line: None), deadline or Deadline(), foreign)
+    return inquiry.diagnosis()
 
-    failed: TrialOutcome
-    cause: Cause | None
-    confirmed: bool | None = None
-    tried: tuple[Tried, ...] = ()
-    also: tuple[Cause, ...] = ()
 
-    @property
-    def fails(self) -> bool:
-        """Whether there is anything to explain."""
-        return not self.failed.solved
+@dataclass
+class _Inquiry:
+    """State of a diagnosis, which may end at any time."""
 
-    @property
-    def remedy(self) -> Tried | None:
-        """The remedy that works."""
-        return next((one for one in self.tried if one.works), None)
+    trial: SolverTrial
+    attempt: Callable[[SolverTrial], TrialOutcome]
+    say: Callable[[str], None]
+    deadline: Deadline
+    foreign: bool
+    complaint: Complaint = field(init=False)
+    case: FailedTrial = field(init=False)
+    suspected: list[Suspect] = field(default_factory=list)
+    cause: Cause | None = None
+    confirming: Tried | None = None
+    tried: list[Tried] = field(default_factory=list)
 
-    def lines(self) -> Iterator[str]:
-        """Yield what was found, for a reader."""
-        trial = self.failed.trial
-        yield f"{trial.problem.name or trial.problem.node} by {trial.solver}: {self.failed.status}"
-        if not self.fails:
-            yield f"  nothing to explain: error {self.failed.error:.1e}, asked for {trial.tolerance:.1e}"
+    def diagnosis(self) -> Diagnosis:
+        """Do all of it, or what the time allows."""
+        trial = self.trial
+        self.say(f"{trial.solver} on {trial.problem.name or trial.problem.node}, at most {trial.seconds:g} s")
+        try:
+            failed = self._solve(trial)
+        except OutOfTime:
+            late = TrialOutcome(
+                trial=trial, status=Status.TIMEOUT, message="the time of the explanation was over before"
+            )
+            return Diagnosis(late, Complaint("error"), unfinished="nothing was looked at")
+        try:
+            complaint = complaint_of(failed, self._fastest(failed))
+        except OutOfTime:
+            return Diagnosis(failed, unfinished="its time was not compared with that of the automatic choice")
+        if complaint is None:
+            return Diagnosis(failed)
+        self.complaint = complaint
+        self.case = FailedTrial(trial, failed, self._solve)
+        unfinished = self._look()
+        try:
+            self._remedies()
+        except OutOfTime:
+            unfinished = "; ".join(filter(None, [unfinished, "not all remedies were tried"]))
+        return Diagnosis(
+            failed,
+            self.complaint,
+            self.cause,
+            tuple(self.suspected),
+            tuple(self.tried),
+            unfinished=unfinished,
+        )
+
+    def _solve(self, trial: SolverTrial) -> TrialOutcome:
+        """Solve in the time that is left; raises OutOfTime where that decides the outcome."""
+        left = self.deadline.left
+        if not left:
+            raise OutOfTime
+        found = self.deadline.run(lambda: self.attempt(replace(trial, seconds=min(trial.seconds, left))))
+        if (found.status == Status.TIMEOUT and left < trial.seconds) or not self.deadline.left:
+            raise OutOfTime
+        return found
+
+    def _fastest(self, failed: TrialOutcome) -> float:
+        """Return the seconds of the automatic choice, where a right answer took so long that they matter."""
+        own = choice(self.trial.problem)
+        right = failed.solved and failed.raw.claim == Claim.SOLVED
+        if not right or failed.raw.seconds < NOTICEABLE or own is None or own == failed.trial.named[0].spec.name:
+            return math.inf
+        self.say(f"{own}, to compare its time")
+        found = self._solve(replace(self.trial, solver=own, via=()))
+        return found.raw.seconds if found.solved else math.inf
+
+    def _look(self) -> str:
+        """Look for causes until one is confirmed; returns what was not looked at when the time was over."""
+        for k, detect in enumerate(DETECTORS):
+            name = detect.__name__.replace("_", " ")
+            self.say(f"looking for a cause: {name}")
+            try:
+                cause = self.deadline.run(lambda detect=detect: detect(self.case))
+            except OutOfTime:
+                left = ", ".join(one.__name__.replace("_", " ") for one in DETECTORS[k:])
+                return f"causes that were not looked for: {left}"
+            if cause is None:
+                continue
+            if cause.proved:
+                self.cause = cause
+                return ""
+            try:
+                check = self._without(cause)
+            except OutOfTime:
+                self.suspected.append(Suspect(cause, None))
+                left = ", ".join(one.__name__.replace("_", " ") for one in DETECTORS[k + 1 :])
+                return f"{cause.kind} was not checked to the end; causes that were not looked for: {left}"
+            if check is not None and check.works:
+                self.cause, self.confirming = cause, check
+                return ""
+            self.suspected.append(Suspect(cause, check))
+        return ""
+
+    def _without(self, cause: Cause) -> Tried | None:
+        """Try the problem without the cause; None where there is none to try."""
+        if cause.without is None:
+            return None
+        self.say(f"checking {cause.kind}: the same solver with {cause.change}, at most {cause.without.seconds:g} s")
+        remedy = next((one for one in cause.remedies if one.trial is cause.without), None)
+        return self._measured(remedy or Remedy(text=cause.change, trial=cause.without))
+
+    def _remedies(self) -> None:
+        """Try the remedies of the cause, and of those suspected, until one works; then each family of other solvers.
+
+        None are tried where a proof says that there is no solution.
+        """
+        if self.cause is not None and self.cause.proved and self.cause.kind in verification.PROVEN:
             return
-        if self.failed.answer is not None:
-            yield f"  error      {self.failed.error:.2e}, asked for {trial.tolerance:.1e}"
-        if self.failed.message:
-            yield f"  message    {' '.join(self.failed.message.split())}"
-        if self.cause is None:
-            yield "  cause      none was found"
-        else:
-            yield f"  cause      {self.cause.kind}: {self.cause.evidence}"
-            if not self.cause.proved and self.cause.change and self.confirmed is not None:
-                word = "solves" if self.confirmed else "fails as well on"
-                yield f"  check      the same solver {word} it with {self.cause.change}"
-        for cause in self.also:
-            yield f"  also       {cause.kind}: {cause.evidence}"
-        for one in self.tried:
-            yield f"  tried      {one}"
+        named = [self.cause] if self.cause is not None else [one.cause for one in self.suspected]
+        known = [self.confirming, *(one.check for one in self.suspected)]
+        for remedies in ([one for cause in named for one in cause.remedies], *families(self.case, self.foreign)):
+            tries = 0
+            for remedy in remedies:
+                ready = next((one for one in known if one is not None and one.remedy is remedy), None)
+                if ready is None:
+                    self.say(f"trying {remedy.text}, at most {remedy.trial.seconds:g} s")
+                    ready = self._measured(remedy)
+                elif not ready.works:
+                    continue  # it was the check of a cause that is suspected
+                if ready.attempt.status in (Status.UNSUPPORTED, Status.UNAVAILABLE):
+                    continue
+                self.tried.append(ready)
+                tries += 1
+                if ready.works or tries == TRIES:
+                    break
 
-
-def diagnose(trial: SolverTrial, attempt: Callable[[SolverTrial], TrialOutcome] = attempt) -> Diagnosis:
-    """Solve, and where that fails look for the first cause and for a remedy that works.
-
-    A cause that is proved comes first; then one without which the same solver succeeds, then one that could not be
-    tested so, and last one without which it fails as well; each in the order of `causes.DETECTORS`.
-    """
-    failed = attempt(trial)
-    if failed.solved:
-        return Diagnosis(failed, None)
-    case = FailedTrial(trial, failed, attempt)
-    found: list[tuple[Cause, bool | None, Tried | None]] = []
-    for detect in DETECTORS:
-        cause = detect(case)
-        if cause is None:
-            continue
-        again = _without(case, cause)
-        confirmed = True if cause.proved else None if again is None else again.works
-        found.append((cause, confirmed, again))
-        if confirmed:
-            break
-    found.sort(key=lambda one: (True, None, False).index(one[1]))
-    if not found:
-        return Diagnosis(failed, None, tried=tuple(_tried(case, None, None)))
-    cause, confirmed, again = found[0]
-    return Diagnosis(
-        failed,
-        cause,
-        confirmed,
-        tuple(_tried(case, cause, again)),
-        tuple(other for other, _, _ in found[1:]),
-    )
-
-
-def _without(case: FailedTrial, cause: Cause) -> Tried | None:
-    """Try the problem without the cause; None where that is not known, or not needed."""
-    if cause.proved or cause.without is None:
-        return None
-    remedy = next((one for one in cause.remedies if one.trial is cause.without), None)
-    remedy = remedy or Remedy(text=cause.change, trial=cause.without)
-    return _measured(case, remedy, case.attempt(remedy.trial))
-
-
-def _tried(case: FailedTrial, cause: Cause | None, again: Tried | None) -> Iterator[Tried]:
-    """Try remedies until one works; none where a proof says that there is no solution."""
-    if cause is not None and cause.proved and cause.kind in verification.PROVEN:
-        return
-    own = cause.remedies if cause is not None else ()
-    for k, remedy in enumerate([*own, *others(case)]):
-        if k >= TRIES:
-            return
-        ready = again if again is not None and again.remedy is remedy else None
-        outcome = ready or _measured(case, remedy, case.attempt(remedy.trial))
-        yield outcome
-        if outcome.works:
-            return
-
-
-def _measured(case: FailedTrial, remedy: Remedy, found: TrialOutcome) -> Tried:
-    """Measure the answer of a remedy on the problem that was asked."""
-    if remedy.back is None or found.answer is None:
-        return Tried(remedy, found, found.error, found.solved)
-    verdict = verification.judge(case.problem, remedy.back(found.answer), case.trial.tolerance)
-    return Tried(remedy, found, verdict.error, verdict.solved)
+    def _measured(self, remedy: Remedy) -> Tried:
+        """Run a remedy, and measure its answer on the problem that was asked."""
+        found = self._solve(remedy.trial)
+        if remedy.back is None or found.answer is None:
+            return Tried(remedy, found, found.error, self.complaint.met(found, found.solved))
+        verdict = verification.judge(self.trial.problem, remedy.back(found.answer), self.trial.tolerance)
+        return Tried(remedy, found, verdict.error, self.complaint.met(found, verdict.solved))

@@ -1,4 +1,4 @@
-"""The nearest simple problem whose matrix is regular, or definite: a multiple of the identity is added to it."""
+"""The nearest simple problem whose matrix is regular, definite or dominated by its diagonal, which is raised."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from cpbench import matrices
 from cpbench.diagnosis.attempts import SolverTrial
-from cpbench.matrices import Matrix
+from cpbench.matrices import Matrix, Vector
 
 MATRIX = {"lcp": "M", "relay": "M", "avi": "M", "mlcp": "A", "qp": "Q", "fc": "W"}
 """The matrix of each formulation that is shifted."""
@@ -37,6 +37,21 @@ def shifted(trial: SolverTrial, *, definite: bool = False) -> SolverTrial | None
     return replace(trial, problem=replace(problem, **changed))
 
 
-def _plus(K: Matrix, size: float) -> Matrix:
-    n = K.shape[0]
-    return sp.csr_array(K + size * sp.eye_array(n)) if matrices.is_sparse(K) else K + size * np.eye(n)
+def dominated(trial: SolverTrial) -> SolverTrial | None:
+    """Return the trial on the problem with the diagonal of its matrix raised to twice the other entries of its row.
+
+    Sweeps over such a matrix contract, by half each. None for formulations without such a matrix.
+    """
+    problem: Any = trial.problem
+    name = MATRIX.get(problem.node)
+    if name is None or not getattr(problem, name).shape[0]:
+        return None
+    K: Matrix = getattr(problem, name)
+    diagonal = np.asarray(K.diagonal(), dtype=float)
+    others = np.asarray(abs(sp.csr_array(K)).sum(axis=1), dtype=float).ravel() - np.abs(diagonal)
+    return replace(trial, problem=replace(problem, **{name: _plus(K, np.maximum(2.0 * others - diagonal, 0.0))}))
+
+
+def _plus(K: Matrix, size: float | Vector) -> Matrix:
+    added = np.broadcast_to(size, K.shape[0])
+    return sp.csr_array(K + sp.diags_array(added)) if matrices.is_sparse(K) else K + np.diag(added)

@@ -3,7 +3,8 @@
 The order is that in which they are looked for: what the problem or the question excludes, what the solver was not
 allowed, what the problem lacks, what the iterates show, and last what a solver merely says. Pairs that are both zero
 come before a way back that loses digits and before a singular block: without them both are the same, so that a solver
-that then succeeds copes with these.
+that then succeeds copes with these. The overall magnitude comes after units that lie apart, which have one too, and
+masses before hyperstatic contacts: with even masses these stay, while what makes them determined evens masses.
 """
 
 from collections.abc import Callable
@@ -18,6 +19,8 @@ from cpbench.diagnosis.causes.infeasible import infeasible
 from cpbench.diagnosis.causes.interior import no_interior
 from cpbench.diagnosis.causes.iterations import iterations
 from cpbench.diagnosis.causes.lost import lost
+from cpbench.diagnosis.causes.magnitude import magnitude
+from cpbench.diagnosis.causes.masses import masses
 from cpbench.diagnosis.causes.nonmonotone import nonmonotone
 from cpbench.diagnosis.causes.refused import refused
 from cpbench.diagnosis.causes.rounding import rounding
@@ -38,6 +41,8 @@ DETECTORS: tuple[Callable[[FailedTrial], Cause | None], ...] = (
     time_limit,
     start,
     scale,
+    magnitude,
+    masses,
     hyperstatic,
     nonmonotone,
     singular,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.diagnosis.case import Cause, FailedTrial
+from cpbench.diagnosis.shifted import dominated
 from cpbench.matrices import Vector
 
 SAME = 1e-6
@@ -26,6 +27,8 @@ def cycling(case: FailedTrial) -> Cause | None:
         kind="cycling",
         evidence=f"its iterates repeat with period {p} up to iteration {last}, and move by {moved:.1e} of their size",
         numbers={"period": p, "moved": moved, "last": last},
+        without=dominated(case.trial),
+        change="the diagonal of its matrix raised to twice the rest of each row, so that sweeps contract",
     )
 
 

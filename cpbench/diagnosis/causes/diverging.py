@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.diagnosis.case import Cause, FailedTrial
+from cpbench.diagnosis.shifted import dominated
 
 GROWN = 1e3
 """By how much the iterates have to grow in the second half of what was kept."""
@@ -13,7 +14,7 @@ GROWN = 1e3
 def diverging(case: FailedTrial) -> Cause | None:
     """Measure the growth of the iterates, each with the next, over the second half of those that were kept."""
     X = case.failed.raw.iterates
-    if len(X) < 6:
+    if len(X) < 6 or case.failed.solved:
         return None
     with np.errstate(all="ignore"):
         sizes = np.abs(X).max(axis=1)
@@ -27,4 +28,6 @@ def diverging(case: FailedTrial) -> Cause | None:
         kind="diverging",
         evidence=f"its iterates grow by a factor of {factor:.3g} each, to {half[-1]:.1e}",
         numbers={"factor": factor, "size": float(half[-1])},
+        without=dominated(case.trial),
+        change="the diagonal of its matrix raised to twice the rest of each row, so that sweeps contract",
     )

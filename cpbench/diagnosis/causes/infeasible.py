@@ -14,6 +14,8 @@ SECONDS = 5.0
 
 def infeasible(case: FailedTrial) -> Cause | None:
     """Look for multipliers that contradict the problem's linear conditions, in rational arithmetic (Farkas)."""
+    if case.failed.solved:
+        return None
     trial = case.trial
     seconds = min(SECONDS, trial.seconds)
     proof = verification.prove(case.problem, Infeasible.kind, seconds=seconds, tolerance=trial.tolerance).proof

@@ -10,4 +10,4 @@ def refused(case: FailedTrial) -> Cause | None:
     """Repeat the obstacle that was named."""
     if case.failed.status not in (Status.UNSUPPORTED, Status.UNAVAILABLE):
         return None
-    return Cause(kind=str(case.failed.status), evidence=case.failed.message)
+    return Cause(kind=str(case.failed.status), evidence=case.failed.message, proved=True)

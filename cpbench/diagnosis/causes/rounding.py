@@ -14,6 +14,8 @@ ABOVE = 10.0
 
 def rounding(case: FailedTrial) -> Cause | None:
     """Compare the tolerance with the rounding floor of the measured error, at the answer or at a known one."""
+    if case.failed.solved:
+        return None
     floor = case.failed.floor or floor_of(case.problem, case.known)
     if floor < case.trial.tolerance:
         return None

@@ -14,6 +14,8 @@ SECONDS = 5.0
 
 def unbounded(case: FailedTrial) -> Cause | None:
     """Look for a feasible point and a ray along which the objective falls for ever, in rational arithmetic."""
+    if case.failed.solved:
+        return None
     trial = case.trial
     seconds = min(SECONDS, trial.seconds)
     proof = verification.prove(case.problem, Unbounded.kind, seconds=seconds, tolerance=trial.tolerance).proof
