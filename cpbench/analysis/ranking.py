@@ -155,7 +155,11 @@ def formulation(group: ResultGroup, groups: Sequence[ResultGroup]) -> str:
 
 
 def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Collection[str]) -> Ranking:
-    hopeless = started["fingerprint"].isin(started.loc[started["status"].isin(PROVEN), "fingerprint"].unique())
+    # a problem with a verified answer counts, whatever a proof says: that is a contradiction
+    proved = started["status"].isin(PROVEN) & ~started["fingerprint"].isin(
+        started.loc[rows_of.met(started), "fingerprint"]
+    )
+    hopeless = started["fingerprint"].isin(started.loc[proved, "fingerprint"].unique())
     rows = started[~hopeless]
     cases = rows["fingerprint"].nunique()
     problems = rows["fingerprint"].map(multi_start.original).nunique()

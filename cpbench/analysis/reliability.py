@@ -7,7 +7,7 @@ What a solver says of its answer (the claim) and what was measured of it (the ve
     does not                modest      honest
 
 A solver speaks of the problem that it was given: what it solved there is solved here, whatever became of the answer on
-the way back.
+the way back. A claim that there is no solution is false beside a verified answer (`table.contradicted`).
 
 Rates come with Wilson's score interval (JASA 22, 1927), which stays within [0, 1] and says something also for 0 or all
 of n. It takes pairs for independent; among problems of one family they are not, and `bootstrap.intervals` of
@@ -26,7 +26,7 @@ import pandas as pd
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.means import Array
 from cpbench.analysis.participation import REFUSED
-from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, MET_TOLERANCE, Status
+from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, MET_TOLERANCE, PROVEN, Status
 
 CLAIMED = "solved"
 """The claim that is compared with the verdict."""
@@ -77,8 +77,9 @@ def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
     Left out is what says nothing of a claim: rows that were read off a history, which have none, answers that rounding
     decides, and those of a solver that drops a term, whose own problem nobody has.
 
-    Columns: true (claimed solved, is), false (claimed, is not), modest (not claimed, is), honest (neither),
-    correct (fraction of claims that hold, NaN without claims), low, high (Wilson interval of it).
+    Columns: true (claimed solved, is), false (claimed, is not; or claimed to have no solution, has one), modest (not
+    claimed, is), honest (neither), correct (fraction of claims that hold, NaN without claims), low, high (Wilson
+    interval of it).
 
     >>> rows = pd.DataFrame({"label": ["a"] * 4, "status": ["solved", "wrong", "solved", "failed"],
     ...                      "claim": ["solved", "solved", "max_iter", "failed"], "target_error": math.nan})
@@ -88,7 +89,8 @@ def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
     unmeasured = (group["status"] == str(Status.APPROXIMATE)) & group["target_error"].isna()
     nothing = unmeasured | (group["claim"] == "") | (group["status"] == str(Status.UNRESOLVABLE))
     judged = group.loc[group["status"].isin(JUDGED) & ~nothing, ["label", "status", "claim"]]
-    claimed, done = judged["claim"] == CLAIMED, judged["status"].isin(MET)
+    denied = rows_of.contradicted(group)[judged.index]
+    claimed, done = (judged["claim"] == CLAIMED) | denied, judged["status"].isin(MET) & ~denied
     labels = sorted(group["label"].unique())
 
     def count(which: pd.Series[bool]) -> pd.Series[int]:
@@ -141,12 +143,19 @@ def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
 
 def false_claims(table: pd.DataFrame) -> pd.DataFrame:
     """Return rows whose solver claims to have solved the problem it was given, against the error that was judged
-    there.
+    there, or that there is no solution, beside a verified answer.
 
     Older files call a row of a route that promises less than an answer wrong also where the solver met its target.
     """
     missed = rows_of.exact(table) | (table["target_error"] > target_tolerance(table))
-    return table[(table["claim"] == CLAIMED) & table["status"].isin(FALSE_CLAIMS) & missed]
+    lies = (table["claim"] == CLAIMED) & table["status"].isin(FALSE_CLAIMS) & missed
+    return table[lies | rows_of.contradicted(table)]
+
+
+def unproved(table: pd.DataFrame) -> pd.DataFrame:
+    """Return rows with a claim that there is no solution, neither proved nor contradicted by a verified answer."""
+    silent = (*MET_TOLERANCE, *PROVEN)
+    return table[table["claim"].isin(PROVEN) & ~table["status"].isin(silent) & ~rows_of.contradicted(table)]
 
 
 def target_tolerance(table: pd.DataFrame) -> pd.Series[float]:

@@ -19,7 +19,7 @@ import pandas as pd
 from cpbench.analysis.codes import Integers, by_appearance, codes, order
 from cpbench.errors import StoreError
 from cpbench.formulations.base import Kind
-from cpbench.verification import MET_TOLERANCE, VERIFIED, Status
+from cpbench.verification import MET_TOLERANCE, PROVEN, VERIFIED, Status
 
 Floats: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 Matrix: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
@@ -41,6 +41,8 @@ NO_ANSWER = "no answer in the folder"
 """Message of an imported row whose problem nobody answered."""
 STATUSES = tuple(str(s) for s in Status)
 """Every status, from the best outcome to the least informative: the order of all tables."""
+CONTRADICTED = "contradicted"
+"""Column of a normalised table: claims that there is no solution, beside a verified answer."""
 CHARGED = ("convert", "setup", "solve", "lift")
 """Columns whose sum is a solver's time. Reading the file and judging the answer are nobody's merit or fault."""
 
@@ -58,7 +60,8 @@ class ResultGroup:
 
 
 def normalised(table: pd.DataFrame, columns: Collection[str] = ()) -> pd.DataFrame:
-    """Copy a table with every column present, text never missing, numbers numeric, error and rows in a fixed order.
+    """Copy a table with every column present, text never missing, numbers numeric, error and rows in a fixed order,
+    and with the column CONTRADICTED.
 
     `columns` : what is asked for, where that is not everything; what tells rows apart comes with it.
 
@@ -79,6 +82,8 @@ def normalised(table: pd.DataFrame, columns: Collection[str] = ()) -> pd.DataFra
     if nameless.any():
         known["fingerprint"] = known["fingerprint"].where(~nameless, known["problem"])
     clean = pd.DataFrame(known, index=table.index, copy=False)
+    if not columns:  # found from all rows: groups of them, and reports without some, would miss what contradicts
+        clean[CONTRADICTED] = contradicted(clean)
     places = order(clean)
     if places is not None:
         clean = clean.take(places)
@@ -107,6 +112,35 @@ def solved(table: pd.DataFrame) -> pd.Series[bool]:
 def met(table: pd.DataFrame) -> pd.Series[bool]:
     """Return whether the answer of each row was measured to meet the tolerance: solved, or stationary."""
     return table["status"].isin(MET_TOLERANCE)
+
+
+def contradicted(table: pd.DataFrame) -> pd.Series[bool]:
+    """Return whether each row claims that its problem has no solution, while another row has a verified answer to it.
+
+    Such a claim is false. It is compared where the route is equivalent (a target of another one may have no solution
+    though its source has), with answers by the same measure at the row's tolerance or a tighter one. A stationary
+    point is feasible: it contradicts `infeasible`, not `unbounded`. A row that has a proof, or a verified answer of its
+    own, is not such a claim.
+
+    >>> rows = {"problem": "p", "label": ["s", "t"], "status": ["solved", "failed"], "claim": ["solved", "infeasible"],
+    ...         "kind": "equivalent", "tolerance": 1e-6}
+    >>> contradicted(normalised(pd.DataFrame(rows))).tolist()
+    [False, True]
+    """
+    if CONTRADICTED in table:
+        return table[CONTRADICTED].astype(bool)
+    found = pd.Series(False, index=table.index)
+    if not {"claim", "kind", "fingerprint", "measure", "tolerance"} <= set(table):
+        return found
+    open_rows = ~table["status"].isin((*MET_TOLERANCE, *PROVEN)) & (table["kind"] == str(Kind.EQUIVALENT))
+    for claim, statuses in ((Status.INFEASIBLE, MET_TOLERANCE), (Status.UNBOUNDED, VERIFIED)):
+        claims = table[open_rows & (table["claim"] == str(claim))]
+        if len(claims):
+            problem = ["fingerprint", "measure"]
+            tightest = table[table["status"].isin(statuses)].groupby(problem)["tolerance"].min()
+            there = tightest.reindex(pd.MultiIndex.from_frame(claims[problem])).to_numpy()
+            found[claims.index] = there <= claims["tolerance"].to_numpy()
+    return found
 
 
 def counting_stationary(table: pd.DataFrame) -> pd.DataFrame:

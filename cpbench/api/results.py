@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from cpbench.analysis.comparison import Comparison
+    from cpbench.analysis.contradictions import Contradiction
     from cpbench.analysis.ranking import Ranking
 
 
@@ -57,6 +58,14 @@ class Results:
     def frame(self) -> pd.DataFrame:
         """The rows: problem, solver, status, error, solve [s] and all else that was measured; a copy."""
         return self._rows.copy()
+
+    @cached_property
+    def contradictions(self) -> list[Contradiction]:
+        """Rows that cannot all be right, whoever is wrong: claims, answers and verdicts on one problem."""
+        from cpbench.analysis import contradictions
+        from cpbench.analysis import table as rows_of
+
+        return contradictions.of_results(self.meta, rows_of.normalised(self._rows))
 
     @cached_property
     def rankings(self) -> list[Ranking]:
@@ -155,11 +164,15 @@ class Results:
         return len(self._rows)
 
     def __repr__(self) -> str:
-        sentences = [ranking.sentence for ranking in self.rankings]
+        sentences = [*self._contradicted, *(ranking.sentence for ranking in self.rankings)]
         return "\n".join([f"Results of {counted(len(self), 'pair')} in {self.path.name}", *sentences, *self.remarks])
 
+    @property
+    def _contradicted(self) -> list[str]:
+        return [f"contradiction: {one}" for one in self.contradictions]
+
     def _repr_html_(self) -> str:
-        parts: list[str] = []
+        parts = [f"<p>{html.escape(line)}</p>" for line in self._contradicted]
         for ranking in self.rankings:
             head = "".join(f"<th>{name}</th>" for name in ("solver", "solved", "median [s]", "× fastest", "route"))
             rows = "".join(

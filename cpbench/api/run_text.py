@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -13,10 +14,12 @@ from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.plain_text import printable
 from cpbench.plurals import counted, summary
-from cpbench.verification import Status
+from cpbench.verification import CONTRADICTION, Status
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from cpbench.analysis.contradictions import Contradiction
 
 MANY = 100
 """Number of pairs from which on the duration of a run is estimated."""
@@ -79,13 +82,16 @@ def title(plan: RunPlan) -> str:
     return f"The {plan.suite} suite" if plan.suite else plan.results.stem
 
 
-def ending(plan: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame) -> Ending:
+def ending(
+    plan: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame, found: Sequence[Contradiction]
+) -> Ending:
     """Return the outcome of a run; it failed where rows are missing or removed, or as `fail_on` says.
 
     Parameters
     ----------
-    table : all rows of the store.
+    table : all rows of the store. found : the contradictions between them.
     """
+    from cpbench.analysis.contradictions import involving
     from cpbench.analysis.remarks import remarks
 
     counts = store.counts()
@@ -100,6 +106,8 @@ def ending(plan: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame)
     if gaps:
         failures.append(f"rows are missing: {', '.join(gaps)}; the same command goes on")
     listed = planned_run.failures(store, plan, assembly.pairs)
+    if CONTRADICTION in plan.fail_on:
+        listed += Counter({CONTRADICTION: len(involving(found, (pair.key for pair in assembly.pairs)))})
     if listed:
         failures.append(f"{summary(listed)} (--fail-on)")
     broken = len(store.opened.broken)

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import storage
+from cpbench.api.cross_examination import cross_examine
 from cpbench.api.results import Results
 from cpbench.bench import planned_run
 from cpbench.bench.execution import SilentObserver, execute_plan
@@ -96,6 +97,7 @@ def run(
         return True
 
     def finished(store: Store, assembly: Assembly) -> None:
+        cross_examine(store, say=remarks.append)
         remarks.extend(f"rows are missing: {gap}; the same call goes on" for gap in planned_run.gaps(store, assembly))
 
     with _environment_kept():

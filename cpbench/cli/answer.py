@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cpbench.analysis import contradictions
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import lacking_lines, unreached_lines, unreached_summary
 from cpbench.analysis.ranking import RankedSolver, Ranking, rankings
+from cpbench.api.cross_examination import contradiction_lines
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
-from cpbench.cli.terminal import folded, width
+from cpbench.cli.terminal import folded, print_lines, width
 from cpbench.report.text import counted, seconds
 from cpbench.report.throughput_section import HEAD, TITLE, throughput_lines
 
@@ -37,9 +39,12 @@ def print_results(path: str) -> None:
 
 
 def print_answer(store: Store) -> None:
-    """Print the rankings of all formulations, then a sentence each."""
+    """Print the contradictions, the rankings of all formulations, then a sentence each."""
     table, meta = rows_of.normalised(store.table()), store.meta()
     ranked = rankings(table, meta.get("solvers"))
+    print_lines(
+        [line for found in contradiction_lines(contradictions.of_results(meta, table)) for line in folded(found)]
+    )
     for ranking in ranked:
         _print_ranking(ranking)
     _print_throughputs(throughput_lines(table))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import click
 
+from cpbench.api.cross_examination import contradiction_lines, cross_examine
 from cpbench.api.import_text import remarks
 from cpbench.bench.planning.selection import addresses
 from cpbench.bench.results.imported import ELSEWHERE, Origin, import_answers
@@ -78,7 +79,9 @@ def command(
             command=shlex.join(["cpbench", *sys.argv[1:]]),
             force=force,
         )
+        found = cross_examine(store, say=lambda line: click.echo(line, err=True))
     print_lines(remarks(done), err=True)
+    print_lines(contradiction_lines(found))
     summary = ", ".join(f"{n} {status}" for status, n in done.counts.most_common())
     click.echo(f"{counted(sum(done.counts.values()), 'problem')}, {solver} from {machine}: {summary}")
     click.echo(f"results: {output}")

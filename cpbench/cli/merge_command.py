@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from cpbench.api.cross_examination import contradiction_lines, cross_examine
 from cpbench.bench.results.merge import PREFER, merge
 from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command
@@ -28,8 +29,10 @@ def command(results: tuple[Path, ...], output: Path, mixed: bool, prefer: str | 
     """
     remarks = merge(results, output, mixed=mixed, prefer=prefer or "")
     print_lines((f"mixed: {line}" for line in remarks), err=True)
-    with Store(output) as store:
+    with Store(output, create=True) as store:
+        found = cross_examine(store, say=lambda line: click.echo(line, err=True))
         counts, notes = store.counts(), store.meta().get("seals", [])
     print_lines((f"{line}; they are sealed anew as they are" for line in notes), err=True)
+    print_lines(contradiction_lines(found))
     click.echo(f"{counted(sum(counts.values()), 'pair')} of {counted(len(results), 'file')}: {summary(counts)}")
     click.echo(f"results: {output}")

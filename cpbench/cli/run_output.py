@@ -40,6 +40,7 @@ def print_removed(store: Store) -> None:
 def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> None:
     """Certify answers where asked, print the answer and the last lines, and write the report; exits with 1 where the
     run failed."""
+    from cpbench.api.cross_examination import cross_examine
     from cpbench.cli.answer import print_answer
 
     print_lines(run_text.refused(assembly.refused), err=True)
@@ -50,9 +51,10 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> No
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):
         print_lines(run_text.absent(store), err=True)
-    print_answer(store)
     table = store.table()
-    ending = run_text.ending(plan, store, assembly, table)
+    found = cross_examine(store, table, lambda line: print_lines([line], err=True))
+    print_answer(store)
+    ending = run_text.ending(plan, store, assembly, table, found)
     print_lines(("", *ending.lines))
     if counts and plan.report_folder is not None:
         from cpbench.api.reports import write_report

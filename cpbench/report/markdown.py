@@ -13,6 +13,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.report.answer import answer
 from cpbench.report.conditions import conditions
+from cpbench.report.contradictions_section import contradictions
 from cpbench.report.details import WHOLE_RUN, file_of, write_details
 from cpbench.report.html import vega
 from cpbench.report.known_sections import known_sections
@@ -25,6 +26,8 @@ from cpbench.verification import Status
 if TYPE_CHECKING:
     from cpbench.analysis.comparison import Comparison
 
+CONTRADICTIONS = 12
+"""The most contradictions that are listed here."""
 LINKED = 40
 """The most files of details that are linked."""
 
@@ -36,6 +39,7 @@ def write_text(run: Run, title: str, comparison: Comparison | None = None) -> Pa
         f"# {plain(title)}",
         *publishing(run),
         *_remarks(run),
+        *contradictions(run, CONTRADICTIONS),
         *answer(run),
         *throughput_section(run),
         _headline(run),

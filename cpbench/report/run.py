@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from cpbench.analysis import failures, multi_start, reliability, remarks, summary
+from cpbench.analysis import contradictions, failures, multi_start, reliability, remarks, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.codes import by_appearance
+from cpbench.analysis.contradictions import Contradiction
 from cpbench.analysis.failures import Reason
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.looks import looks
@@ -98,8 +99,13 @@ class Run:
         return summary.nodes(self.rows)
 
     @cached_property
+    def contradictions(self) -> list[Contradiction]:
+        """Rows that cannot all be right, of those that are reported (`contradictions.of_results`)."""
+        return contradictions.of_results(self.meta, self.read)
+
+    @cached_property
     def false_claims(self) -> pd.DataFrame:
-        """Rows that were claimed solved and are not (`reliability.false_claims`)."""
+        """Rows that claim what is not so (`reliability.false_claims`)."""
         return reliability.false_claims(self.rows)
 
     @cached_property

@@ -10,13 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.analysis import failures, reliability, starts
+from cpbench.analysis.table import CONTRADICTED
 from cpbench.report.certainty_section import certainties
+from cpbench.report.contradictions_section import contradictions
 from cpbench.report.imported_section import imported
 from cpbench.report.methods import LOSSES
 from cpbench.report.multi_start_section import multi_start
 from cpbench.report.participation_sections import absent, tuned
 from cpbench.report.run import Run, each
-from cpbench.report.text import code, cut, listed, number, plain, solve_command, table
+from cpbench.report.text import code, counted, cut, listed, number, plain, solve_command, table
 from cpbench.verification import Status
 
 DRIFT = 1.1
@@ -28,6 +30,7 @@ LISTED = 40
 def run_sections(run: Run) -> Iterator[str]:
     """Yield all of them, in order."""
     sections: Sequence[Callable[[Run], Iterator[str]]] = (
+        contradictions,
         false_claims,
         certainties,
         _directions,
@@ -54,26 +57,35 @@ def rest(run: Run, count: int, most: int = LISTED) -> Iterator[str]:
 
 
 def false_claims(run: Run, most: int = LISTED) -> Iterator[str]:
-    """Yield answers that a solver claimed solved and that are not, at most so many of them."""
-    found = run.false_claims
-    yield f"## False claims: solver said solved, verification failed ({len(found)})"
+    """Yield claims of a solution that is none, and of none where there is one, at most so many of them; the latter
+    first. Claims of no solution that nothing proves or contradicts are counted."""
+    found = run.false_claims.sort_values(CONTRADICTED, ascending=False, kind="stable")
+    yield f"## False claims: what a solver said is not so ({len(found)})"
+    unproved = reliability.unproved(run.rows)
     if not len(found):
-        yield "Every claim of a solver held on the problem it was given."
+        yield "No claim of a solver is known to be false."
+    if len(unproved):
+        yield (
+            f"{counted(len(unproved), 'claim')} that there is no solution: neither proved, nor contradicted by a "
+            f"verified answer ({listed(sorted(set(unproved['label'])), 4)})."
+        )
+    if not len(found):
         return
     yield table(
-        ["problem", "solver", "verdict", "error", "tolerance", "again with"],
+        ["problem", "solver", "claim", "verdict", "error", "tolerance", "again with"],
         (
             [
                 plain(row["problem"]),
                 code(row["label"]),
-                plain(row["status"]),
-                number(row["error"]),
+                f"**{plain(row['claim'])}**" if row[CONTRADICTED] else plain(row["claim"]),
+                "has a verified answer" if row[CONTRADICTED] else plain(row["status"]),
+                "—" if row[CONTRADICTED] else number(row["error"]),
                 f"{row['tolerance']:g}",
                 code(again(run, row)),
             ]
             for _, row in found.head(most).iterrows()
         ),
-        right=[3, 4],
+        right=[4, 5],
     )
     yield from rest(run, len(found), most)
 

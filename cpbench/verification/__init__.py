@@ -14,6 +14,7 @@ from cpbench.verification.certificates import (
 from cpbench.verification.published import PublishedMeasure
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
+    CONTRADICTION,
     FALSE_CLAIMS,
     INACCURATE_FACTOR,
     MET_TOLERANCE,
@@ -36,6 +37,7 @@ from cpbench.verification.verdict import (
 
 __all__ = [
     "CHARGED_TO_ROUTE",
+    "CONTRADICTION",
     "DIRECTION_DEGREES",
     "FALSE_CLAIMS",
     "INACCURATE_FACTOR",

@@ -63,6 +63,8 @@ PROVEN = (str(Status.INFEASIBLE), str(Status.UNBOUNDED))
 """Statuses of a problem that was proved to have no solution."""
 FALSE_CLAIMS = (str(Status.INACCURATE), str(Status.WRONG))
 """Statuses of an answer that was claimed and missed the solver's own target."""
+CONTRADICTION = "contradiction"
+"""What `--fail-on` calls rows that contradict each other: no status of a row."""
 CHARGED_TO_ROUTE = (str(Status.LOST), str(Status.APPROXIMATE))
 """Statuses of an answer that solves what the solver was given, and not what was asked."""
 

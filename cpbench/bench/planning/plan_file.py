@@ -38,7 +38,7 @@ from cpbench.bench.starts import parse_start
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.solvers.external import declared
 from cpbench.storage import formats
-from cpbench.verification import Status
+from cpbench.verification import CONTRADICTION, Status
 
 NAME, PROJECT = "cpbench.toml", "pyproject.toml"
 ROUTES = ("exact", "facets", "all")
@@ -293,10 +293,11 @@ def _report(value: Any) -> str | None:
     return None if value is False else _text(value)
 
 
-def _statuses(value: Any) -> tuple[str, ...]:
+def _failures(value: Any) -> tuple[str, ...]:
+    known = (*map(str, Status), CONTRADICTION)
     for text in _texts(value):
-        if text not in {str(status) for status in Status}:
-            raise UnknownName("status", text, [str(status) for status in Status])
+        if text not in known:
+            raise UnknownName("status", text, known)
     return _texts(value)
 
 
@@ -346,6 +347,6 @@ READERS: Mapping[str, Callable[[Any], Any]] = {
     "shard": _shard,
     "rerun": _choice("failed", "timeouts", "all"),
     "retry": _whole(0),
-    "fail_on": _statuses,
+    "fail_on": _failures,
 }
 """Readers of values by key, for files and for the command line."""

@@ -92,7 +92,8 @@ class RunPlan:
     jobs : number of solves at a time. isolate : worker or fresh. affinity : whether each slot gets cores of its own.
     dask, cluster : other machines. shard : (i, n), the i-th of n parts of all blocks. rerun : what is run again of
     an old file (empty: nothing). retry : times a pair that crashed or ran out of time is run again.
-    fail_on : statuses that make the command end with 1. tunings : how options of its solvers were found.
+    fail_on : statuses that make the command end with 1, or `contradiction`. tunings : how options of its solvers were
+    found.
     """
 
     sets: tuple[ProblemSet, ...] = (ProblemSet(),)

@@ -27,6 +27,8 @@ PREFER = ("first", "last")
 """Which of two rows of one key is taken. The better one is no option: it would favour whoever ran twice."""
 _TABLES = {"refused", "references"}
 """Facts of a run that have tables of their own."""
+_OF_ALL_ROWS = {"contradictions"}
+"""Facts of all rows together, which have to be found again."""
 _measured = attrgetter(*MEASURED)
 _PASSING = {"load"}
 """Momentary entries of a machine's description."""
@@ -225,7 +227,7 @@ def _merge_facts(target: Store, stores: Sequence[Store], differences: Sequence[s
     metas = [store.meta() for store in stores]
     merged: dict[str, Any] = {}
     for meta in reversed(metas):
-        merged |= {name: value for name, value in meta.items() if name not in _TABLES}
+        merged |= {name: value for name, value in meta.items() if name not in _TABLES | _OF_ALL_ROWS}
     for name in ("solvers", "formats"):
         merged[name] = {k: v for meta in reversed(metas) for k, v in meta.get(name, {}).items()}
     plans = [meta["plan"] for meta in metas if meta.get("plan")]

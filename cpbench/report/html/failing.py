@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.analysis import participation, reliability
+from cpbench.analysis.table import CONTRADICTED
 from cpbench.report.html.markup import Markup, code, element, prose, table
 from cpbench.report.methods import LOSSES
 from cpbench.report.run import Run, each
@@ -18,19 +19,30 @@ LISTED = 60
 
 
 def false_claims(run: Run) -> Iterator[Markup]:
-    """Yield answers that were claimed right and are not, each with the command that runs it again."""
-    found = run.false_claims
+    """Yield claims that are not so, each with the command that runs it again; claims of no solution first."""
+    found = run.false_claims.sort_values(CONTRADICTED, ascending=False, kind="stable")
     if not len(found):
-        yield element("p", "Every claim of a solver held on the problem it was given.")
+        yield element("p", "No claim of a solver is known to be false.")
         return
-    heading = f"{counted(len(found), 'answer')} that a solver called right, and whose error is beyond the tolerance"
+    heading = (
+        f"{counted(len(found), 'claim')} of an answer whose error is beyond the tolerance, or of no solution where "
+        "another solver has a verified answer"
+    )
     yield element("p", heading + (f"; the first {LISTED}." if len(found) > LISTED else "."), class_="scope")
     lines = (
-        [r["problem"], r["label"], r["status"], number(r["error"]), f"{r['tolerance']:g}", code(_again(run, r))]
+        [
+            r["problem"],
+            r["label"],
+            r["claim"],
+            "has a verified answer" if r[CONTRADICTED] else r["status"],
+            "—" if r[CONTRADICTED] else number(r["error"]),
+            f"{r['tolerance']:g}",
+            code(_again(run, r)),
+        ]
         for _, r in found.head(LISTED).iterrows()
     )
-    head = ["problem", "solver", "verdict", "error", "tolerance", "again with"]
-    yield table("False claims", head, lines, right=[3, 4])
+    head = ["problem", "solver", "claim", "verdict", "error", "tolerance", "again with"]
+    yield table("False claims", head, lines, right=[4, 5])
 
 
 def reasons(run: Run) -> Iterator[Markup]:

@@ -11,8 +11,9 @@ from cpbench.analysis import participation
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.ranking import Ranking
+from cpbench.report.contradictions_section import EXPLAINED, HEAD, cells
 from cpbench.report.html.columns import KEPT, WHOLE
-from cpbench.report.html.markup import Markup, code, element, table
+from cpbench.report.html.markup import Markup, code, element, prose, table
 from cpbench.report.run import Run, group_name_text
 from cpbench.report.text import counted
 from cpbench.verification import Status
@@ -33,6 +34,7 @@ def overview(run: Run) -> Iterator[Markup]:
         yield element("p", sentence, class_="note warning")
     if run.remarks:
         yield element("p", " ".join(f"{remark}." for remark in run.remarks), class_="note warning")
+    yield from _contradictions(run)
     yield from _choices(run)
     yield element("p", class_="answer", data_answer="")
     yield element("div", data_figure="profile")
@@ -42,6 +44,15 @@ def overview(run: Run) -> Iterator[Markup]:
     yield from _numbers(run, waiting)
     yield element("h3", "Problems solved: ", element("span", data_group_name=""))
     yield element("div", data_figure="ranking")
+
+
+def _contradictions(run: Run) -> Iterator[Markup]:
+    """Yield the rows that cannot all be right, before all that rests on them."""
+    found = run.contradictions
+    if found:
+        yield element("h2", counted(len(found), "contradiction").capitalize())
+        yield prose(EXPLAINED)
+        yield table("Contradictions", HEAD, ([cell or "—" for cell in cells(one)] for one in found))
 
 
 def _choices(run: Run) -> Iterator[Markup]:

@@ -1,0 +1,206 @@
+"""Contradictions between the answers of a run to one problem."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cpbench.analysis import forward_error
+from cpbench.analysis.contradictions import COMPARED, Conflict, Contradiction, named
+from cpbench.formulations import QP
+from cpbench.formulations.base import Point, Problem
+from cpbench.formulations.coneqp import ConeQP
+from cpbench.matrices import Vector, max_abs
+from cpbench.verification import FALSE_CLAIMS, VERIFIED
+
+OFF = 10.0
+"""How many tolerances of its terms the objective of a verified answer may be off."""
+ALIKE = 1e-2
+"""Share of the tolerance up to which answers are the same but for rounding."""
+REJECTED = 10.0
+"""How many tolerances the error of a rejected answer must be for its verdict to contradict an accepted one: near the
+tolerance, two answers that are alike may be on either side."""
+ROUNDING = 1e-13
+"""Share of the sum of its terms without signs that an objective may be off by rounding."""
+PROGRAMS = ("qp", "coneqp")
+"""Nodes with an objective that two vectors do not tell apart without the problem."""
+MULTIPLIERS = ("lam", "mu", "nu")
+"""Parts of a point that are compared in one unit."""
+
+
+@dataclass(frozen=True, eq=False)
+class KeptAnswer:
+    """A row and its answer: its parts one after the other. `method` : of its solver, '' where it is not known."""
+
+    key: str
+    label: str
+    status: str
+    error: float
+    tolerance: float
+    method: str
+    vector: Vector
+
+
+def near(one: Vector, other: Vector, share: float) -> bool:
+    """Return whether no component of two answers differs by more than `share` of their largest."""
+    if one.shape != other.shape or not (np.isfinite(one).all() and np.isfinite(other).all()):
+        return False
+    return bool(max_abs(one - other) <= share * max(max_abs(one), max_abs(other)))
+
+
+def suspicious(node: str, answers: Sequence[KeptAnswer]) -> bool:
+    """Return whether the problem has to be read: it is a program with two verified answers, verified answers differ by
+    more than the tolerance, or a rejected one is like another."""
+    good, bad = _split(answers)
+    if node in PROGRAMS and len(good) > 1:
+        return True
+    if node in COMPARED and any(not near(good[0].vector, one.vector, one.tolerance) for one in good[1:]):
+        return True
+    return any(near(one.vector, two.vector, ALIKE * _finer(one, two)) for one in bad for two in answers if one != two)
+
+
+def of_answers(problem: Problem, answers: Sequence[KeptAnswer]) -> Iterator[Contradiction]:
+    """Yield the contradictions between answers to a problem, at most one of a kind."""
+    good, bad = _split(answers)
+    yield from of_objectives(problem, good)
+    yield from of_solutions(problem, good)
+    yield from of_verdicts(problem, good, bad)
+
+
+def _split(answers: Sequence[KeptAnswer]) -> tuple[list[KeptAnswer], list[KeptAnswer]]:
+    good = sorted((one for one in answers if one.status in VERIFIED), key=lambda one: (one.error, one.label))
+    return good, [one for one in answers if one.status in FALSE_CLAIMS]
+
+
+def of_objectives(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Contradiction]:
+    """Yield a contradiction where objectives of verified answers to a convex program differ by more than OFF tolerances
+    of their terms Σ|p_i z_i| + ½zᵀQz + |f|, the larger of the two; or where the middle of two answers has an objective
+    that is lower by so much than both, which is ⅛ dᵀQd for the difference d of two with the same objective.
+
+    Where all terms vanish at the solution, they do not measure what an error of the answer does: z off by ε of each
+    component changes zᵀQz by ε² |z|ᵀ|Q||z|. That much is allowed too, and rounding.
+    """
+    if not isinstance(problem, QP | ConeQP) or len(good) < 2:
+        return
+    Z = np.stack([_first(problem, one) for one in good])
+    G = Z @ np.asarray(problem.Q @ Z.T)  # all zᵀQz, of which differences are to rounding of the terms
+    squares = G.diagonal()
+    f = 0.5 * squares + Z @ problem.p
+    terms = abs(Z) @ abs(problem.p) + 0.5 * abs(squares) + abs(f)
+    tolerance = np.array([one.tolerance for one in good])
+    gross = np.array([x @ (abs(problem.Q) @ x) + abs(problem.p) @ x for x in abs(Z)])
+    share = OFF * np.maximum.outer(tolerance, tolerance)
+    share = share * np.maximum.outer(terms, terms) + (share**2 + ROUNDING) * np.maximum.outer(gross, gross)
+    d = np.add.outer(squares, squares) - G - G.T
+    for differences, what in ((abs(np.subtract.outer(f, f)), "objectives"), (d / 8.0, "answers")):
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.where(differences > share, differences / share, 0.0)
+        i, j = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
+        if not ratio[i, j] > 1.0 or not problem.convex:
+            continue
+        one, two = (int(i), int(j)) if f[i] <= f[j] else (int(j), int(i))
+        scale = max(terms[i], terms[j])
+        text = f"{good[one].label} has the objective {f[one]:.6g}, {good[two].label} {f[two]:.6g}"
+        if what == "answers":
+            text += ", and the middle of their answers a lower one by more than both are off"
+        measured, allowed = float(differences[i, j] / scale), float(share[i, j] / scale)
+        size = f"a difference of {measured:.2g} of its terms, where {allowed:.2g} is allowed"
+        yield _of(problem, Conflict.OBJECTIVE, [good[one], good[two]], measured, allowed,
+                  f"both are verified answers of a convex program, but {text}: {size}.")  # fmt: skip
+        return
+
+
+def of_solutions(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Contradiction]:
+    """Yield a contradiction where two verified answers to a problem with one solution are farther apart than
+    `forward_error.apart` allows; the one with the least error is compared with all others."""
+    worst: tuple[float, forward_error.Apart, KeptAnswer] | None = None
+    for one in good[1:]:
+        first, second = (problem.point_from_vector(answer.vector) for answer in (good[0], one))
+        forms = forward_error.affine_box(problem, first), forward_error.affine_box(problem, second)
+        if forms[0] is None or forms[1] is None:
+            return
+        M, q, z = forms[0]
+        found = forward_error.apart(M, q, z, forms[1][2], max(good[0].tolerance, one.tolerance))
+        if found is not None and found.distance > found.allowed:
+            ratio = found.distance / found.allowed
+            worst = max((ratio, found, one), worst or (0.0, found, one), key=lambda item: item[0])
+    if worst is not None:
+        _, found, one = worst
+        text = (
+            f"the solution is unique ({found.fact}), and the verified answers of {named([good[0].label, one.label])} "
+            f"are {found.distance:.2g} of their size apart, where {found.allowed:.2g} is allowed."
+        )
+        yield _of(problem, Conflict.SOLUTION, [good[0], one], found.distance, found.allowed, text)
+
+
+def of_verdicts(problem: Problem, good: Sequence[KeptAnswer], bad: Sequence[KeptAnswer]) -> Iterator[Contradiction]:
+    """Yield a contradiction where rejected answers are like a verified one to rounding; else where rejected answers of
+    different methods are like each other, and not zero.
+
+    Alike: no part differs by more than ALIKE tolerances of its largest number, nor the objective of a program.
+    """
+    far = [one for one in bad if one.error >= REJECTED * one.tolerance]
+    pairs = [(one, two) for one in far for two in good if _alike(problem, one, two)]
+    if pairs:
+        rejected = {one.key: one for one, _ in pairs}
+        accepted = {two.key: two for _, two in pairs}
+        least = min(one.error for one in rejected.values())
+        text = (
+            f"answers of {named(one.label for one in rejected.values())} are rejected, with errors from {least:.2g} "
+            f"on, and are the same to rounding as verified ones of {named(two.label for two in accepted.values())}."
+        )
+        yield _of(problem, Conflict.VERDICT, [*rejected.values(), *accepted.values()], least, far[0].tolerance, text)
+        return
+    agreeing = [
+        one
+        for one in far
+        if one.vector.any() and any(two.method != one.method and _alike(problem, one, two) for two in far if two != one)
+    ]
+    if agreeing:
+        least = min(one.error for one in agreeing)
+        text = (
+            f"{named(one.label for one in agreeing)}, of different methods, have the same answer to rounding, and all "
+        )
+        text += f"are rejected, with errors from {least:.2g} on."
+        yield _of(problem, Conflict.VERDICT, agreeing, least, agreeing[0].tolerance, text)
+
+
+def _alike(problem: Problem, one: KeptAnswer, two: KeptAnswer) -> bool:
+    """Return whether two answers are the same but for rounding."""
+    share = ALIKE * _finer(one, two)
+    if not near(one.vector, two.vector, share):
+        return False
+    points = [problem.point_from_vector(answer.vector) for answer in (one, two)]
+    parts = [_parts(point) for point in points]
+    if not all(near(parts[0][name], parts[1][name], share) for name in parts[0]):
+        return False
+    if isinstance(problem, QP | ConeQP):
+        f, g = (problem.objective(_first(problem, answer)) for answer in (one, two))
+        return abs(f - g) <= share * max(abs(f), abs(g))
+    return True
+
+
+def _parts(point: Point) -> dict[str, Vector]:
+    """Return the parts of a point, multipliers as one."""
+    arrays = point.arrays()
+    known = [name for name in MULTIPLIERS if name in arrays]
+    rest = {name: value for name, value in arrays.items() if name not in known}
+    return {**rest, **({"multipliers": np.concatenate([arrays[name] for name in known])} if known else {})}
+
+
+def _finer(one: KeptAnswer, two: KeptAnswer) -> float:
+    return min(one.tolerance, two.tolerance)
+
+
+def _first(problem: Problem, answer: KeptAnswer) -> Vector:
+    """Return the unknowns of a program."""
+    return next(iter(problem.point_from_vector(answer.vector).arrays().values()))
+
+
+def _of(
+    problem: Problem, kind: Conflict, answers: Sequence[KeptAnswer], measured: float, allowed: float, words: str
+) -> Contradiction:
+    keys, labels = tuple(one.key for one in answers), tuple(one.label for one in answers)
+    return Contradiction(str(kind), problem.name, problem.fingerprint, keys, labels, words, measured, allowed)

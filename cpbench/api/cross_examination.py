@@ -1,0 +1,166 @@
+"""Cross-examination of a run: contradictions between its rows are looked for, arbitrated, and kept in its results."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from cpbench import storage
+from cpbench.analysis import contradictions
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.contradicted_answers import KeptAnswer, of_answers, suspicious
+from cpbench.analysis.contradictions import Conflict, Contradiction
+from cpbench.bench.results.answers import unpack
+from cpbench.bench.results.store import Store
+from cpbench.errors import CpbenchError
+from cpbench.formulations.base import Problem
+from cpbench.plain_text import printable
+from cpbench.plurals import counted
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SECONDS = 30.0
+"""Time for all certificates that arbitrate [s]."""
+EACH = 5.0
+"""Time for one of them [s]; one exact system may take longer."""
+LARGEST = 1000
+"""Numbers of the largest answer for which a certificate is sought: exact systems grow fast."""
+LINES = 12
+"""The most contradictions that a command prints."""
+ROWS = 2
+"""The most rows of a contradiction for whose answers one is sought."""
+
+
+def cross_examine(
+    store: Store, table: pd.DataFrame | None = None, say: Callable[[str], None] = lambda line: None
+) -> list[Contradiction]:
+    """Look for contradictions between all rows of a results file that is open for writing, keep them in it in place of
+    those that were kept, and return them. Where python-flint is installed, certificates say who is right.
+
+    Parameters
+    ----------
+    table : the rows of the store, read here where they are not at hand. say : takes a line for a reader: on a problem
+        that could not be read again, and before certificates are sought.
+    """
+    rows = rows_of.normalised(store.table() if table is None else table)
+    examined = _Problems(store, say)
+    found = [*contradictions.of_claims(rows), *_of_answers(store, rows, examined)]
+    if found and importlib.util.find_spec("flint") is not None:
+        say(f"{counted(len(found), 'contradiction')}: certificates are sought for at most {SECONDS:g} s")
+        found = _arbitrated(store, found, rows, examined)
+    store.set_meta(**{contradictions.META: contradictions.as_data(found)})
+    return found
+
+
+def contradiction_lines(found: Sequence[Contradiction]) -> Iterator[str]:
+    """Yield the contradictions for a reader, a line each; at most LINES of them. Nothing where there is none."""
+    if found:
+        yield f"{counted(len(found), 'contradiction')} (rows that cannot all be right):"
+        yield from (f"- {printable(str(one))}" for one in found[:LINES])
+        if len(found) > LINES:
+            yield f"and {len(found) - LINES} more in the report"
+        yield ""
+
+
+class _Problems:
+    """The problems of a results file, read again from their files; the last one is kept."""
+
+    def __init__(self, store: Store, say: Callable[[str], None]) -> None:
+        self._formats: Mapping[str, str] = store.meta().get("formats", {})
+        self._say = say
+        self._last: tuple[str, Problem | None] = ("", None)
+
+    def get(self, address: str, fingerprint: str) -> Problem | None:
+        """Return a problem; None, with a line that says why, where its file is gone or holds another."""
+        if self._last[0] != fingerprint:
+            self._last = fingerprint, self._read(address, fingerprint)
+        return self._last[1]
+
+    def _read(self, address: str, fingerprint: str) -> Problem | None:
+        try:
+            problem = storage.load(address, format=self._formats.get(address))
+        except CpbenchError as cause:
+            self._say(f"answers not compared: {cause}")
+            return None
+        if problem.fingerprint == fingerprint:
+            return problem
+        self._say(f"answers not compared: {address} is not the problem that was solved any more")
+        return None
+
+
+def _of_answers(store: Store, rows: pd.DataFrame, problems: _Problems) -> Iterator[Contradiction]:
+    """Yield what kept answers contradict; a problem is read only where answers differ, or verdicts on the same."""
+    sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
+    for fingerprint, own in contradictions.compared(rows).groupby("fingerprint", sort=False):
+        answers = list(_answers(store, own, sheets))
+        if not suspicious(str(own["node"].iloc[0]), answers):
+            continue
+        problem = problems.get(str(own["address"].iloc[0]), str(fingerprint))
+        if problem is not None:
+            name = str(own["problem"].iloc[0])
+            yield from (replace(one, problem=name) for one in of_answers(problem, answers))
+
+
+def _answers(store: Store, own: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]]) -> Iterator[KeptAnswer]:
+    for row in own[["key", "label", "status", "error", "tolerance"]].itertuples(index=False):
+        blob = store.ending(row.key)[1]
+        if blob is not None:
+            method = str(sheets.get(row.label, {}).get("method", ""))
+            yield KeptAnswer(*row, method, unpack(blob))
+
+
+def _arbitrated(
+    store: Store, found: Sequence[Contradiction], rows: pd.DataFrame, problems: _Problems
+) -> list[Contradiction]:
+    """Return the contradictions with what certificates of their answers say, those of small answers first, as far as
+    the time goes."""
+    end = time.perf_counter() + SECONDS
+    addresses = dict(zip(rows["fingerprint"], rows["address"], strict=True))
+    answers = [[(label, store.ending(key)[1]) for key, label in zip(c.rows, c.labels, strict=True)] for c in found]
+    kept = [[(label, blob) for label, blob in own if blob is not None] for own in answers]
+    said = list(found)
+    for place in sorted(range(len(found)), key=lambda place: max((len(blob) for _, blob in kept[place]), default=0)):
+        one = found[place]
+        words = "none was sought, the time was over"
+        if time.perf_counter() < end:
+            problem = problems.get(str(addresses[one.fingerprint]), one.fingerprint)
+            words = "" if problem is None else _arbitration(problem, one.kind, kept[place], end)
+        said[place] = replace(one, arbitration=words)
+    return said
+
+
+def _arbitration(problem: Problem, kind: str, answers: Sequence[tuple[str, bytes]], end: float) -> str:
+    """Return what certificates say of the first answers, `end` the time at which no other is sought."""
+    if sum(problem.point_sizes.values()) > LARGEST:
+        return f"none was sought, the answer has more than {LARGEST} numbers"
+    said: list[str] = []
+    for label, blob in answers[:ROWS]:
+        left = end - time.perf_counter()
+        if left <= 0:
+            break
+        there, words = _certified(problem, unpack(blob), min(EACH, left))
+        said.append(f"{label}: {words}")
+        if there and kind == Conflict.EXISTENCE:
+            return f"{said[-1]}, so that there is a solution"
+    return "; ".join(said)
+
+
+def _certified(problem: Problem, answer: Any, seconds: float) -> tuple[bool, str]:
+    """Return whether a certificate proves that there is a solution, and what it says of an answer, in a few words."""
+    from cpbench.api.certifying import certify, excluded
+
+    try:
+        found = certify(problem, answer, seconds=seconds)
+    except (CpbenchError, ArithmeticError, ValueError) as cause:
+        return False, f"no certificate ({cause})"
+    if found and math.isfinite(found.distance):
+        only = f", the only one ({found.unique})" if found.unique else ""
+        return True, f"a solution{only} is at most {found.distance:.2g} away"
+    if found.level == "refuted":
+        return False, excluded(found, ".2g") or "there is no solution"
+    return False, f"nothing is proved ({found.reason})" if found.reason else "nothing is proved"
