@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench.analysis import forward_error
-from cpbench.analysis.contradictions import COMPARED, Conflict, Contradiction, named
-from cpbench.formulations import QP
+from cpbench.analysis.contradictions import COMPARED, PROGRAMS, Conflict, Contradiction, is_one_of, named
 from cpbench.formulations.base import Point, Problem
-from cpbench.formulations.coneqp import ConeQP
 from cpbench.matrices import Vector, max_abs
 from cpbench.verification import FALSE_CLAIMS, VERIFIED
 
@@ -24,8 +22,6 @@ REJECTED = 10.0
 tolerance, two answers that are alike may be on either side."""
 ROUNDING = 1e-13
 """Share of the sum of its terms without signs that an objective may be off by rounding."""
-PROGRAMS = ("qp", "coneqp")
-"""Nodes with an objective that two vectors do not tell apart without the problem."""
 MULTIPLIERS = ("lam", "mu", "nu")
 """Parts of a point that are compared in one unit."""
 
@@ -54,9 +50,9 @@ def suspicious(node: str, answers: Sequence[KeptAnswer]) -> bool:
     """Return whether the problem has to be read: it is a program with two verified answers, verified answers differ by
     more than the tolerance, or a rejected one is like another."""
     good, bad = _split(answers)
-    if node in PROGRAMS and len(good) > 1:
+    if is_one_of(node, PROGRAMS) and len(good) > 1:
         return True
-    if node in COMPARED and any(not near(good[0].vector, one.vector, one.tolerance) for one in good[1:]):
+    if is_one_of(node, COMPARED) and any(not near(good[0].vector, one.vector, one.tolerance) for one in good[1:]):
         return True
     return any(near(one.vector, two.vector, ALIKE * _finer(one, two)) for one in bad for two in answers if one != two)
 
@@ -82,7 +78,7 @@ def of_objectives(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Cont
     Where all terms vanish at the solution, they do not measure what an error of the answer does: z off by ε of each
     component changes zᵀQz by ε² |z|ᵀ|Q||z|. That much is allowed too, and rounding.
     """
-    if not isinstance(problem, QP | ConeQP) or len(good) < 2:
+    if not isinstance(problem, PROGRAMS) or len(good) < 2:
         return
     Z = np.stack([_first(problem, one) for one in good])
     G = Z @ np.asarray(problem.Q @ Z.T)  # all zᵀQz, of which differences are to rounding of the terms
@@ -115,7 +111,7 @@ def of_objectives(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Cont
 def of_solutions(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Contradiction]:
     """Yield a contradiction where two verified answers to a problem with one solution are farther apart than
     `forward_error.apart` allows; the one with the least error is compared with all others."""
-    worst: tuple[float, forward_error.Apart, KeptAnswer] | None = None
+    worst: tuple[float, forward_error.AnswerDistance, KeptAnswer] | None = None
     for one in good[1:]:
         first, second = (problem.point_from_vector(answer.vector) for answer in (good[0], one))
         forms = forward_error.affine_box(problem, first), forward_error.affine_box(problem, second)
@@ -176,7 +172,7 @@ def _alike(problem: Problem, one: KeptAnswer, two: KeptAnswer) -> bool:
     parts = [_parts(point) for point in points]
     if not all(near(parts[0][name], parts[1][name], share) for name in parts[0]):
         return False
-    if isinstance(problem, QP | ConeQP):
+    if isinstance(problem, PROGRAMS):
         f, g = (problem.objective(_first(problem, answer)) for answer in (one, two))
         return abs(f - g) <= share * max(abs(f), abs(g))
     return True

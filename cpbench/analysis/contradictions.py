@@ -6,7 +6,7 @@ say is here; what answers say, in `contradicted_answers`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from enum import StrEnum
 from typing import Any
@@ -14,6 +14,10 @@ from typing import Any
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
+from cpbench.formulations import AVI, LCP, MLCP, QP
+from cpbench.formulations.base import Problem, formulations
+from cpbench.formulations.coneqp import ConeQP
+from cpbench.formulations.relay import Relay
 from cpbench.plurals import some_of
 from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, PROVEN, VERIFIED
 
@@ -21,12 +25,14 @@ META = "contradictions"
 """Name under which results keep them among their facts."""
 LABELS = 4
 """The most solvers that a sentence names."""
-COMPARED = ("qp", "coneqp", "lcp", "mlcp", "relay", "avi")
-"""Nodes of which verified answers are compared with each other."""
+PROGRAMS = (QP, ConeQP)
+"""Formulations with a quadratic objective."""
+COMPARED = (*PROGRAMS, LCP, MLCP, Relay, AVI)
+"""Formulations of which verified answers are compared with each other."""
 
 
 class Conflict(StrEnum):
-    """What contradicts what."""
+    """Kinds of contradictions."""
 
     EXISTENCE = "existence"
     """A claim or a proof that there is no solution, beside a verified answer."""
@@ -80,9 +86,17 @@ def of_results(meta: Mapping[str, Any], table: pd.DataFrame) -> list[Contradicti
     """
     if META not in meta:
         return list(of_claims(table))
-    found = [Contradiction(**{**c, "rows": tuple(c["rows"]), "labels": tuple(c["labels"])}) for c in meta[META]]
+    found = kept(meta)
     keys = set(table["key"]) if found else set()
     return [one for one in found if keys.issuperset(one.rows)]
+
+
+def kept(meta: Mapping[str, Any]) -> list[Contradiction]:
+    """Return the contradictions among the facts of results."""
+    return [
+        Contradiction(**{**one, "rows": tuple(one["rows"]), "labels": tuple(one["labels"])})
+        for one in meta.get(META) or ()
+    ]
 
 
 def of_claims(table: pd.DataFrame) -> Iterator[Contradiction]:
@@ -92,6 +106,7 @@ def of_claims(table: pd.DataFrame) -> Iterator[Contradiction]:
     A claim counts as `table.contradicted` says, a proof beside every answer that meets the tolerance.
     """
     proved = table["status"].isin(PROVEN)
+    said = table["claim"].where(~proved, table["status"])
     deniers = table[rows_of.contradicted(table) | proved]
     met = table[table["status"].isin(MET_TOLERANCE) & table["fingerprint"].isin(deniers["fingerprint"].unique())]
     answered = dict(list(met.groupby("fingerprint", sort=False)))
@@ -100,10 +115,10 @@ def of_claims(table: pd.DataFrame) -> Iterator[Contradiction]:
             continue
         with_answer = answered[fingerprint]
         parts = [
-            f"it is proved to be {claim} (row of {named(own['label'])})"
+            f"it is proved to be {what} (row of {named(own['label'])})"
             if by_proof
-            else f"{named(own['label'])} claim{'s' if own['label'].nunique() == 1 else ''} that it is {claim}"
-            for (by_proof, claim), own in rows.groupby([proved[rows.index], "claim"], sort=True)
+            else f"{named(own['label'])} claim{'s' if own['label'].nunique() == 1 else ''} that it is {what}"
+            for (by_proof, what), own in rows.groupby([proved[rows.index], said[rows.index]], sort=True)
         ]
         have = "has" if with_answer["label"].nunique() == 1 else "have"
         words = f"{' and '.join(parts)}; {named(with_answer['label'])} {have} a verified answer."
@@ -126,7 +141,13 @@ def compared(table: pd.DataFrame) -> pd.DataFrame:
     rows = table[chosen]
     groups = rows["fingerprint"].groupby(rows["fingerprint"])
     rejected = (~verified[rows.index]).groupby(rows["fingerprint"]).transform("any")
-    return rows[(groups.transform("size") > 1) & (rejected | rows["node"].isin(COMPARED))]
+    known = [node for node in rows["node"].unique() if is_one_of(node, COMPARED)]
+    return rows[(groups.transform("size") > 1) & (rejected | rows["node"].isin(known))]
+
+
+def is_one_of(node: str, classes: tuple[type[Problem], ...]) -> bool:
+    """Return whether a node is a formulation of these, or a plugin's that derives from one."""
+    return node in formulations and issubclass(formulations.get(node), classes)
 
 
 def named(labels: Iterable[str]) -> str:
@@ -139,12 +160,6 @@ def named(labels: Iterable[str]) -> str:
     if 1 < len(names) <= LABELS:
         return f"{', '.join(names[:-1])} and {names[-1]}"
     return some_of(names, LABELS)
-
-
-def unseen(found: Sequence[Contradiction], before: Sequence[Contradiction]) -> list[Contradiction]:
-    """Return the contradictions of a kind and problem of which there was none before."""
-    known = {(one.kind, one.fingerprint) for one in before}
-    return [one for one in found if (one.kind, one.fingerprint) not in known]
 
 
 def involving(found: Iterable[Contradiction], keys: Iterable[str]) -> list[Contradiction]:

@@ -38,7 +38,7 @@ EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class Apart:
+class AnswerDistance:
     """The distance of two answers over the larger size, the largest that right ones may have, and why there is one
     solution."""
 
@@ -57,58 +57,73 @@ def affine_box(problem: Problem, point: Any) -> tuple[Matrix, Vector, Vector] | 
     return None
 
 
-def apart(M: Matrix, q: Vector, one: Vector, other: Vector, tolerance: float) -> Apart | None:
-    """Return how far apart two answers verified at `tolerance` are, and may be; None where no bound is known, or where
-    the best matrix would allow it.
+def apart(M: Matrix, q: Vector, one: Vector, other: Vector, tolerance: float) -> AnswerDistance | None:
+    """Return how far apart two answers verified at `tolerance` are, and may be, by the bound that allows least; None
+    where no bound is known, or where it would allow the distance whatever the matrix is.
 
     Parameters
     ----------
     M, q : (n, n) and (n,). one, other : answers, (n,).
     """
-    found = [test(M, q, one, other, tolerance) for test in (_comparison, _definite)]
+    if not (np.asarray(M.diagonal()) > 0.0).all() or not (one.any() or other.any()):
+        return None
+    found = [by_bound(M, q, one, other, tolerance) for by_bound in (_by_comparison, _by_definiteness)]
     known = [result for result in found if result is not None]
-    return max(known, key=lambda result: result.distance / max(result.allowed, EPS), default=None)
+    return max(known, key=lambda result: result.distance / result.allowed, default=None)
 
 
-def _definite(M: Any, q: Vector, one: Vector, other: Vector, tolerance: float) -> Apart | None:
-    diagonal = np.asarray(M.diagonal())
-    if not (diagonal > 0.0).all():
-        return None
-    s = 1.0 / np.sqrt(diagonal)
-    S, force = abs(matrices.scaled_both(M, s)), s * q
-    L = float(np.sqrt(abs(S).sum(axis=0).max() * abs(S).sum(axis=1).max()))
+def _by_definiteness(M: Any, q: Vector, one: Vector, other: Vector, tolerance: float) -> AnswerDistance | None:
+    s = 1.0 / np.sqrt(np.asarray(M.diagonal()))
+    S, L = _scaled(M, s)
     points = one / s, other / s
-    sizes = [matrices.norm(x) + matrices.norm(S @ abs(x) + abs(force)) / L for x in points]
+    sizes = [matrices.norm(x) + matrices.norm(S @ abs(x) + abs(s * q)) / L for x in points]
     norms = max(map(matrices.norm, points))
-    distance, best = matrices.norm(points[0] - points[1]), 2.0 * SLACK * tolerance * sum(sizes)
-    # the cheap part first: no matrix allows less
-    if not norms or distance <= best or one.size > LARGEST:
+    missed, distance = SLACK * tolerance * sum(sizes), matrices.norm(points[0] - points[1])
+    # the cheap part first: the factor of no matrix is less than 2
+    factor = definite_factor(M) if distance > 2.0 * missed else None
+    return (
+        None if factor is None else AnswerDistance(distance / norms, factor * missed / norms, "M is positive definite")
+    )
+
+
+def definite_factor(M: Any) -> float | None:
+    """Return 2L/c in units in which M (n, n) has a unit diagonal, which is positive, so that a point is no farther from
+    the solution than this times ‖z − Π(z − w/L)‖₂; None where M is not positive definite beyond rounding, or large."""
+    n = M.shape[0]
+    if n > LARGEST:
         return None
-    n = one.size
+    L = _scaled(M, 1.0 / np.sqrt(np.asarray(M.diagonal())))[1]
     least = matrices.least_eigenvalue(M) - n * EPS * L
-    if least <= 0.0:
-        return None
-    return Apart(distance / norms, best * L / least / norms, "M is positive definite")
+    return 2.0 * L / least if least > 0.0 else None
 
 
-def _comparison(M: Any, q: Vector, one: Vector, other: Vector, tolerance: float) -> Apart | None:
-    diagonal = np.asarray(M.diagonal())
-    if not (diagonal > 0.0).all():
-        return None
-    size = abs(M)
-    terms = [float(((size @ abs(x) + abs(q)) / diagonal).max(initial=0.0)) for x in (one, other)]
+def _scaled(M: Any, s: Vector) -> tuple[Any, float]:
+    """Return |diag(s) M diag(s)|, and a bound on the 2-norm of what it is the absolute value of."""
+    S: Any = abs(matrices.scaled_both(M, s))
+    return S, float(np.sqrt(S.sum(axis=0).max() * S.sum(axis=1).max()))
+
+
+def _by_comparison(M: Any, q: Vector, one: Vector, other: Vector, tolerance: float) -> AnswerDistance | None:
+    diagonal, size = np.asarray(M.diagonal()), abs(M)
+    terms = [float(((size @ abs(x) + abs(q)) / diagonal).max()) for x in (one, other)]
     largest = [matrices.max_abs(x) for x in (one, other)]
-    distance = matrices.max_abs(one - other)
-    best = SLACK * tolerance * sum(map(max, terms, largest))
-    if not max(largest) or distance <= best:
-        return None
-    scaled = sp.csr_array(size) * (1.0 / diagonal)[:, None]
-    comparison = sp.csc_array(2.0 * sp.eye_array(one.size) - scaled)  # 1 on the diagonal, −|M_ij|/M_ii beside it
+    missed, distance = SLACK * tolerance * sum(map(max, terms, largest)), matrices.max_abs(one - other)
+    # the factor of no matrix is less than 1
+    factor = comparison_factor(M) if distance > missed else None
+    top = max(largest)
+    return None if factor is None else AnswerDistance(distance / top, factor * missed / top, "M is an H-matrix")
+
+
+def comparison_factor(M: Any) -> float | None:
+    """Return ‖⟨M⟩⁻¹‖∞ of M (n, n) with its rows divided by their diagonal entries, which are positive, so that no
+    component of a point is farther from the solution than this times max|z − Π(z − w/diag(M))|; None where the inverse
+    has negative entries."""
+    scaled = sp.csr_array(abs(M)) * (1.0 / np.asarray(M.diagonal()))[:, None]
+    # 1 on the diagonal, −|M_ij|/M_ii beside it
+    comparison: Any = sp.csc_array(2.0 * sp.eye_array(M.shape[0]) - scaled)
     try:
-        sums = spla.splu(comparison).solve(np.ones(one.size))
+        sums = spla.splu(comparison).solve(np.ones(M.shape[0]))
     except RuntimeError:  # singular
         return None
     # x > 0 with ⟨M⟩x > 0: the inverse is not negative, and its largest row sum is max(x)
-    if not ((sums > 0.0) & (comparison @ sums > 0.5)).all():
-        return None
-    return Apart(distance / max(largest), best * 2.0 * float(sums.max()) / max(largest), "M is an H-matrix")
+    return float(sums.max()) if ((sums > 0.0) & (comparison @ sums > 0.5)).all() else None

@@ -138,16 +138,16 @@ def _arbitration(problem: Problem, kind: str, answers: Sequence[tuple[str, bytes
     """Return what certificates say of the first answers, `end` the time at which no other is sought."""
     if sum(problem.point_sizes.values()) > LARGEST:
         return f"none was sought, the answer has more than {LARGEST} numbers"
-    said: list[str] = []
+    said: dict[str, list[str]] = {}
     for label, blob in answers[:ROWS]:
         left = end - time.perf_counter()
         if left <= 0:
             break
         there, words = _certified(problem, unpack(blob), min(EACH, left))
-        said.append(f"{label}: {words}")
+        said.setdefault(words, []).append(label)
         if there and kind == Conflict.EXISTENCE:
-            return f"{said[-1]}, so that there is a solution"
-    return "; ".join(said)
+            return f"{label}: {words}, so that there is a solution"
+    return "; ".join(f"{contradictions.named(labels)}: {words}" for words, labels in said.items())
 
 
 def _certified(problem: Problem, answer: Any, seconds: float) -> tuple[bool, str]:

@@ -14,14 +14,17 @@ from cpbench.cli.progress import Display
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import LABELS, PATH
 from cpbench.errors import UnknownName
-from cpbench.verification import PROVEN, VERIFIED, Status
+from cpbench.plain_text import printable
+from cpbench.verification import CONTRADICTION, PROVEN, VERIFIED, Status
 
 WHOLE = ("regression", "inconclusive")
 FAILURES = (
     *WHOLE,
+    CONTRADICTION,
     *(str(s) for s in Status if s not in (*VERIFIED, *PROVEN, Status.NOT_RUN)),
 )
-"""Values of --fail-on: verdicts on the whole, and statuses that a pair has now and had not before."""
+"""Values of --fail-on: verdicts on the whole, new contradictions, and statuses that a pair has now and had not
+before."""
 NOT_NEGATIVE = click.FloatRange(min=0)
 
 
@@ -31,7 +34,7 @@ NOT_NEGATIVE = click.FloatRange(min=0)
 @click.option("--a", "first", metavar="LABEL", help="Solver or label that is the base, with one file.")
 @click.option("--b", "second", metavar="LABEL", help="Solver or label that is compared with it, with one file.")
 @outputs_option((".md", ".json", ".xml"), "Output file .md (summary of a CI job), .xml (JUnit) or .json. Repeatable.")
-@fail_on_option("Outcomes with which the command ends with 1: regression, inconclusive, or new wrong,...")
+@fail_on_option("Outcomes with which the command ends with 1: regression, inconclusive, or new contradiction,wrong,...")
 @click.option("--margin", type=NOT_NEGATIVE, default=0.05, show_default=True, help="Change of times to find.")
 @click.option("--counter-margin", type=NOT_NEGATIVE, default=0.05, show_default=True, help="Change of counters.")
 @click.option(
@@ -94,7 +97,7 @@ def command(
     again = partial(
         comparing.confirm,
         others=noise or (),
-        statuses=[name for name in fail_on if name not in WHOLE],
+        statuses=[name for name in fail_on if name not in (*WHOLE, CONTRADICTION)],
         observer=Display(quiet=True),
         report=lambda line: click.echo(line, err=True),
     )
@@ -105,6 +108,8 @@ def command(
         write(comparison, path)
         click.echo(f"written: {path}", err=True)
     failed = comparison.failures(fail_on)
+    if CONTRADICTION in fail_on:
+        print_lines((f"new contradiction: {printable(str(one))}" for one in comparison.contradictions), err=True)
     if failed:
         click.echo(f"cpbench: {', '.join(f'{count} {name}' for name, count in failed.items())} (--fail-on)", err=True)
         sys.exit(1)

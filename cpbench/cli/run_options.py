@@ -151,7 +151,7 @@ run_options = chained(
     click.option("--certify", is_flag=True, help="Look for proofs about all kept answers, as cpbench certify does."),
     click.option("--report", type=click.Path(file_okay=False), help="Folder of the report."),
     click.option("--no-report", is_flag=True, help="Write no report."),
-    fail_on_option("Statuses with which the command ends with 1: wrong,crash,..."),
+    fail_on_option("Statuses with which the command ends with 1, or contradiction: wrong,crash,..."),
     click.option("--dry-run", is_flag=True, help="Print what would be run, and how long at most; write nothing."),
     quiet_option,
     click.option("-v", "--verbose", is_flag=True, help="Print a line for each event to stderr."),

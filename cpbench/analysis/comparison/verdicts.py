@@ -15,14 +15,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cpbench.analysis import contradictions
 from cpbench.analysis.comparison import gates, noise, notes, pairs, suites, times
 from cpbench.analysis.comparison.gates import PairVerdict
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.suites import Suite
+from cpbench.analysis.contradictions import Contradiction
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.table import counting_stationary
 from cpbench.errors import CpbenchError
-from cpbench.verification import VERIFIED
+from cpbench.verification import CONTRADICTION, VERIFIED
 
 NOT_AGAIN = "not confirmed"
 """The kind of a pair that alarmed, and did not when it was run again."""
@@ -104,18 +106,36 @@ class Comparison:
         now = (self.pairs["status_new"] == status) & (self.pairs["status_base"] != status)
         return self.pairs[now & (self.pairs["kind"] != NOT_AGAIN)]
 
+    @property
+    def contradictions(self) -> list[Contradiction]:
+        """Contradictions of the new side of which the base has none of the kind on that problem; or has one, and a pair
+        on that problem has another status now."""
+        pairs = self.pairs
+        changed = set(pairs.loc[pairs["status_base"] != pairs["status_new"], "fingerprint"])
+        before = {(one.kind, one.fingerprint) for one in _contradictions(self.base) if one.fingerprint not in changed}
+        return [one for one in _contradictions(self.new) if (one.kind, one.fingerprint) not in before]
+
     def failures(self, outcomes: Sequence[str]) -> dict[str, int]:
         """Return how often each outcome is there, without those that are not.
 
-        An outcome is `regression` or `inconclusive`, of the whole, or a status that a pair has now and had not before.
+        An outcome is `regression` or `inconclusive`, of the whole, `contradiction` (a new one), or a status that a pair
+        has now and had not before.
         """
         counts: dict[str, int] = {}
         for name in outcomes:
             if name in ("regression", "inconclusive"):
                 counts[name] = int(self.verdict == ("regressed" if name == "regression" else name))
+            elif name == CONTRADICTION:
+                counts[f"new {name}"] = len(self.contradictions)
             else:
                 counts[f"new {name}"] = len(self.became(name))
         return {name: count for name, count in counts.items() if count}
+
+
+def _contradictions(side: ComparisonSide) -> list[Contradiction]:
+    """Return the contradictions that the file of a side keeps and in which its labels have a part."""
+    labels = set(side.table["label"])
+    return [one for one in contradictions.kept(side.meta) if labels.intersection(one.labels)]
 
 
 def compare(
