@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -28,7 +29,8 @@ MULTIPLIERS = ("lam", "mu", "nu")
 
 @dataclass(frozen=True, eq=False)
 class KeptAnswer:
-    """A row and its answer: its parts one after the other. `method` : of its solver, '' where it is not known."""
+    """A row and its answer: its parts one after the other. `method` : of its solver, '' where it is not known.
+    `objective` : of a program, as the verdict measured it; None where the row does not have it."""
 
     key: str
     label: str
@@ -37,6 +39,7 @@ class KeptAnswer:
     tolerance: float
     method: str
     vector: Vector
+    objective: float | None = None
 
 
 def near(one: Vector, other: Vector, share: float) -> bool:
@@ -47,13 +50,16 @@ def near(one: Vector, other: Vector, share: float) -> bool:
 
 
 def suspicious(node: str, answers: Sequence[KeptAnswer]) -> bool:
-    """Return whether the problem has to be read: it is a program with two verified answers, verified answers differ by
-    more than the tolerance, or a rejected one is like another."""
+    """Return whether the problem has to be read: verified answers differ by more than the tolerance, their objectives
+    by more than OFF tolerances, or a rejected answer is like another."""
     good, bad = _split(answers)
-    if is_one_of(node, PROGRAMS) and len(good) > 1:
-        return True
-    if is_one_of(node, COMPARED) and any(not near(good[0].vector, one.vector, one.tolerance) for one in good[1:]):
-        return True
+    if is_one_of(node, COMPARED):
+        if any(not near(good[0].vector, one.vector, one.tolerance) for one in good[1:]):
+            return True
+        if is_one_of(node, PROGRAMS) and len(good) > 1:
+            f = [math.nan if one.objective is None else one.objective for one in good]
+            if not max(f) - min(f) <= OFF * min(one.tolerance for one in good) * min(map(abs, f)):
+                return True
     return any(near(one.vector, two.vector, ALIKE * _finer(one, two)) for one in bad for two in answers if one != two)
 
 

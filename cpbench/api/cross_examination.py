@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
+import json
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -53,6 +55,7 @@ def cross_examine(
     if found and importlib.util.find_spec("flint") is not None:
         say(f"{counted(len(found), 'contradiction')}: certificates are sought for at most {SECONDS:g} s")
         found = _arbitrated(store, found, rows, examined)
+    examined.report()
     store.set_meta(**{contradictions.META: contradictions.as_data(found)})
     return found
 
@@ -74,6 +77,7 @@ class _Problems:
         self._formats: Mapping[str, str] = store.meta().get("formats", {})
         self._say = say
         self._last: tuple[str, Problem | None] = ("", None)
+        self._gone: list[str] = []
 
     def get(self, address: str, fingerprint: str) -> Problem | None:
         """Return a problem; None, with a line that says why, where its file is gone or holds another."""
@@ -85,33 +89,44 @@ class _Problems:
         try:
             problem = storage.load(address, format=self._formats.get(address))
         except CpbenchError as cause:
-            self._say(f"answers not compared: {cause}")
+            self._gone.append(str(cause))
             return None
         if problem.fingerprint == fingerprint:
             return problem
-        self._say(f"answers not compared: {address} is not the problem that was solved any more")
+        self._gone.append(f"{address}: is not the problem that was solved any more")
         return None
+
+    def report(self) -> None:
+        """Say how many problems could not be read again, and the reason of the first."""
+        if self._gone:
+            more = f" ({counted(len(self._gone), 'problem')} in all)" if len(self._gone) > 1 else ""
+            self._say(f"answers are not compared: {self._gone[0]}{more}")
 
 
 def _of_answers(store: Store, rows: pd.DataFrame, problems: _Problems) -> Iterator[Contradiction]:
     """Yield what kept answers contradict; a problem is read only where answers differ, or verdicts on the same."""
     sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
-    for fingerprint, own in contradictions.compared(rows).groupby("fingerprint", sort=False):
+    found = contradictions.compared(rows).sort_values("fingerprint", kind="stable")
+    chosen = found[
+        ["fingerprint", "node", "problem", "address", "key", "label", "status", "error", "tolerance", "parts"]
+    ]
+    for fingerprint, group in itertools.groupby(chosen.itertuples(index=False), key=lambda row: row.fingerprint):
+        own = list(group)
         answers = list(_answers(store, own, sheets))
-        if not suspicious(str(own["node"].iloc[0]), answers):
+        if not suspicious(own[0].node, answers):
             continue
-        problem = problems.get(str(own["address"].iloc[0]), str(fingerprint))
+        problem = problems.get(own[0].address, fingerprint)
         if problem is not None:
-            name = str(own["problem"].iloc[0])
-            yield from (replace(one, problem=name) for one in of_answers(problem, answers))
+            yield from (replace(one, problem=own[0].problem) for one in of_answers(problem, answers))
 
 
-def _answers(store: Store, own: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]]) -> Iterator[KeptAnswer]:
-    for row in own[["key", "label", "status", "error", "tolerance"]].itertuples(index=False):
+def _answers(store: Store, own: Sequence[Any], sheets: Mapping[str, Mapping[str, Any]]) -> Iterator[KeptAnswer]:
+    for row in own:
         blob = store.ending(row.key)[1]
         if blob is not None:
             method = str(sheets.get(row.label, {}).get("method", ""))
-            yield KeptAnswer(*row, method, unpack(blob))
+            objective = json.loads(row.parts or "{}").get("objective")
+            yield KeptAnswer(row.key, row.label, row.status, row.error, row.tolerance, method, unpack(blob), objective)
 
 
 def _arbitrated(
@@ -127,7 +142,9 @@ def _arbitrated(
     for place in sorted(range(len(found)), key=lambda place: max((len(blob) for _, blob in kept[place]), default=0)):
         one = found[place]
         words = "none was sought, the time was over"
-        if time.perf_counter() < end:
+        if not kept[place]:
+            words = "none was sought, no answer is kept"
+        elif time.perf_counter() < end:
             problem = problems.get(str(addresses[one.fingerprint]), one.fingerprint)
             words = "" if problem is None else _arbitration(problem, one.kind, kept[place], end)
         said[place] = replace(one, arbitration=words)

@@ -49,8 +49,9 @@ def _rows(table: pd.DataFrame, rng: np.random.Generator) -> Iterator[Row]:
         else "{}"
         for line, there in zip(residuals, answered, strict=True)
     ]
-    columns = {str(name): table[name].tolist() for name in table} | {"parts": told}
     names = (*PLANNED, *MEASURED)
+    absent: dict[str, list[Any]] = dict.fromkeys(names, [None] * len(table))
+    columns = absent | {str(name): table[name].tolist() for name in table} | {"parts": told}
     for values in zip(*(columns[name] for name in names), strict=True):
         yield Row(*values)
 
