@@ -10,6 +10,8 @@ import numpy as np
 
 from cpbench.analysis import forward_error
 from cpbench.analysis.contradictions import COMPARED, PROGRAMS, Conflict, Contradiction, is_one_of, named
+from cpbench.analysis.optimality import meets_conditions
+from cpbench.formulations import QP
 from cpbench.formulations.base import Point, Problem
 from cpbench.matrices import Vector, max_abs
 from cpbench.verification import FALSE_CLAIMS, VERIFIED
@@ -23,6 +25,8 @@ REJECTED = 10.0
 tolerance, two answers that are alike may be on either side."""
 ROUNDING = 1e-13
 """Share of the sum of its terms without signs that an objective may be off by rounding."""
+OPTIMAL = 0.1
+"""Share of the tolerance to which a rejected answer that is optimal beside a verified one contradicts its verdict."""
 MULTIPLIERS = ("lam", "mu", "nu")
 """Parts of a point that are compared in one unit."""
 
@@ -51,12 +55,15 @@ def near(one: Vector, other: Vector, share: float) -> bool:
 
 def suspicious(node: str, answers: Sequence[KeptAnswer]) -> bool:
     """Return whether the problem has to be read: verified answers differ by more than the tolerance, their objectives
-    by more than OFF tolerances, or a rejected answer is like another."""
+    by more than OFF tolerances, or a rejected answer is like another, or there is one beside verified ones of a
+    program."""
     good, bad = _split(answers)
     if is_one_of(node, COMPARED):
         if any(not near(good[0].vector, one.vector, one.tolerance) for one in good[1:]):
             return True
-        if is_one_of(node, PROGRAMS) and len(good) > 1:
+        if is_one_of(node, PROGRAMS) and good:
+            if bad:
+                return True
             f = [math.nan if one.objective is None else one.objective for one in good]
             if not max(f) - min(f) <= OFF * min(one.tolerance for one in good) * min(map(abs, f)):
                 return True
@@ -64,7 +71,7 @@ def suspicious(node: str, answers: Sequence[KeptAnswer]) -> bool:
 
 
 def of_answers(problem: Problem, answers: Sequence[KeptAnswer]) -> Iterator[Contradiction]:
-    """Yield the contradictions between answers to a problem, at most one of a kind."""
+    """Yield the contradictions between answers to a problem."""
     good, bad = _split(answers)
     yield from of_objectives(problem, good)
     yield from of_solutions(problem, good)
@@ -138,22 +145,30 @@ def of_solutions(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Contr
 
 
 def of_verdicts(problem: Problem, good: Sequence[KeptAnswer], bad: Sequence[KeptAnswer]) -> Iterator[Contradiction]:
-    """Yield a contradiction where rejected answers are like a verified one to rounding; else where rejected answers of
-    different methods are like each other, and not zero.
+    """Yield a contradiction where rejected answers are like a verified one to rounding, or as good as it in a program
+    with several solutions (`optimal_beside`); where there is none, one where rejected answers of different methods are
+    like each other, and not zero.
 
     Alike: no part differs by more than ALIKE tolerances of its largest number, nor the objective of a program.
     """
     far = [one for one in bad if one.error >= REJECTED * one.tolerance]
-    pairs = [(one, two) for one in far for two in good if _alike(problem, one, two)]
-    if pairs:
-        rejected = {one.key: one for one, _ in pairs}
-        accepted = {two.key: two for _, two in pairs}
-        least = min(one.error for one in rejected.values())
-        text = (
-            f"answers of {named(one.label for one in rejected.values())} are rejected, with errors from {least:.2g} "
-            f"on, and are the same to rounding as verified ones of {named(two.label for two in accepted.values())}."
-        )
-        yield _of(problem, Conflict.VERDICT, [*rejected.values(), *accepted.values()], least, far[0].tolerance, text)
+    alike = {one.key: two for two in reversed(good) for one in far if _alike(problem, one, two)}
+    rest = [one for one in far if one.key not in alike]
+    optimal = {one.key: good[0] for one in rest if good and optimal_beside(problem, one, good[0])}
+    reasons = (
+        (alike, "and are the same to rounding as verified ones of {}."),
+        (
+            optimal,
+            "but all conditions of optimality hold to {share:.2g}, with the objective of {}, which is verified.",
+        ),
+    )
+    for accepted, reason in reasons:
+        own = [one for one in far if one.key in accepted]
+        if own:
+            others = list({two.key: two for two in accepted.values()}.values())
+            text = reason.format(named(two.label for two in others), share=OPTIMAL * own[0].tolerance)
+            yield _of(problem, Conflict.VERDICT, [*own, *others], *_least(own), f"{_rejected(own)}, {text}")
+    if alike or optimal:
         return
     agreeing = [
         one
@@ -161,12 +176,30 @@ def of_verdicts(problem: Problem, good: Sequence[KeptAnswer], bad: Sequence[Kept
         if one.vector.any() and any(two.method != one.method and _alike(problem, one, two) for two in far if two != one)
     ]
     if agreeing:
-        least = min(one.error for one in agreeing)
-        text = (
-            f"{named(one.label for one in agreeing)}, of different methods, have the same answer to rounding, and all "
-        )
-        text += f"are rejected, with errors from {least:.2g} on."
-        yield _of(problem, Conflict.VERDICT, agreeing, least, agreeing[0].tolerance, text)
+        text = f"{_rejected(agreeing)}, though methods differ and the answers are the same to rounding."
+        yield _of(problem, Conflict.VERDICT, agreeing, *_least(agreeing), text)
+
+
+def _least(answers: Sequence[KeptAnswer]) -> tuple[float, float]:
+    """Return the least error of rejected answers, and its tolerance."""
+    return min((one.error, one.tolerance) for one in answers)
+
+
+def _rejected(answers: Sequence[KeptAnswer]) -> str:
+    least, several = _least(answers)[0], len(answers) > 1
+    whose = f"answers of {named(one.label for one in answers)}" if several else f"the answer of {answers[0].label}"
+    return f"{whose} {'are' if several else 'is'} rejected, with {'errors from' if several else 'error'} {least:.2g}"
+
+
+def optimal_beside(problem: Problem, rejected: KeptAnswer, verified: KeptAnswer) -> bool:
+    """Return whether a rejected answer to a convex quadratic program is optimal to OPTIMAL tolerances and has the
+    objective of a verified one: a feasible point with the objective of a minimum is one, wherever the other is."""
+    if not isinstance(problem, QP) or not problem.convex:
+        return False
+    point = problem.point_from_vector(rejected.vector)
+    share = OPTIMAL * min(rejected.tolerance, verified.tolerance)
+    f, g = problem.objective(point.z), problem.objective(_first(problem, verified))
+    return abs(f - g) <= share * abs(f) and meets_conditions(problem, point, share)
 
 
 def _alike(problem: Problem, one: KeptAnswer, two: KeptAnswer) -> bool:

@@ -26,9 +26,9 @@ from cpbench.plurals import counted
 if TYPE_CHECKING:
     import pandas as pd
 
-SECONDS = 30.0
+SECONDS = 20.0
 """Time for all certificates that arbitrate [s]."""
-EACH = 5.0
+EACH = 4.0
 """Time for one of them [s]; one exact system may take longer."""
 LARGEST = 1000
 """Numbers of the largest answer for which a certificate is sought: exact systems grow fast."""

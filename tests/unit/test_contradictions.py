@@ -18,9 +18,10 @@ from written_reports import whole, write_report
 import cpbench as cp
 from cpbench.analysis import forward_error, ranking, reliability
 from cpbench.analysis.comparison import ComparisonSide, compare, compare_labels
-from cpbench.analysis.contradicted_answers import ALIKE, OFF, REJECTED, KeptAnswer, of_answers
+from cpbench.analysis.contradicted_answers import ALIKE, OFF, OPTIMAL, REJECTED, KeptAnswer, of_answers
 from cpbench.analysis.contradictions import Contradiction, of_claims
 from cpbench.analysis.forward_error import SLACK, apart
+from cpbench.analysis.optimality import meets_conditions
 from cpbench.analysis.table import normalised
 from cpbench.bench.results.store import Store
 from cpbench.formulations.base import Problem
@@ -324,6 +325,36 @@ def test_small_parts_of_an_answer_are_compared_by_themselves() -> None:
     program = cp.QP.build(Q=np.eye(1), p=[-1e8], ub=[1.0])
     assert kinds(program, answers([(1.0, -1e8), (1.1, -1e8)], "solved wrong")) == []
     assert kinds(program, answers([(1.0, -1e8), (1.0, -1e8)], "solved wrong")) == ["verdict"]
+
+
+def with_several_solutions(off: float = 0.0) -> tuple[cp.QP, list[KeptAnswer]]:
+    """min z₁ + z₂, z₁ + z₂ ≥ 1, 0 ≤ z ≤ 2: all points between (1, 0) and (0, 1); `off` : of the objective of one."""
+    program = cp.QP.build(Q=np.zeros((2, 2)), p=[1.0, 1.0], A=[[1.0, 1.0]], b=[1.0], lb=np.zeros(2), ub=np.full(2, 2.0))
+    return program, answers([(0.5, 0.5, 1.0, 0.0, 0.0), (0.0, 1.0 + off, 1.0, 0.0, 0.0)], "solved wrong")
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.9, ["verdict"]), (1.1, [])])
+def test_a_rejected_answer_that_is_optimal_beside_a_verified_one(share: float, found: list[str]) -> None:
+    assert OPTIMAL == 0.1
+    assert kinds(*with_several_solutions()) == ["verdict"]
+    assert kinds(*with_several_solutions(share * OPTIMAL * EPS)) == found
+
+
+@pytest.mark.parametrize(
+    ("vector", "what"),
+    [
+        ((0.0, 1.0 - 4e-7, 1.0, 0.0, 0.0), "a row is missed"),
+        ((-4e-7, 1.0 + 4e-7, 1.0, 0.0, 0.0), "a bound is missed"),
+        ((0.0, 1.0, 1.0 + 4e-7, -4e-7, 0.0), "a multiplier of a bound has the wrong sign"),
+        ((0.0, 1.0, 1.0 + 4e-7, 0.0, 0.0), "stationarity is missed"),
+        ((0.0, 1.0, 0.0, 1.0, 1.0), "complementarity is missed: the gap is 1"),
+    ],
+)
+def test_a_point_that_misses_a_condition_is_not_optimal(vector: Sequence[float], what: str) -> None:
+    program, (verified, rejected) = with_several_solutions()
+    assert meets_conditions(program, program.point_from_vector(rejected.vector), 1e-12)
+    assert not meets_conditions(program, program.point_from_vector(np.array(vector)), 1e-7), what
+    assert kinds(program, [verified, dataclasses.replace(rejected, vector=np.array(vector))]) == []
 
 
 # ------------------------------------------------------------------------------------------------- comparison
