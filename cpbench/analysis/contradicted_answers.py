@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -89,7 +90,8 @@ def of_objectives(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Cont
     that is lower by so much than both, which is ⅛ dᵀQd for the difference d of two with the same objective.
 
     Where all terms vanish at the solution, they do not measure what an error of the answer does: z off by ε of each
-    component changes zᵀQz by ε² |z|ᵀ|Q||z|. That much is allowed too, and rounding.
+    component changes zᵀQz by ε² |z|ᵀ|Q||z|. That much is allowed too, and rounding. Beside an answer of which all terms
+    vanish, others count from the size of the data on (`objective_unit`); beside z = 0 and without that, not at all.
     """
     if not isinstance(problem, PROGRAMS) or len(good) < 2:
         return
@@ -102,6 +104,10 @@ def of_objectives(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Cont
     gross = np.array([x @ (abs(problem.Q) @ x) + abs(problem.p) @ x for x in abs(Z)])
     share = OFF * np.maximum.outer(tolerance, tolerance)
     share = share * np.maximum.outer(terms, terms) + (share**2 + ROUNDING) * np.maximum.outer(gross, gross)
+    unit = objective_unit(problem)
+    vanishing = np.minimum.outer(terms, terms) <= share
+    small = (np.maximum.outer(terms, terms) <= unit) | ((unit == 0.0) & (np.minimum.outer(gross, gross) == 0.0))
+    share = np.where(vanishing & small, np.inf, share)
     d = np.add.outer(squares, squares) - G - G.T
     for differences, what in ((abs(np.subtract.outer(f, f)), "objectives"), (d / 8.0, "answers")):
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -119,6 +125,18 @@ def of_objectives(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Cont
         yield _of(problem, Conflict.OBJECTIVE, [good[one], good[two]], measured, allowed,
                   f"both are verified answers of a convex program, but {text}: {size}.")  # fmt: skip
         return
+
+
+def objective_unit(program: Any) -> float:
+    """Return the size of an objective by the data alone, the same in all units of unknowns: Σ p_i²/Q_ii, and |p_i|
+    times the larger finite bound of an unknown with Q_ii = 0; 0 where there is neither."""
+    diagonal, p = np.asarray(program.Q.diagonal()), program.p
+    curved = diagonal > 0.0
+    unit = float((p[curved] ** 2 / diagonal[curved]).sum())
+    if isinstance(program, QP):
+        bounds = np.maximum(*(np.where(np.isfinite(bound), abs(bound), 0.0) for bound in (program.lb, program.ub)))
+        unit += float(abs(p[~curved]) @ bounds[~curved])
+    return unit
 
 
 def of_solutions(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Contradiction]:
@@ -173,11 +191,17 @@ def of_verdicts(problem: Problem, good: Sequence[KeptAnswer], bad: Sequence[Kept
     agreeing = [
         one
         for one in far
-        if one.vector.any() and any(two.method != one.method and _alike(problem, one, two) for two in far if two != one)
+        if one.vector.any() and any(_independent(one, two) and _alike(problem, one, two) for two in far)
     ]
     if agreeing:
         text = f"{_rejected(agreeing)}, though methods differ and the answers are the same to rounding."
         yield _of(problem, Conflict.VERDICT, agreeing, *_least(agreeing), text)
+
+
+def _independent(one: KeptAnswer, two: KeptAnswer) -> bool:
+    """Return whether two answers are of different methods, and not one computation: a solver that chooses another one
+    has that one's answer to the last bit."""
+    return one.method != two.method and not np.array_equal(one.vector, two.vector)
 
 
 def _least(answers: Sequence[KeptAnswer]) -> tuple[float, float]:

@@ -66,6 +66,11 @@ def _right(problem):
     return LCPPoint(z=np.linalg.solve(problem.M, -problem.q))
 
 
+def _again(problem):
+    """The same to rounding, as another method has it."""
+    return LCPPoint(z=_right(problem).z * (1 + 1e-14))
+
+
 def _half(problem):
     """The solution with zeros but for the first unknown that makes its row 0."""
     if isinstance(problem, QP):
@@ -87,7 +92,7 @@ def _solver(name, node, method, answer, claim=Claim.SOLVED):
 
 for _node in ("lcp", "lcp-first", "lcp-never", "qp-always"):
     _solver(f"right-{_node}", _node, "elimination", _right)
-_solver("again-lcp-never", "lcp-never", "another elimination", _right)
+_solver("again-lcp-never", "lcp-never", "another elimination", _again)
 for _node in ("lcp-first", "qp-always"):
     _solver(f"liar-{_node}", _node, "none", _half)
 _solver("denier-lcp", "lcp", "none", None, Claim.INFEASIBLE)

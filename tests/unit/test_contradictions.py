@@ -215,6 +215,13 @@ def test_an_optimal_value_of_zero_is_no_contradiction() -> None:
     assert kinds(program, answers([(0.5, 0.5, 0.0, 0.0, 0.0), (0.6, 0.4, 0.0, 0.0, 0.0)])) == ["objective"]
 
 
+@pytest.mark.parametrize(("z", "found"), [(0.4, []), (1.6, ["objective"])])
+def test_a_solution_at_zero_leaves_the_size_to_the_data(z: float, found: list[str]) -> None:
+    """min ½z² + 2z, z ≥ 0: beside 0 terms |2z| + ½z² + |f| count from p²/Q = 4 on, which z = 0.84 reaches."""
+    program = cp.QP.build(Q=[[1.0]], p=[2.0], lb=[0.0])
+    assert kinds(program, answers([(0.0, 2.0), (z, 0.0)])) == found
+
+
 def test_a_program_that_is_not_convex_has_several_objectives() -> None:
     program = cp.QP.build(Q=[[-1.0]], p=[0.0], lb=[-1.0], ub=[2.0])
     assert kinds(program, answers([(-1.0, 1.0), (2.0, -2.0)])) == []
@@ -315,8 +322,10 @@ def test_verdicts_near_the_tolerance_do_not_contradict(share: float, found: list
 
 
 def test_rejected_answers_that_agree_for_another_reason() -> None:
-    """By one method, or since nothing was computed: zeros."""
-    assert kinds(LCP, answers([(3.0, 2.0), (3.0, 2.0)], "wrong wrong", method="pivoting")) == []
+    """By one method; by one solver that another one has chosen; or since nothing was computed: zeros."""
+    assert kinds(LCP, answers([(3.0, 2.0), (3.0, 2.0 + 1e-12)], "wrong wrong")) == ["verdict"]
+    assert kinds(LCP, answers([(3.0, 2.0), (3.0, 2.0 + 1e-12)], "wrong wrong", method="pivoting")) == []
+    assert kinds(LCP, answers([(3.0, 2.0), (3.0, 2.0)], "wrong wrong")) == []
     assert kinds(LCP, answers([(0.0, 0.0), (0.0, 0.0)], "wrong wrong")) == []
 
 
