@@ -19,7 +19,7 @@ import pandas as pd
 from cpbench.analysis.codes import Integers, by_appearance, codes, order
 from cpbench.errors import StoreError
 from cpbench.formulations.base import Kind
-from cpbench.verification import MET_TOLERANCE, PROVEN, VERIFIED, Status
+from cpbench.verification import MET_TOLERANCE, VERIFIED, Status
 
 Floats: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 Matrix: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
@@ -119,8 +119,8 @@ def contradicted(table: pd.DataFrame) -> pd.Series[bool]:
 
     Such a claim is false. It is compared where the route is equivalent (a target of another one may have no solution
     though its source has), with answers by the same measure at the row's tolerance or a tighter one. A stationary
-    point is feasible: it contradicts `infeasible`, not `unbounded`. A row that has a proof, or a verified answer of its
-    own, is not such a claim.
+    point is feasible: it contradicts `infeasible`, not `unbounded`. A row that has a proof, an answer of its own that
+    met its target, or no answer in time has another status than `failed`, and is not such a claim.
 
     >>> rows = {"problem": "p", "label": ["s", "t"], "status": ["solved", "failed"], "claim": ["solved", "infeasible"],
     ...         "kind": "equivalent", "tolerance": 1e-6}
@@ -132,7 +132,7 @@ def contradicted(table: pd.DataFrame) -> pd.Series[bool]:
     found = pd.Series(False, index=table.index)
     if not {"claim", "kind", "fingerprint", "measure", "tolerance"} <= set(table):
         return found
-    open_rows = ~table["status"].isin((*MET_TOLERANCE, *PROVEN)) & (table["kind"] == str(Kind.EQUIVALENT))
+    open_rows = (table["status"] == str(Status.FAILED)) & (table["kind"] == str(Kind.EQUIVALENT))
     for claim, statuses in ((Status.INFEASIBLE, MET_TOLERANCE), (Status.UNBOUNDED, VERIFIED)):
         claims = table[open_rows & (table["claim"] == str(claim))]
         if len(claims):

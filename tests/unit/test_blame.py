@@ -224,8 +224,8 @@ def rows_of_every_kind() -> pd.DataFrame:
             outcome = str(rng.choice(["timeout", "crash", "infeasible", "unbounded", "unsupported"]))
         found.append(
             {
-                "problem": "p", "label": f"s{len(found)}", "solver": "s", "status": outcome, "claim": claim,
-                "kind": str(kind), "flags": ",".join(flags), "error": error, "tolerance": TOLERANCE,
+                "problem": f"p{len(found)}", "label": f"s{len(found)}", "solver": "s", "status": outcome,
+                "claim": claim, "kind": str(kind), "flags": ",".join(flags), "error": error, "tolerance": TOLERANCE,
                 "target_error": there if known else math.nan, "target_tolerance": factor * TOLERANCE,
                 "route": "a-b",
             }
