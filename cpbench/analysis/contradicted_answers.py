@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from cpbench.analysis import forward_error
 from cpbench.analysis.contradictions import COMPARED, PROGRAMS, Conflict, Contradiction, is_one_of, named
-from cpbench.analysis.optimality import meets_conditions
+from cpbench.analysis.optimality import meets_conditions, objective_unit
 from cpbench.formulations import QP
 from cpbench.formulations.base import Point, Problem
 from cpbench.matrices import Vector, max_abs
@@ -125,18 +124,6 @@ def of_objectives(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Cont
         yield _of(problem, Conflict.OBJECTIVE, [good[one], good[two]], measured, allowed,
                   f"both are verified answers of a convex program, but {text}: {size}.")  # fmt: skip
         return
-
-
-def objective_unit(program: Any) -> float:
-    """Return the size of an objective by the data alone, the same in all units of unknowns: Σ p_i²/Q_ii, and |p_i|
-    times the larger finite bound of an unknown with Q_ii = 0; 0 where there is neither."""
-    diagonal, p = np.asarray(program.Q.diagonal()), program.p
-    curved = diagonal > 0.0
-    unit = float((p[curved] ** 2 / diagonal[curved]).sum())
-    if isinstance(program, QP):
-        bounds = np.maximum(*(np.where(np.isfinite(bound), abs(bound), 0.0) for bound in (program.lb, program.ub)))
-        unit += float(abs(p[~curved]) @ bounds[~curved])
-    return unit
 
 
 def of_solutions(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Contradiction]:

@@ -1,4 +1,4 @@
-"""Conditions of optimality of a quadratic program, by code that shares nothing with the verdict."""
+"""Conditions of optimality and size of the objective of a program, by code that shares nothing with the verdict."""
 
 from __future__ import annotations
 
@@ -57,3 +57,15 @@ def _no_gap(program: QP, x: QPPoint, share: float) -> bool:
     dual = program.b @ x.lam + program.d @ x.mu + bounds @ x.nu[at]
     gap = x.z @ (program.Q @ x.z) + program.p @ x.z - dual
     return bool(abs(gap) <= share * abs(program.objective(x.z)))
+
+
+def objective_unit(program: Any) -> float:
+    """Return the size of an objective by the data alone, the same in all units of unknowns: Σ p_i²/Q_ii, and |p_i|
+    times the larger finite bound of an unknown with Q_ii = 0; 0 where there is neither."""
+    diagonal, p = np.asarray(program.Q.diagonal()), program.p
+    curved = diagonal > 0.0
+    unit = float((p[curved] ** 2 / diagonal[curved]).sum())
+    if isinstance(program, QP):
+        bounds = np.maximum(*(np.where(np.isfinite(bound), abs(bound), 0.0) for bound in (program.lb, program.ub)))
+        unit += float(abs(p[~curved]) @ bounds[~curved])
+    return unit
