@@ -3,6 +3,9 @@
 A contact is one block: the friction law is in the change of variable û = u + μ‖u_T‖e_N (De Saxcé and Feng 1998), so
 that û is in the dual of the cone of r and orthogonal to it. Moments are divided and angular velocities multiplied by
 the lengths of the contacts, so that a block has one unit.
+
+A reaction in its cone with u = 0 obeys the law, whatever μ is. So a contact is off by no more than its distance from the
+cone and its velocity; û has μ times the rounding of u_T.
 """
 
 from __future__ import annotations
@@ -29,15 +32,15 @@ def local(P: Any, point: Any) -> System:
         terms = Terms.of_blocks(_scaled(P.W, unit, unit), block, block)
         return Frame(terms, _norms(P.q * unit, P.dimension), [contact_set(P)], block=block)
 
-    return System(kept(P, frame), r, shifted(P, u))
+    return System(kept(P, frame), r, shifted(P, u), velocity=u)
 
 
 def mixed(P: Any, point: Any) -> System:
     """Return the rows of fcm: (r, λ) beside û(Wr + Vλ + q) and Vᵀr + Rλ + s."""
     unit, lam = _units(P), point.lam
     u = (P.W @ point.r + P.V @ lam + P.q) * unit
-    f = np.concatenate([shifted(P, u), P.V.T @ point.r + P.R @ lam + P.s])
     rows, joints = point.r.size, lam.size
+    f = np.concatenate([shifted(P, u), P.V.T @ point.r + P.R @ lam + P.s])
 
     def frame() -> Frame:
         block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(joints)])
@@ -46,7 +49,8 @@ def mixed(P: Any, point: Any) -> System:
         constants = np.concatenate([_norms(P.q * unit, P.dimension), np.abs(P.s)])
         return Frame(terms, constants, contact_and_free(P, joints), block=block)
 
-    return System(kept(P, frame), np.concatenate([point.r / unit, lam]), f)
+    velocity = np.concatenate([u, np.zeros(joints)])
+    return System(kept(P, frame), np.concatenate([point.r / unit, lam]), f, velocity=velocity)
 
 
 def dynamic(P: Any, point: Any) -> System:
@@ -92,6 +96,7 @@ def _dynamics(
         kept(P, frame) if keep else frame(),
         x=np.concatenate([r / unit, v, lam]),
         f=np.concatenate([shifted(P, u), force, joints]),
+        velocity=np.concatenate([u, np.zeros(n + p)]),
     )
 
 
@@ -104,7 +109,9 @@ def worst_loaded(P: Any, system: System, tolerance: float) -> float:
     law, d = contact_set(P), P.dimension
     r, u = system.x[: P.nc * d], system.f[: P.nc * d]
     rho = np.repeat(P.rho, d)
-    defect = _norms(law.defect(r, u, np.ones(r.size), rho).ravel(), d)
+    one, still = np.ones(r.size), _norms(system.velocity[: P.nc * d], d)
+    stuck = _norms(law.defect(r, np.zeros(r.size), one, one).ravel(), d) + P.rho * still
+    defect = np.minimum(_norms(law.defect(r, u, one, rho).ravel(), d), stuck)
     r_size, u_size = _norms(r, d), P.rho * _norms(u, d)
     free = P.q if hasattr(P, "q") else P.free_velocity if hasattr(P, "free_velocity") else P.reference.free_velocity
     energy = np.sqrt((P.rho * _norms(free * _units(P), d) ** 2).sum())

@@ -171,12 +171,15 @@ class System:
     ----------
     frame : the problem. x, f : (N,) the unknowns and the values of the rows paired with them.
     also : residuals that must vanish beside f, each with the blocks of the rows by which they are measured.
+    velocity : (N,) f of contacts without the sliding that the law adds, û − μ‖u_T‖e_N, 0 elsewhere; None without
+        contacts.
     """
 
     frame: Frame
     x: Vector
     f: Vector
     also: tuple[Vector, Any] | None = None
+    velocity: Vector | None = None
 
     def nearest(self) -> Vector:
         """Return the nearest point of the sets."""

@@ -92,10 +92,15 @@ def block_errors(system: System, parts: Parts, sums: Vector) -> BlockErrors:
     """Measure an answer; `sums` are those of the sizes of the terms of its rows, all of them finite."""
     frame, units = system.frame, units_of(system, parts, sums)
     errors = _conditions(system, parts, units)
-    noise = (ROUNDINGS * EPS) * (sums + frame.constants)
+    noise, amplification = (ROUNDINGS * EPS) * (sums + frame.constants), frame.amplification
     # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing there
-    deciding = (errors > 0) | ((frame.amplification * EPS >= 1.0) & (frame.norms(system.f) > 0))
-    floors = noise * units.f * frame.amplification * deciding
+    deciding = (errors > 0) | ((amplification * EPS >= 1.0) & (frame.norms(system.f) > 0))
+    if system.velocity is not None:  # what sticks obeys the law whatever its coefficient
+        stuck = frame.norms(system.defect(units.x, np.zeros(frame.k))) + frame.norms(system.velocity) * units.f
+        contact = frame.amplification > 1.0
+        amplification = np.where(contact & (stuck <= errors), 1.0, amplification)
+        errors = np.where(contact, np.minimum(errors, stuck), errors)
+    floors = noise * units.f * amplification * deciding
     if parts.measure is Measure.ENERGY:
         errors = parts.whole.spread(parts.whole.norm(errors))
     if system.also is not None:

@@ -96,13 +96,15 @@ def test_a_program_in_other_units_has_the_same_error(rng: np.random.Generator) -
         assert measure(other, there).error == pytest.approx(measure(problem, wrong).error, rel=0.5)
 
 
-def test_what_rounding_decides_is_unresolvable() -> None:
-    stick = FrictionContact(W=np.diag([1.0, 1, 1]) + 0.1, q=[-1.0, 0.3, 0.1], mu=[1e15], dimension=3)
+@pytest.mark.parametrize("mu", [0.5, 1e6, 1e10, 1e15])
+def test_what_sticks_is_right_whatever_its_coefficient(mu: float) -> None:
+    """As near as numbers come to u = 0, it slides at 1e-17, which is 1e-2 once multiplied by 10¹⁵."""
+    stick = FrictionContact(W=np.diag([1.0, 1, 1]) + 0.1, q=[-1.0, 0.3, 0.1], mu=[mu], dimension=3)
     r = np.linalg.solve(stick.W, -stick.q)
-    r[1] = np.nextafter(r[1], 0.0)  # as near as numbers come: the sliding of 1e-17 is 1e-2 once multiplied by mu
-    assert "unresolvable" in judge(stick, FCPoint(r=r), 1e-6).flags
-    easy = FrictionContact(W=stick.W, q=stick.q, mu=[0.5], dimension=3)
-    assert judge(easy, FCPoint(r=r), 1e-6).solved
+    r[1] = np.nextafter(r[1], 0.0)
+    assert judge(stick, FCPoint(r=r), 1e-12).solved
+    assert judge(stick, FCPoint(r=1.001 * r), 1e-6).error > 1e-4
+    assert judge(stick, FCPoint(r=np.zeros(3)), 1e-6).error > 0.1
 
 
 @pytest.mark.parametrize("node", sorted(SYSTEMS))
