@@ -1,0 +1,174 @@
+"""Right answers of real contact files with one contact corrupted: none may pass that misses Coulomb's law, unflagged.
+
+    python tests/truth/contact_corruptions.py [--eps 1e-6 1e-4] [--contacts 100] [--budget 600]
+
+How wrong a corrupted contact is, is said by its own law in its own units (Acary & Brogliato, *Numerical Methods for
+Nonsmooth Dynamical Systems*, 2008, ch. 3), by NumPy alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import real_files
+
+import cpbench
+from cpbench import matrices
+from cpbench.errors import CpbenchError
+from cpbench.verification import judge
+
+Array = np.ndarray
+MISSED = 0.05
+"""A contact that misses its law by more than this share of its own size is wrong."""
+FLAGS = ("contact", "direction")
+"""The verdict's remarks that say so of an accepted answer."""
+SOLVERS = ("proximal-newton", "auto-fc", "nsgs")
+CONTACTS_OF_A_FILE = 40
+
+
+def _into_ball(x: Array, radius: float) -> Array:
+    size = float(np.linalg.norm(x))
+    return x if size <= radius else x * (radius / size)
+
+
+def missed_by(problem: Any, r: Array, inertia: Array) -> float:
+    """Return the worst miss of Coulomb's law over all contacts, each over its own size.
+
+    A contact's size is the largest of ‖r_c‖, ρ_c‖u_c‖ and ρ_c‖q_c‖ with ρ_c = d/trace W_cc (`inertia`, in kg). It can
+    miss the cone, tension, penetration, normal complementarity, and friction (stick, or slip against the reaction).
+    """
+    d, nc = problem.dimension, problem.nc
+    R, Q = r.reshape(nc, d), np.asarray(problem.q).reshape(nc, d) * inertia[:, None]
+    U = (problem.W @ r + problem.q).reshape(nc, d) * inertia[:, None]
+    sizes = np.max([np.linalg.norm(X, axis=1) for X in (R, U, Q)], axis=0)
+    worst = 0.0
+    for c in np.flatnonzero(sizes):
+        rc, uc, mu = R[c] / sizes[c], U[c] / sizes[c], float(problem.mu[c])
+        cone = max(0.0, float(np.linalg.norm(rc[1:])) - mu * rc[0]) / max(1.0, mu)
+        normal = max(-rc[0], -uc[0], min(max(rc[0], 0.0), max(uc[0], 0.0)))
+        sliding = float(np.linalg.norm(rc[1:] - _into_ball(rc[1:] - uc[1:], mu * max(rc[0], 0.0))))
+        worst = max(worst, cone, normal, sliding)
+    return worst
+
+
+def inertias(problem: Any) -> Array:
+    """Return d/trace W_cc of each contact [kg], 1 where the trace is not positive; shape (nc,)."""
+    d = problem.dimension
+    traces = matrices.dense(problem.W).diagonal().reshape(problem.nc, d).sum(axis=1)
+    return np.where(traces > 0, d / np.where(traces > 0, traces, 1.0), 1.0)
+
+
+def right_answer(problem: Any, seconds: float = 4.0) -> Array | None:
+    """Return reactions that are right to 1e-8 by the verdict and miss no contact's law by more than MISSED."""
+    best: tuple[float, Array] | None = None
+    for solver in SOLVERS:
+        try:
+            found = cpbench.solve(problem, solver, tolerance=1e-10, seconds=seconds)
+        except CpbenchError:
+            continue
+        if found.point is not None and found.point.finite and (best is None or found.error < best[0]):
+            best = found.error, np.asarray(found.point.r)
+        if best is not None and best[0] < 1e-9:
+            break
+    return best[1] if best is not None and best[0] <= 1e-8 else None
+
+
+def corrupted(problem: Any, r: Array, contacts: Array) -> Iterator[tuple[int, str, Array]]:
+    """Yield contact, kind and reactions: zero, doubled, halved, friction reversed, swapped or turned, pressed more."""
+    d, nc = problem.dimension, problem.nc
+    R = r.reshape(nc, d)
+    sizes = np.linalg.norm(R, axis=1)
+    for c in contacts:
+        own = R[c]
+        kinds = {
+            "zero": 0.0 * own,
+            "doubled": 2.0 * own,
+            "halved": 0.5 * own,
+            "friction reversed": np.concatenate([own[:1], -own[1:]]),
+            "pressed": own + np.eye(d)[0] * 1e-3 * sizes.max(),
+        }
+        if d == 3:
+            kinds |= {"tangents swapped": own[[0, 2, 1]], "turned": np.array([own[0], -own[2], own[1]])}
+        for kind, changed in kinds.items():
+            X = R.copy()
+            X[c] = changed
+            if np.abs(X - R).max() >= 1e-12 * max(float(sizes.max()), 1e-300):
+                yield int(c), kind, X.ravel()
+
+
+@dataclass(frozen=True)
+class Corruption:
+    """One corrupted answer under one ε."""
+
+    file: str
+    contact: int
+    kind: str
+    epsilon: float
+    error: float
+    missed: float
+    flags: tuple[str, ...]
+
+    @property
+    def unflagged(self) -> bool:
+        """Passes with a contact that misses its law, and nothing says so."""
+        return self.passes_wrong and not any(flag in self.flags for flag in FLAGS)
+
+    @property
+    def passes_wrong(self) -> bool:
+        return self.error <= self.epsilon and "unresolvable" not in self.flags and self.missed > MISSED
+
+
+def corruptions(name: str, problem: Any, r: Array, epsilons: tuple[float, ...]) -> Iterator[Corruption]:
+    """Yield the verdict on every corruption of a right answer; `missed` is computed where one passes."""
+    inertia, point = inertias(problem), type(problem.zero_point())
+    every = np.arange(problem.nc)
+    if problem.nc > CONTACTS_OF_A_FILE:
+        every = np.random.default_rng(zlib.crc32(name.encode())).choice(every, CONTACTS_OF_A_FILE, replace=False)
+    for contact, kind, x in corrupted(problem, r, every):
+        for epsilon in epsilons:
+            verdict = judge(problem, point(x), epsilon)
+            missed = missed_by(problem, x, inertia) if verdict.error <= epsilon else np.nan
+            yield Corruption(name, contact, kind, epsilon, verdict.error, missed, tuple(verdict.flags))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--eps", type=float, nargs="+", default=(1e-6, 1e-4), help="tolerances")
+    parser.add_argument("--contacts", type=int, default=100, help="files with more contacts are left out")
+    parser.add_argument("--budget", type=float, default=600.0, help="processor time after which no file is begun [s]")
+    parser.add_argument("--lines", type=int, default=30, help="lines of the list")
+    given = parser.parse_args()
+    rows: list[Corruption] = []
+    start = time.process_time()
+    for name, problem in real_files.problems("fc3d_local", "fc2d_local"):
+        if problem.node != "fc" or problem.nc > given.contacts:
+            continue
+        r = right_answer(problem)
+        if r is None:
+            print(f"{name}: no right answer")
+            continue
+        rows += corruptions(name, problem, r, tuple(given.eps))
+        if time.process_time() - start > given.budget:
+            print("time is over after", name)
+            break
+    for epsilon in given.eps:
+        here = [row for row in rows if row.epsilon == epsilon]
+        passing = [row for row in here if row.passes_wrong]
+        unflagged = [row for row in passing if row.unflagged]
+        print(
+            f"eps {epsilon:.0e}: {len(here)} corruptions, {len(passing)} pass with more than {MISSED:.0%} "
+            f"of a contact's law missed, {len(unflagged)} of them unflagged"
+        )
+        for row in sorted(passing, key=lambda row: (not row.unflagged, -row.missed))[: given.lines]:
+            where = f"{row.file:40} contact {row.contact:3} {row.kind:18}"
+            print(f"  {where} error {row.error:.1e} law {row.missed:.2g} {row.flags}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,226 @@
+"""Right and wrong answers of real files, carried over every edge that is equivalent for the problem.
+
+python tests/truth/equivalent_edges.py --cache FOLDER [--eps 1e-6] [--most 6] [--budget 600] [--folders qp lcp ...]
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pair_misses
+import real_files
+from kept_answers import kept
+from qp_literature import Reference, literature, off, unknown_sizes
+from qp_wrong import wrong_answers, wrongness
+
+import cpbench
+from cpbench.conversions.base import Conversion, conversions, make
+from cpbench.errors import CpbenchError
+from cpbench.formulations.base import Kind
+from cpbench.verification import judge
+
+RIGHT = 1e-9
+"""An answer whose numbers are all at most this is right."""
+ROUNDED = 1e-12
+"""So is one that misses every pair by at most this of the largest of its kind; a row of rounding has no own size."""
+WRONG = 1000.0
+"""An answer off by this many ε is wrong."""
+UNKNOWNS = 1500
+"""Converted problems with more unknowns are left out."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A problem with answers whose worth is known; `wrong_by(point)` is how wrong a point is by an own measure."""
+
+    name: str
+    problem: Any
+    right: list[tuple[str, Any]]
+    wrong: list[tuple[str, Any]]
+    wrong_by: Callable[[Any], float]
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What the judge says of one answer on one edge (`""`: of the source itself)."""
+
+    name: str
+    edge: str
+    label: str
+    right: bool
+    solved: bool
+    error: float
+    source_error: float
+
+    @property
+    def false(self) -> bool:
+        return self.right != self.solved
+
+
+def edges(problem: Any, depth: int = 2) -> Iterator[tuple[str, Any, Callable[[Any], Any], Callable[[Any], Any]]]:
+    """Yield (names, converted problem, push, lift) of every equivalent edge and of chains of up to `depth` of them."""
+    for name in conversions.names():
+        edge: Conversion = make(name)
+        if edge.source != problem.node or edge.obstacle(problem) is not None:
+            continue
+        size = edge.predict(problem)
+        if edge.exactness(problem) is not Kind.EQUIVALENT or (size is not None and size.bytes > 1e8):
+            continue
+        try:
+            target, trace = edge.apply(problem)
+        except CpbenchError:
+            continue
+        if sum(target.point_sizes.values()) > UNKNOWNS:
+            continue
+
+        def push(point: Any, edge: Conversion = edge, trace: Any = trace) -> Any:
+            return edge.push(point, trace)
+
+        def lift(point: Any, edge: Conversion = edge, trace: Any = trace) -> Any:
+            return edge.lift(point, trace)
+
+        yield name, target, push, lift
+        if depth > 1:
+            for further, last, on, back in edges(target, depth - 1):
+                if last.node != problem.node:
+                    yield (
+                        f"{name} {further}",
+                        last,
+                        lambda x, on=on, push=push: on(push(x)),
+                        lambda x, back=back, lift=lift: lift(back(x)),
+                    )
+
+
+def qp_case(
+    name: str, problem: Any, answers: list[tuple[str, Any]], reference: Reference, least: float, most: int
+) -> Case | None:
+    """Return the best two answers by the literature where they are right, and wrong ones made from the best."""
+
+    def worst(point: Any) -> float:
+        return max(literature(problem, point).worst(by_row=False), off(problem, point.z, reference))
+
+    ranked = sorted(((worst(point), label, point) for label, point in answers), key=lambda row: row[:2])
+    right = [(label, point) for value, label, point in ranked if value <= RIGHT][:2]
+    if not right:
+        return None
+    rng = np.random.default_rng(zlib.crc32(name.encode()))
+    sizes = unknown_sizes(problem, reference)
+    wrong = list(wrong_answers(rng, problem, right[0][1], reference, least, most))
+    return Case(name, problem, right, wrong, lambda x: wrongness(problem, x, reference, sizes))
+
+
+def pair_case(name: str, problem: Any, least: float, most: int, seconds: float = 5.0) -> Case | None:
+    """Return a case of any formulation: the automatic choice's answer to 1e-12 where it is right, and changed ones."""
+    try:
+        point = cpbench.solve(problem, tolerance=1e-12, seconds=seconds).point
+    except CpbenchError:
+        return None
+    if point is None or not point.finite:
+        return None
+    wrong_by = pair_misses.by_largest(problem, point)
+    if pair_misses.by_row(problem, point) > RIGHT and wrong_by(point) > ROUNDED:
+        return None
+    rng = np.random.default_rng(zlib.crc32(name.encode()))
+    changed = pair_misses.changed(rng, problem, point, most)
+    return Case(
+        name, problem, [("automatic", point)], [(label, x) for label, x in changed if wrong_by(x) >= least], wrong_by
+    )
+
+
+def carried(case: Case, epsilon: float, depth: int = 2) -> Iterator[Carried]:
+    """Yield the verdicts on all answers of a case, at the source and behind each edge.
+
+    An edge may not carry all of an answer (it leaves out multipliers that it computes again), and what it computes has
+    rounding. So an answer counts as right where it is right by the pairs of the converted problem, too, and as wrong
+    where it misses these by 10 ε and the one that comes back by `lift` is wrong by 1000 ε.
+    """
+    answers = [(label, x, True) for label, x in case.right] + [(label, x, False) for label, x in case.wrong]
+    here = {label: judge(case.problem, x, epsilon) for label, x, _ in answers}
+    for label, _, right in answers:
+        verdict = here[label]
+        yield Carried(case.name, "", label, right, verdict.solved, verdict.error, verdict.error)
+    for names, target, push, lift in edges(case.problem, depth):
+        try:
+            misses = pair_misses.by_largest(target, push(case.right[0][1]))
+        except CpbenchError:
+            continue
+        for label, x, right in answers:
+            try:
+                there = push(x)
+                missed = misses(there)
+                back = 0.0 if right else case.wrong_by(lift(there))
+            except CpbenchError:
+                continue
+            if missed <= epsilon / 100 if right else missed >= 10 * epsilon and back >= WRONG * epsilon:
+                verdict = judge(target, there, epsilon)
+                yield Carried(case.name, names, label, right, verdict.solved, verdict.error, here[label].error)
+
+
+def cases(folders: list[str], cache: Path, least: float, most: int) -> Iterator[Case]:
+    """Yield the cases of the real files: QPs from the cache, others solved here."""
+    if "qp" in folders:
+        for name, problem, answers, reference in kept(cache):
+            case = reference and qp_case(name, problem, answers, reference, least, most)
+            if case:
+                yield case
+    for name, problem in real_files.problems(*[folder for folder in folders if folder != "qp"]):
+        if sum(problem.point_sizes.values()) <= 700:
+            case = pair_case(name, problem, least, most)
+            if case is None:
+                print(f"{name}: no right answer")
+            else:
+                yield case
+
+
+OTHERS = (
+    "lcp", "mlcp", "relay", "soclcp", "rolling_local", "rolling_global",
+    "fc2d_local", "fc3d_local", "fc2d_global", "fc3d_global",
+)  # fmt: skip
+
+
+def report(rows: list[Carried], lines: int) -> None:
+    """Print for each edge the right answers that are rejected and the wrong ones that are accepted."""
+    for right, words in ((True, "right rejected"), (False, "wrong accepted")):
+        here = [row for row in rows if row.right == right]
+        false = [row for row in here if row.false]
+        print(f"\n{words}: {len(false)} of {len(here)}")
+        for edge in sorted({row.edge for row in here}):
+            count = sum(row.edge == edge for row in here)
+            wrong = [row for row in false if row.edge == edge]
+            files = sorted({row.name for row in wrong})
+            print(f"  {edge or '(source)':32} {len(wrong):4} of {count:5}  {' '.join(files)}")
+        for row in sorted(false, key=lambda row: -row.error if right else row.error)[:lines]:
+            print(
+                f"    {row.name:24} {row.edge:28} {row.label:26} error {row.error:.1e}, source {row.source_error:.1e}"
+            )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cache", type=Path, required=True, help="the folder that collect.py has written")
+    parser.add_argument("--eps", type=float, default=1e-6, help="tolerance")
+    parser.add_argument("--most", type=int, default=6, help="wrong answers of each kind")
+    parser.add_argument("--depth", type=int, default=2, help="edges one after the other")
+    parser.add_argument("--budget", type=float, default=600.0, help="processor time after which no file is begun [s]")
+    parser.add_argument("--lines", type=int, default=30, help="lines of each list")
+    parser.add_argument("--folders", nargs="+", default=["qp", *OTHERS], help="folders of the data")
+    given = parser.parse_args()
+    rows: list[Carried] = []
+    start = time.process_time()
+    for case in cases(given.folders, given.cache, WRONG * given.eps, given.most):
+        rows += carried(case, given.eps, given.depth)
+        if time.process_time() - start > given.budget:
+            print("time is over after", case.name)
+            break
+    report(rows, given.lines)
+
+
+if __name__ == "__main__":
+    main()
