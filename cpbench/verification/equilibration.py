@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from cpbench.matrices import Vector
 
-ROUNDS = 4
+ROUNDS = 32
 STEPS = 200
 LOG_2 = float(np.log(2.0))
 BITS = 0.01

@@ -89,7 +89,7 @@ def _row_units(system: System, parts: Parts, sums: Vector, needed: Flags, sized:
     if frame.multiplier is not None:  # an entry of the equilibrated matrix is about 1: so much does z make of a row
         equilibrated = np.where(frame.multiplier, 0.0, sizes * inverse(D))
         reach = parts.whole.spread(parts.whole.norm(equilibrated) if energy else parts.whole.largest(equilibrated))
-        counted = np.where(known & (frame.multiplier | parts.curved), np.maximum(counted, reach), counted)
+        counted = np.where(known & frame.multiplier, np.maximum(counted, reach), counted)
         by_group = sized & (known | frame.multiplier)
     size = rows.spread(rows.norm(counted) if energy else rows.largest(counted))
     unit = np.divide(D, size, out=np.ones(frame.k), where=size > 0)
