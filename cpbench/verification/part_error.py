@@ -12,7 +12,7 @@ for rows beside multipliers). In these units, with P the projection on the set o
 Unknowns that a problem leaves free may be of any size, and must hide nothing. Two further numbers count for that.
 
 - Gap: |Σ x_i f_i| of a part over the terms of its objective, max(|f|, ½|zᵀQz|, gap); of complementarity problems over
-  max(Σ|q_i x_i|, |xᵀMx|, gap). x is counted from the bound to which f pushes. A part that no constant sizes has no
+  max(Σ|q_i z_i|, |zᵀMz|, gap). x is counted from the bound to which f pushes. A part that no constant sizes has no
   objective of its own: its gap is compared with the objective of the whole program.
 - Growth: the same error, with sizes by the constants alone, squared. Within √ε it is no objection, for a solution may
   be large beside the constants. Of programs it is taken of the rows beside multipliers; a gradient counts by what it
@@ -157,12 +157,11 @@ def _gap(system: System, parts: Parts, units: Units, slope: Vector) -> tuple[Vec
         gap = np.abs(whole.sum(products))
     fixed = system.x * frame.signed
     quadratic = whole.sum(frame.block_sums(system.x * system.f - fixed))
-    if frame.multiplier is None:
-        straight = whole.sum(np.where(units.needed, frame.block_sums(np.abs(fixed)), 0.0))
-        objective = np.maximum(straight, np.abs(quadratic))
+    own = np.where(units.needed & parts.beside_z, frame.block_sums(fixed), 0.0)
+    if parts.measure is Measure.GAP:
+        objective = np.maximum(np.abs(0.5 * quadratic + whole.sum(own)), 0.5 * np.abs(quadratic))
     else:
-        straight = whole.sum(np.where(units.needed & ~frame.multiplier, frame.block_sums(fixed), 0.0))
-        objective = np.maximum(np.abs(0.5 * quadratic + straight), 0.5 * np.abs(quadratic))
+        objective = np.maximum(whole.sum(np.abs(own)), np.abs(quadratic))
     objective = np.maximum(objective, gap)
     error = np.divide(gap, objective, out=np.zeros_like(gap), where=gap > 0)
     unsized = whole.any(units.absolute)

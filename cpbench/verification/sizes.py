@@ -87,8 +87,13 @@ def _row_units(system: System, parts: Parts, sums: Vector, needed: Flags, sized:
     counted = np.where(needed | only_idle, np.maximum(sums, constants), sums) * D
     by_group = sized
     if frame.multiplier is not None:  # an entry of the equilibrated matrix is about 1: so much does z make of a row
-        equilibrated = np.where(frame.multiplier, 0.0, sizes * inverse(D))
-        reach = parts.whole.spread(parts.whole.norm(equilibrated) if energy else parts.whole.largest(equilibrated))
+        own = sizes * inverse(D)
+        if energy:  # what is at rest could move as fast as its loads make it
+            reach = parts.whole.spread(
+                parts.whole.norm(np.where(frame.multiplier, 0.0, np.maximum(own, constants * D)))
+            )
+        else:
+            reach = parts.whole.spread(parts.whole.largest(np.where(frame.multiplier, 0.0, own)))
         counted = np.where(known & frame.multiplier, np.maximum(counted, reach), counted)
         by_group = sized & (known | frame.multiplier)
     size = rows.spread(rows.norm(counted) if energy else rows.largest(counted))
