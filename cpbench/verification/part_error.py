@@ -11,8 +11,8 @@ for rows beside multipliers). In these units, with P the projection on the set o
 
 Unknowns that a problem leaves free may be of any size, and must hide nothing. Two further numbers count for that.
 
-- Gap: |Σ x_i f_i| of a part over the terms of its objective, max(|f|, ½|zᵀQz|, gap); of complementarity problems over
-  max(Σ|q_i z_i|, |zᵀMz|, gap). x is counted from the bound to which f pushes. A part that no constant sizes has no
+- Gap: |Σ x_i f_i| of a part over the terms of its objective, max(|f|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|b_j λ_j|), gap);
+  without multipliers, over max(Σ|q_i x_i|, |xᵀMx|, gap). x is counted from the bound to which f pushes. A part that no constant sizes has no
   objective of its own: its gap is compared with the objective of the whole program.
 - Growth: the same error, with sizes by the constants alone, squared. Within √ε it is no objection, for a solution may
   be large beside the constants. Of programs it is taken of the rows beside multipliers; a gradient counts by what it
@@ -110,12 +110,16 @@ def block_errors(system: System, parts: Parts, sums: Vector) -> BlockErrors:
     if unknown is not None:
         floors[unknown] = np.maximum(floors[unknown], UNKNOWN**2)
     if frame.signed is not None:
-        slope = frame.largest(rounded.excess(np.ones(frame.k))) if parts.measure is Measure.GAP else np.zeros(0)
+        slope = (
+            frame.largest(rounded.excess(np.ones(frame.k)))
+            if parts.with_multipliers or parts.measure is Measure.GAP
+            else np.zeros(frame.k)
+        )
         gap, objective = _gap(rounded, parts, units, slope)
         errors = np.maximum(errors, parts.whole.spread(gap))
         if parts.measure is Measure.GAP:
             slope = slope * inverse(units.x) * parts.whole.spread(inverse(objective))
-            grown = np.where(frame.multiplier, grown, np.where(units.absolute, 0.0, slope))
+            grown = np.where(parts.beside_z, np.where(units.absolute, 0.0, slope), grown)
     absolute = bool((units.absolute & parts.beside_z & (system.sizes() > 0)).any())
     return BlockErrors(errors, np.minimum(grown, 1.0), floors, absolute)
 
@@ -145,34 +149,32 @@ def _without_rounding(system: System, noise: Vector) -> System:
 def _gap(system: System, parts: Parts, units: Units, slope: Vector) -> tuple[Vector, Vector]:
     """Return |Σ x_i f_i| over the terms of the objective, and these terms, of every part.
 
-    slope : (k,) what of the rows beside z no bound takes.
+    slope : (k,) what of the rows beside z no bound takes. Such a product is of no pair: it counts by itself.
     """
     frame, whole = system.frame, parts.whole
     assert frame.signed is not None
     products = frame.block_sums(system.products(inverse(units.x)))
-    if parts.measure is Measure.GAP:  # what pushes z where it has no bound is no product of a pair: it counts by itself
-        alone = np.where(parts.beside_z & (slope > 0), products, 0.0)
-        gap = np.abs(whole.sum(products - alone)) + whole.sum(np.abs(alone))
-    else:
-        gap = np.abs(whole.sum(products))
+    alone = np.where(parts.beside_z & (slope > 0), products, 0.0)
+    gap = np.abs(whole.sum(products - alone)) + whole.sum(np.abs(alone))
     fixed = system.x * frame.signed
     quadratic = whole.sum(frame.block_sums(system.x * system.f - fixed))
-    own = np.where(units.needed & parts.beside_z, frame.block_sums(fixed), 0.0)
-    if parts.measure is Measure.GAP:
-        objective = np.maximum(np.abs(0.5 * quadratic + whole.sum(own)), 0.5 * np.abs(quadratic))
-    else:
-        objective = np.maximum(whole.sum(np.abs(own)), np.abs(quadratic))
-    objective = np.maximum(objective, gap)
-    error = np.divide(gap, objective, out=np.zeros_like(gap), where=gap > 0)
-    unsized = whole.any(units.absolute)
-    if unsized.any():
-        by_itself = whole.sum(np.abs(products) * units.f * units.x)
-        total = objective[~unsized].sum() if parts.measure is Measure.GAP else 0.0
+    given = np.where(units.needed, frame.block_sums(fixed), 0.0)
+    price, sides = (np.where(at, given, 0.0) for at in (parts.beside_z, ~parts.beside_z))
+    straight = whole.sum(np.abs(price))
+    if parts.measure is Measure.PAIRS and not parts.with_multipliers:
+        objective = np.maximum(straight, np.abs(quadratic))
+    else:  # terms that cancel count where those of the dual cancel as well
+        objective = np.maximum(np.abs(0.5 * quadratic + whole.sum(price)), 0.5 * np.abs(quadratic))
+        objective = np.maximum(objective, np.minimum(straight, whole.sum(np.abs(sides))))
+    error = np.divide(gap, np.maximum(objective, gap), out=np.zeros_like(gap), where=gap > 0)
+    without = whole.any(units.absolute)
+    if without.any():
+        error[without] = whole.sum(np.abs(products) * units.x * units.f)[without]
+        total = objective[~without].sum() if parts.measure is Measure.GAP else 0.0
+        objective[without] = total
         if total > 0:
-            by_itself = np.minimum(by_itself, gap / total)
-            objective = np.where(unsized, total, objective)
-        error = np.where(unsized, by_itself, error)
-    return error, objective
+            error[without] = np.minimum(error, gap / total)[without]
+    return error, np.maximum(objective, gap)
 
 
 def _growth(

@@ -100,16 +100,15 @@ class Parts:
         joined = _joined(sizes)
         part = None if joined else connected_components(sizes, directed=False)[1]
         whole = _groups(part, frame.k)
+        multiplier = frame.multiplier if frame.multiplier is not None and frame.multiplier.any() else None
         if measure is Measure.PAIRS:  # rows and unknowns may have units of their own
             per_row = equilibrate_apart(sizes, sums)[0]
-            if joined and sizes.diagonal().all():
-                return cls(frame, measure, per_row, whole, whole)
-            return cls(frame, measure, per_row, whole, _groups(_rows_joined_by_unknowns(sizes), frame.k))
-        per_row = equilibrate(sizes + sizes.T, sums)
-        if frame.multiplier is None or not frame.multiplier.any():
-            return cls(frame, measure, per_row, whole, whole)
-        label = np.zeros(frame.k, np.int64) if part is None else part
-        return cls(frame, measure, per_row, whole, _groups(2 * label + frame.multiplier, frame.k))
+            label = part if joined and sizes.diagonal().all() else _rows_joined_by_unknowns(sizes)
+        else:
+            per_row, label = equilibrate(sizes + sizes.T, sums), part
+        if multiplier is not None:
+            label = 2 * (np.zeros(frame.k, np.int64) if label is None else label) + multiplier
+        return cls(frame, measure, per_row, whole, whole if label is part else _groups(label, frame.k))
 
     @cached_property
     def _bounds(self) -> Any:
@@ -134,6 +133,11 @@ class Parts:
         """Whether the unknowns of a block are no multipliers; shape (k,)."""
         multiplier = self.frame.multiplier
         return np.ones(self.frame.k, dtype=bool) if multiplier is None else ~multiplier
+
+    @property
+    def with_multipliers(self) -> bool:
+        """Whether there are blocks of multipliers."""
+        return self.frame.multiplier is not None and bool(self.frame.multiplier.any())
 
     @cached_property
     def constants(self) -> Vector:

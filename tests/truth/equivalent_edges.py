@@ -32,6 +32,8 @@ ROUNDED = 1e-12
 """So is one that misses every pair by at most this of the largest of its kind; a row of rounding has no own size."""
 WRONG = 1000.0
 """An answer off by this many ε is wrong."""
+WITHOUT_OBJECTIVE = ("lcp-qp-nonsymmetric",)
+"""Edges to programs whose objective is 0 at every solution: a gap has no terms there to be compared with."""
 UNKNOWNS = 1500
 """Converted problems with more unknowns are left out."""
 
@@ -68,7 +70,7 @@ def edges(problem: Any, depth: int = 2) -> Iterator[tuple[str, Any, Callable[[An
     """Yield (names, converted problem, push, lift) of every equivalent edge and of chains of up to `depth` of them."""
     for name in conversions.names():
         edge: Conversion = make(name)
-        if edge.source != problem.node or edge.obstacle(problem) is not None:
+        if edge.source != problem.node or name in WITHOUT_OBJECTIVE or edge.obstacle(problem) is not None:
             continue
         size = edge.predict(problem)
         if edge.exactness(problem) is not Kind.EQUIVALENT or (size is not None and size.bytes > 1e8):

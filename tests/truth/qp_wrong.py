@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,10 @@ def wrongness(problem: Any, point: Any, reference: Reference, sizes: Array) -> f
     """
     numbers = literature(problem, point)
     primal = max(off(problem, point.z, reference), misses(problem, point.z, reference, sizes)[0])
-    return max(primal, numbers.gradient_norm, min(numbers.gap_terms, numbers.gap))
+    # forces of bounds that are given wrong are an error of the gradient; the gap is that of the other multipliers
+    force = problem.Q @ point.z + problem.p - problem.A.T @ point.lam - problem.C.T @ point.mu
+    gap = literature(problem, replace(point, nu=force))
+    return max(primal, numbers.gradient_norm, min(gap.gap_terms, gap.gap))
 
 
 def _moved(problem: Any, right: QPPoint, reference: Reference, sizes: Array, j: int, least: float) -> QPPoint | None:
