@@ -41,19 +41,19 @@ on the problem that was asked, and is kept. It has a margin of at least the tole
 differ by that share of themselves has a solution up to ten times the size that its sides and bounds set. A claim
 without such a proof is *failed*.
 
-**Error.** The backward error of the answer: by what share the terms of the problem's rows would have to change for the
-answer to be exact. It depends on the problem and the answer alone, not on how either is written: units of rows and
-unknowns, idle rows and bounds, other problems beside, the order and the number of equal rows change nothing. A row is
-measured by the sum of the sizes of its terms, an unknown by its largest effect on a row, and the error is the largest
-natural map of a pair in these units (Oettli and Prager 1964). Methods hold their conditions in norms: in linear
-problems, programs (QP, cone QP, NLP) and contact problems every connected part, equilibrated, has one size for its
-rows; small rows that no term couples noticeably to large ones are a part of their own, and so are prices beside sides.
-Programs are measured by feasibility, stationarity and the gap (the sum of the products of pairs), contact by the
-natural map of the friction law, the equations of motion and the joints in energy; problems with a nonlinear map as
-linear ones in parts that are linear, and row by row elsewhere.
-No idle side sets a size. What no answer may have (penetration, violated rows) is held against the data alone,
-too, squared. NaN and missing numbers are ∞. A part of a problem without any constant has no size, and is measured
-absolutely (flag). The measures of the literature are told beside it, and `--measure` lets one of them decide.
+**Error.** The relative change of the terms of the problem's rows that would make the answer exact (Oettli and Prager
+1964), held in norms over connected parts, as methods hold their conditions: a connected part of the problem's matrix
+is equilibrated and has one size for its rows, the largest sum of the sizes of the terms of one, and an unknown is
+measured by its largest effect on a row. In these units the error is the largest natural map of a pair
+(complementarity problems and inequalities), the natural map of the friction law in energy (contact), or the largest
+violation of a row, a bound or the gradient (programs: QP, cone QP, NLP). An idle side or price gives no size. The
+duality gap of a part is compared with the terms of its objective, and the same error with sizes by the constants
+alone must be within the root of the tolerance: unknowns that a problem leaves free hide nothing.
+Units of rows and unknowns, idle rows and bounds, other problems beside, the order of rows and equal rows change
+nothing; a program written as a complementarity problem has the error of that (its pairs, not its gap). A row of a
+nonlinear map is measured by its own terms. NaN and missing numbers are ∞. A part of a problem without any constant has
+no size, and is measured absolutely (flag). The measures of the literature are printed beside it, and `--measure` lets
+one of them decide.
 
 **Flags.** *unresolvable*: rounding decides whether the answer meets the tolerance. *direction*: accepted, but
 some contact slips more than {DIRECTION_DEGREES:g}° off the direction that the law prescribes. *contact*: accepted,

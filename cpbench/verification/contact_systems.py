@@ -4,8 +4,8 @@ A contact is one block: the friction law is in the change of variable û = u + �
 that û is in the dual of the cone of r and orthogonal to it. Moments are divided and angular velocities multiplied by
 the lengths of the contacts, so that a block has one unit.
 
-A reaction in its cone with u = 0 obeys the law, whatever μ is. So a contact is off by no more than its distance from the
-cone and its velocity; û has μ times the rounding of u_T.
+A reaction in its cone with u = 0 obeys the law, whatever μ is. So a contact is off by no more than its distance from
+the cone and its velocity; û has μ times the rounding of u_T.
 """
 
 from __future__ import annotations

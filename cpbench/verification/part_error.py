@@ -11,9 +11,10 @@ for rows beside multipliers). In these units, with P the projection on the set o
 
 Unknowns that a problem leaves free may be of any size, and must hide nothing. Two further numbers count for that.
 
-- Gap: |Σ x_i f_i| of a part over the terms of its objective, max(|f|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|b_j λ_j|), gap);
-  without multipliers, over max(Σ|q_i x_i|, |xᵀMx|, gap). x is counted from the bound to which f pushes. A part that no constant sizes has no
-  objective of its own: its gap is compared with the objective of the whole program.
+- Gap: |Σ x_i f_i| of a part over the terms of its objective, max(|f|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|b_j λ_j|), gap), and
+  without multipliers over max(Σ|q_i x_i|, |xᵀMx|, gap). x is counted from the bound to which f pushes; what pushes z
+  where it has no bound counts by itself. A part that no constant sizes has no objective of its own: its gap is compared
+  with the objective of the whole program.
 - Growth: the same error, with sizes by the constants alone, squared. Within √ε it is no objection, for a solution may
   be large beside the constants. Of programs it is taken of the rows beside multipliers; a gradient counts by what it
   could change in the objective.
@@ -110,11 +111,9 @@ def block_errors(system: System, parts: Parts, sums: Vector) -> BlockErrors:
     if unknown is not None:
         floors[unknown] = np.maximum(floors[unknown], UNKNOWN**2)
     if frame.signed is not None:
-        slope = (
-            frame.largest(rounded.excess(np.ones(frame.k)))
-            if parts.with_multipliers or parts.measure is Measure.GAP
-            else np.zeros(frame.k)
-        )
+        slope = np.zeros(frame.k)
+        if parts.measure is Measure.GAP or parts.with_multipliers:
+            slope = frame.largest(rounded.excess(np.ones(frame.k)))
         gap, objective = _gap(rounded, parts, units, slope)
         errors = np.maximum(errors, parts.whole.spread(gap))
         if parts.measure is Measure.GAP:
@@ -169,11 +168,12 @@ def _gap(system: System, parts: Parts, units: Units, slope: Vector) -> tuple[Vec
     error = np.divide(gap, np.maximum(objective, gap), out=np.zeros_like(gap), where=gap > 0)
     without = whole.any(units.absolute)
     if without.any():
-        error[without] = whole.sum(np.abs(products) * units.x * units.f)[without]
-        total = objective[~without].sum() if parts.measure is Measure.GAP else 0.0
-        objective[without] = total
-        if total > 0:
-            error[without] = np.minimum(error, gap / total)[without]
+        by_itself = whole.sum(np.abs(products) * units.x * units.f)
+        if parts.measure is Measure.GAP:
+            total = parts.of_problem(np.where(without, 0.0, objective))
+            objective = np.where(without, total, objective)
+            by_itself = np.minimum(by_itself, np.divide(gap, total, out=by_itself.copy(), where=total > 0))
+        error = np.where(without, by_itself, error)
     return error, np.maximum(objective, gap)
 
 

@@ -86,6 +86,7 @@ class Parts:
     per_row : (k,) D of the equilibration: rows are compared times D.
     whole : the connected parts. rows : the groups of rows that share a size: within a part, rows beside multipliers
         apart from the others; of pairs, rows that are joined by the unknowns in them.
+    problem : (whole.count,) the number of the problem that each part belongs to, where several are side by side.
     """
 
     frame: Frame
@@ -93,10 +94,13 @@ class Parts:
     per_row: Vector
     whole: Groups
     rows: Groups
+    problem: Any = None
 
     @classmethod
-    def of(cls, frame: Frame, sizes: Any, measure: Measure, sums: Sums = WHOLE) -> Parts:
-        """Find them by the sizes of the problem's terms; `sums` : of several problems side by side."""
+    def of(cls, frame: Frame, sizes: Any, measure: Measure, problem: Any = None, count: int = 1) -> Parts:
+        """Find them by the sizes of the problem's terms; `problem` : (k,) number of the problem of each block, of
+        `count` problems side by side."""
+        sums = WHOLE if problem is None else Sums.of_each(problem, count)
         joined = _joined(sizes)
         part = None if joined else connected_components(sizes, directed=False)[1]
         whole = _groups(part, frame.k)
@@ -108,7 +112,11 @@ class Parts:
             per_row, label = equilibrate(sizes + sizes.T, sums), part
         if multiplier is not None:
             label = 2 * (np.zeros(frame.k, np.int64) if label is None else label) + multiplier
-        return cls(frame, measure, per_row, whole, whole if label is part else _groups(label, frame.k))
+        if problem is not None:
+            own = np.zeros(whole.count, np.int64)
+            own[0 if whole.of is None else whole.of] = problem[0] if whole.of is None else problem
+            problem = own
+        return cls(frame, measure, per_row, whole, whole if label is part else _groups(label, frame.k), problem)
 
     @cached_property
     def _bounds(self) -> Any:
@@ -133,6 +141,12 @@ class Parts:
         """Whether the unknowns of a block are no multipliers; shape (k,)."""
         multiplier = self.frame.multiplier
         return np.ones(self.frame.k, dtype=bool) if multiplier is None else ~multiplier
+
+    def of_problem(self, values: Vector) -> Vector:
+        """Return the sum of the values of parts over the problem of each part; shape (whole.count,)."""
+        if self.problem is None:
+            return np.full(values.size, values.sum())
+        return np.bincount(self.problem, values)[self.problem]
 
     @property
     def with_multipliers(self) -> bool:

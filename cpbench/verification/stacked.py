@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from cpbench.errors import PointError
 from cpbench.formulations.stack import Stack
 from cpbench.matrices import Vector, is_psd
-from cpbench.verification.equilibration import Sums
 from cpbench.verification.frame import System
 from cpbench.verification.measures import BY_PARTS, SYSTEMS
 from cpbench.verification.part_error import BlockErrors, block_errors
@@ -99,6 +98,8 @@ def _measured(stack: Stack, some: slice, answers: dict[str, Any]) -> tuple[Vecto
     problem = stack.direct_sum(some)
     with np.errstate(all="ignore"):
         system = _system(problem, answers, finite)
+        if not system.frame.k:
+            return np.where(finite, 0.0, np.inf), np.zeros(count)
         own = _Own.of(system, answers, count)
         sums = system.frame.terms.sums(system.sizes())
         bounded = own.all(np.isfinite(sums + system.frame.constants))
@@ -107,7 +108,7 @@ def _measured(stack: Stack, some: slice, answers: dict[str, Any]) -> tuple[Vecto
             system = _system(problem, answers, finite)
             sums = system.frame.terms.sums(system.sizes())
         node = stack.kind.node
-        parts = Parts.of(system.frame, system.frame.terms.rows, BY_PARTS[node], Sums.of_each(own.blocks, count))
+        parts = Parts.of(system.frame, system.frame.terms.rows, BY_PARTS[node], own.blocks, count)
         error, floor = own.worst(block_errors(system, parts, sums))
     return np.where(finite, error, np.inf), np.where(finite, floor, 0.0)
 
