@@ -21,7 +21,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from cpbench.formulations.base import squared
-from cpbench.verification.backward_error import BackwardError, row_errors
+from cpbench.verification.backward_error import EPS, BackwardError, row_errors
 from cpbench.verification.frame import Frame, System, largest
 from cpbench.verification.part_error import block_errors, part_error, parts_of
 from cpbench.verification.parts import Measure, Parts
@@ -40,9 +40,9 @@ def mixed_error(system: System) -> BackwardError:
     asked = _asked(frame)
     constants = np.where(asked, np.minimum(frame.steady, sums + frame.constants), 0.0)
     whole = dataclasses.replace(frame, constants=np.where(linear, frame.constants, constants), caps=None)
-    found = block_errors(
-        dataclasses.replace(system, frame=whole), Parts.of(whole, whole.terms.rows, Measure.PAIRS), sums
-    )
+    parts = Parts.of(whole, whole.terms.rows, Measure.PAIRS)
+    least = float(rows.blocks.max()) if not linear.any() else EPS
+    found = block_errors(dataclasses.replace(system, frame=whole), parts, sums, least)
     counted = linear | (asked & (constants > 0))
     errors = np.where(linear, found.errors, rows.blocks)
     grown = float(found.grown[counted].max(initial=0.0))

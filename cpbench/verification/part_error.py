@@ -89,8 +89,11 @@ def part_error(system: System, parts: Parts) -> BackwardError:
     return BackwardError(error, found.absolute, float(found.floors.max()))
 
 
-def block_errors(system: System, parts: Parts, sums: Vector) -> BlockErrors:
-    """Measure an answer; `sums` are those of the sizes of the terms of its rows, all of them finite."""
+def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0) -> BlockErrors:
+    """Measure an answer; `sums` are those of the sizes of the terms of its rows, all of them finite.
+
+    least : an error that the answer has in any case; growth below its root is not measured.
+    """
     frame, units = system.frame, units_of(system, parts, sums)
     errors = _conditions(system, parts, units)
     noise, amplification = (ROUNDINGS * EPS) * (sums + frame.constants), frame.amplification
@@ -107,7 +110,7 @@ def block_errors(system: System, parts: Parts, sums: Vector) -> BlockErrors:
     if system.also is not None:
         _count_also(system, units, errors)
     rounded = _without_rounding(system, noise)
-    grown, unknown = _growth(system, rounded, parts, units, noise, errors)
+    grown, unknown = _growth(system, rounded, parts, units, noise, errors, least)
     if unknown is not None:
         floors[unknown] = np.maximum(floors[unknown], UNKNOWN**2)
     if frame.signed is not None:
@@ -178,12 +181,12 @@ def _gap(system: System, parts: Parts, units: Units, slope: Vector) -> tuple[Vec
 
 
 def _growth(
-    system: System, rounded: System, parts: Parts, units: Units, noise: Vector, errors: Vector
+    system: System, rounded: System, parts: Parts, units: Units, noise: Vector, errors: Vector, least: float
 ) -> tuple[Vector, Flags | None]:
     """Return the errors with sizes by the constants alone, and where rounding hides the constants (None: nowhere).
 
-    No error grows by more than the units do; where its square would be no larger than the largest error, nothing is
-    measured. (What a large coefficient of friction hides in the distances shows here only.)
+    No error grows by more than the units do; where its square would be no larger than what the answer has in any case,
+    nothing is measured. (What a large coefficient of friction hides in the distances shows here only.)
     """
     frame, rows = system.frame, parts.rows
     data, fixed = parts.constants, system.fixed()
@@ -195,7 +198,8 @@ def _growth(
     hidden = noise * unit
     certain = not (hidden * frame.amplification >= UNKNOWN).any()
     even = parts.measure is Measure.PAIRS or bool((frame.amplification <= 2.0).all())
-    if certain and even and most * most * float(errors.max()) <= 1.0:
+    largest_error = float(errors.max())
+    if certain and even and (most * largest_error) ** 2 <= (least or largest_error):
         return np.zeros(frame.k), None
 
     def measured(of: System) -> Vector:
