@@ -133,6 +133,11 @@ class Frame:
         np.maximum.at(result, self.block, factors)
         return result
 
+    @cached_property
+    def even(self) -> bool:
+        """Whether no coefficient of friction is above 1: then none hides in the distance to a cone how fast it closes."""
+        return bool((self.amplification <= 2.0).all())
+
     @property
     def count(self) -> int:
         """How many unknowns there are."""

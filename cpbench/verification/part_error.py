@@ -11,10 +11,11 @@ for rows beside multipliers). In these units, with P the projection on the set o
 
 Unknowns that a problem leaves free may be of any size, and must hide nothing. Two further numbers count for that.
 
-- Gap: |Σ x_i f_i| of a part over the terms of its objective, max(|f|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|b_j λ_j|), gap), and
-  without multipliers over max(Σ|q_i x_i|, |xᵀMx|, gap). x is counted from the bound to which f pushes; what pushes z
-  where it has no bound counts by itself. A part that no constant sizes has no objective of its own: its gap is compared
-  with the objective of the whole program.
+- Gap: Σ|x_i f_i| of a part over the terms of its objective, max(|f|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|b_j λ_j|), gap), and
+  without multipliers over max(Σ|q_i x_i|, |xᵀMx|, gap). x is counted from the bound to which f pushes, at most as far
+  as the size of an unknown; a row that is given twice counts once. A part that no constant sizes has no objective of
+  its own: its gap is compared with the objective of the whole program. An objective of ε² of what sides and prices make
+  it is 0.
 - Growth: the same error, with sizes by the constants alone, squared. Within √ε it is no objection, for a solution may
   be large beside the constants. Of programs it is taken of the rows beside multipliers; a gradient counts by what it
   could change in the objective.
@@ -114,15 +115,13 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     if unknown is not None:
         floors[unknown] = np.maximum(floors[unknown], UNKNOWN**2)
     if frame.signed is not None:
-        slope = np.zeros(frame.k)
-        if parts.measure is Measure.GAP or parts.with_multipliers:
-            slope = frame.largest(rounded.excess(np.ones(frame.k)))
-        gap, objective = _gap(rounded, parts, units, slope)
+        gap, objective = _gap(rounded, parts, units)
         errors = np.maximum(errors, parts.whole.spread(gap))
         if parts.measure is Measure.GAP:
-            slope = slope * inverse(units.x) * parts.whole.spread(inverse(objective))
+            slope = frame.largest(rounded.excess(np.ones(frame.k))) * inverse(units.x)
+            slope = np.where(units.f > 0, slope * parts.whole.spread(inverse(objective)), 0.0)
             grown = np.where(parts.beside_z, np.where(units.absolute, 0.0, slope), grown)
-    absolute = bool((units.absolute & parts.beside_z & (system.sizes() > 0)).any())
+    absolute = bool(units.absolute.any() and (units.absolute & parts.beside_z & (system.sizes() > 0)).any())
     return BlockErrors(errors, np.minimum(grown, 1.0), floors, absolute)
 
 
@@ -148,20 +147,18 @@ def _without_rounding(system: System, noise: Vector) -> System:
     return replace(system, f=np.copysign(f, system.f))
 
 
-def _gap(system: System, parts: Parts, units: Units, slope: Vector) -> tuple[Vector, Vector]:
-    """Return |Σ x_i f_i| over the terms of the objective, and these terms, of every part.
-
-    slope : (k,) what of the rows beside z no bound takes. Such a product is of no pair: it counts by itself.
-    """
+def _gap(system: System, parts: Parts, units: Units) -> tuple[Vector, Vector]:
+    """Return Σ|x_i f_i| over the terms of the objective, and these terms, of every part."""
     frame, whole = system.frame, parts.whole
     assert frame.signed is not None
     products = frame.block_sums(system.products(inverse(units.x)))
-    alone = np.where(parts.beside_z & (slope > 0), products, 0.0)
-    gap = np.abs(whole.sum(products - alone)) + whole.sum(np.abs(alone))
+    if parts.indifferent is not None:
+        products = np.where(parts.indifferent, 0.0, products)
+    gap = whole.sum(_each_row_once(system, parts, products))
     fixed = system.x * frame.signed
     quadratic = whole.sum(frame.block_sums(system.x * system.f - fixed))
-    given = np.where(units.needed, frame.block_sums(fixed), 0.0)
-    price, sides = (np.where(at, given, 0.0) for at in (parts.beside_z, ~parts.beside_z))
+    terms = np.where(units.needed, frame.block_sums(fixed), 0.0)
+    price, sides = (np.where(at, terms, 0.0) for at in (parts.beside_z, ~parts.beside_z))
     straight = whole.sum(np.abs(price))
     if parts.measure is Measure.PAIRS and not parts.with_multipliers:
         objective = np.maximum(straight, np.abs(quadratic))
@@ -170,6 +167,10 @@ def _gap(system: System, parts: Parts, units: Units, slope: Vector) -> tuple[Vec
         objective = np.maximum(objective, np.minimum(straight, whole.sum(np.abs(sides))))
     error = np.divide(gap, np.maximum(objective, gap), out=np.zeros_like(gap), where=gap > 0)
     without = whole.any(units.absolute)
+    if parts.measure is Measure.GAP:  # an objective of ε² of what sides and prices make it is 0
+        size, given = np.maximum(objective, gap), parts.objective(units.needed)
+        of_zero = np.sqrt(np.divide(size, given, out=np.ones_like(gap), where=size < given))
+        objective, error = np.where(of_zero < error, given, objective), np.minimum(error, of_zero)
     if without.any():
         by_itself = whole.sum(np.abs(products) * units.x * units.f)
         if parts.measure is Measure.GAP:
@@ -178,6 +179,23 @@ def _gap(system: System, parts: Parts, units: Units, slope: Vector) -> tuple[Vec
             by_itself = np.minimum(by_itself, np.divide(gap, total, out=by_itself.copy(), where=total > 0))
         error = np.where(without, by_itself, error)
     return error, np.maximum(objective, gap)
+
+
+def _each_row_once(system: System, parts: Parts, products: Vector) -> Vector:
+    """Return the sizes of the products, those of a row that is given several times added up first.
+
+    Such a row may have multipliers that cancel, as large as one likes, as an equality and an inequality or as two
+    inequalities. It is known by its value, which is the same number to the last bit.
+    """
+    result = np.abs(products)
+    rows = np.flatnonzero(~parts.beside_z & (products != 0.0))
+    if rows.size > 1:
+        part = np.zeros(rows.size) if parts.whole.of is None else parts.whole.of[rows]
+        values = np.stack([part, system.frame.norms(system.f)[rows]])
+        _, first, group = np.unique(values, axis=1, return_index=True, return_inverse=True)
+        result[rows] = 0.0
+        result[rows[first]] = np.abs(np.bincount(group.ravel(), products[rows]))
+    return result
 
 
 def _growth(
@@ -197,7 +215,7 @@ def _growth(
     most = float(np.divide(unit, units.f, out=np.zeros(frame.k), where=units.f > 0).max())
     hidden = noise * unit
     certain = not (hidden * frame.amplification >= UNKNOWN).any()
-    even = parts.measure is Measure.PAIRS or bool((frame.amplification <= 2.0).all())
+    even = parts.measure is Measure.PAIRS or frame.even
     largest_error = float(errors.max())
     if certain and even and (most * largest_error) ** 2 <= (least or largest_error):
         return np.zeros(frame.k), None

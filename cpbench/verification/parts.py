@@ -131,10 +131,11 @@ class Parts:
         at = terms.rows.indptr[bound]
         return bound, terms.rows.indices[at], terms.rows.data[at]
 
-    def by_bounds(self, sizes: Vector) -> Vector:
-        """Return what the multipliers of bounds that are written as rows add to the rows beside z; shape (k,)."""
+    def by_bounds(self, sizes: Vector) -> Vector | None:
+        """Return what the multipliers of bounds that are written as rows add to the rows beside z, (k,); None where no
+        row is a bound."""
         bound, row, entries = self._bounds
-        return np.bincount(row, entries * sizes[bound], self.frame.k) if bound.size else np.zeros(self.frame.k)
+        return np.bincount(row, entries * sizes[bound], self.frame.k) if bound.size else None
 
     @cached_property
     def beside_z(self) -> Any:
@@ -158,6 +159,26 @@ class Parts:
         """The size of the constants of every group of rows, equilibrated."""
         sizes = self.frame.constants * self.per_row
         return self.rows.norm(sizes) if self.measure is Measure.ENERGY else self.rows.largest(sizes)
+
+    def objective(self, needed: Any) -> Vector:
+        """Return the size that the sides and prices that are `needed` give the objective of each part of a program.
+
+        z is as large as the sides, or as prices make it where the objective is curved; a gradient is as large as
+        prices, or as such a z makes it.
+        """
+        sizes = np.where(needed, self.frame.constants * self.per_row, 0.0)
+        sides, prices = (self.whole.largest(np.where(at, sizes, 0.0)) for at in (~self.beside_z, self.beside_z))
+        curved = self.whole.any(self.curved)
+        z = np.maximum(sides, np.where(curved, prices, 0.0))
+        return z * np.maximum(prices, np.where(curved, z, 0.0))
+
+    @cached_property
+    def indifferent(self) -> Any:
+        """Whether a block is in a part that has neither prices nor a curved objective, (k,); None where none is."""
+        if self.measure is not Measure.GAP:
+            return None
+        found = self.whole.spread(~self.whole.any(self.beside_z & ((self.frame.constants > 0) | self.curved)))
+        return found if found.any() else None
 
     @cached_property
     def curved(self) -> Any:

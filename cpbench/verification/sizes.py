@@ -45,18 +45,22 @@ class Units:
 def units_of(system: System, parts: Parts, sums: Vector) -> Units:
     """Return the units of an answer; `sums` (k,) are Σ_j |J_ij||x_j|."""
     frame, constants = system.frame, system.frame.constants
-    taken = parts.by_bounds(system.sizes())
-    sums = sums - taken
+    idle, taken = frame.any(system.idle()), parts.by_bounds(system.sizes())
+    if taken is not None:
+        sums = sums - taken
+        idle = idle | (frame.norms(system.f) < 0.5 * taken)
     balanced = sums > BALANCED * constants
-    idle = frame.any(system.idle()) | (frame.norms(system.f) < 0.5 * taken)
     needed = (constants > 0) & (balanced | ~idle)
     sized, known = _sized(system, parts, needed, balanced)
     unit = _row_units(system, parts, sums, needed, sized, known)
-    # the force of a bound has digits of its own row only
-    unit = np.minimum(unit, inverse(taken), out=unit, where=taken > 0)
+    if taken is not None:  # the force of a bound has digits of its own row only
+        unit = np.minimum(unit, inverse(taken), out=unit, where=taken > 0)
     # a set of finite size is data: an unknown beyond it is wrong even where no row depends on it
     x = np.maximum(frame.terms.effects(unit if sized.all() else np.where(sized, unit, 0.0)), frame.own_unit)
     x[(x == 0) | (~known & parts.beside_z)] = 1.0
+    if parts.indifferent is not None:  # without an objective no multipliers are needed, and any will do
+        unit[parts.indifferent & parts.beside_z] = 0.0
+        x[parts.indifferent & ~parts.beside_z] = 0.0
     return Units(x, unit, ~known, needed)
 
 
@@ -95,7 +99,7 @@ def _row_units(system: System, parts: Parts, sums: Vector, needed: Flags, sized:
         else:
             reach = parts.whole.spread(parts.whole.largest(np.where(frame.multiplier, 0.0, own)))
         counted = np.where(known & frame.multiplier, np.maximum(counted, reach), counted)
-        by_group = sized & (known | frame.multiplier)
+        by_group = np.where(frame.multiplier, sized, known)
     size = rows.spread(rows.norm(counted) if energy else rows.largest(counted))
     unit = np.divide(D, size, out=np.ones(frame.k), where=size > 0)
     if not by_group.all():
