@@ -26,7 +26,7 @@ class Complaint:
     seconds: float = math.inf
 
     def met(self, outcome: TrialOutcome, solved: bool) -> bool:
-        """Whether an outcome leaves nothing to complain of; `solved` : whether its answer meets the tolerance."""
+        """Return whether an outcome leaves no complaint; `solved` : whether its answer meets the tolerance."""
         if self.kind == "error":
             return solved
         return solved and outcome.raw.claim == Claim.SOLVED and outcome.raw.seconds < self.seconds

@@ -24,7 +24,7 @@ from cpbench.formulations.base import Problem
 from cpbench.matrices import Vector
 from cpbench.verification import hints, margins
 from cpbench.verification.exact_vectors import exact_multipliers, exact_point, exact_rays
-from cpbench.verification.margins import Contradiction, FallingRay
+from cpbench.verification.margins import FallingRay, FarkasMultipliers
 from cpbench.verification.polyhedra import Objective, Polyhedron, conditions, multipliers, objective
 
 SECONDS = 20.0
@@ -86,7 +86,7 @@ def holds(problem: Problem, proof: Proof, tolerance: float = TOLERANCE) -> bool:
     if isinstance(proof, Infeasible):
         combined = known.combined(proof.multipliers)
         exact = combined is not None and combined[0] > 0 and combined[1] == 0
-        return exact and Contradiction(known, proof.multipliers, margins.reach(known)).survives(share)
+        return exact and FarkasMultipliers(known, proof.multipliers, margins.reach(known)).survives(share)
     if goal is None or not (known.contains(proof.point) and known.recedes(proof.ray)):
         return False
     return goal.falls(proof.point, proof.ray) and FallingRay(known, goal, proof.ray).survives(share)
@@ -176,7 +176,7 @@ def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float, t
                 continue
             gamma, excess = combined
             if excess == 0:
-                best = max(best, Contradiction(known, y, margins.reach(known)).margin())
+                best = max(best, FarkasMultipliers(known, y, margins.reach(known)).margin())
                 if best >= tolerance:
                     return _proved(Infeasible(tuple(y)), best)
             else:

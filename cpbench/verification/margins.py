@@ -41,7 +41,7 @@ _ZERO = Fraction(0)
 
 
 @dataclass(frozen=True, eq=False)
-class Contradiction:
+class FarkasMultipliers:
     """Multipliers y = (λ of Gx ≥ h, μ of Ex = f) of conditions P that add up to 0 ≥ γ > 0, exactly.
 
     With ν = −Gᵀλ − Eᵀμ and τ = |G|ᵀλ + |E|ᵀ|μ|, a solution x of a problem within t of P has
@@ -191,11 +191,11 @@ class FallingRay:
     ray: Sequence[Fraction]
 
     @cached_property
-    def contradiction(self) -> Contradiction | None:
+    def contradiction(self) -> FarkasMultipliers | None:
         """What the ray says of the conditions of optimality; None where it curves there."""
         P, far = optimality(self.P, self.goal)
         combined = P.combined(self.ray)
-        return Contradiction(P, self.ray, far) if combined is not None and combined[1] == 0 else None
+        return FarkasMultipliers(P, self.ray, far) if combined is not None and combined[1] == 0 else None
 
     @cached_property
     def _curvature(self) -> tuple[Fraction, Fraction]:

@@ -38,7 +38,7 @@ from cpbench.verification.backward_error import EPS, ROUNDINGS, BackwardError
 from cpbench.verification.frame import Frame, System, inverse, largest
 from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags
-from cpbench.verification.sizes import Units, units_of
+from cpbench.verification.sizes import AnswerUnits, units_of
 
 UNKNOWN = 0.1
 """Share of the constants of a row that is taken off as rounding, from which on the answer says nothing of them."""
@@ -125,14 +125,14 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     return BlockErrors(errors, np.minimum(grown, 1.0), floors, absolute)
 
 
-def _conditions(system: System, parts: Parts, units: Units) -> Vector:
+def _conditions(system: System, parts: Parts, units: AnswerUnits) -> Vector:
     """Return by how much every block misses its conditions, in units."""
     if parts.measure is Measure.GAP:
         return system.frame.largest(system.distances(units.x, units.f))
     return system.frame.norms(system.defect(units.x, units.f))
 
 
-def _count_also(system: System, units: Units, errors: Vector) -> None:
+def _count_also(system: System, units: AnswerUnits, errors: Vector) -> None:
     """Count the residuals that must vanish beside f; the force of a bound has digits of its own row only."""
     assert system.also is not None
     value, at = system.also
@@ -147,7 +147,7 @@ def _without_rounding(system: System, noise: Vector) -> System:
     return replace(system, f=np.copysign(f, system.f))
 
 
-def _gap(system: System, parts: Parts, units: Units) -> tuple[Vector, Vector]:
+def _gap(system: System, parts: Parts, units: AnswerUnits) -> tuple[Vector, Vector]:
     """Return Σ|x_i f_i| over the terms of the objective, and these terms, of every part."""
     frame, whole = system.frame, parts.whole
     assert frame.signed is not None
@@ -199,7 +199,7 @@ def _each_row_once(system: System, parts: Parts, products: Vector) -> Vector:
 
 
 def _growth(
-    system: System, rounded: System, parts: Parts, units: Units, noise: Vector, errors: Vector, least: float
+    system: System, rounded: System, parts: Parts, units: AnswerUnits, noise: Vector, errors: Vector, least: float
 ) -> tuple[Vector, Flags | None]:
     """Return the errors with sizes by the constants alone, and where rounding hides the constants (None: nowhere).
 

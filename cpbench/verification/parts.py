@@ -17,7 +17,7 @@ from cpbench.verification.frame import Frame
 
 
 class Measure(Enum):
-    """What an error is measured by: pair by pair, in the energy of a part, or by the duality gap of a part."""
+    """The measure of an error: pair by pair, in the energy of a part, or by the duality gap of a part."""
 
     PAIRS = "pairs"
     ENERGY = "energy"

@@ -26,7 +26,7 @@ BALANCED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Units:
+class AnswerUnits:
     """1/size of what an answer is compared by; every field has the shape (k,).
 
     Attributes
@@ -42,7 +42,7 @@ class Units:
     needed: Flags
 
 
-def units_of(system: System, parts: Parts, sums: Vector) -> Units:
+def units_of(system: System, parts: Parts, sums: Vector) -> AnswerUnits:
     """Return the units of an answer; `sums` (k,) are Σ_j |J_ij||x_j|."""
     frame, constants = system.frame, system.frame.constants
     idle, taken = frame.any(system.idle()), parts.by_bounds(system.sizes())
@@ -61,7 +61,7 @@ def units_of(system: System, parts: Parts, sums: Vector) -> Units:
     if parts.indifferent is not None:  # without an objective no multipliers are needed, and any will do
         unit[parts.indifferent & parts.beside_z] = 0.0
         x[parts.indifferent & ~parts.beside_z] = 0.0
-    return Units(x, unit, ~known, needed)
+    return AnswerUnits(x, unit, ~known, needed)
 
 
 def _sized(system: System, parts: Parts, needed: Flags, balanced: Flags) -> tuple[Flags, Flags]:

@@ -16,7 +16,7 @@ from cpbench.formulations import LCP, MLCP, QP
 from cpbench.formulations.base import Problem
 from cpbench.verification import holds, prove
 from cpbench.verification.certificates import Infeasible
-from cpbench.verification.margins import Contradiction, reach
+from cpbench.verification.margins import FarkasMultipliers, reach
 from cpbench.verification.polyhedra import conditions
 
 ALL = 1.0
@@ -145,7 +145,7 @@ def test_no_problem_within_the_margin_has_a_solution_within_reach(make) -> None:
         assert isinstance(attempt.proof, Infeasible)
         assert known is not None
         far = reach(known)
-        best = Contradiction(known, attempt.proof.multipliers, far)
+        best = FarkasMultipliers(known, attempt.proof.multipliers, far)
         t = 0.99 * best.margin()
         assert best.survives(Fraction(t))
         assert not best.survives(Fraction(1.3 * t)) or t > 0.38
