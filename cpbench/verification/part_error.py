@@ -212,11 +212,11 @@ def _growth(
         beside = frame.terms.sums(np.where(fixed, system.sizes(), 0.0))
         data = np.maximum(data, rows.largest(beside * parts.per_row))
     unit = parts.per_row * rows.spread(inverse(data))
-    most = float(np.divide(unit, units.f, out=np.zeros(frame.k), where=units.f > 0).max())
+    most = float(np.divide(unit, units.f, out=np.zeros(frame.k), where=units.f > 0).max(initial=0.0))
     hidden = noise * unit
     certain = not (hidden * frame.amplification >= UNKNOWN).any()
     even = parts.measure is Measure.PAIRS or frame.even
-    largest_error = float(errors.max())
+    largest_error = float(errors.max(initial=0.0))
     if certain and even and (most * largest_error) ** 2 <= (least or largest_error):
         return np.zeros(frame.k), None
 

@@ -207,15 +207,14 @@ class Box(Set):
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         step = f[self.place] * f_unit[self.place]
         if self.kind == "free":
-            at = x[self.place] * x_unit[self.place]
-            return at - (at - step)
+            return step
         own, unit = x[self.place], x_unit[self.place]
         low, high = self.lb, self.ub
         if self.moored:  # a bound times a unit of 0 is no bound: 0·∞ would be NaN
             low, high = (np.where(some, unit * b, b) for b, some in zip((low, high), self.bounded, strict=True))
         at = own * unit
-        moved = np.maximum(at - step, low)
-        return at - (moved if self.kind == "orthant" else np.minimum(moved, high))
+        missed = np.minimum(step, at - low)  # no difference of x̂ and x̂ − f̂: a small f is lost beside a large x
+        return missed if self.kind == "orthant" else np.maximum(missed, at - high)
 
 
 @dataclass(frozen=True, eq=False)
