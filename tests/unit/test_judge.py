@@ -14,7 +14,7 @@ from lecture.numerics.examples.maps import mapped
 
 from cpbench.conversions.base import make
 from cpbench.expressions import Map
-from cpbench.formulations import LCP, QP, QVI, FCPoint, FrictionContact, LCPPoint, QPPoint, Relay
+from cpbench.formulations import AVI, LCP, QP, QVI, AVIPoint, FCPoint, FrictionContact, LCPPoint, QPPoint, Relay
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.ncp import NCP, NCPPoint
 from cpbench.formulations.nlp import NLPPoint
@@ -210,6 +210,16 @@ def test_a_large_solution_beside_small_constants_is_right() -> None:
     for off, solved in ((0.0, True), (1e-8, True), (1e-4, False)):
         point = EquationPoint(z=np.array([1e6 * (1.0 + off), 1e6 + 1e-3]))
         assert judge(problem, point, 1e-6).solved == solved, off
+
+
+@pytest.mark.parametrize("lower", [0.0, -np.inf])
+def test_a_small_row_is_not_lost_beside_a_huge_unknown(lower: float) -> None:
+    """By hand: 0z − 1 is −1 whatever z is, and asks for 0 or more. In floating point 1e20 − (1e20 + 1) is 0."""
+    boxed = AVI(M=np.zeros((1, 1)), q=[-1.0], lb=[lower], ub=[np.inf])
+    assert judge(boxed, AVIPoint(z=[1e20]), 1e-6).error == pytest.approx(1.0)
+    assert judge(LCP(M=[[0.0]], q=[-1.0]), LCPPoint(z=[1e20]), 1e-6).error == pytest.approx(1.0)
+    far = Relay(M=[[0.0]], q=[-1.0], lb=[0.0], ub=[1e25])
+    assert judge(far, far.point_from_vector([1e20]), 1e-6).error == pytest.approx(1.0)
 
 
 def test_a_problem_without_constants_is_measured_absolutely() -> None:
