@@ -125,13 +125,17 @@ def test_contacts_in_the_plane_are_proved(seed: int, sparse: bool, tmp_path: Pat
 
 
 def test_the_exact_solution_is_not_the_nearest_double() -> None:
-    """M = (1+ε, −1; −1, 1) is nearly singular: the answer 1e-9 off in its residual is 100 % off the solution."""
+    """M = (1+ε, −1; −1, 1) is nearly singular: the answer (2, 3), off in its residual by ε = 1e-12 of the constants, is
+    50 % off the solution (1, 2). By constants that are ε themselves it is no answer."""
     M = np.array([[1.0 + 2.0**-40, -1.0], [-1.0, 1.0]])
-    problem = LCP(M=M, q=np.array([-(2.0**-40), 0.0]))
-    certificate = cpbench.certify(problem, [2.0, 2.0])
+    problem = LCP(M=M, q=np.array([1.0 - 2.0**-40, -1.0]))
+    certificate = cpbench.certify(problem, [2.0, 3.0])
     assert certificate.level == "distant"
-    assert certificate.distance == pytest.approx(1.0, abs=1e-12)  # the solution is (1, 1): exact arithmetic by hand
-    assert cpbench.verify(problem, [2.0, 2.0], tolerance=1e-9).solved
+    assert certificate.distance == pytest.approx(0.5, abs=1e-12)  # exact arithmetic by hand
+    assert cpbench.verify(problem, [2.0, 3.0], tolerance=1e-9).solved
+    small = LCP(M=M, q=np.array([-(2.0**-40), 0.0]))  # its solution is (1, 1)
+    assert cpbench.certify(small, [2.0, 2.0]).distance == pytest.approx(1.0, abs=1e-12)
+    assert not cpbench.verify(small, [2.0, 2.0], tolerance=1e-9).solved
 
 
 def test_wrong_pairs_are_pivoted_right() -> None:
