@@ -83,7 +83,8 @@ def normalised(table: pd.DataFrame, columns: Collection[str] = ()) -> pd.DataFra
         known["fingerprint"] = known["fingerprint"].where(~nameless, known["problem"])
     clean = pd.DataFrame(known, index=table.index, copy=False)
     if not columns:  # found from all rows: groups of them, and reports without some, would miss what contradicts
-        clean[CONTRADICTED] = contradicted(clean)
+        found = contradicted(clean)
+        clean = clean.drop(columns=CONTRADICTED, errors="ignore").assign(**{CONTRADICTED: found})
     places = order(clean)
     if places is not None:
         clean = clean.take(places)
