@@ -219,12 +219,15 @@ SMALL = ("HS118", "QAFIRO", "QSC205", "QSHARE2B", "QADLITTL", "QPCBLEND", "PRIMA
 
 @pytest.mark.parametrize("name", SMALL)
 def test_real_programs(shared_data: Path, name: str) -> None:
-    """z of Clarabel at 1e-10 gets multipliers that are as good as its own, and a coordinate 1 % off gets none."""
+    """z of Clarabel at 1e-10 gets multipliers that are as good as its own, and a coordinate 1 % off gets none.
+
+    Clarabel compares the gap with at least 1, which the objective of QSC205, −0.0058, is not.
+    """
     pytest.importorskip("clarabel")
     problem = storage.load(shared_data / "qp" / f"{name}.mat")
     found = cpbench.solve(problem, "clarabel", tolerance=1e-10)
-    assert found.status == "solved", found
-    assert cpbench.verify(problem, found.point.z).within
+    assert found.error < 1e-8, found
+    assert cpbench.verify(problem, found.point.z).error <= max(found.error, 1e-10)
     z = found.point.z.copy()
     z[int(np.argmax(np.abs(z)))] *= 1.01
     assert not cpbench.verify(problem, z).within
