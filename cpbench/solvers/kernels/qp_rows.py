@@ -1,11 +1,18 @@
-"""The largest error of a row of a quadratic program, by what the rows feel: it hides in norms over all.
+"""The largest error of a row of a quadratic program, and its duality gap: both hide in norms over all.
 
 Rows are f = Qz + p − Gᵀy beside z and g = Gz − h beside y, G the rows of A and then of C, h their sides. D makes the
 terms D_i K_ij D_j of [[Q, Gᵀ], [G, 0]] about 1; times D, the rows f have one size, and the rows g another. A size is
 the largest sum of terms, or constant, of a row, and at least that of the unknowns, max_i |z_i|/D_i. The constants of
 idle rows give none: prices beside a bound that they push towards, sides that are not reached. One that is large would
 hide what is wrong in the others. An unknown has its unit from its largest effect on a row. Where nothing gives a
-size, z is 0, and rows are measured as they are.
+size, z is 0 and compared with 1, and every row with its own terms.
+
+The gap is |Σ z_i f_i + Σ y_j g_j|, with z counted from the bound to which f pushes, at most its size; products of
+unknowns without that bound count each by itself. It is compared with the terms of the objective,
+
+    max(|½zᵀQz + pᵀz|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|h_j y_j|)),
+
+without the constants of idle rows. Rounding of terms that cancel, 8 eps Σ|terms|, is taken off f and g first.
 """
 
 import numpy as np
@@ -18,7 +25,9 @@ from cpbench.solvers.kernels.qp_ldl import CSR, DATA
 PASSES, ENOUGH = 20, 0.02
 """Passes of the equilibration at most, and the change of log₂ D at which they end."""
 HEARD = 0.1
-"""Share of an idle price that the other terms of its row must reach for it to give the unknowns a size."""
+"""Share of an idle constant that the other terms of its row must reach for it to count."""
+NOISE = 8.0 * np.finfo(np.float64).eps
+"""Share of the terms of a row that rounding may leave where they cancel."""
 
 
 @njit(float64[::1](DATA), **COMPILED)
@@ -74,9 +83,60 @@ def _idle(low, high, x, f):
     return f < 0.0 and high < np.inf and above <= below
 
 
+@njit(float64(float64, float64), **COMPILED)
+def _without_noise(f, noise):
+    """Return f nearer to 0 by `noise`."""
+    return np.copysign(max(abs(f) - noise, 0.0), f)
+
+
+@njit(float64(*(DATA, DATA, int64, DATA, DATA), *(DATA, DATA, DATA, DATA, DATA, DATA), *(DATA, DATA, boolean)), **COMPILED)
+def _gap(p, h, m, lb, ub, z, y, f, g, terms, feeds, units, effect, sized):
+    """Return the gap over the terms of the objective; where nothing gives a size, the sum of |z_i f_i| in units."""
+    gap = alone = quadratic = price = prices = sides = absolute = 0.0
+    for i in range(p.size):
+        w = _without_noise(f[i], NOISE * (terms[i] + abs(p[i])))
+        bound = lb[i] if w > 0.0 else ub[i]
+        far = z[i] - bound if abs(bound) < np.inf else z[i]
+        product = w * (min(max(far, -1.0 / effect[i]), 1.0 / effect[i]) if effect[i] > 0.0 else far)
+        absolute += abs(product) * units[i]
+        if abs(bound) < np.inf:
+            gap += product
+        else:
+            alone += abs(product)
+        quadratic += z[i] * (w - p[i])
+        if terms[i] > HEARD * abs(p[i]) or not _idle(lb[i], ub[i], z[i], f[i]):
+            price += p[i] * z[i]
+            prices += abs(p[i] * z[i])
+    for i in range(h.size):
+        w = _without_noise(g[i], NOISE * (feeds[i] + abs(h[i])))
+        gap += y[i] * w
+        absolute += abs(y[i] * w) * units[p.size + i]
+        quadratic += y[i] * (w + h[i])
+        if i >= m or not g[i] > 0.0 or feeds[i] > HEARD * abs(h[i]):
+            sides += abs(h[i] * y[i])
+    if not sized:
+        return absolute
+    gap = abs(gap) + alone
+    objective = max(abs(0.5 * quadratic + price), 0.5 * abs(quadratic), min(prices, sides))
+    return gap / max(objective, gap) if gap > 0.0 else 0.0
+
+
+@njit(float64[::1](CSR, DATA, DATA), **COMPILED)
+def _own_units(M, constants, z):
+    """Return 1 over the larger of the constant of each row and its terms, z taken as 1 at least."""
+    units = np.empty(constants.size)
+    for i in range(constants.size):
+        size = 0.0
+        for q in range(M[0][i], M[0][i + 1]):
+            size += abs(M[2][q]) * max(abs(z[M[1][q]]), 1.0)
+        size = max(size, abs(constants[i]))
+        units[i] = 1.0 / size if size > 0.0 else 1.0
+    return units
+
+
 @njit(float64(*(CSR, DATA, CSR, DATA, int64, DATA, DATA), *(DATA, DATA, DATA, DATA)), **COMPILED)
 def largest_error(Q, p, G, h, m, lb, ub, D, z, y, nu):
-    """Return the largest error of a row; 0 where that is no number.
+    """Return the largest error of a row, or that of the gap; 0 where that is no number.
 
     Parameters
     ----------
@@ -111,31 +171,35 @@ def largest_error(Q, p, G, h, m, lb, ub, D, z, y, nu):
             price = max(price, constant)
         if not idle or terms[i] > HEARD * abs(p[i]):
             asked = max(asked, constant)
-    if not sided and asked == 0.0:  # z is 0, and nothing is felt
-        units, force, side = np.ones(n + r), 1.0, 1.0
-    else:
+    sized = sided or asked > 0.0
+    if sized:
         reach = reach if sided else max(reach, asked)
         force = max(force, price, reach if Q[2].size > 0 else 0.0)
         side = max(side, reach)
-        units, force, side = D, 1.0 / force if force > 0.0 else 1.0, 1.0 / side if side > 0.0 else 1.0
+        units = D.copy()
+        units[:n] /= force if force > 0.0 else 1.0
+        units[n:] /= side if side > 0.0 else 1.0
+    else:
+        units = np.concatenate((_own_units(Q, p, z), _own_units(G, h, z)))
     effect, error = np.zeros(n), 0.0
     for i in range(n):
-        unit = units[i] * force
         for q in range(Q[0][i], Q[0][i + 1]):
-            effect[Q[1][q]] = max(effect[Q[1][q]], abs(Q[2][q]) * unit)
+            effect[Q[1][q]] = max(effect[Q[1][q]], abs(Q[2][q]) * units[i])
     for i in range(r):
-        unit, most = units[n + i] * side, 0.0
+        unit, most = units[n + i], 0.0
         for q in range(G[0][i], G[0][i + 1]):
             j = G[1][q]
             effect[j] = max(effect[j], abs(G[2][q]) * unit)
-            most = max(most, abs(G[2][q]) * units[j] * force)
+            most = max(most, abs(G[2][q]) * units[j])
         error = max(error, abs(g[i]) * unit if i >= m else max(-g[i] * unit, -y[i] * most))
+    if not sized:
+        effect[:] = 1.0
     for i in range(n):
-        w = f[i] * units[i] * force
-        error = max(error, abs(f[i] - nu[i]) * units[i] * force / max(1.0, abs(w)))
+        w = f[i] * units[i]
+        error = max(error, abs(f[i] - nu[i]) * units[i] / max(1.0, abs(w)))
         error = max(error, (lb[i] - z[i]) * effect[i] if lb[i] > -np.inf else w)
         error = max(error, (z[i] - ub[i]) * effect[i] if ub[i] < np.inf else -w)
-    return error
+    return max(error, _gap(p, h, m, lb, ub, z, y, f, g, terms, feeds, units, effect, sized))
 
 
 READY = True

@@ -102,7 +102,7 @@ def solve(
     psd : the share of its diagonal that Q may lack to be semidefinite. proximal : ε relative to the size of H.
     feasible : tolerance of `qp_dual`. most : passes. operations : of `qp_dual`, soon after which it ends.
     error : (1,) of the best answer, which is written.
-    counts : (3,) passes, proximal steps, operations.
+    counts : (4,) passes, steps, operations, whether the steps are proximal, and only approach the answer.
     """
     n, m, r = p.size, b.size, b.size + d.size
     H, G, D, E = np.empty((n, n)), np.empty((r, n)), np.ones(n), np.ones(r)
@@ -126,6 +126,7 @@ def solve(
         epsilon = proximal * (max(top, LEAST * max(top, size)) or 1.0)
         if not _cholesky(H, L, epsilon, False) > 0.0:
             return NOT_CONVEX
+        counts[3] = 1
     sides = 0
     for i in range(n + r):
         sides += i >= n or lb[i] > -np.inf or ub[i] < np.inf

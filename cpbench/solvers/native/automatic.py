@@ -70,6 +70,10 @@ class AutomaticChoice(Solver):
     kernels: ClassVar[tuple[str, ...]] = ()
     """Modules that take long to compile and that one or the other of them needs: they are compiled side by side."""
 
+    def error(self, problem: Any, point: Any, tolerance: float) -> float:
+        """Return the error of an answer of which no member of our own says that it is solved."""
+        return problem.residuals(point, tolerance).error
+
     @abstractmethod
     def phases(self, problem: Any) -> Sequence[SolverPhase]:
         """Return the solvers to try, in this order, from facts that cost less than solving. Pure: the same for the
@@ -109,11 +113,11 @@ class AutomaticChoice(Solver):
                 counters = output.counters
                 counters = {"iterations": 0, **counters, "solvers": counters.get("solvers", 0) + 1}
                 return output.retold(counters, f"{phases[0].solver}: solved")
-            run = _Run(prepared, budget, start, record, begun)
+            run = _Run(prepared, self.error, budget, start, record, begun)
             run.take(phases[0], solver, output)
             phases = phases[1:]
         else:
-            run = _Run(prepared, budget, start, record, begun)
+            run = _Run(prepared, self.error, budget, start, record, begun)
         for phase in phases:
             if run.over:
                 break
@@ -159,8 +163,16 @@ def automatic_solvers(node: str = "") -> dict[str, str]:
 class _Run:
     """State of the phases."""
 
-    def __init__(self, plan: Plan, budget: Budget, start: Any | None, record: Record | None, begun: float) -> None:
-        problem = plan.problem
+    def __init__(
+        self,
+        plan: Plan,
+        error: Callable[[Any, Any, float], float],
+        budget: Budget,
+        start: Any | None,
+        record: Record | None,
+        begun: float,
+    ) -> None:
+        problem, self._error_of = plan.problem, error
         self._plan, self._problem, self._budget, self._record = plan, problem, budget, record
         if start is None and not any(problem.point_sizes.values()):
             start = problem.zero_point()  # nothing is to be found, which some solvers do not take
@@ -279,4 +291,4 @@ class _Run:
         return passing
 
     def _measured(self, point: Any) -> float:
-        return self._problem.residuals(point, self._budget.tolerance).error
+        return self._error_of(self._problem, point, self._budget.tolerance)

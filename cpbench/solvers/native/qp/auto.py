@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from cpbench.formulations.qp import QP
+from cpbench.formulations.qp import QP, QPPoint
 from cpbench.matrices import nnz
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, SolverSpec, Trait, missing, register, solvers
 from cpbench.solvers.native.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
+from cpbench.solvers.native.qp.claims import ErrorMeasure
 from cpbench.solvers.native.qp.kkt_system import FULL
 from cpbench.solvers.native.qp.proximal_active_set import ProximalActiveSetOptions, fits_one_call
 from cpbench.solvers.options import searched
@@ -73,6 +74,9 @@ class AutoQP(AutomaticChoice):
         others = tuple(SolverPhase(name) for name in OTHERS if not missing(solvers.get(name).spec))
         before = 1 + [phase.solver for phase in plan.phases].index("interior-point-qp")
         return plan._replace(phases=(*plan.phases[:before], *others, *plan.phases[before:]))
+
+    def error(self, problem: QP, point: QPPoint, tolerance: float) -> float:
+        return ErrorMeasure(problem, tolerance=tolerance).error((point.z, point.lam, point.mu, point.nu))
 
     def phases(self, problem: QP) -> Sequence[SolverPhase]:
         n = problem.p.size

@@ -38,8 +38,8 @@ Parts: TypeAlias = tuple[Vector, Vector, Vector, Vector]
 class ErrorMeasure:
     """The judged error of answers to one problem, for whoever records as well.
 
-    Of answers within `tolerance` it is the larger one of that and of the errors of rows (`qp_rows`): methods that
-    converge step by step end just within, where norms hide what idle rows enlarge.
+    Of answers within `tolerance` it is the larger one of that and of the errors of rows and of the gap (`qp_rows`):
+    norms hide what idle rows enlarge, and a gap that is small beside prices may be large beside the objective.
 
     best : the parts of the answer with the least error of those that were seen, but not merely in passing: those are
     seen only where somebody records. least : that error.

@@ -174,7 +174,7 @@ class DualActiveSet(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        problem, measure = prepared, ErrorMeasure(prepared, record)
+        problem, measure = prepared, ErrorMeasure(prepared, record, budget.tolerance)
         n, m, k = problem.p.size, problem.b.size, problem.d.size
         lower, upper, G = stacked(problem)
         try:

@@ -14,7 +14,7 @@ from cpbench.formulations.qp import QP
 from cpbench.kernel_cache import load, load_all
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.progress import Progress, next_stop
+from cpbench.solvers.native.progress import Progress, next_stop, reduced
 from cpbench.solvers.native.qp.claims import ErrorMeasure, Parts, convex_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.kkt_system import KERNELS, KKT, Entries
 from cpbench.solvers.native.qp.presolve import SparseQP, presolved, sparse_data
@@ -89,6 +89,11 @@ class Path:
         how = self._options.to_boundary, NEAR * tolerance, enough
         return self._kernel.advance(*self._data, *how, self._counts, self._sizes, until)
 
+    @property
+    def gap(self) -> float:
+        """The least tᵀz so far, relative to its size."""
+        return float(self._sizes[self.stops.BEST])
+
     def undecided(self) -> float:
         """Return the largest of the pairs' smaller numbers, in data of size one."""
         t, z = self._sides
@@ -132,7 +137,7 @@ class InteriorPoint(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        measure, data = ErrorMeasure(prepared, record), sparse_data(prepared)
+        measure, data = ErrorMeasure(prepared, record, budget.tolerance), sparse_data(prepared)
         run = _Run(prepared, data, budget, options, measure, record)
         reduced, whole = presolved(data), (data, _unchanged)
         first = whole if reduced is None else reduced
@@ -184,6 +189,7 @@ class _Run:
         scales, H, G = sparse_scaled(data)
         path, progress, measure = Path(scales, H, G, self._options, damping), Progress(STALL), self._measure
         stops, polished, tolerance, earlier = path.stops, 0, self._budget.tolerance, self._done
+        aim = tolerance
         before = path.x.copy(), path.y.copy()
         outcome = stops.LIMIT if path.begin() else stops.BROKEN
         while True:
@@ -221,7 +227,9 @@ class _Run:
             until = self._limit - earlier
             if not math.isinf(self._budget.seconds):
                 until = min(until, path.done + path.chunk)
-            outcome = path.advance(tolerance, next_stop(path.done, until, self._record), polish=polished > 0)
+            if near and error > tolerance and path.gap <= aim:  # the objective may be far below the size of tᵀz
+                aim = reduced(aim, error, tolerance)
+            outcome = path.advance(aim, next_stop(path.done, until, self._record), polish=polished > 0)
 
 
 def _proved(

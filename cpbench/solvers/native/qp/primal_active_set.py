@@ -127,7 +127,7 @@ class PrimalActiveSet(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        measure, form = ErrorMeasure(prepared, record), scaled(prepared)
+        measure, form = ErrorMeasure(prepared, record, budget.tolerance), scaled(prepared)
         n, m = form.g.size, prepared.b.size
         H, limit = matrices.dense(form.H), budget.iterations or options.max_iterations or 50 * form.lower.size + 50
         deadline = time.monotonic() + budget.seconds

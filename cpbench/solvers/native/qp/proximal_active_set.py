@@ -60,7 +60,7 @@ def in_one_call(
     """Return the answer that one compiled call finds, or that Q is not convex, or the best after `limit` passes; None
     where it does not end so."""
     P, (n, m, k) = problem, (problem.p.size, problem.b.size, problem.d.size)
-    x, error, counts = np.zeros(2 * n + m + k), np.empty(1), np.zeros(3, dtype=np.int64)
+    x, error, counts = np.zeros(2 * n + m + k), np.empty(1), np.zeros(4, dtype=np.int64)
     z, lam, mu, nu = x[:n], x[n : n + m], x[n + m : n + m + k], x[n + m + k :]
     Q, A, C = matrices.dense(P.Q), matrices.dense(P.A), matrices.dense(P.C)
     solve, solved_by, not_convex = _one_call()
@@ -69,9 +69,11 @@ def in_one_call(
         most = min(most, limit)
     how = tolerance, matrices.PSD_TOLERANCE, options.proximal, options.feasibility_tolerance, most, OPERATIONS
     outcome = solve(Q, P.p, A, P.b, C, P.d, P.lb, P.ub, *how, z, lam, mu, nu, error, counts)
-    passes, steps, _ = counts.tolist()
+    passes, steps, _, proximal = counts.tolist()
     counters = {"iterations": passes + steps, "proximal_steps": steps}
     if outcome == solved_by:
+        if proximal and ErrorMeasure(P, tolerance=tolerance).error((z, lam, mu, nu)) > tolerance:
+            return None
         return solved(QPPoint.adopt(z, lam, mu, nu), counters)
     if outcome == not_convex and not P.convex:
         return SolverOutput(claim=Claim.FAILED, counters=counters, message="Q is not convex")
@@ -140,7 +142,7 @@ class ProximalActiveSet(Solver):
                 if record is not None and output.point is not None:
                     _record_ends(prepared, output.point, output.counters["iterations"], record)
                 return output
-        measure, form = ErrorMeasure(prepared, record), scaled(prepared)
+        measure, form = ErrorMeasure(prepared, record, budget.tolerance), scaled(prepared)
         n, rows = form.g.size, form.E.size
         epsilon = options.proximal * max(max_abs(form.H), LEAST)
         H, G = matrices.dense(form.H), matrices.dense(form.G)
