@@ -309,12 +309,12 @@ def advance(H, G, g, lower, upper, scale, system, iterate, share, near, enough, 
         counts[DONE] += 1
         _gather(H, G, g, lower, upper, scale, iterate, sizes)
         gap = _products(t, z, lower, upper) / sizes[SIZE]
+        if gap < GAIN * sizes[BEST]:
+            sizes[BEST], counts[SINCE] = gap, counts[DONE]
         if not gap > near:
             return NEAR
         if not gap < BLOWN_UP:
             return STALLED
-        if gap < GAIN * sizes[BEST]:
-            sizes[BEST], counts[SINCE] = gap, counts[DONE]
         if counts[DONE] - counts[SINCE] > max(WINDOW, counts[DONE] // 2):
             return STALLED
         if max(largest(x), largest(y)) > sizes[BAR]:
