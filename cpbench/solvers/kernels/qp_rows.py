@@ -160,9 +160,9 @@ def largest_error(Q, p, G, h, m, lb, ub, D, z, y, nu):
             feeds[i] += abs(term)
             f[j] -= G[2][q] * y[i]
             terms[j] += abs(G[2][q] * y[i])
-        tight = i >= m or not g[i] > 0.0
-        sided = sided or (tight and h[i] != 0.0)
-        side = max(side, D[n + i] * (max(feeds[i], abs(h[i])) if tight else feeds[i]))
+        counts = i >= m or not g[i] > 0.0 or feeds[i] > HEARD * abs(h[i])
+        sided = sided or (counts and h[i] != 0.0)
+        side = max(side, D[n + i] * (max(feeds[i], abs(h[i])) if counts else feeds[i]))
     reach = force = price = asked = 0.0
     for i in range(n):
         idle, constant = _idle(lb[i], ub[i], z[i], f[i]), D[i] * abs(p[i])

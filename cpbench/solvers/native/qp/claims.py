@@ -42,7 +42,7 @@ class ErrorMeasure:
     norms hide what idle rows enlarge, and a gap that is small beside prices may be large beside the objective.
 
     best : the parts of the answer with the least error of those that were seen, but not merely in passing: those are
-    seen only where somebody records. least : that error.
+    seen only where somebody records. least : that error. norms : the error of the last answer without rows and gap.
     """
 
     def __init__(self, problem: QP, record: Record | None = None, tolerance: float = -1.0) -> None:
@@ -50,7 +50,7 @@ class ErrorMeasure:
         self._record, self._recorded = record, -1
         self._last: Parts | None = None
         self.best: Parts | None = None
-        self.least = math.inf
+        self.least = self.norms = math.inf
         P, blocks = problem, (problem.Q, problem.A, problem.C)
         if any(matrices.is_sparse(M) for M in blocks):
             self._judged, (Q, A, C), work = load(SPARSE_KERNEL).judged_error, map(entries, blocks), ()
@@ -59,8 +59,9 @@ class ErrorMeasure:
         self._data, self._work = (Q, P.p, A, P.b, C, P.d, P.lb, P.ub), work
 
     def error(self, answer: Parts) -> float:
-        """Return `QP.residuals(...).error`, infinite for an answer that is not finite."""
-        error = self._judged(*self._data, *answer, *self._work)
+        """Return `QP.residuals(...).error`, or what is larger of rows and gap; infinite for an answer that is not
+        finite."""
+        self.norms = error = self._judged(*self._data, *answer, *self._work)
         return max(error, self._of_rows(*answer)) if error <= self._tolerance else error
 
     def _of_rows(self, z: Vector, lam: Vector, mu: Vector, nu: Vector) -> float:

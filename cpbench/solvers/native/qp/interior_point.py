@@ -89,11 +89,6 @@ class Path:
         how = self._options.to_boundary, NEAR * tolerance, enough
         return self._kernel.advance(*self._data, *how, self._counts, self._sizes, until)
 
-    @property
-    def gap(self) -> float:
-        """The least tᵀz so far, relative to its size."""
-        return float(self._sizes[self.stops.BEST])
-
     def undecided(self) -> float:
         """Return the largest of the pairs' smaller numbers, in data of size one."""
         t, z = self._sides
@@ -227,7 +222,7 @@ class _Run:
             until = self._limit - earlier
             if not math.isinf(self._budget.seconds):
                 until = min(until, path.done + path.chunk)
-            if near and error > tolerance and path.gap <= aim:  # the objective may be far below the size of tᵀz
+            if near and measure.norms <= tolerance < error:  # the objective may be far below the size of tᵀz
                 aim = reduced(aim, error, tolerance)
             outcome = path.advance(aim, next_stop(path.done, until, self._record), polish=polished > 0)
 
