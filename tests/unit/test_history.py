@@ -227,12 +227,13 @@ class Liar(Solver):
 def test_a_liar_gets_its_true_errors(scene: Any) -> None:
     """M = 1, q = -2: z = 2 is the solution, and of the iterates 0, 1, 2, 3, 4 only the third is one.
 
-    The backward error is the row over the larger of its terms, |z - 2|/max(z, 2).
+    The backward error is the larger of the row over its terms, |z - 2|/max(z, 2), and of the square of the row over
+    its constant, |z - 2|/2.
     """
     problem = LCP(M=np.eye(1), q=np.array([-2.0]))
     history = scene(problem, "lcp").judged(recorded(Liar(), problem, Budget(), None, None))
     assert history.residual[:-1].tolist() == [0.0] * 5
-    np.testing.assert_allclose(history.error[:5], [1.0, 1 / 2, 0.0, 1 / 3, 1 / 2])
+    np.testing.assert_allclose(history.error[:5], [1.0, 1 / 2, 0.0, 1 / 3, 1.0])
     assert history.error[5] == math.inf
     assert _time_to(history, 1e-10) == history.time[2]
     wrong = LCP(M=np.eye(1), q=np.array([-2.5]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -48,6 +50,21 @@ def test_iterations_end_where_the_verdict_agrees(name: str) -> None:
     assert sum(share > 1.0 for share in beyond) <= 0.05 * len(beyond)
 
 
+def gap_over_objective(P: QP, z: Any, y: Any, terms: Any, reach: float) -> float:
+    """|Σ z_i f_i + Σ y_j g_j| over max(|f|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|h_j y_j|)), without idle constants."""
+    G, h = np.vstack([P.A, P.C]), np.append(P.b, P.d)
+    force, rows = P.Q @ z + P.p - G.T @ y, G @ z - h
+    bounded = np.isfinite(P.lb) & (force > 0.0)
+    products = force * np.clip(np.where(bounded, z - np.where(bounded, P.lb, 0.0), z), -reach, reach)
+    idle = bounded & (terms <= 0.1 * abs(P.p))
+    price = np.where(idle, 0.0, P.p * z)
+    side = np.where((np.arange(h.size) < P.b.size) & (rows > 0) & (abs(G) @ abs(z) <= 0.1 * abs(h)), 0.0, h * y)
+    gap = abs(products[bounded].sum() + y @ rows) + abs(products[~bounded]).sum()
+    quadratic = z @ P.Q @ z
+    objective = max(abs(quadratic / 2 + price.sum()), abs(quadratic) / 2, min(abs(price).sum(), abs(side).sum()))
+    return gap / max(objective, gap)
+
+
 def test_errors_of_rows_are_those_of_plain_numpy() -> None:
     """With a bound and a side that give z its size, so that prices do not; and Q and G of entries of size 1, D = 1."""
     rng = np.random.default_rng(3)
@@ -64,8 +81,9 @@ def test_errors_of_rows_are_those_of_plain_numpy() -> None:
         terms = abs(Q) @ abs(z) + abs(A).T @ abs(lam) + abs(C).T @ abs(mu)
         share = 1.0 / max(terms.max(), abs(p[~below]).max(initial=0.0), z.max())
         f = share * force
-        g, feeds, tight = A @ z - b, np.full(3, z.sum()), np.append(A @ z <= b, True)
-        size = max(feeds.max(), abs(np.append(b, d))[tight].max())
+        g, feeds, sides = A @ z - b, np.full(3, z.sum()), abs(np.append(b, d))
+        counts = np.append(A @ z <= b, True) | (feeds > 0.1 * sides)
+        size = max(feeds.max(), sides[counts].max())
         effect = max(share, 1.0 / size)
         expected = max(
             (abs(force - nu) * share / np.maximum(1.0, abs(f))).max(),
@@ -74,6 +92,7 @@ def test_errors_of_rows_are_those_of_plain_numpy() -> None:
             (-g / size).max(),
             (-lam * share).max(),
             abs(C @ z - d).max() / size,
+            gap_over_objective(problem, z, np.append(lam, mu), terms, 1.0 / effect),
         )
         found = ErrorMeasure(problem, tolerance=1e9).error((z, lam, mu, nu))
         norms = ErrorMeasure(problem).error((z, lam, mu, nu))
@@ -84,13 +103,17 @@ def test_errors_of_rows_are_those_of_plain_numpy() -> None:
 @pytest.mark.parametrize("size", [2e-1, 2e-3, 2e-5])
 @pytest.mark.parametrize("name", ["auto-qp", "proximal-active-set", "interior-point-qp", "augmented-lagrangian"])
 def test_without_prices_the_size_is_that_of_terms_that_cancel(name: str, size: float, sparse: bool) -> None:
-    """Where sides hold z away from 0, Qz = 0 has the size of its terms, not that of 1."""
+    """Where sides hold z away from 0, Qz = 0 has the size of its terms, not that of 1.
+
+    The least objective is 0: methods that only approach it have no share of it right, and do not claim it.
+    """
     Q, A = size * np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[0.0, 0.4], [9.0, 0.0]])
     if sparse:
         Q, A = sp.csr_array(Q), sp.csr_array(A)
     problem = QP.build(Q, np.zeros(2), A, np.array([0.0, 1.0]))
     for tolerance in (1e-4, 1e-6, 1e-8):
         output = solvers.get(name).run(problem, Budget(tolerance=tolerance))
-        assert output.claim is Claim.SOLVED
         assert isinstance(output.point, QPPoint)
-        assert judge(problem, output.point, tolerance).error <= tolerance
+        solved = judge(problem, output.point, tolerance).solved
+        assert solved == (output.claim is Claim.SOLVED)
+        assert solved or name == "interior-point-qp"

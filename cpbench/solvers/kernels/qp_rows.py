@@ -89,7 +89,9 @@ def _without_noise(f, noise):
     return np.copysign(max(abs(f) - noise, 0.0), f)
 
 
-@njit(float64(*(DATA, DATA, int64, DATA, DATA), *(DATA, DATA, DATA, DATA, DATA, DATA), *(DATA, DATA, boolean)), **COMPILED)
+@njit(
+    float64(*(DATA, DATA, int64, DATA, DATA), *(DATA, DATA, DATA, DATA, DATA, DATA), *(DATA, DATA, boolean)), **COMPILED
+)
 def _gap(p, h, m, lb, ub, z, y, f, g, terms, feeds, units, effect, sized):
     """Return the gap over the terms of the objective; where nothing gives a size, the sum of |z_i f_i| in units."""
     gap = alone = quadratic = price = prices = sides = absolute = 0.0
