@@ -1,6 +1,6 @@
 """Twelve QPs, MLCPs and scenes that nobody has looked at, drawn by a seed, under the same checks as the real files.
 
-    python tests/truth/drawn_problems.py --drawn SEED [--eps 1e-6] [--seconds 2]
+    PYTHONPATH=.:tests/invariance python tests/truth/drawn_problems.py --drawn SEED [--eps 1e-6] [--seconds 2]
 
 The builders are those of `tests/bench/unseen_algebra.py` and `unseen_scenes.py`.
 """

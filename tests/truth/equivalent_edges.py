@@ -1,6 +1,7 @@
 """Right and wrong answers of real files, carried over every edge that is equivalent for the problem.
 
-python tests/truth/equivalent_edges.py --cache FOLDER [--eps 1e-6] [--most 6] [--budget 600] [--folders qp lcp ...]
+PYTHONPATH=.:tests/invariance python tests/truth/equivalent_edges.py --cache FOLDER [--eps 1e-6] [--most 6]
+    [--budget 600] [--folders qp lcp ...]
 """
 
 from __future__ import annotations
