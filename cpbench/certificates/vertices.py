@@ -10,8 +10,12 @@ hint: what it gives is checked exactly.
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+import os
+import sys
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -30,6 +34,20 @@ SMALL = (1e-6, 1e-4, 1e-8)
 """Shares of their sizes below which an unknown's distance from its bound and its row tell nothing about the pair."""
 ACCURACY = 1e-10
 """HiGHS' least feasibility tolerance."""
+
+
+@contextlib.contextmanager
+def _nothing_printed() -> Iterator[None]:
+    """Send what compiled code prints on standard output to nowhere."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    try:
+        with open(os.devnull, "wb") as nowhere:
+            os.dup2(nowhere.fileno(), 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 def at_vertex(P: Mixed, K: ExactRows, near: Vector, deadline: float) -> ExactPoint:
@@ -113,7 +131,8 @@ def _basis(P: Mixed, states: States, near: Vector, seconds: float) -> tuple[Vect
     lp.row_upper_ = np.where(states[used] == LOWER, np.inf, level)
     lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
     lp.a_matrix_.start_, lp.a_matrix_.index_, lp.a_matrix_.value_ = rows.indptr, rows.indices, rows.data
-    model = highspy.Highs()
+    with _nothing_printed():  # HiGHS 1.16 prints its banner when an object is made
+        model = highspy.Highs()
     for name, value in {
         "output_flag": False, "solver": "simplex", "time_limit": seconds, "primal_feasibility_tolerance": ACCURACY,
         "threads": 1,

@@ -135,7 +135,7 @@ class Frame:
 
     @cached_property
     def even(self) -> bool:
-        """Whether no coefficient of friction is above 1, so that none hides in the distance how fast a contact closes."""
+        """Whether no coefficient of friction is above 1: none hides in a distance how fast a contact closes."""
         return bool((self.amplification <= 2.0).all())
 
     @property
