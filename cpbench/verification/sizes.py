@@ -76,9 +76,12 @@ def _sized(system: System, parts: Parts, needed: Flags, balanced: Flags) -> tupl
         if sized.all():
             return sized, sized
         return sized, (frame.terms.effects(sized.astype(float)) > 0) | (frame.own_unit > 0)
-    # sides size z; prices do where they are balanced by z itself, or by nothing
-    own = frame.terms.sums(np.where(frame.multiplier, 0.0, system.sizes())) > BALANCED * frame.constants
-    known = parts.whole.spread(parts.whole.any(np.where(frame.multiplier, sized, needed & (own | ~balanced)) | fixed))
+    # sides size z; prices do where they are balanced by z itself, or by nothing; a load does, whatever bears it
+    prices = needed & ~frame.multiplier
+    if parts.measure is not Measure.ENERGY:
+        own = frame.terms.sums(np.where(frame.multiplier, 0.0, system.sizes())) > BALANCED * frame.constants
+        prices &= own | ~balanced
+    known = parts.whole.spread(parts.whole.any((frame.multiplier & sized) | prices | fixed))
     return sized | (frame.multiplier & known), known
 
 

@@ -14,7 +14,20 @@ from lecture.numerics.examples.maps import mapped
 
 from cpbench.conversions.base import make
 from cpbench.expressions import Map
-from cpbench.formulations import AVI, LCP, QP, QVI, AVIPoint, FCPoint, FrictionContact, LCPPoint, QPPoint, Relay
+from cpbench.formulations import (
+    AVI,
+    LCP,
+    QP,
+    QVI,
+    AVIPoint,
+    FCPoint,
+    FrictionContact,
+    GFCPoint,
+    GlobalFrictionContact,
+    LCPPoint,
+    QPPoint,
+    Relay,
+)
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.ncp import NCP, NCPPoint
 from cpbench.formulations.nlp import NLPPoint
@@ -220,6 +233,19 @@ def test_a_small_row_is_not_lost_beside_a_huge_unknown(lower: float) -> None:
     assert judge(LCP(M=[[0.0]], q=[-1.0]), LCPPoint(z=[1e20]), 1e-6).error == pytest.approx(1.0)
     far = Relay(M=[[0.0]], q=[-1.0], lb=[0.0], ub=[1e25])
     assert judge(far, far.point_from_vector([1e20]), 1e-6).error == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("load", [1e-5, 1.0, 1e6])
+@pytest.mark.parametrize(("share", "solved"), [(1e-6, True), (1e-3, False)])
+def test_what_is_at_rest_has_its_error_in_any_unit(load: float, share: float, solved: bool) -> None:
+    """A body of mass 1 on the ground, at rest, that sinks with a share of its free fall: the error is that share but
+    for a factor of 2, whatever the load."""
+    f = load * np.array([-1.0, 0.1, 0.0])
+    body = GlobalFrictionContact(M=np.eye(3), H=np.eye(3), f=f, w=np.zeros(3), mu=[0.5])
+    verdict = judge(body, GFCPoint(v=share * f, r=(share - 1.0) * f), 1e-5)
+    assert verdict.solved == solved
+    assert share / 2 < verdict.error < 2 * share
+    assert "absolute" not in verdict.flags
 
 
 def test_a_problem_without_constants_is_measured_absolutely() -> None:
