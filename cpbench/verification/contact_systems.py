@@ -106,6 +106,7 @@ def worst_loaded(P: Any, system: System, tolerance: float) -> float:
     A contact does where its own reaction or velocity has more than the tolerance of the energy of the free velocities,
     so that neither the self-stress of others nor a contact that only just touches decides.
     """
+    assert system.velocity is not None
     law, d = contact_set(P), P.dimension
     r, u = system.x[: P.nc * d], system.f[: P.nc * d]
     rho = np.repeat(P.rho, d)

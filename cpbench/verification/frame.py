@@ -161,7 +161,7 @@ class Frame:
 
     def block_sums(self, values: Vector) -> Vector:
         """Return the sum of the values of every block."""
-        return values if self.block is None else np.bincount(self.block, values, self.k)
+        return values if self.block is None else np.bincount(self.block, values, self.k).astype(np.float64, copy=False)
 
     def any(self, flags: Flags) -> Flags:
         """Return whether any component of a block is flagged."""

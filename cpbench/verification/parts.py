@@ -59,7 +59,7 @@ class Groups:
         """Return the sum of the values of each group."""
         if self.of is None:
             return np.array([values.sum()])
-        return np.bincount(self.of, values, self.count)
+        return np.bincount(self.of, values, self.count).astype(np.float64, copy=False)
 
     def norm(self, values: Vector) -> Vector:
         """Return the Euclidean norm of the values of each group."""

@@ -35,7 +35,7 @@ class Conditions:
         for j, (a, b, far) in enumerate(zip(nu, tau, reach, strict=True)):
             bound = self.lo[j] if a > 0 else self.hi[j]
             require(not a or bound is not None, "the multipliers leave an unknown without a bound")
-            rest += a * bound if a else 0
+            rest += 0 if bound is None else a * bound
             low, high = self._ends(j, t, far)
             empty = empty or low > high
             within -= max(t * b * abs(x) - a * x for x in (low, high))
