@@ -157,7 +157,7 @@ def _gap(system: System, parts: Parts, units: AnswerUnits) -> tuple[Vector, Vect
     gap = whole.sum(_each_row_once(system, parts, products))
     fixed = system.x * frame.signed
     quadratic = whole.sum(frame.block_sums(system.x * system.f - fixed))
-    terms = np.where(units.needed, frame.block_sums(fixed), 0.0)
+    terms = frame.block_sums(fixed)
     price, sides = (np.where(at, terms, 0.0) for at in (parts.beside_z, ~parts.beside_z))
     straight = whole.sum(np.abs(price))
     if parts.measure is Measure.PAIRS and not parts.with_multipliers:

@@ -308,12 +308,11 @@ def test_an_idle_price_hides_no_error_of_a_program(idle: float, z: float) -> Non
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("lower", [0.0, 1.0])
-def test_prices_that_are_all_idle_hide_no_error(lower: float, seed: int) -> None:
-    """min ½zᵀQz + pᵀz over z₁ ≥ lower, z ≥ 0 with p so large that all z are at their bounds."""
+def test_prices_that_are_all_idle_hide_no_error(seed: int) -> None:
+    """min ½zᵀQz + pᵀz over z ≥ 0 with p so large that all z are 0."""
     rng = np.random.default_rng(seed)
     G = rng.standard_normal((3, 3))
-    Q, p, lb = G @ G.T + 0.1 * np.eye(3), np.array([1e2, 1e4, 1e12])[rng.permutation(3)], np.array([lower, 0.0, 0.0])
+    Q, p, lb = G @ G.T + 0.1 * np.eye(3), np.array([1e2, 1e4, 1e12])[rng.permutation(3)], np.zeros(3)
     for z, right in ((lb, True), (lb + np.array([0.0, 0.3, 0.0]), False), (lb + np.array([0.0, 0.0, 0.3]), False)):
         w = Q @ z + p
         program = QP.build(Q, p, lb=lb)
@@ -326,6 +325,17 @@ def test_prices_that_are_all_idle_hide_no_error(lower: float, seed: int) -> None
             (Relay(M=Q, q=p, lb=lb, ub=np.full(3, 9.0)), LCPPoint(z=z)),
         ):
             assert judge(problem, answer, 1e-4).solved == right, problem.node
+
+
+def test_what_an_unknown_costs_at_its_bound_is_a_term_of_the_objective() -> None:
+    """min p z₁ + ½(z₂ − 1)² over z₁ ≥ 1, z ≥ 0: with z₂ = 0.9, f is p − 0.495 for p − 0.5; the sum of products is
+    0.09, for z₂ pushes by 0.1 from 0.9 where it has no bound."""
+    for price in (1.0, 1e3):
+        program = QP.build(np.array([[1.0, 1e-3], [1e-3, 1.0]]), np.array([price, -1.0 - 1e-3]), lb=[1.0, 0.0])
+        point = QPPoint([1.0, 0.9], [], [], np.array([1.0 + 9e-4 + price, 0.0]))  # type: ignore[arg-type]
+        found = judge(program, point, 1e-6)
+        assert found.error > 0.05 / price
+        assert not found.solved
 
 
 @pytest.mark.parametrize("mu", [1.0, 1e3, 1e6])
