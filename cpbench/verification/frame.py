@@ -213,11 +213,12 @@ class System:
         x_units, f_units = frame.spread(x_unit), frame.spread(f_unit)
         return joined(frame.sets, frame.count, lambda part: part.conditions(self.x, self.f, x_units, f_units))
 
-    def products(self, reach: Vector) -> Vector:
-        """Return x_i f_i, with x_i counted from the bound to which f_i pushes, at most `reach` (k,)."""
+    def products(self, reach: Vector, rounding: float) -> Vector:
+        """Return x_i f_i, with x_i counted from the bound to which f_i pushes, at most `reach` (k,), and less by the
+        share `rounding` of that."""
         frame = self.frame
         far = frame.spread(reach)
-        return joined(frame.sets, frame.count, lambda part: part.products(self.x, self.f, far))
+        return joined(frame.sets, frame.count, lambda part: part.products(self.x, self.f, far, rounding))
 
     def excess(self, f_unit: Vector) -> Vector:
         """Return the rows that no unknown may have, in units of the blocks."""

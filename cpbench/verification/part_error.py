@@ -151,13 +151,14 @@ def _gap(system: System, parts: Parts, units: AnswerUnits) -> tuple[Vector, Vect
     """Return Σ|x_i f_i| over the terms of the objective, and these terms, of every part."""
     frame, whole = system.frame, parts.whole
     assert frame.signed is not None
-    products = frame.block_sums(system.products(inverse(units.x)))
+    weights = parts.weights
+    products = weights * frame.block_sums(system.products(inverse(units.x), ROUNDINGS * EPS))
     if parts.indifferent is not None:
         products = np.where(parts.indifferent, 0.0, products)
     gap = whole.sum(_each_row_once(system, parts, products))
     fixed = system.x * frame.signed
-    quadratic = whole.sum(frame.block_sums(system.x * system.f - fixed))
-    terms = frame.block_sums(fixed)
+    quadratic = whole.sum(weights * frame.block_sums(system.x * system.f - fixed))
+    terms = weights * frame.block_sums(fixed)
     price, sides = (np.where(at, terms, 0.0) for at in (parts.beside_z, ~parts.beside_z))
     straight = whole.sum(np.abs(price))
     if parts.measure is Measure.PAIRS and not parts.with_multipliers:
@@ -217,7 +218,7 @@ def _growth(
     certain = not (hidden * frame.amplification >= UNKNOWN).any()
     even = parts.measure is Measure.PAIRS or frame.even
     largest_error = float(errors.max(initial=0.0))
-    if certain and even and (most * largest_error) ** 2 <= (least or largest_error):
+    if certain and even and most * largest_error <= np.sqrt(least or largest_error):
         return np.zeros(frame.k), None
 
     def measured(of: System) -> Vector:

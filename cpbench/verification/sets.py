@@ -68,8 +68,9 @@ class Set(ABC):
         ...
 
     @abstractmethod
-    def products(self, x: Vector, f: Vector, reach: Vector) -> Vector:
-        """Return x f, of boxes with x counted from the bound to which f pushes, at most `reach`."""
+    def products(self, x: Vector, f: Vector, reach: Vector, rounding: float) -> Vector:
+        """Return x f, of boxes with x counted from the bound to which f pushes, at most `reach` and less by the share
+        `rounding` of that."""
         ...
 
     @abstractmethod
@@ -180,11 +181,12 @@ class Box(Set):
         above = np.where(upper, (own - self.ub) * unit, -w)
         return np.maximum(np.maximum(below, above), 0.0)
 
-    def products(self, x: Vector, f: Vector, reach: Vector) -> Vector:
+    def products(self, x: Vector, f: Vector, reach: Vector, rounding: float) -> Vector:
         w, own = f[self.place], x[self.place]
         bound = np.where(w > 0, self.lb, self.ub)
         room = np.where(np.isfinite(bound), own - bound, own)
-        return w * np.clip(room, -reach[self.place], reach[self.place])
+        far = reach[self.place]
+        return w * np.sign(room) * np.maximum(np.minimum(np.abs(room), far) - rounding * far, 0.0)
 
     def excess(self, f: Vector, f_unit: Vector) -> Vector:
         w = f[self.place] * f_unit[self.place]
@@ -289,7 +291,7 @@ class ConeFactors(Set):
         negative = row_norms(project(self.kind, -other, self.mu, self.mu_r))
         return self._of_each(np.maximum(outside, negative))
 
-    def products(self, x: Vector, f: Vector, reach: Vector) -> Vector:
+    def products(self, x: Vector, f: Vector, reach: Vector, rounding: float) -> Vector:
         own, other = (f[self.at], x[self.at]) if self.rows else (x[self.at], f[self.at])
         gap = np.einsum("ij,ij->i", own, other)
         if self.kind in (Cone.CYLINDER, Cone.BALL):  # their μ is a radius: the least of ⟨y, f⟩ over the set is below 0
