@@ -6,16 +6,16 @@ solution that decays has no digits of its own in its tail. So every connected pa
 for rows beside multipliers). In these units, with P the projection on the set of x,
 
     pairs     ‖x̂ − P(x̂ − f̂)‖, the largest, of complementarity problems and inequalities,
-    contact   √Σ‖x̂ − P(x̂ − f̂)‖² over a part, in energy (D = 1/√W_cc),
+    contact   √Σ‖x̂ − P(x̂ − f̂)‖² over a part, in energy,
     programs  the distance of x̂ from its set and of f̂ from the dual set, the largest.
 
 Unknowns that a problem leaves free may be of any size, and must hide nothing. Two further numbers count for that.
 
-- Gap: Σ|x_i f_i| of a part over the terms of its objective, max(|f|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|b_j λ_j|), gap), and
-  without multipliers over max(Σ|q_i x_i|, |xᵀMx|, gap). x is counted from the bound to which f pushes, at most as far
-  as the size of an unknown; a row that is given twice counts once. A part that no constant sizes has no objective of
-  its own: its gap is compared with the objective of the whole program. An objective of ε² of what sides and prices make
-  it is 0.
+- Gap: Σ|x_i f_i| of a part over the terms of its objective, max(|f|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|b_j λ_j|), gap);
+  without multipliers, of pairs in their units, over max(Σ|q_i x_i|, |xᵀMx|, gap). x is counted from the bound to which
+  f pushes, at most as far as the size of an unknown; a row that is given twice counts once. A part that no constant
+  sizes has no objective of its own: its gap is compared with the objective of the whole program. An objective of ε² of
+  what sides and prices make it is 0.
 - Growth: the same error, with sizes by the constants alone, squared. Within √ε it is no objection, for a solution may
   be large beside the constants. Of programs it is taken of the rows beside multipliers; a gradient counts by what it
   could change in the objective.
@@ -115,7 +115,9 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     if unknown is not None:
         floors[unknown] = np.maximum(floors[unknown], UNKNOWN**2)
     if frame.signed is not None:
-        gap, objective = _gap(rounded, parts, units)
+        # an unknown of the size of its part may be off by rounding, whatever its own size
+        even = _without_rounding(system, np.maximum(noise, (ROUNDINGS * EPS) * inverse(units.f)))
+        gap, objective = _gap(even, parts, units)
         errors = np.maximum(errors, parts.whole.spread(gap))
         if parts.measure is Measure.GAP:
             slope = frame.largest(rounded.excess(np.ones(frame.k))) * inverse(units.x)
@@ -151,7 +153,8 @@ def _gap(system: System, parts: Parts, units: AnswerUnits) -> tuple[Vector, Vect
     """Return Σ|x_i f_i| over the terms of the objective, and these terms, of every part."""
     frame, whole = system.frame, parts.whole
     assert frame.signed is not None
-    weights = parts.weights
+    in_units = parts.measure is Measure.PAIRS and not parts.with_multipliers  # others have the unit of an objective
+    weights = units.x * units.f if in_units else np.ones(frame.k)
     products = weights * frame.block_sums(system.products(inverse(units.x), ROUNDINGS * EPS))
     if parts.indifferent is not None:
         products = np.where(parts.indifferent, 0.0, products)
@@ -161,7 +164,7 @@ def _gap(system: System, parts: Parts, units: AnswerUnits) -> tuple[Vector, Vect
     terms = weights * frame.block_sums(fixed)
     price, sides = (np.where(at, terms, 0.0) for at in (parts.beside_z, ~parts.beside_z))
     straight = whole.sum(np.abs(price))
-    if parts.measure is Measure.PAIRS and not parts.with_multipliers:
+    if in_units:
         objective = np.maximum(straight, np.abs(quadratic))
     else:  # terms that cancel count where those of the dual cancel as well
         objective = np.maximum(np.abs(0.5 * quadratic + whole.sum(price)), 0.5 * np.abs(quadratic))

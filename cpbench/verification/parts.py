@@ -83,8 +83,7 @@ class Parts:
     Attributes
     ----------
     frame : the problem. measure : what is measured of a part.
-    per_row : (k,) D of the equilibration: rows are compared times D. weights : (k,) D/C, by which products of rows and
-        unknowns are compared: pairs may have units of their own; 1 for others.
+    per_row : (k,) D of the equilibration: rows are compared times D.
     whole : the connected parts. rows : the groups of rows that share a size: within a part, rows beside multipliers
         apart from the others; of pairs, rows that are joined by the unknowns in them.
     problem : (whole.count,) the number of the problem that each part belongs to, where several are side by side.
@@ -93,7 +92,6 @@ class Parts:
     frame: Frame
     measure: Measure
     per_row: Vector
-    weights: Vector
     whole: Groups
     rows: Groups
     problem: Any = None
@@ -108,19 +106,18 @@ class Parts:
         whole = _groups(part, frame.k)
         multiplier = frame.multiplier if frame.multiplier is not None and frame.multiplier.any() else None
         if measure is Measure.PAIRS:  # rows and unknowns may have units of their own
-            per_row, per_unknown = equilibrate_apart(sizes, sums)
-            weights = per_row / per_unknown
+            per_row = equilibrate_apart(sizes, sums)[0]
             label = part if joined and sizes.diagonal().all() else _rows_joined_by_unknowns(sizes)
         else:
             per_row, label = equilibrate(sizes + sizes.T, sums), part
-            weights = np.ones(frame.k)
         if multiplier is not None:
             label = 2 * (np.zeros(frame.k, np.int64) if label is None else label) + multiplier
         if problem is not None:
             own = np.zeros(whole.count, np.int64)
             own[0 if whole.of is None else whole.of] = problem[0] if whole.of is None else problem
             problem = own
-        return cls(frame, measure, per_row, weights, whole, whole if label is part else _groups(label, frame.k), problem)
+        rows = whole if label is part else _groups(label, frame.k)
+        return cls(frame, measure, per_row, whole, rows, problem)
 
     @cached_property
     def _bounds(self) -> Any:

@@ -57,8 +57,8 @@ def lcp_error(M: Array, q: Array, z: Array) -> float:
     column = (row[:, None] * np.abs(M)).max(axis=0)
     pairs = np.abs(np.minimum(z * column, w * row)).max()
     # in the gap an unknown counts for at most 1/column, the size at which it moves a row by s
-    gap = np.abs(np.clip(z, -1 / column, 1 / column) * w).sum()
-    terms = max(np.abs(q * z)[needed].sum(), abs(z @ M @ z), gap, 1e-300)
+    gap = np.abs(np.clip(z, -1 / column, 1 / column) * column * w * row).sum()
+    terms = max(np.abs(q * z * row * column).sum(), abs((z * row * column) @ M @ z), gap, 1e-300)
     # growth: the same with the constants alone for a size
     row = D / (D * np.abs(q)).max()
     column = (row[:, None] * np.abs(M)).max(axis=0)
@@ -80,7 +80,7 @@ def qp_error(P: QP, x: QPPoint) -> float:
     push = np.maximum(np.where(np.isinf(low), f, 0.0), np.where(np.isinf(high), -f, 0.0))  # what no bound takes of f
     error = np.maximum(push * row, np.maximum(low - y, y - high) * column).max()
     error = max(error, (np.abs(f[:n] - x.nu) * row[:n] / np.maximum(1.0, np.abs(f[:n]) * row[:n])).max())
-    gap, terms = qp_gap(K, np.where(needed, c, 0.0), y, f, low, high, column, D, of_z)
+    gap, terms = qp_gap(K, c, needed, y, f, low, high, column, D, of_z)
     near = (np.abs(y - low) <= np.abs(low) / 2) | (np.abs(y - high) <= np.abs(high) / 2)
     fixed = of_z & ((near & np.isfinite(size)) | (y <= low) | (y >= high))
     data = (D * np.maximum(np.abs(c), np.abs(K) @ np.where(fixed, size, 0.0)))[~of_z].max()
@@ -103,7 +103,7 @@ def qp_rows(
 
 
 def qp_gap(
-    K: Array, c: Array, y: Array, f: Array, low: Array, high: Array, column: Array, D: Array, of_z: Array
+    K: Array, c: Array, needed: Array, y: Array, f: Array, low: Array, high: Array, column: Array, D: Array, of_z: Array
 ) -> tuple[float, float]:
     """Return the gap over the terms of the objective, and these; of constants c, those that count not are 0."""
     bound = np.where(f > 0, low, high)
@@ -112,7 +112,8 @@ def qp_gap(
     half, prices, sides = y @ K @ y / 2, (c * y)[of_z], (c * y)[~of_z]
     terms = max(abs(half + prices.sum()), abs(half), min(np.abs(prices).sum(), np.abs(sides).sum()), gap, 1e-300)
     # what sides and prices could make of the objective: one that is far below is 0
-    price, side, curved = (D * np.abs(c))[of_z].max(), (D * np.abs(c))[~of_z].max(), K[np.ix_(of_z, of_z)].any()
+    counts = D * np.abs(c) * needed
+    price, side, curved = counts[of_z].max(), counts[~of_z].max(), K[np.ix_(of_z, of_z)].any()
     z = max(side, price) if curved else side
     given = z * max(price, z) if curved else z * price
     of_zero = np.sqrt(min(1.0, terms / given))
