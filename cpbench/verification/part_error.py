@@ -161,22 +161,22 @@ def _gap(system: System, parts: Parts, units: AnswerUnits) -> tuple[Vector, Vect
     gap = whole.sum(_each_row_once(system, parts, products))
     fixed = system.x * frame.signed
     quadratic = whole.sum(weights * frame.block_sums(system.x * system.f - fixed))
-    terms = weights * frame.block_sums(fixed)
-    price, sides = (np.where(at, terms, 0.0) for at in (parts.beside_z, ~parts.beside_z))
-    straight = whole.sum(np.abs(price))
+    terms, sizes = (weights * frame.block_sums(values) for values in (fixed, np.abs(fixed)))
+    straight, sides = (whole.sum(np.where(at, sizes, 0.0)) for at in (parts.beside_z, ~parts.beside_z))
     if in_units:
         objective = np.maximum(straight, np.abs(quadratic))
     else:  # terms that cancel count where those of the dual cancel as well
-        objective = np.maximum(np.abs(0.5 * quadratic + whole.sum(price)), 0.5 * np.abs(quadratic))
-        objective = np.maximum(objective, np.minimum(straight, whole.sum(np.abs(sides))))
+        prices = whole.sum(np.where(parts.beside_z, terms, 0.0))
+        objective = np.maximum(np.abs(0.5 * quadratic + prices), 0.5 * np.abs(quadratic))
+        objective = np.maximum(objective, np.minimum(straight, sides))
     error = np.divide(gap, np.maximum(objective, gap), out=np.zeros_like(gap), where=gap > 0)
     without = whole.any(units.absolute)
-    if parts.measure is Measure.GAP:  # an objective of ε² of what sides and prices make it is 0
-        size, given = np.maximum(objective, gap), parts.objective(units.needed)
+    if parts.measure is Measure.GAP or in_units:  # an objective of ε² of what sides and prices make it is 0
+        size, given = np.maximum(objective, gap), np.ones_like(gap) if in_units else parts.objective(units.needed)
         of_zero = np.sqrt(np.divide(size, given, out=np.ones_like(gap), where=size < given))
         objective, error = np.where(of_zero < error, given, objective), np.minimum(error, of_zero)
     if without.any():
-        by_itself = whole.sum(np.abs(products) * units.x * units.f)
+        by_itself = whole.sum(np.abs(products) * (1.0 if in_units else units.x * units.f))
         if parts.measure is Measure.GAP:
             total = parts.of_problem(np.where(without, 0.0, objective))
             objective = np.where(without, total, objective)

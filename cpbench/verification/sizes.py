@@ -92,7 +92,6 @@ def _row_units(system: System, parts: Parts, sums: Vector, needed: Flags, sized:
     energy = parts.measure is Measure.ENERGY
     only_idle = ~rows.spread(rows.any(needed))
     counted = np.where(needed | only_idle, np.maximum(sums, constants), sums) * D
-    size = rows.spread(rows.norm(counted) if energy else rows.largest(counted))
     by_group = sized
     if frame.multiplier is not None:  # an entry of the equilibrated matrix is about 1: so much does z make of a row
         own = sizes * inverse(D)
@@ -100,8 +99,9 @@ def _row_units(system: System, parts: Parts, sums: Vector, needed: Flags, sized:
             reach = parts.whole.norm(np.where(frame.multiplier, 0.0, np.maximum(own, constants * D)))
         else:
             reach = parts.whole.largest(np.where(frame.multiplier, 0.0, own))
-        size = np.where(known & frame.multiplier, np.maximum(size, parts.whole.spread(reach)), size)
+        counted = np.where(known & frame.multiplier, np.maximum(counted, parts.whole.spread(reach)), counted)
         by_group = np.where(frame.multiplier, sized, known)
+    size = rows.spread(rows.norm(counted) if energy else rows.largest(counted))
     unit = np.divide(D, size, out=np.ones(frame.k), where=size > 0)
     if not by_group.all():
         least = np.where(parts.beside_z, np.where(known, sizes, np.maximum(sizes, 1.0)), 0.0)

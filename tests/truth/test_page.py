@@ -63,7 +63,7 @@ def lcp_error(M: Array, q: Array, z: Array) -> float:
     row = D / (D * np.abs(q)).max()
     column = (row[:, None] * np.abs(M)).max(axis=0)
     growth = np.abs(np.minimum(z * column, w * row)).max()
-    return max(pairs, gap / terms, min(growth, 1.0) ** 2)
+    return max(pairs, min(gap / terms, np.sqrt(min(terms, 1.0))), min(growth, 1.0) ** 2)
 
 
 def qp_error(P: QP, x: QPPoint) -> float:
