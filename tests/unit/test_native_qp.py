@@ -676,7 +676,7 @@ def test_equations_that_depend_on_others_are_no_obstacle(seed: int) -> None:
     Q = sp.diags_array(np.where(rng.random(n) < 0.2, rng.random(n), 0.0)).tocsr()
     p = C.T @ rng.standard_normal(C.shape[0]) + nu - Q @ z
     problem = QP.build(Q, p, C=C, d=C @ z, lb=np.zeros(n))
-    output = solved("interior-point-qp", problem)
+    output = solved("interior-point-qp", problem, 1e-5)
     assert problem.objective(output.point.z) == pytest.approx(problem.objective(z), rel=1e-5)
 
 
