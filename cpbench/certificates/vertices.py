@@ -15,7 +15,7 @@ import importlib.util
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,7 @@ ACCURACY = 1e-10
 
 
 @contextlib.contextmanager
-def _nothing_printed() -> Iterator[None]:
+def _nothing_printed() -> Generator[None]:
     """Send what compiled code prints on standard output to nowhere."""
     sys.stdout.flush()
     kept = os.dup(1)

@@ -136,7 +136,9 @@ class Parts:
         """Return what the multipliers of bounds that are written as rows add to the rows beside z, (k,); None where no
         row is a bound."""
         bound, row, entries = self._bounds
-        return np.bincount(row, entries * sizes[bound], self.frame.k) if bound.size else None
+        if not bound.size:
+            return None
+        return np.bincount(row, entries * sizes[bound], self.frame.k).astype(np.float64, copy=False)
 
     @cached_property
     def beside_z(self) -> Any:
@@ -148,7 +150,7 @@ class Parts:
         """Return the sum of the values of parts over the problem of each part; shape (whole.count,)."""
         if self.problem is None:
             return np.full(values.size, values.sum())
-        return np.bincount(self.problem, values)[self.problem]
+        return np.bincount(self.problem, values).astype(np.float64, copy=False)[self.problem]
 
     @property
     def with_multipliers(self) -> bool:
