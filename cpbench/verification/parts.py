@@ -157,6 +157,11 @@ class Parts:
         """Whether there are blocks of multipliers."""
         return self.frame.multiplier is not None and bool(self.frame.multiplier.any())
 
+    @property
+    def as_program(self) -> bool:
+        """Whether rows beside z and rows beside multipliers are told apart: not of pairs that have none of these."""
+        return self.frame.multiplier is not None and (self.measure is not Measure.PAIRS or self.with_multipliers)
+
     @cached_property
     def constants(self) -> Vector:
         """The size of the constants of every group of rows, equilibrated."""

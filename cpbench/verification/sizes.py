@@ -72,7 +72,7 @@ def _sized(system: System, parts: Parts, needed: Flags, balanced: Flags) -> tupl
     if fixed.any():
         gives = gives | (frame.terms.sums(fixed.astype(float)) > 0)
     sized = rows.spread(rows.any(gives))
-    if frame.multiplier is None:
+    if frame.multiplier is None or not parts.as_program:
         if sized.all():
             return sized, sized
         return sized, (frame.terms.effects(sized.astype(float)) > 0) | (frame.own_unit > 0)
@@ -93,7 +93,9 @@ def _row_units(system: System, parts: Parts, sums: Vector, needed: Flags, sized:
     only_idle = ~rows.spread(rows.any(needed))
     counted = np.where(needed | only_idle, np.maximum(sums, constants), sums) * D
     by_group = sized
-    if frame.multiplier is not None:  # an entry of the equilibrated matrix is about 1: so much does z make of a row
+    if (
+        frame.multiplier is not None and parts.as_program
+    ):  # an entry of the equilibrated matrix is about 1: so much does z make of a row
         own = sizes * inverse(D)
         if energy:  # what is at rest could move as fast as its loads make it
             reach = parts.whole.norm(np.where(frame.multiplier, 0.0, np.maximum(own, constants * D)))
