@@ -13,7 +13,7 @@ KNOWN = LEVELS[:4]
 """Levels of answers to problems of which a solution is known."""
 """Levels of certificates, the most certain that there is a solution first."""
 AWAY = 10.0
-"""How many tolerances an answer is away from the only solution for its claim to be disproved."""
+"""Distance from the only solution, in tolerances, from which a claim is disproved."""
 FAR = 1e-2
 """Distance from the proved solution from which an answer that passes is listed."""
 

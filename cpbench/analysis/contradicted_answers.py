@@ -17,12 +17,12 @@ from cpbench.matrices import Vector, max_abs
 from cpbench.verification import FALSE_CLAIMS, VERIFIED
 
 OFF = 10.0
-"""How many tolerances of its terms the objective of a verified answer may be off."""
+"""Largest error of the objective of a verified answer, in tolerances of its terms."""
 ALIKE = 1e-2
 """Share of the tolerance up to which answers are the same but for rounding."""
 REJECTED = 10.0
-"""How many tolerances the error of a rejected answer must be for its verdict to contradict an accepted one: near the
-tolerance, two answers that are alike may be on either side."""
+"""Error of a rejected answer, in tolerances, from which its verdict contradicts an accepted one: near the tolerance,
+two answers that are alike may be on either side."""
 ROUNDING = 1e-13
 """Share of the sum of its terms without signs that an objective may be off by rounding."""
 OPTIMAL = 0.1

@@ -31,7 +31,7 @@ from cpbench.formulations.relay import Relay
 from cpbench.matrices import Matrix, Vector
 
 SLACK = 10.0
-"""How many tolerances a verified answer may miss a row by, in the units of this module: those of the judge differ."""
+"""Largest miss of a row by a verified answer, in tolerances in the units of this module: those of the judge differ."""
 LARGEST = 500
 """Unknowns up to which eigenvalues are computed."""
 EPS = float(np.finfo(float).eps)

@@ -1,4 +1,4 @@
-"""What a certificate says, in words."""
+"""Text for a reader: the content of a certificate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was measured of an answer, in words."""
+"""Text for a reader: the measurements of an answer."""
 
 from __future__ import annotations
 

@@ -53,30 +53,31 @@ def falling(kappa: float) -> dict[str, QP]:
     }  # fmt: skip
 
 
+def proved_and_refused(wide: Problem, narrow: Problem, claim: str, tolerance: float) -> str:
+    """Assert that the claim is proved of `wide` only, and return what is said of `narrow`."""
+    attempt = prove(wide, claim, tolerance=tolerance)
+    assert attempt.proof is not None, attempt.message
+    assert holds(wide, attempt.proof, tolerance)
+    attempt = prove(narrow, claim, tolerance=tolerance)
+    assert attempt.proof is None
+    assert 0.0 < attempt.margin < tolerance
+    return attempt.message
+
+
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize("name", between(0.5))
 def test_a_contradiction_of_ten_tolerances_is_proved_and_of_a_tenth_is_not(name: str, tolerance: float) -> None:
     wide, narrow = between(10.0 * tolerance)[name], between(0.1 * tolerance)[name]
-    attempt = prove(wide, "infeasible", tolerance=tolerance)
-    assert attempt.proof is not None, attempt.message
-    assert holds(wide, attempt.proof, tolerance)
-    attempt = prove(narrow, "infeasible", tolerance=tolerance)
-    assert attempt.proof is None
-    assert 0.0 < attempt.margin < tolerance
-    assert "the numbers in the file contradict each other by" in attempt.message
+    message = proved_and_refused(wide, narrow, "infeasible", tolerance)
+    assert "the numbers in the file contradict each other by" in message
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
 @pytest.mark.parametrize("name", falling(0.5))
 def test_a_fall_of_a_hundred_tolerances_is_proved_and_of_a_tenth_is_not(name: str, tolerance: float) -> None:
     wide, narrow = falling(100.0 * tolerance)[name], falling(0.1 * tolerance)[name]
-    attempt = prove(wide, "unbounded", tolerance=tolerance)
-    assert attempt.proof is not None, attempt.message
-    assert holds(wide, attempt.proof, tolerance)
-    attempt = prove(narrow, "unbounded", tolerance=tolerance)
-    assert attempt.proof is None
-    assert 0.0 < attempt.margin < tolerance
-    assert "along a ray the objective falls by" in attempt.message
+    message = proved_and_refused(wide, narrow, "unbounded", tolerance)
+    assert "along a ray the objective falls by" in message
 
 
 def test_the_tolerance_is_1e6_where_none_is_given() -> None:
