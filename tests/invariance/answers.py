@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from inclusions import pairs_of
-from pairs import Pairs
+from pairs import groups
 
 from cpbench.expressions import Map
 from cpbench.product_cones import Cone, ProductCone
@@ -92,19 +92,9 @@ def vector(problem: Any, point: Any) -> np.ndarray:
     return np.concatenate([getattr(point, name) for name in problem.point_sizes])
 
 
-def _groups(problem: Any, pairs: Pairs) -> list[np.ndarray]:
-    """Components of an answer that only change together: the reactions of a contact, the factors of a cone."""
-    alone = {k: np.array([k]) for k in range(pairs.x.size)}
-    for rows, _ in pairs.factors:
-        for index in (pairs.a_is[rows], pairs.b_is[rows]):
-            if rows.size > 1 and index.max() < pairs.x.size:
-                alone |= {int(k): index for k in index}
-    return list({index.tobytes(): index for index in alone.values()}.values())
-
-
 def _right(rng: RNG, problem: Any, point: Any, tolerance: float) -> Any:
     x = vector(problem, point)
-    for group in _groups(problem, pairs_of(problem, point)):
+    for group in groups(pairs_of(problem, point)):
         x[group] *= 1.0 + tolerance / 100.0 * rng.uniform(-1.0, 1.0)
     return problem.point_from_vector(x)
 
@@ -122,7 +112,7 @@ def missed_by(problem: Any, point: Any) -> float:
 
 def _candidates(rng: RNG, problem: Any, point: Any) -> Iterator[np.ndarray]:
     x = vector(problem, point)
-    live = [group for group in _groups(problem, pairs_of(problem, point)) if np.abs(x[group]).max(initial=0.0) > 0.1]
+    live = [group for group in groups(pairs_of(problem, point)) if np.abs(x[group]).max(initial=0.0) > 0.1]
     rng.shuffle(live)
     for group in live:
         for factor in rng.permutation([2.0, 0.0, -1.0]):

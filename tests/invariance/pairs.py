@@ -108,3 +108,13 @@ class Pairs:
             else:  # a is 0 in a row, or column, of zeros: how far b is from the forces that hold it there
                 result[k] = s * np.linalg.norm(project(-b))
         return result
+
+
+def groups(pairs: Pairs) -> list[np.ndarray]:
+    """Return the unknowns that only change together: the reactions of a contact, the factors of a cone, single ones."""
+    alone = {k: np.array([k]) for k in range(pairs.x.size)}
+    for rows, _ in pairs.factors:
+        for index in (pairs.a_is[rows], pairs.b_is[rows]):
+            if rows.size > 1 and index.max() < pairs.x.size:
+                alone |= {int(k): index for k in index}
+    return list({index.tobytes(): index for index in alone.values()}.values())

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from inclusions import pairs_of
-from pairs import Pairs
+from pairs import Pairs, groups
 
 Array = np.ndarray
 
@@ -75,21 +75,10 @@ def by_row(problem: Any, point: Any) -> float:
     return float(np.max(found.defects(1.0 / _by_block(a, blocks), unit_b), initial=0.0))
 
 
-def groups(problem: Any, point: Any) -> list[Array]:
-    """Return the unknowns that only change together: the reactions of a contact, the factors of a cone, single ones."""
-    pairs = pairs_of(problem, point)
-    alone = {k: np.array([k]) for k in range(pairs.x.size)}
-    for rows, _ in pairs.factors:
-        for index in (pairs.a_is[rows], pairs.b_is[rows]):
-            if rows.size > 1 and index.max() < pairs.x.size:
-                alone |= {int(k): index for k in index}
-    return list({index.tobytes(): index for index in alone.values()}.values())
-
-
 def changed(rng: np.random.Generator, problem: Any, right: Any, most: int) -> Iterator[tuple[str, Any]]:
     """Yield answers beside a right one: one of `most` groups of unknowns zeroed, doubled, halved or turned round."""
     x = vector(problem, right)
-    loaded = [g for g in groups(problem, right) if np.abs(x[g]).max() > 0]
+    loaded = [g for g in groups(pairs_of(problem, right)) if np.abs(x[g]).max() > 0]
     for k in rng.permutation(len(loaded))[:most]:
         for name, factor in (("zeroed", 0.0), ("doubled", 2.0), ("halved", 0.5), ("turned round", -1.0)):
             y = x.copy()
