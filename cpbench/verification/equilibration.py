@@ -1,10 +1,10 @@
 """Scaling of a problem's matrix that is the same in all units.
 
 D and C make the entries D_i A_ij C_j of every row, and of every column, 1 on average, over the entries that are not 0
-(Sinkhorn and Knopp 1967, with the numbers of entries for sums). They minimize Σ D_i A_ij C_j − Σ log D_i A_ij C_j, which
-is convex in log D and log C, so that they are unique, up to a factor of each connected part. Other than scalings by the
-largest entry of each row, they follow a change of units: in units u_i of row i, D_i becomes D_i/u_i. Entries that are
-far smaller than others of their row and column, rounding mostly, change little.
+(Sinkhorn and Knopp 1967, with the numbers of entries for sums). They minimize Σ D_i A_ij C_j − Σ log D_i A_ij C_j,
+which is convex in log D and log C, so that they are unique, up to a factor of each connected part. Other than scalings
+by the largest entry of each row, they follow a change of units: in units u_i of row i, D_i becomes D_i/u_i. Entries
+that are far smaller than others of their row and column, rounding mostly, change little.
 
 The first guess is the least-squares solution of log D_i A_ij C_j = 0 (Curtis and Reid 1972). Newton steps for log D
 follow where sweeps over rows and columns are slow, by conjugate gradients, with the C that makes the columns right.
@@ -177,7 +177,7 @@ def _ratio(x: Vector, y: Vector) -> Vector:
     return np.divide(x, y, out=np.ones_like(x), where=y > 0)
 
 
-def _where(flags: Any, values: Vector, others: Any, sums: Sums) -> Vector:
+def _where(flags: Any, values: Any, others: Any, sums: Sums) -> Any:
     """Return the values of flagged problems, and `others` of the rest."""
     return values if flags is True else np.where(sums.spread(flags), values, others).astype(SINGLE, copy=False)
 

@@ -25,7 +25,8 @@ def test_wrong_currents_and_voltages_are_not_solved(seed: int) -> None:
     rng = np.random.default_rng(seed)
     problem = unseen_algebra.circuit(rng, int(rng.integers(LEAST, MOST)))
     case = equivalent_edges.pair_case(f"circuit-{seed}", problem, equivalent_edges.WRONG * EPSILON, 6)
-    assert case is not None and case.wrong
+    assert case is not None
+    assert case.wrong
     assert all(judge(problem, point, EPSILON).solved for _, point in case.right)
     accepted = [label for label, point in case.wrong if judge(problem, point, EPSILON).solved]
     assert not accepted
