@@ -16,7 +16,8 @@ from cpbench.errors import NotApplicable
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Matrix, Vector, is_symmetric
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, conclude, kernel, scaled_contacts
 from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed, searched
@@ -45,7 +46,7 @@ class ADMMContactOptions:
 
 
 @register
-class ADMMContact(Solver):
+class ADMMContact(SolverByParts):
     """(W′ + ρI) x = −q′ − μ‖u_T‖e_N + ρ(z − ξ), z = P_K(x + ξ), ξ ← ξ + x − z; at rest û′ = −ρξ ∈ K*.
 
     One factorization for each ρ, which follows the ratio of primal and dual residual, less often every time.
@@ -62,7 +63,7 @@ class ADMMContact(Solver):
         options=ADMMContactOptions,
     )
 
-    def setup(self, problem: FrictionContact, budget: Budget, options: ADMMContactOptions) -> ScaledContacts:
+    def prepare(self, problem: FrictionContact, budget: Budget, options: ADMMContactOptions) -> ScaledContacts:
         if options.factors != "superlu" and not is_symmetric(problem.W):
             raise NotApplicable(self.spec.name, f"W is not symmetric, and {options.factors} reads a triangle of it")
         return scaled_contacts(problem)
@@ -73,7 +74,7 @@ class ADMMContact(Solver):
             q[0] = -1.0
             self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
 
-    def solve(
+    def solve_part(
         self,
         prepared: ScaledContacts,
         budget: Budget,

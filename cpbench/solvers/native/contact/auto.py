@@ -12,7 +12,8 @@ import numpy as np
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import load_all
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved_at
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register, solved_at
+from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.phases import Phases, counters
 from cpbench.solvers.native.contact.sweeps import (
     APART,
@@ -40,7 +41,7 @@ class AutoContactOptions:
 
 
 @register
-class AutoContact(Solver):
+class AutoContact(SolverByParts):
     """Accelerated sweeps first; then, phase by phase, what `policy` says. The message tells the phases and what they
     reached where there were several. Work is counted, not timed: the way to an answer is the same on every machine,
     and on a busy one.
@@ -55,13 +56,13 @@ class AutoContact(Solver):
         options=AutoContactOptions,
     )
 
-    def setup(self, problem: FrictionContact, budget: Budget, options: AutoContactOptions) -> ScaledContacts:
+    def prepare(self, problem: FrictionContact, budget: Budget, options: AutoContactOptions) -> ScaledContacts:
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
         load_all("solvers", KERNELS)
 
-    def solve(
+    def solve_part(
         self,
         prepared: ScaledContacts,
         budget: Budget,

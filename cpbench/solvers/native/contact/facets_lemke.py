@@ -24,7 +24,8 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import Dense, Vector, dense
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, conclude, scaled_contacts
 from cpbench.solvers.native.lcp.claims import DENSE_BYTES
 from cpbench.solvers.native.lcp.lemke import Lemke
@@ -45,7 +46,7 @@ class FacetsOptions:
 
 
 @register
-class FacetsLemke(Solver):
+class FacetsLemke(SolverByParts):
     """Faceted friction cones, as an LCP by complementary pivoting. Solved is claimed by the error of the whole law.
 
     A start is returned where it is right, and otherwise not used.
@@ -70,7 +71,7 @@ class FacetsLemke(Solver):
             return None
         return f"needs a dense {n}x{n} matrix ({size / 1e9:.1f} GB, at most {DENSE_BYTES / 1e9:.0f}): use nsgs"
 
-    def setup(self, problem: FrictionContact, budget: Budget, options: FacetsOptions) -> ScaledContacts:
+    def prepare(self, problem: FrictionContact, budget: Budget, options: FacetsOptions) -> ScaledContacts:
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
@@ -79,7 +80,7 @@ class FacetsLemke(Solver):
             q = -np.eye(d)[0]
             self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
 
-    def solve(
+    def solve_part(
         self,
         prepared: ScaledContacts,
         budget: Budget,

@@ -208,7 +208,7 @@ class InteriorPointRelaxation(ContactSolver):
     )
     method: ClassVar[Any] = _Relaxed
 
-    def solve(
+    def solve_part(
         self,
         prepared: ScaledContacts,
         budget: Budget,

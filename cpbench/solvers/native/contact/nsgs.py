@@ -68,7 +68,7 @@ class NSGS(Relaxation):
         load_all("solvers", ("block_layout", "anderson", "contact_relaxation"))
         super().warmup()
 
-    def solve(
+    def solve_part(
         self,
         prepared: BlockRows,
         budget: Budget,
@@ -77,7 +77,7 @@ class NSGS(Relaxation):
         record: Record | None = None,
     ) -> SolverOutput:
         if start is not None or record is not None or not _plain(options) or prepared.problem.nc == 0:
-            return super().solve(prepared, budget, options, start, record)
+            return super().solve_part(prepared, budget, options, start, record)
         sweeps = AcceleratedSweeps(prepared, way=prepared.plain)
         limit = budget.iterations or options.max_iterations
         sweeps.sweep(min(AT_FIRST, limit), budget.tolerance)

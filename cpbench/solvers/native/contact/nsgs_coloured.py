@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Vector
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
+from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
+from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.relaxation import TRAITS
 from cpbench.solvers.native.contact.run import ContactMethod, MethodOptions, iterate
 from cpbench.solvers.native.contact.sweeps import block_rows, conclude, kernel
@@ -130,7 +131,7 @@ def helpers(threads: int) -> Generator[ThreadPoolExecutor | None]:
 
 
 @register
-class NSGSColoured(Solver):
+class NSGSColoured(SolverByParts):
     """Block Gauss–Seidel with exact one-contact solves, contacts in the order of their colours."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
@@ -144,7 +145,7 @@ class NSGSColoured(Solver):
         by_default=False,
     )
 
-    def setup(self, problem: FrictionContact, budget: Budget, options: ColouredOptions) -> Coloured:
+    def prepare(self, problem: FrictionContact, budget: Budget, options: ColouredOptions) -> Coloured:
         kernel("contact_error")
         return Coloured.of(problem)
 
@@ -154,7 +155,7 @@ class NSGSColoured(Solver):
             q[0] = -1.0
             self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
 
-    def solve(
+    def solve_part(
         self,
         prepared: Coloured,
         budget: Budget,

@@ -15,7 +15,8 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import compiled
 from cpbench.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, Trait
+from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.sweeps import (
     CONTINUE,
     ITERATION,
@@ -82,14 +83,14 @@ def _lengths(problem: FrictionContact) -> Vector:
     return np.where(bound > 0, 1.0 / np.where(bound > 0, bound, 1.0), problem.rho)
 
 
-class Relaxation(Solver):
+class Relaxation(SolverByParts):
     """Sweeps until the judged error is small, or falls no longer; its options have `max_iterations`, `stall_window`."""
 
     @abstractmethod
     def advance(self, prepared: BlockRows, options: Any, at: SweepState) -> Advance:
         """Make the sweeps of one solve, in place."""
 
-    def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> BlockRows:
+    def prepare(self, problem: FrictionContact, budget: Budget, options: Any) -> BlockRows:
         return block_rows(problem)
 
     def warmup(self) -> None:
@@ -98,7 +99,7 @@ class Relaxation(Solver):
             q[0] = -1.0
             self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
 
-    def solve(
+    def solve_part(
         self,
         prepared: BlockRows,
         budget: Budget,

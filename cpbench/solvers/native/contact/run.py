@@ -16,7 +16,8 @@ import numpy as np
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait
+from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, conclude, scaled_contacts
 from cpbench.solvers.native.progress import SHARE, Progress
 from cpbench.solvers.options import fixed
@@ -132,12 +133,12 @@ def iterate_on(
     return finish(iterate(method, judged, answer, budget, limit, options.stall_window, record), answer, budget)
 
 
-class ContactSolver(Solver):
+class ContactSolver(SolverByParts):
     """A method on the local problem. `method` makes one from the scaled data, options and reactions to start from."""
 
     method: ClassVar[Callable[[ScaledContacts, Any, Vector, Budget], ContactMethod]]
 
-    def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> ScaledContacts:
+    def prepare(self, problem: FrictionContact, budget: Budget, options: Any) -> ScaledContacts:
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
@@ -146,7 +147,7 @@ class ContactSolver(Solver):
             q[:2] = -1.0, 2.0
             self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
 
-    def solve(
+    def solve_part(
         self,
         prepared: ScaledContacts,
         budget: Budget,

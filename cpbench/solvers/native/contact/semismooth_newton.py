@@ -19,7 +19,8 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, Trait
+from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.newton_equation import ContactEquation, ContactFunction, NewtonPoint
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, Sweeps, conclude, scaled_contacts
 from cpbench.solvers.native.progress import Progress
@@ -161,12 +162,12 @@ class NewtonPhase:
         return enough
 
 
-class ContactNewton(Solver):
+class ContactNewton(SolverByParts):
     """Sweeps of Gauss–Seidel to come near, then Newton steps with line search; sweeps again where these fail."""
 
     function: ClassVar[ContactFunction]
 
-    def setup(self, problem: FrictionContact, budget: Budget, options: ContactNewtonOptions) -> ScaledContacts:
+    def prepare(self, problem: FrictionContact, budget: Budget, options: ContactNewtonOptions) -> ScaledContacts:
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
@@ -178,7 +179,7 @@ class ContactNewton(Solver):
             self.run(problem, options=ContactNewtonOptions(sweeps=0))
             self.run(problem)
 
-    def solve(
+    def solve_part(
         self,
         prepared: ScaledContacts,
         budget: Budget,
