@@ -267,16 +267,8 @@ class ConeFactors(Set):
         return np.broadcast_to(1.0 + (finite + self.mu_r)[:, None], self.at.shape)
 
     def idle(self, x: Vector, f: Vector) -> Flags:
-        own, other = x[self.at], f[self.at]
-        held = np.einsum("ij,ij->i", own, other) > 0
-        empty = (own == 0).all(axis=1) & (other != 0).any(axis=1)
-        if empty.any():
-            some, mu, mu_r = other[empty], self.mu[empty], self.mu_r[empty]
-            if self.rows:
-                held[empty] = (some == project(self.kind, some, mu, mu_r)).all(axis=1)
-            else:  # Moreau: −f has no part in K where f is in the dual cone
-                held[empty] = (project(self.kind, -some, mu, mu_r) == 0).all(axis=1)
-        return np.broadcast_to(held[:, None], self.at.shape)
+        # on the boundaries of both cones xᵀf is rounding, and its sign says nothing
+        return np.broadcast_to((f[self.at] != 0).any(axis=1)[:, None], self.at.shape)
 
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         own, other = x[self.at] * x_unit[self.at], f[self.at] * f_unit[self.at]

@@ -126,8 +126,7 @@ def contact_error(W: Array, q: Array, mu: Array, r: Array) -> float:
     T = np.linalg.norm(W.reshape(nc, d, nc, d), axis=(1, 3))  # a contact is one row
     c, terms = np.linalg.norm(q.reshape(nc, d), axis=1), T @ np.linalg.norm(r, axis=1)
     D = np.sqrt(np.multiply(*equilibrated(T + T.T)))
-    opens = ((r * moved).sum(axis=1) > 0) | (~r.any(axis=1) & ~cone(-moved, mu).any(axis=1))
-    needed = ~opens | (terms > 0.1 * c)
+    needed = ~u.any(axis=1) | (terms > 0.1 * c)  # not the free velocity of what is open or slides, if far larger
     s = np.linalg.norm(D * np.maximum(terms, c * (needed if needed.any() else 1)))
     row = (D / s)[:, None]
     column = (row * T).max(axis=0)[:, None]

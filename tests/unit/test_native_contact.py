@@ -135,7 +135,7 @@ def test_the_kernels_error_is_the_judges(rng: np.random.Generator, dimension: in
         W = w * rng.standard_normal((nc * dimension, nc * dimension))
         q, r = s * rng.standard_normal(nc * dimension), p * rng.standard_normal(nc * dimension)
         problem = FrictionContact(W=W, q=q, mu=rng.uniform(0, 1, nc), dimension=dimension)
-        rows = solver.setup(problem, Budget(), solver.spec.options())
+        rows = solver.prepare(problem, Budget(), solver.spec.options())
         matrix = (rows.start, rows.column, rows.blocks, rows.diagonal)
         measured = kernel.judged(*matrix, q, problem.mu, problem.rho, r, dimension)
         assert measured == pytest.approx(problem.residuals(FCPoint(r=r)).error, rel=1e-9)

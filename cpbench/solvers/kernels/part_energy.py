@@ -1,9 +1,9 @@
 """The error of reactions of one connected part of a contact problem, in sizes that its contacts in use set.
 
 Norms over a part count the free velocities of contacts that stay open, however fast these are, and then say little of
-the contacts that carry something. Here the sizes of the part are s = ‖D max(Σ_b ‖W_cb‖‖r_b‖, ‖q_c‖)‖, without q_c where
-contact c is open and its other terms are below a tenth of q_c; D makes the rows of ‖W_cb‖ + ‖W_bc‖ 1 on average
-(Sinkhorn and Knopp 1967). A reaction is compared in its largest effect on a row.
+the contacts that carry something. Here the size of the part is s = ‖D max(Σ_b ‖W_cb‖‖r_b‖, ‖q_c‖)‖, without q_c where
+the other terms of contact c are below a tenth of q_c (it is open or slides). D makes the rows of ‖W_cb‖ + ‖W_bc‖ on
+average 1 (Sinkhorn and Knopp 1967). A reaction is compared in its largest effect on a row.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ SWEEPS = 100
 ENOUGH = 1e-3
 """Sweeps of the equilibration at most, and the change of D at which it ends."""
 BALANCED = 0.1
-"""Share of the free velocity of an open contact that the other terms must reach for it to give a size."""
+"""Share of the free velocity of a contact that the other terms must reach for it to give a size."""
 
 
 @njit(
@@ -91,21 +91,16 @@ def part_energy(start, column, blocks, diagonal, q, mu, r, dimension, sizes, own
         else:
             u[i, 0], u[i, 1] = velocity_2d(start, column, blocks, q, r, i)
         free = 0.0
-        work = mu[i] * r[d * i]
         for a in range(d):
             for b in range(d):
                 u[i, a] += diagonal[i, d * a + b] * r[d * i + b]
             free += q[d * i + a] ** 2
         free = np.sqrt(free)
         slide = np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
-        work *= slide
-        for a in range(d):
-            work += r[d * i + a] * u[i, a]
         terms = own[i] * lengths[i]
         for k in range(start[i], start[i + 1]):
             terms += sizes[k] * lengths[column[k]]
-        opens = work > 0.0 or (lengths[i] == 0.0 and u[i, 0] >= 0.0)
-        if not opens or terms > BALANCED * free:
+        if terms > BALANCED * free or (u[i, 0] == 0.0 and slide == 0.0):
             counted = counted or free > 0.0
             with_terms += (D[i] * max(terms, free)) ** 2
         else:
