@@ -142,7 +142,7 @@ class SolverByParts(Solver):
         begun = time.monotonic()
         output = self.solve_part(part.prepared, budget, options, start, record)
         relaxed = self.spec.kind is Kind.RELAXATION  # the answer is one to another law
-        if output.claim is not Claim.SOLVED or relaxed or not part.blocks.problem.nc:
+        if output.point is None or output.claim is not Claim.SOLVED or relaxed or not part.blocks.problem.nc:
             return output
         error, asked, enough = part.error(output.point.r), budget.tolerance, SURE * budget.tolerance
         for _ in range(ROUNDS):
