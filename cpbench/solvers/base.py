@@ -22,6 +22,7 @@ from cpbench.matrices import Vector
 from cpbench.registry import Registry
 from cpbench.solvers.options import choices, written
 from cpbench.solvers.renamed import RENAMED
+from cpbench.solvers.stopping import Stopping
 
 
 class Trait(StrEnum):
@@ -106,7 +107,7 @@ class Budget:
 
     Attributes
     ----------
-    tolerance : ours: on the judged error of the node's `residuals`. Every adapter documents its translation.
+    tolerance : ours: on the judged error of the node's `residuals`. `Solver.stopping` says what an adapter makes of it.
     seconds : wall-clock limit (enforced from outside; a solver that has one of its own is told).
     iterations : the most iterations, None for the solver's own bound. seed : for solvers that draw.
     """
@@ -249,6 +250,14 @@ class Solver(ABC):
         options = self.spec.options() if options is None else options
         prepared = self.setup(self.hand_over(problem), budget, options)
         return self.collect(self.solve(prepared, budget, options, start, record))
+
+    def stopping(self, tolerance: float, problem: Any = None) -> Stopping | None:
+        """Return the test by which a package ends that is asked for this tolerance; None for a solver that ends by an
+        error of its own node, as those of cpbench do, or by the tolerance as it is, as programs of users do.
+
+        problem : of the solver's node, whose data may enter; None for one with data of size one.
+        """
+        return None
 
     def warmup(self) -> None:
         """Load and compile whatever the first solve would: called once a process, never timed."""

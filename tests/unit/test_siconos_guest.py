@@ -24,7 +24,7 @@ from cpbench.solvers import solvers
 from cpbench.solvers.adapters import siconos
 from cpbench.solvers.adapters.siconos import SiconosSolver
 from cpbench.solvers.adapters.siconos_families import SiconosContact
-from cpbench.solvers.adapters.siconos_tolerances import Bound, translate
+from cpbench.solvers.adapters.siconos_tolerances import NAME, Bound, limit, stopping
 from cpbench.solvers.base import Budget, Claim
 from cpbench.storage import save
 from cpbench.testing import planted
@@ -109,8 +109,10 @@ def test_one_worker_and_one_interpreter_serve_a_whole_run(tmp_path: Path) -> Non
 
 
 def test_tolerance_and_bound_are_always_set() -> None:
-    assert translate(Budget(tolerance=1e-8), Bound.NEWTON) == {"tolerance": pytest.approx(1e-9), "max_iter": 1000}
-    assert translate(Budget(iterations=7), Bound.SWEEPS)["max_iter"] == 7
+    assert stopping("fc", 1e-4, 1e-8).settings == {NAME: pytest.approx(1e-9)}
+    assert stopping("fc", 1e-4, 1e-2).settings == {NAME: 1e-4}  # its own default
+    assert limit(Budget(), Bound.NEWTON) == 1000
+    assert limit(Budget(iterations=7), Bound.SWEEPS) == 7
 
 
 def test_names_are_one_each_and_few_run_by_default() -> None:

@@ -13,6 +13,7 @@ from cpbench.matrices import norm
 from cpbench.solvers.adapters.casadi_guest import CITATION, INSTALL, as_dm, too_large
 from cpbench.solvers.adapters.scaled_mcp import ScaledMCP, scaled_mcp
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.stopping import Stopping, no_looser
 
 CLAIMS = {
     "Solve_Succeeded": Claim.SOLVED,
@@ -25,6 +26,8 @@ CLAIMS = {
 """Its constraints are linear, so that a point where it cannot reduce their violation says that there is none."""
 LEAST = 1e-14
 """Least tolerance that Ipopt is asked for: below, it only ends at its acceptable level."""
+IPOPT = {"tol": 1e-8, "bound_relax_factor": 1e-8}
+"""Ipopt's own tolerances."""
 CLOSE = 100.0
 """A minimum whose error is within this factor of the tolerance is claimed `inaccurate`, beyond it `failed`."""
 
@@ -62,6 +65,10 @@ class IpoptComplementarity(Solver):
             return "has no unknown (n = 0): Ipopt refuses an empty program"
         return too_large(n)
 
+    def stopping(self, tolerance: float, problem: LCP | MLCP | None = None) -> Stopping:
+        mcp = None if problem is None else scaled_mcp(problem)
+        return _stopping(tolerance, 1) if mcp is None else _stopping(tolerance * mcp.strictness, mcp.k.size)
+
     def setup(self, problem: LCP | MLCP, budget: Budget, options: IpoptOptions) -> IpoptProgram:
         import casadi as ca
 
@@ -76,8 +83,7 @@ class IpoptComplementarity(Solver):
         ipopt = {
             "print_level": 0,
             "sb": "yes",
-            "tol": max(0.1 * error * error / n, LEAST),
-            "bound_relax_factor": 0.01 * error,
+            **_stopping(error, n).settings,
             "honor_original_bounds": "yes",
             "max_iter": options.max_iterations if budget.iterations is None else budget.iterations,
         }
@@ -112,6 +118,15 @@ class IpoptComplementarity(Solver):
             counters={"iterations": max(int(stats["iter_count"]), 0)},
             message=message,
         )
+
+
+def _stopping(error: float, n: int) -> Stopping:
+    settings = {"tol": max(0.1 * error * error / max(n, 1), LEAST), "bound_relax_factor": 0.01 * error}
+    return Stopping(
+        test="its scaled optimality conditions of min vᵀw; solved is claimed where ‖min(v, w)‖ meets our tolerance",
+        settings=no_looser(settings, IPOPT),
+        defaults=IPOPT,
+    )
 
 
 def _spec(name: str, node: str, **more: Any) -> SolverSpec:

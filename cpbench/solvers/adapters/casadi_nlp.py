@@ -13,10 +13,11 @@ import numpy as np
 from cpbench.formulations.nlp import NLP
 from cpbench.solvers.adapters.casadi_guest import CITATION, INSTALL, LICENCE, too_large
 from cpbench.solvers.adapters.casadi_ipopt import CLAIMS as IPOPT_CLAIMS
-from cpbench.solvers.adapters.casadi_ipopt import LEAST
+from cpbench.solvers.adapters.casadi_ipopt import IPOPT, LEAST
 from cpbench.solvers.adapters.nlp_answers import answer, concluded, small_program
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.options import fixed
+from cpbench.solvers.stopping import Stopping, no_looser
 
 SQP_CLAIMS = {
     "Solve_Succeeded": Claim.SOLVED,
@@ -45,6 +46,16 @@ class CasadiNLP(Solver):
 
     plugin: ClassVar[str]
     claims: ClassVar[Mapping[str, Claim]]
+
+    share: ClassVar[float]
+    """Part of our tolerance that it is asked for."""
+    defaults: ClassVar[Mapping[str, float]]
+    """Its tolerances, and their own values."""
+
+    def stopping(self, tolerance: float, problem: NLP | None = None) -> Stopping:
+        settings = dict.fromkeys(self.defaults, max(self.share * tolerance, LEAST))
+        test = "its optimality conditions; solved is claimed where the node's error meets our tolerance"
+        return Stopping(test=test, settings=no_looser(settings, self.defaults), defaults=self.defaults)
 
     @abstractmethod
     def settings(self, limit: int, budget: Budget) -> Mapping[str, Any]:
@@ -112,6 +123,8 @@ class IpoptNLP(CasadiNLP):
     bounds by a hundredth of ours (there may be no interior) and honours them in the end."""
 
     plugin, claims = "ipopt", IPOPT_CLAIMS
+    share = 0.01
+    defaults: ClassVar = {**IPOPT, "dual_inf_tol": 1.0, "constr_viol_tol": 1e-4, "compl_inf_tol": 1e-4}
     spec: ClassVar[SolverSpec] = _spec(
         "casadi-ipopt-nlp",
         "Ipopt through CasADi, exact Hessians",
@@ -122,15 +135,10 @@ class IpoptNLP(CasadiNLP):
     )
 
     def settings(self, limit: int, budget: Budget) -> Mapping[str, Any]:
-        tol = max(0.01 * budget.tolerance, LEAST)
         own: dict[str, Any] = {
             "print_level": 0,
             "sb": "yes",
-            "tol": tol,
-            "dual_inf_tol": tol,
-            "constr_viol_tol": tol,
-            "compl_inf_tol": tol,
-            "bound_relax_factor": 0.01 * budget.tolerance,
+            **self.stopping(budget.tolerance).settings,
             "honor_original_bounds": "yes",
             "max_iter": limit,
         }
@@ -145,6 +153,8 @@ class SQPMethodNLP(CasadiNLP):
     Tolerance: `tol_pr` and `tol_du`, in the ∞-norm, a tenth of ours. It has no limit of time."""
 
     plugin, claims = "sqpmethod", SQP_CLAIMS
+    share = 0.1
+    defaults: ClassVar = {"tol_pr": 1e-6, "tol_du": 1e-6}
     spec: ClassVar[SolverSpec] = _spec(
         "casadi-sqpmethod",
         "CasADi's SQP with its active-set QP solver, exact Hessians",
@@ -154,7 +164,6 @@ class SQPMethodNLP(CasadiNLP):
     )
 
     def settings(self, limit: int, budget: Budget) -> Mapping[str, Any]:
-        tol = max(0.1 * budget.tolerance, LEAST)
         silent = {"print_header": False, "print_iter": False, "print_info": False, "error_on_fail": False}
         return {
             "qpsol": "qrqp",
@@ -162,8 +171,7 @@ class SQPMethodNLP(CasadiNLP):
             "print_header": False,
             "print_iteration": False,
             "print_status": False,
-            "tol_pr": tol,
-            "tol_du": tol,
+            **self.stopping(budget.tolerance).settings,
             "max_iter": limit,
             "convexify_strategy": "eigen-clip",
         }

@@ -15,6 +15,7 @@ from cpbench.solvers.adapters.cone_solver import ConeSolver
 from cpbench.solvers.adapters.conic_models import ClarabelModel, ConicModel
 from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, register
 from cpbench.solvers.native.cone.polish import polish
+from cpbench.solvers.stopping import Stopping
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,9 @@ class ClarabelCone(ConeSolver):
 
     def model(self, prepared: ConeProgram, budget: Budget) -> ConicModel:
         return ClarabelModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
+
+    def stopping(self, tolerance: float, problem: ConeQP | None = None) -> Stopping:
+        return ClarabelModel.stopping(tolerance)
 
     def finish(
         self, problem: ConeQP, point: ConeQPPoint, claim: Claim, tolerance: float, options: Any

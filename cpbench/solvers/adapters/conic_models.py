@@ -8,6 +8,7 @@ its last solution, Clarabel, an interior method, from its own start. What is ask
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
@@ -15,7 +16,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.matrices import Vector
+from cpbench.solvers.adapters.qp_stopping import TESTS
 from cpbench.solvers.base import Budget, Claim
+from cpbench.solvers.stopping import Stopping, no_looser
 
 FINEST, FINEST_GAP = 1e-13, 1e-15
 """The least residual and gap that are asked for, relative to data of size 1."""
@@ -41,10 +44,21 @@ class ConicEnd:
         )
 
 
+def _of_scaled(test: Stopping, settings: Mapping[str, float]) -> Stopping:
+    """Return a test of data that the adapter has brought to size 1, so that absolute and relative are the same."""
+    words = f"{test.test}, of scaled data"
+    return Stopping(test=words, settings=no_looser(settings, test.defaults), defaults=test.defaults)
+
+
 class ConicModel(Protocol):
     """A model whose q may change. `cones`: as `lorentz_rows` names them; P : all of it, symmetric."""
 
     def __init__(self, P: Any, q: Vector, A: Any, b: Vector, cones: list[tuple[str, int]], budget: Budget) -> None: ...
+
+    @classmethod
+    def stopping(cls, tolerance: float) -> Stopping:
+        """Return the test by which it ends, and what it is asked for."""
+        ...
 
     def solve(self, q: Vector | None = None) -> ConicEnd:
         """Solve for this q, or for the one that the model was made with."""
@@ -66,6 +80,15 @@ class ClarabelModel:
         "MaxTime": Claim.MAX_ITER,
     }
 
+    @classmethod
+    def stopping(cls, tolerance: float) -> Stopping:
+        """Return Clarabel's test, and what it is asked for."""
+        test = TESTS["clarabel"]
+        feasible, gap = max(0.1 * tolerance, FINEST), max(0.1 * tolerance**2, FINEST_GAP)
+        settings = {"tol_feas": feasible, "tol_gap_abs": gap, "tol_gap_rel": gap}
+        settings |= dict.fromkeys(("tol_infeas_abs", "tol_infeas_rel"), min(0.1 * tolerance, INFEASIBILITY))
+        return _of_scaled(test, settings)
+
     def __init__(self, P: Any, q: Vector, A: Any, b: Vector, cones: list[tuple[str, int]], budget: Budget) -> None:
         import clarabel
 
@@ -77,9 +100,8 @@ class ClarabelModel:
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.presolve_enable = False  # it would forbid another q
-        settings.tol_feas = max(0.1 * budget.tolerance, FINEST)
-        settings.tol_gap_abs = settings.tol_gap_rel = max(0.1 * budget.tolerance**2, FINEST_GAP)
-        settings.tol_infeas_abs = settings.tol_infeas_rel = min(0.1 * budget.tolerance, INFEASIBILITY)
+        for name, value in self.stopping(budget.tolerance).settings.items():
+            setattr(settings, name, value)
         settings.max_iter = 200 if budget.iterations is None else budget.iterations
         if math.isfinite(budget.seconds):
             settings.time_limit = budget.seconds
@@ -114,6 +136,13 @@ class ScsModel:
     }
     MAX_ITERATIONS = 100_000
 
+    @classmethod
+    def stopping(cls, tolerance: float) -> Stopping:
+        """Return the test of SCS, and what it is asked for."""
+        test, e = TESTS["scs"], max(0.1 * tolerance, FINEST)
+        settings = {"eps_abs": e, "eps_rel": e, "eps_infeas": min(e, INFEASIBILITY)}
+        return _of_scaled(test, settings)
+
     def __init__(self, P: Any, q: Vector, A: Any, b: Vector, cones: list[tuple[str, int]], budget: Budget) -> None:
         import scs
 
@@ -122,14 +151,11 @@ class ScsModel:
         self._rows = b.size
         if not b.size:  # SCS wants a cone
             A, b, named = sp.csc_array((1, q.size)), np.ones(1), {"l": 1}
-        e = max(0.1 * budget.tolerance, FINEST)
         limit: dict[str, Any] = {"time_limit_secs": budget.seconds} if math.isfinite(budget.seconds) else {}
         self._solver = scs.SCS(
             {"P": sp.csc_matrix(sp.triu(P)), "A": sp.csc_matrix(A), "b": b, "c": q},
             named,
-            eps_abs=e,
-            eps_rel=e,
-            eps_infeas=min(e, INFEASIBILITY),
+            **self.stopping(budget.tolerance).settings,
             max_iters=self.MAX_ITERATIONS if budget.iterations is None else budget.iterations,
             verbose=False,
             **limit,

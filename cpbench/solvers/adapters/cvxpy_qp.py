@@ -10,11 +10,13 @@ import warnings
 from dataclasses import dataclass
 from typing import Any
 
+from cpbench.formulations.qp import QP
 from cpbench.solvers.adapters.cvxpy_claims import CLAIMS
 from cpbench.solvers.adapters.qp_backend import BackendAnswer, QPBackend
 from cpbench.solvers.adapters.qp_standard_form import StandardForm
-from cpbench.solvers.adapters.qp_tolerances import Settings, translate
+from cpbench.solvers.adapters.qp_tolerances import Settings, stopping, translate
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.stopping import Stopping
 
 _NOT_CVXPYS = ("raise_error",)
 """Arguments of a backend's own function, which are no settings of it."""
@@ -59,6 +61,9 @@ class CvxpyQP(QPBackend):
         return self.output(
             prepared, self.call(prepared, {"solver": options.solver, **translate(options.solver, budget)})
         )
+
+    def stopping(self, tolerance: float, problem: QP | None = None) -> Stopping | None:
+        return stopping(self.spec.options().solver, tolerance, problem)
 
     def call(self, form: StandardForm, settings: Settings) -> BackendAnswer:
         import cvxpy as cp

@@ -26,6 +26,7 @@ from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.solvers.adapters.cvxpy_claims import CLAIMS
+from cpbench.solvers.adapters.qp_stopping import TESTS
 from cpbench.solvers.base import (
     Budget,
     Claim,
@@ -37,6 +38,7 @@ from cpbench.solvers.base import (
     package_version,
     register,
 )
+from cpbench.solvers.stopping import Stopping, no_looser
 
 SYMMETRY_LIMIT = 1e-8
 """Asymmetry up to which a Delassus matrix counts as symmetric (assembled ones are not to rounding)."""
@@ -136,6 +138,9 @@ class CvxpyRelaxation(Solver):
             message=status,
         )
 
+    def stopping(self, tolerance: float, problem: FrictionContact | None = None) -> Stopping:
+        return _stopping(tolerance)
+
     def warmup(self) -> None:
         self.run(FrictionContact(W=np.eye(3), q=np.array([-1.0, 0.0, 0.0]), mu=np.array([0.5])))
 
@@ -143,12 +148,16 @@ class CvxpyRelaxation(Solver):
         return f"{package_version('cvxpy')} (clarabel {package_version('clarabel')})"
 
 
+def _stopping(tolerance: float) -> Stopping:
+    test, gap = TESTS["clarabel"], max(0.1 * tolerance**2, 1e-13)
+    defaults = {name: value for name, value in test.defaults.items() if "infeas" not in name}
+    settings = no_looser({"tol_feas": 0.1 * tolerance, "tol_gap_abs": gap, "tol_gap_rel": gap}, defaults)
+    return Stopping(test=f"{test.test}, of scaled data", settings=settings, defaults=defaults)
+
+
 def _settings(budget: Budget) -> dict[str, Any]:
-    gap = max(0.1 * budget.tolerance**2, 1e-13)
     settings: dict[str, Any] = {
-        "tol_feas": 0.1 * budget.tolerance,
-        "tol_gap_abs": gap,
-        "tol_gap_rel": gap,
+        **_stopping(budget.tolerance).settings,
         "max_iter": 200 if budget.iterations is None else budget.iterations,
     }
     if math.isfinite(budget.seconds):

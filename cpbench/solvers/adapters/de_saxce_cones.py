@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from cpbench.formulations.contact import LocalContact
 from cpbench.solvers.adapters.conic_models import ClarabelModel, ConicModel, ScsModel
 from cpbench.solvers.adapters.desaxce_fixed_point import ConicFixedPoint, DeSaxceOptions, ScaledContact
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
+from cpbench.solvers.stopping import Stopping
 
 COULOMB = "Acary, Cadoux, Lemaréchal and Malick, ZAMM 91 (2011)"
 ROLLING = "Acary and Bourrier 2021, Eur. J. Mech. A/Solids 85:104046"
@@ -34,6 +36,9 @@ class ClarabelDeSaxce(ConicFixedPoint):
 
     def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
         return ClarabelModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
+
+    def stopping(self, tolerance: float, problem: LocalContact | None = None) -> Stopping:
+        return ClarabelModel.stopping(tolerance)
 
 
 @register
@@ -68,6 +73,9 @@ class ScsDeSaxce(ConicFixedPoint):
 
     def model(self, prepared: ScaledContact, budget: Budget) -> ConicModel:
         return ScsModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
+
+    def stopping(self, tolerance: float, problem: LocalContact | None = None) -> Stopping:
+        return ScsModel.stopping(tolerance)
 
 
 @register

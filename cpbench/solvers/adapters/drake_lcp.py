@@ -25,6 +25,7 @@ from cpbench.solvers.base import (
     package_version,
     register,
 )
+from cpbench.solvers.stopping import Stopping
 
 CITATION = "Tedrake and the Drake Development Team: Drake, model-based design and verification for robotics (2019)"
 LICENCE = "BSD-3-Clause"
@@ -37,6 +38,9 @@ class DrakeLCP(Solver):
     @abstractmethod
     def guest(self) -> Any:
         """Return Drake's solver object."""
+
+    def stopping(self, tolerance: float, problem: LCP | None = None) -> Stopping:
+        return Stopping(test="pivoting: no tolerance; its zero is n·eps·max|M|")
 
     def obstacle(self, problem: LCP) -> str | None:
         if problem.q.size == 0:

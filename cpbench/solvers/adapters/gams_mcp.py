@@ -20,8 +20,9 @@ from cpbench.errors import Unavailable
 from cpbench.formulations import LCP, MLCP
 from cpbench.matrices import Matrix
 from cpbench.solvers.adapters import gams_licence
+from cpbench.solvers.adapters.gams_stopping import stopping
 from cpbench.solvers.adapters.gams_workspace import explained, workspace
-from cpbench.solvers.adapters.scaled_mcp import ScaledMCP, scaled_mcp
+from cpbench.solvers.adapters.scaled_mcp import ScaledMCP, scaled_mcp, share
 from cpbench.solvers.base import (
     Availability,
     Budget,
@@ -33,6 +34,7 @@ from cpbench.solvers.base import (
     Trait,
     package_version,
 )
+from cpbench.solvers.stopping import Stopping
 
 CLAIMS = {
     ("NormalCompletion", "OptimalGlobal"): Claim.SOLVED,
@@ -51,8 +53,11 @@ class GamsMCP(Solver):
     """Its name in GAMS."""
 
     @abstractmethod
-    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
-        """Return the lines of its option file."""
+    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
+        """Return the lines of its option file, with its tolerances by their names."""
+
+    def stopping(self, tolerance: float, problem: LCP | MLCP | None = None) -> Stopping:
+        return stopping(self.guest, share(tolerance) if problem is None else scaled_mcp(problem).share(tolerance))
 
     def rows(self, problem: LCP | MLCP) -> int:
         """Return rows of the model that is solved in the end."""
@@ -89,7 +94,9 @@ class GamsMCP(Solver):
         with explained(self.spec.name):
             gams = workspace()
             gams.load(prepared)
-            gams.solve(self.guest, self.settings(prepared.tolerance(budget), budget), budget, prepared.start(start))
+            tolerances = stopping(self.guest, prepared.share(budget.tolerance)).settings
+            settings = self.settings(tolerances, budget)
+            gams.solve(self.guest, settings, budget, prepared.start(start))
             model, x = gams.model, gams.x.toDense()
             ended, found = model.solve_status.name, model.status.name
             if "LicenseError" in (ended, found):

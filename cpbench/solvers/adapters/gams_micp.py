@@ -2,12 +2,14 @@
 
 The time is that of the process: compiling the model, generating it, and the solver. GAMS' own count of seconds (resUsd)
 has the launch of the solver in it, so that it is not handed on as what the solver reports.
-Tolerance: a tenth of ours times the problem's scale, on the guest's absolute residual; an answer is claimed solved
-where the node's own residual agrees.
+Tolerance: a tenth of ours, on the guest's absolute residual: the size of F at a start says nothing about a solution,
+and beside a pole it may be anything. An answer is claimed solved where the error of its rows agrees, each in its own
+unit.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import subprocess
 import tempfile
@@ -22,6 +24,7 @@ from cpbench.errors import Unavailable
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.solvers.adapters import gams_licence, gams_model
 from cpbench.solvers.adapters.gams_mcp import gams_availability, gams_spec
+from cpbench.solvers.adapters.gams_stopping import stopping
 from cpbench.solvers.base import (
     Availability,
     Budget,
@@ -33,6 +36,8 @@ from cpbench.solvers.base import (
     package_version,
     register,
 )
+from cpbench.solvers.native.nonlinear.row_error import row_error
+from cpbench.solvers.stopping import Stopping
 
 NORMAL, ITERATIONS, RESOURCES, LICENCE = 1, 2, 3, 7
 """Solver statuses of GAMS."""
@@ -40,8 +45,9 @@ CLOSE = 100.0
 """Factor of the tolerance up to which what a guest calls solved is claimed `inaccurate`, beyond it `failed`."""
 GRACE = 10.0
 """Seconds beyond the budget after which the process is ended."""
-LEAST = 1e-14
-"""Least tolerance that a guest is asked for."""
+SHARE, LEAST = 0.1, 1e-14
+"""Share of our tolerance that a guest is asked for, and the least of all."""
+UNSEEN = "absolute: it may pass too early where F is below 1, whose size is not known before it is solved"
 
 
 class GamsMiCP(Solver):
@@ -50,8 +56,12 @@ class GamsMiCP(Solver):
     guest: ClassVar[str]
 
     @abstractmethod
-    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
-        """Return its option file."""
+    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
+        """Return its option file, with its tolerances by their names."""
+
+    def stopping(self, tolerance: float, problem: MiCP | None = None) -> Stopping:
+        found = stopping(self.guest, max(SHARE * tolerance, LEAST))
+        return dataclasses.replace(found, differs=found.differs or UNSEEN, factor=math.inf)
 
     def rows(self, problem: MiCP) -> int:
         """Return rows of the model that is solved in the end."""
@@ -86,14 +96,13 @@ class GamsMiCP(Solver):
         self, prepared: MiCP, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
     ) -> SolverOutput:
         first = prepared.project(prepared.start if start is None else start.z)
-        tolerance = max(0.1 * budget.tolerance * (prepared.scale or 1.0), LEAST)
         limits: dict[str, float] = {"iterLim": budget.iterations or 1_000_000}
         if math.isfinite(budget.seconds):
             limits["resLim"] = budget.seconds
         with tempfile.TemporaryDirectory(prefix="gams-") as name:
             folder = Path(name)
             (folder / "model.gms").write_text(gams_model.model(prepared, first, self.guest, limits))
-            settings = self.settings(tolerance, budget).items()
+            settings = self.settings(self.stopping(budget.tolerance).settings, budget).items()
             (folder / f"{self.guest}.opt").write_text("".join(f"{key} {value}\n" for key, value in settings))
             values = _run(folder, self.guest, budget)
         if isinstance(values, str):
@@ -102,7 +111,7 @@ class GamsMiCP(Solver):
         if ended == LICENCE:
             raise Unavailable("licence", f"{self.guest} has no licence; {gams_licence.ADVICE}")
         point = MiCPPoint(prepared.project(z)) if np.isfinite(z).all() else None
-        error = prepared.residuals(point).measured["natural"] if point is not None else math.inf
+        error = _error(prepared, point)
         if error <= budget.tolerance:
             claim = Claim.SOLVED
         elif ended in (ITERATIONS, RESOURCES):
@@ -119,6 +128,14 @@ class GamsMiCP(Solver):
     def version(self) -> str:
         """Return the version of GAMS, whose solvers have no other."""
         return package_version("gamspy_base")
+
+
+def _error(problem: MiCP, point: MiCPPoint | None) -> float:
+    """Return the largest error of a row, in the row's own unit; ∞ without a point."""
+    if point is None:
+        return math.inf
+    with np.errstate(all="ignore"):
+        return row_error(point.z, problem.F(point.z), problem.F.jacobian(point.z), problem.lb, problem.ub)
 
 
 def _run(folder: Path, guest: str, budget: Budget) -> Any:
@@ -165,10 +182,10 @@ class PathMiCP(GamsMiCP):
         starts=True,
     )
 
-    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
         """Return the option file: its own default is 1e-6; its limit of pivots is raised to GAMS', which the budget
         bounds."""
-        return {"convergence_tolerance": tolerance, "cumulative_iteration_limit": budget.iterations or 1_000_000}
+        return {**tolerances, "cumulative_iteration_limit": budget.iterations or 1_000_000}
 
 
 @register
@@ -184,9 +201,9 @@ class MilesMiCP(GamsMiCP):
         "pip install gamspy; gamspy install solver miles",
     )
 
-    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
         """Return the option file: `contol` is a deviation in the 1-norm, absolute: 1e-6 by default."""
-        return {"contol": tolerance}
+        return tolerances
 
 
 @register
@@ -206,7 +223,7 @@ class NlpecMiCP(GamsMiCP):
         """Return a product for every bound, and an objective."""
         return problem.start.size + int(np.isfinite([problem.lb, problem.ub]).sum()) + 1
 
-    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
         """Return the option file: `testTol` is NLPEC's check of complementarity; CONOPT keeps its own tolerances.
         It is named, since it is none of the solvers whose results may not be published."""
-        return {"testTol": tolerance, "subSolver": "conopt"}
+        return {**tolerances, "subSolver": "conopt"}

@@ -14,9 +14,9 @@ class Miles(GamsMCP):
 
     guest = "miles"
 
-    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
         """Return the option file: `contol` is a deviation in the 1-norm, absolute: 1e-6 by default."""
-        return {"contol": tolerance}
+        return tolerances
 
 
 def _spec(name: str, node: str, **more: Any) -> SolverSpec:

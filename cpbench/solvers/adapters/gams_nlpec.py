@@ -20,10 +20,10 @@ class Nlpec(GamsMCP):
         free = problem.a.size if isinstance(problem, MLCP) else 0
         return 2 * super().rows(problem) - free + 1
 
-    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
         """Return the option file: `testTol` is NLPEC's check of complementarity; CONOPT keeps its own tolerances.
         It is named, since it is none of the solvers whose results may not be published."""
-        return {"testTol": tolerance, "subSolver": "conopt"}
+        return {**tolerances, "subSolver": "conopt"}
 
 
 def _spec(name: str, node: str, **more: Any) -> SolverSpec:

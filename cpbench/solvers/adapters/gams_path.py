@@ -14,10 +14,10 @@ class GamsPath(GamsMCP):
 
     guest = "path"
 
-    def settings(self, tolerance: float, budget: Budget) -> Mapping[str, Any]:
+    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
         """Return the option file: its own default is 1e-6; its limit of pivots is raised to GAMS', which the budget
         bounds."""
-        return {"convergence_tolerance": tolerance, "cumulative_iteration_limit": budget.iterations or 1_000_000}
+        return {**tolerances, "cumulative_iteration_limit": budget.iterations or 1_000_000}
 
 
 def _spec(name: str, node: str, **more: Any) -> SolverSpec:

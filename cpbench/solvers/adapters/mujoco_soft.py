@@ -30,6 +30,7 @@ from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.matrices import Dense, Vector
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.stopping import Stopping, no_looser
 
 WIDTH = {1: 1, 2: 3, 3: 3, 4: 4, 5: 6, 6: 6}
 """Rows of the contact that a factor becomes: MuJoCo knows 1, 3, 4 and 6, and what is too much gets rows of zeros."""
@@ -132,8 +133,9 @@ class MuJoCoSoft(Solver):
         model, data, problem = prepared.model, prepared.data, prepared.problem
         limit = budget.iterations or options.max_iterations
         model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{options.method.upper()}")
-        error = 0.1 * budget.tolerance * (1.0 if options.method == "pgs" else prepared.theta)
-        model.opt.iterations, model.opt.tolerance = limit, error**2 / prepared.active.size
+        theta = 1.0 if options.method == "pgs" else prepared.theta
+        model.opt.iterations = limit
+        model.opt.tolerance = self.stopping(budget.tolerance * theta, problem).settings["tolerance"]
         force = np.zeros(prepared.active.size) if start is None else start.x[prepared.active] / prepared.unit
         data.qacc_warmstart[:] = prepared.J.T @ force
         if options.method == "pgs":
@@ -151,6 +153,11 @@ class MuJoCoSoft(Solver):
             counters=counters,
             message=f"R = {prepared.theta:.0e} of Q's diagonal",
         )
+
+    def stopping(self, tolerance: float, problem: ConeQP | None = None) -> Stopping:
+        n, defaults = 1 if problem is None else max(problem.p.size, 1), {"tolerance": 1e-8}
+        settings = no_looser({"tolerance": (0.1 * tolerance) ** 2 / n}, defaults)
+        return Stopping(test="gradient or gain of a step, over n, of scaled data", settings=settings, defaults=defaults)
 
     def warmup(self) -> None:
         K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))

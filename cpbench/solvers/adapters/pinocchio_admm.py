@@ -21,6 +21,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.solvers.adapters import pinocchio_contacts
 from cpbench.solvers.adapters.pinocchio_contacts import PinocchioContacts
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.stopping import Stopping
 
 SHARE = 0.1
 """Part of our tolerance that its criteria get: they look at one component or contact at a time, ours at all."""
@@ -64,6 +65,10 @@ class PinocchioADMM(Solver):
             return f"W is dense and has {problem.q.size} rows > {LARGEST_DENSE}; give it sparse"
         return pinocchio_contacts.obstacle(problem)
 
+    def stopping(self, tolerance: float, problem: FrictionContact | None = None) -> Stopping:
+        test = "max|x − y|, ρ max|Δx| and every |z_cᵀy_c|, of scaled data"
+        return pinocchio_contacts.stopping(test, SHARE * tolerance)
+
     def setup(self, problem: FrictionContact, budget: Budget, options: PinocchioADMMOptions) -> PinocchioContacts:
         return pinocchio_contacts.contacts(problem)
 
@@ -81,7 +86,7 @@ class PinocchioADMM(Solver):
         if n == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(np.zeros(0)), counters={"iterations": 0})
         settings, result = pin.ADMMSolverSettings(), pin.ADMMSolverResult()
-        pinocchio_contacts.tell(settings, SHARE * budget.tolerance)
+        pinocchio_contacts.set_tolerances(settings, self.stopping(budget.tolerance))
         settings.anderson_capacity = options.anderson
         settings.lanczos_size = options.lanczos
         limit = budget.iterations or options.max_iterations

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from cpbench import matrices
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Matrix, Vector
+from cpbench.solvers.stopping import Stopping, no_looser
 
 SYMMETRY_LIMIT = 1e-8
 """Asymmetry up to which a Delassus matrix counts as symmetric (assembled ones are not to rounding)."""
@@ -87,13 +88,21 @@ def contacts(problem: FrictionContact) -> PinocchioContacts:
     return PinocchioContacts(problem, G, problem.q[order] / s, order, s / w, models, data)
 
 
-def tell(settings: Any, tolerance: float) -> None:
-    """Set the absolute criteria, which both solvers have, for data of size 1.
+def stopping(test: str, tolerance: float, differs: str = "", factor: float = 1.0) -> Stopping:
+    """Return the criteria that both solvers have, for data of size 1.
 
     The relative ones end a run where an iterate hardly moves, which is no sign of a solution: they are off.
     """
+    kinds = ("feasibility", "complementarity")
+    settings = {f"absolute_{kind}_tol": max(tolerance, FINEST) for kind in kinds}
+    settings |= {f"relative_{kind}_tol": 0.0 for kind in kinds}
+    defaults = dict.fromkeys(settings, 1e-6)
+    settings = no_looser(settings, defaults)
+    return Stopping(test=test, settings=settings, defaults=defaults, differs=differs, factor=factor)
+
+
+def set_tolerances(settings: Any, asked: Stopping) -> None:
+    """Write the criteria into a solver's settings."""
     settings.solve_ncp = True
-    settings.absolute_feasibility_tol = max(tolerance, FINEST)
-    settings.absolute_complementarity_tol = max(tolerance, FINEST)
-    settings.relative_feasibility_tol = 0.0
-    settings.relative_complementarity_tol = 0.0
+    for name, value in asked.settings.items():
+        setattr(settings, name, value)

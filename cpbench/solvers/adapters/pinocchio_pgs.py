@@ -11,6 +11,7 @@ first sweep may pass with an answer that is none. The claim is Pinocchio's own w
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -26,6 +27,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.solvers.adapters import pinocchio_contacts
 from cpbench.solvers.adapters.pinocchio_contacts import PinocchioContacts
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.stopping import Stopping
 
 SHARE = 0.01
 """Part of our tolerance that its criteria get: after a sweep the error was up to 49 times what it had seen in it."""
@@ -75,6 +77,11 @@ class PinocchioPGS(Solver):
             return f"needs W dense: {problem.q.size} rows > {LARGEST}; use pinocchio-admm or nsgs"
         return pinocchio_contacts.obstacle(problem)
 
+    def stopping(self, tolerance: float, problem: FrictionContact | None = None) -> Stopping:
+        test = "dist(û_c, K*_μ) and |û_cᵀr_c| of every contact just after its own step, of scaled data"
+        differs = "what later contacts of the sweep do to a contact, so that one sweep may pass"
+        return pinocchio_contacts.stopping(test, SHARE * tolerance, differs, math.inf)
+
     def setup(self, problem: FrictionContact, budget: Budget, options: PinocchioPGSOptions) -> Any:
         import pinocchio as pin
 
@@ -96,7 +103,7 @@ class PinocchioPGS(Solver):
         if n == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(np.zeros(0)), counters={"iterations": 0})
         settings, result, solver = pin.PGSSolverSettings(), pin.PGSSolverResult(), pin.PGSConstraintSolver(n)
-        pinocchio_contacts.tell(settings, SHARE * budget.tolerance)
+        pinocchio_contacts.set_tolerances(settings, self.stopping(budget.tolerance))
         settings.over_relaxation = options.over_relaxation
         limit = budget.iterations or options.max_iterations
         deadline = time.monotonic() + budget.seconds

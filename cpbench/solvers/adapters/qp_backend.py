@@ -17,8 +17,9 @@ from cpbench import matrices
 from cpbench.formulations.qp import QP
 from cpbench.matrices import Matrix
 from cpbench.solvers.adapters.qp_standard_form import StandardForm, standard_form
-from cpbench.solvers.adapters.qp_tolerances import Settings, translate
+from cpbench.solvers.adapters.qp_tolerances import Settings, stopping, translate
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, package_version
+from cpbench.solvers.stopping import Stopping
 
 DENSE_LIMIT = 4000
 """Most unknowns that a backend with dense storage is given."""
@@ -105,6 +106,9 @@ class QPBackend(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         return self.output(prepared, self.call(prepared, translate(self.spec.name, budget)))
+
+    def stopping(self, tolerance: float, problem: QP | None = None) -> Stopping | None:
+        return stopping(self.spec.name, tolerance, problem)
 
     def output(self, form: StandardForm, answer: BackendAnswer) -> SolverOutput:
         """Return the claim and the point that the backend's answer means."""

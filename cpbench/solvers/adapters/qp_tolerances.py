@@ -2,7 +2,8 @@
 
 Our tolerance ε asks every judged number of a QP answer (stationarity, primal and dual violation, duality gap, in
 the ∞-norm, on the problem as it was asked) for min(absolute, relative) ≤ ε, that is error ≤ ε·max(1, scale).
-No backend is left at its default; what a backend lacks (a time limit, a tolerance) is said in its row.
+No tolerance is looser than the backend's own default (`qp_stopping`); what a backend lacks (a time limit, a tolerance)
+is said in its row.
 
 A criterion error ≤ a + r·scale with a = r = ε/2 implies ours. The factors below are smaller where a backend's
 scale differs from ours (a norm of the whole of Aᵀλ + Cᵀμ + ν instead of its terms, a 2-norm, a preconditioned
@@ -11,11 +12,15 @@ problem) and extra accuracy is cheap.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
+from cpbench.formulations.qp import QP
+from cpbench.solvers.adapters.qp_stopping import ABSOLUTE, TESTS, excess
 from cpbench.solvers.base import Budget
+from cpbench.solvers.stopping import Stopping, no_looser
 
 Settings: TypeAlias = dict[str, Any]
 
@@ -26,7 +31,19 @@ unbounded, which it is not."""
 
 def translate(backend: str, budget: Budget) -> Settings:
     """Return settings of `backend` for `budget`; raises KeyError on a backend that is not in the table."""
-    return TABLE[backend](budget)
+    settings = TABLE[backend](budget)
+    own = {name: settings[name] for name in TESTS[backend].defaults}
+    return settings | no_looser(own, TESTS[backend].defaults)
+
+
+def stopping(backend: str, tolerance: float, problem: QP | None = None) -> Stopping:
+    """Return the test of `backend` and what it is asked for; raises KeyError on a backend that is not in the table."""
+    test, settings = TESTS[backend], translate(backend, Budget(tolerance=tolerance))
+    return dataclasses.replace(
+        test,
+        settings={name: settings[name] for name in test.defaults},
+        factor=excess(problem) if problem is not None and test.differs == ABSOLUTE else test.factor,
+    )
 
 
 def _limits(budget: Budget, iterations: str, default: int, seconds: str = "") -> Settings:
@@ -132,11 +149,6 @@ def _highs(budget: Budget) -> Settings:
     } | _limits(budget, "qp_iteration_limit", 100_000, "time_limit")
 
 
-def _kvxopt(budget: Budget) -> Settings:
-    """Translate ε as for CVXOPT, of which it is a fork."""
-    return _cvxopt(budget)
-
-
 def _qtqp(budget: Budget) -> Settings:
     """Return Clarabel's criteria, 2-norms and ‖x‖ + ‖s‖ in the scale: a tenth of ε. No time limit. The record of its
     iterations is asked for, because it tells their number."""
@@ -224,7 +236,7 @@ TABLE: Mapping[str, Callable[[Budget], Settings]] = {
     "gurobi": _gurobi,
     "highs": _highs,
     "jaxopt-osqp": _jaxopt_osqp,
-    "kvxopt": _kvxopt,
+    "kvxopt": _cvxopt,  # a fork
     "mosek": _mosek,
     "osqp": _osqp,
     "piqp": _piqp,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,9 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Dense, Vector
 from cpbench.solvers.adapters.dense_lcp import dense_matrix, too_large
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.stopping import Stopping
+
+ZEROS = "an absolute zero, which takes entries for 0 where the data are far below 1"
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,9 @@ class QuantEconLemke(Solver):
     )
     claims = {0: Claim.SOLVED, 1: Claim.MAX_ITER, 2: Claim.FAILED}
     words = {0: "", 1: "iteration limit reached", 2: "secondary ray"}
+
+    def stopping(self, tolerance: float, problem: LCP | None = None) -> Stopping:
+        return Stopping(test="pivoting: no tolerance; its zeros are absolute", differs=ZEROS, factor=math.inf)
 
     def obstacle(self, problem: LCP) -> str | None:
         return too_large(problem, 3)  # M and the tableau of n x (2n + 2)

@@ -16,7 +16,6 @@ import scipy.sparse as sp
 from cpbench import matrices
 from cpbench.formulations import LCP, MLCP, LCPPoint, MLCPPoint
 from cpbench.matrices import Matrix, Vector, max_abs, norm
-from cpbench.solvers.base import Budget
 
 SAFETY = 0.1
 """Share of our tolerance that a guest is asked for: its norm of the residual is not ours."""
@@ -41,9 +40,9 @@ class ScaledMCP:
     unit: Vector
     strictness: float
 
-    def tolerance(self, budget: Budget) -> float:
-        """Return the tolerance on the residual of x, in any usual norm."""
-        return max(SAFETY * budget.tolerance * self.strictness, FLOOR)
+    def share(self, tolerance: float) -> float:
+        """Return the tolerance on the residual of x, in any usual norm, for ours on the judged error."""
+        return share(tolerance, self.strictness)
 
     def point(self, x: Any) -> LCPPoint | MLCPPoint:
         """Return the answer to the problem that was asked."""
@@ -57,6 +56,11 @@ class ScaledMCP:
         if point is None:
             return np.zeros(self.k.size)
         return np.concatenate(list(point.arrays().values())) / self.unit
+
+
+def share(tolerance: float, strictness: float = 1.0) -> float:
+    """Return the part of our tolerance that a guest is asked for, at most a tenth of it."""
+    return max(SAFETY * tolerance * strictness, FLOOR)
 
 
 def scaled_mcp(problem: LCP | MLCP) -> ScaledMCP:

@@ -32,6 +32,7 @@ from cpbench.solvers.base import (
     register,
 )
 from cpbench.solvers.options import fixed
+from cpbench.solvers.stopping import Stopping, no_looser
 
 
 @dataclass(frozen=True)
@@ -41,12 +42,15 @@ class MinimizeOptions:
     max_iterations: int = fixed(2000)
 
 
-STUCK = 1e-15
+STUCK = {"gtol": 0.0, "xtol": 1e-15, "barrier_tol": 1e-15}
 """Tolerances of trust-constr, where nothing moves any more."""
 
 
 FLAT = 4.0 * float(np.finfo(float).eps)
 """A change of f, if f is of size one, below which SLSQP only goes to and fro."""
+
+
+CLAIMED = "solved is claimed where the node's error meets our tolerance"
 
 
 class _OutOfTime(Exception):
@@ -143,6 +147,11 @@ class ScipySLSQP(ScipyMinimize):
             return f"n = {n} unknowns: SLSQP's dense matrices are given at most {DENSE_UNKNOWNS}"
         return super().obstacle(problem)
 
+    def stopping(self, tolerance: float, problem: NLP | None = None) -> Stopping:
+        defaults = {"ftol": 1e-6}
+        settings = no_looser({"ftol": max(tolerance**2, FLAT)}, defaults)
+        return Stopping(test=f"change of f; {CLAIMED}", settings=settings, defaults=defaults)
+
     def minimize(
         self, problem: NLP, first: Any, limit: int, tolerance: float, look: Callable[..., None]
     ) -> tuple[Any, NLPPoint]:
@@ -161,7 +170,7 @@ class ScipySLSQP(ScipyMinimize):
             constraints=constraints,
             method="SLSQP",
             callback=look,
-            options={"maxiter": limit, "ftol": max(tolerance**2, FLAT)},
+            options={"maxiter": limit, **self.stopping(tolerance).settings},
         )
         k, own = problem.h.rows, np.ravel(found.get("multipliers", []))
         own = own if own.size == k + problem.g.rows else np.zeros(k + problem.g.rows)
@@ -180,6 +189,10 @@ class ScipyTrustConstr(ScipyMinimize):
         "Byrd, Hribar and Nocedal 1999, SIAM J. Optim. 9",
         {Trait.SPARSE},
     )
+
+    def stopping(self, tolerance: float, problem: NLP | None = None) -> Stopping:
+        test = "stopped at the first iterate whose node's error meets our tolerance"
+        return Stopping(test=test, settings=STUCK, defaults=dict.fromkeys(STUCK, 1e-8))
 
     def minimize(
         self, problem: NLP, first: Any, limit: int, tolerance: float, look: Callable[..., None]
@@ -212,6 +225,6 @@ class ScipyTrustConstr(ScipyMinimize):
             constraints=constraints,
             method="trust-constr",
             callback=watch,
-            options={"maxiter": limit, "gtol": 0.0, "xtol": STUCK, "barrier_tol": STUCK},
+            options={"maxiter": limit, **STUCK},
         )
         return found, point(found.x, found.v)

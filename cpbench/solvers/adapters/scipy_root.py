@@ -30,9 +30,21 @@ from cpbench.solvers.base import (
 )
 from cpbench.solvers.native.nonlinear.row_error import row_error
 from cpbench.solvers.options import fixed
+from cpbench.solvers.stopping import Stopping
 
 STUCK = 1e-15
 """Their tolerances, on steps or on F."""
+TEST = "stopped at the first point that meets our tolerance, every row over its own terms"
+DEFAULTS = {
+    ("hybr", "xtol"): 1.49012e-08,
+    ("lm", "xtol"): 1.49012e-08,
+    ("lm", "ftol"): 1.49012e-08,
+    ("lm", "gtol"): 0.0,
+    ("krylov", "fatol"): 6e-6,
+    ("df-sane", "fatol"): 1e-300,
+    ("df-sane", "ftol"): 1e-8,
+}
+"""SciPy's own tolerances by method and name."""
 DENSE_UNKNOWNS = 3000
 """Most unknowns of the two that factorize a dense Jacobian."""
 CLOSE = 100.0
@@ -105,6 +117,10 @@ class ScipyRoot(Solver):
         if self.exact and n > DENSE_UNKNOWNS:
             return f"n = {n} unknowns make a dense Jacobian: at most {DENSE_UNKNOWNS}"
         return None
+
+    def stopping(self, tolerance: float, problem: Equation | None = None) -> Stopping:
+        names = {name: value for name, value in self.settings.items() if name != "maxiter" and name != "maxfev"}
+        return Stopping(test=TEST, settings=names, defaults={name: DEFAULTS[self.guest, name] for name in names})
 
     def setup(self, problem: Equation, budget: Budget, options: RootOptions) -> Equation:
         watched = _Watched(problem, Budget(tolerance=-1.0), 2)

@@ -9,6 +9,7 @@ from cpbench.solvers.adapters.cone_program import ConeProgram
 from cpbench.solvers.adapters.cone_solver import ConeSolver
 from cpbench.solvers.adapters.conic_models import ConicModel, ScsModel
 from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, register
+from cpbench.solvers.stopping import Stopping
 
 
 @register
@@ -29,6 +30,9 @@ class ScsCone(ConeSolver):
 
     def model(self, prepared: ConeProgram, budget: Budget) -> ConicModel:
         return ScsModel(prepared.P, prepared.q, prepared.A, prepared.b, prepared.cones, budget)
+
+    def stopping(self, tolerance: float, problem: ConeQP | None = None) -> Stopping:
+        return ScsModel.stopping(tolerance)
 
     def finish(
         self, problem: ConeQP, point: ConeQPPoint, claim: Claim, tolerance: float, options: Any

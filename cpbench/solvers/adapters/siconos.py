@@ -21,9 +21,10 @@ from typing import Any, ClassVar
 
 import cpbench.solvers.guests
 from cpbench.formulations.base import Kind
-from cpbench.solvers.adapters.siconos_tolerances import Bound, translate
+from cpbench.solvers.adapters.siconos_tolerances import NAME, Bound, limit, stopping
 from cpbench.solvers.base import Availability, Budget, Record, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.external.served import HandedOver, ServedSolver
+from cpbench.solvers.stopping import Stopping
 
 PYTHON = "CPBENCH_SICONOS_PYTHON"
 INSTALL = f"apt install python3-siconos, or name a Python that has siconos in {PYTHON}"
@@ -41,6 +42,7 @@ class SiconosEntry:
     Attributes
     ----------
     name, summary, method, citation, by_default : of its spec. constant : its number's name in Siconos.
+    default : its own tolerance.
     storage : of the matrices, dense, blocks or sparse; `given` is dense or blocks, as the problem is.
     bound : iterations if the budget has no bound. inner : of the subproblems: a constant, if not the default.
     dimension : rows of a contact, where a solver is for one. enumerates : whether it tries 2ⁿ index sets.
@@ -52,6 +54,7 @@ class SiconosEntry:
 
     name: str
     constant: str
+    default: float
     summary: str
     method: str
     citation: str
@@ -127,8 +130,12 @@ class SiconosSolver(ServedSolver):
     def solve(
         self, prepared: HandedOver, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
     ) -> SolverOutput:
-        settings = SiconosSettings(inner=self.row.inner, **translate(budget, self.row.bound))
+        asked = self.stopping(budget.tolerance, prepared.problem).settings[NAME]
+        settings = SiconosSettings(tolerance=asked, max_iter=limit(budget, self.row.bound), inner=self.row.inner)
         return super().solve(prepared, budget, settings, start, record)
+
+    def stopping(self, tolerance: float, problem: Any = None) -> Stopping:
+        return stopping(self.node, self.row.default, tolerance, problem)
 
     def version(self) -> str:
         return str(about(interpreter()).get("version", ""))

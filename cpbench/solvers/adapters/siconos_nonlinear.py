@@ -4,9 +4,9 @@ NumPy: an evaluation takes about 2 µs for every depth and operator, which on sm
 Where F is no number they mostly end with info 2; but Siconos' error of a component is |z − max(0, z − w)|, and its max
 of 0 and NaN is 0, so that z = 0 passes there (siconos-mcp-newton-min-fb on a Walras problem): a claim like every other.
 
-Siconos' errors are absolute there (the norm of F(0) of its variational inequalities is set to 1), so that its tolerance
-is the table's ε/10 times the problem's `scale`. All start at the start that is told, else at the problem's own,
-projected on its simple set.
+Siconos' errors are absolute there (the norm of F(0) of its variational inequalities is set to 1), and so is its
+tolerance: no size of F at a start enters, which beside a pole may be anything. All start at the start that is given,
+else at the problem's own, projected on its simple set.
 """
 
 from __future__ import annotations
@@ -39,5 +39,4 @@ class SiconosNonlinear(SiconosSolver):
         problem: Any = prepared.problem
         zero = problem.zero_point()
         first = dataclasses.replace(zero, z=problem.project(problem.start if start is None else start.z))
-        scaled = dataclasses.replace(budget, tolerance=budget.tolerance * (problem.scale or 1.0))
-        return super().solve(prepared, scaled, options, first, record)
+        return super().solve(prepared, budget, options, first, record)

@@ -17,20 +17,45 @@ grfc
 soclcp   ‖x − P_K(x − w)‖/(1 + ‖q‖)                                        ours is over ‖q‖
 =======  ================================================================  ====================================
 
-TOL = ε/10 in all of them: the factor is what norms of the sum and of the parts may differ by on data of size 1. No
-factor mends the units of an error; the cases in which a solver is wrong for that reason stand in its known_failures
-(Siconos' `rescaling` is an option of its users, not a part of its test). A NaN passes Siconos' tests `error > tol`.
+TOL = ε/10 in all of them, and never more than the solver's own default: the factor is what norms of the sum and of the
+parts may differ by on data of size 1. Where a test adds 1 to the size of the constants (mlcp, relay, soclcp), TOL is
+smaller by that size where it is below 1. No factor mends a sum of a force and a velocity, and of a map (ncp, micp, vi)
+no size is known before it is solved: `differs` says so, and cases in which a solver is wrong for that reason stand in
+its known_failures (Siconos' `rescaling` is an option of its users, not a part of its test). A NaN passes Siconos'
+tests `error > tol`.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from enum import IntEnum
 from typing import Any
 
+import numpy as np
+
+from cpbench.matrices import max_abs, norm
 from cpbench.solvers.base import Budget
+from cpbench.solvers.stopping import Stopping, no_looser
 
 FACTOR = 0.1
+NAME = "dparam[SICONOS_DPARAM_TOL]"
+_SUM = "adds a force to a velocity: it may pass too early where the matrix is far from 1, by that factor"
+_MAP = "absolute: it may pass too early where F is below 1, whose size is not known before it is solved"
+TESTS: Mapping[str, tuple[str, str]] = {
+    "lcp": ("‖min(z, w)‖/‖q‖", _SUM),
+    "mlcp": ("Σ|Au + Cv + a|, Σ of violations and of products v·w, each over 2 + norms", _SUM),
+    "relay": ("‖z − P(z − w)‖/(1 + ‖q‖)", _SUM),
+    "soclcp": ("‖x − P_K(x − w)‖/(1 + ‖q‖)", _SUM),
+    "fc": ("‖r − P_K(r − û)‖/max(‖q‖, ‖r‖, ‖u‖)", _SUM),
+    "rfc": ("‖r − P_K(r − û)‖/max(‖q‖, ‖r‖, ‖u‖)", _SUM),
+    "gfc": ("as for fc, plus ‖Mv − Hr − f‖/max of its terms", _SUM),
+    "grfc": ("as for rfc, plus ‖Mv − Hr − f‖/max of its terms", _SUM),
+    "ncp": ("norm of the solver's own function of (z, F), absolute", _MAP),
+    "micp": ("norm of the solver's own function of (z, F), absolute", _MAP),
+    "vi": ("‖z − P(z − F)‖, absolute", _MAP),
+}
+"""Siconos' test by node, and what it does not see."""
 
 
 class Bound(IntEnum):
@@ -45,7 +70,34 @@ class Bound(IntEnum):
     """Loops with a solver inside that has a bound of its own."""
 
 
-def translate(budget: Budget, bound: Bound) -> Mapping[str, Any]:
-    """Return the two settings under the names of the guest's options."""
-    limit = int(bound) if budget.iterations is None else budget.iterations
-    return {"tolerance": FACTOR * budget.tolerance, "max_iter": limit}
+def stopping(node: str, default: float, tolerance: float, problem: Any = None) -> Stopping:
+    """Return the test of a solver of Siconos and its tolerance. default : the solver's own."""
+    test, differs = TESTS[node]
+    defaults = {NAME: default}
+    return Stopping(
+        test=test,
+        settings=no_looser({NAME: FACTOR * tolerance * _share(node, problem)}, defaults),
+        defaults=defaults,
+        differs=differs,
+        factor=math.inf if differs == _MAP else _excess(problem),
+    )
+
+
+def limit(budget: Budget, bound: Bound) -> int:
+    """Return the most iterations."""
+    return int(bound) if budget.iterations is None else budget.iterations
+
+
+def _share(node: str, problem: Any) -> float:
+    """Return the size of the constants that a test compares with 1 + itself, at most 1."""
+    if problem is None or node not in ("mlcp", "relay", "soclcp"):
+        return 1.0
+    constants = np.concatenate([problem.a, problem.b]) if node == "mlcp" else problem.q
+    return min(1.0, norm(constants) or 1.0)
+
+
+def _excess(problem: Any) -> float:
+    """Return by what the matrix of a problem makes one of force and velocity smaller than the other; 1 without one."""
+    names = ("M",) if hasattr(problem, "M") else ("W",) if hasattr(problem, "W") else ("A", "B")
+    size = max((max_abs(getattr(problem, name)) for name in names if hasattr(problem, name)), default=1.0)
+    return max(size, 1.0 / size) if size > 0 else math.inf
