@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -15,7 +15,8 @@ from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, parse_options, solvers
-from cpbench.verification import Status
+from cpbench.solvers.stopping import second_tolerance
+from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, Status
 
 PROOF_SHARE = 0.5
 """The part of the time limit within which a proof is looked for that there is no solution."""
@@ -156,10 +157,27 @@ def _clock() -> float:
 
 
 def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Solution:
-    """Run the solver and judge what it returns."""
+    """Run the solver and judge what it returns; once more for a smaller tolerance where its package's claim fails."""
     from cpbench import graph
 
-    budget = Budget(tolerance=graph.tolerance(way.problem, tolerance, way.steps), seconds=seconds)
+    asked = graph.tolerance(way.problem, tolerance, way.steps)
+    first, missed = _judged(problem, way, tolerance, Budget(tolerance=asked, seconds=seconds))
+    if first.status not in FALSE_CLAIMS:
+        return first
+    smaller = second_tolerance(way.solver.stopping, asked, first.claim, missed)
+    if smaller is None:
+        return first
+    second, _ = _judged(problem, way, tolerance, Budget(tolerance=smaller, seconds=seconds))
+    kept, other = (second, first) if second.status in MET_TOLERANCE else (first, second)
+    which = "first" if kept is second else "second"
+    said = f"asked twice, then for {smaller:.1e}; the {which} answer: {other.status}, error {other.error:.1e}"
+    return replace(kept, message="; ".join(filter(None, (kept.message, said))))
+
+
+def _judged(problem: Problem, way: Way, tolerance: float, budget: Budget) -> tuple[Solution, float]:
+    """Return what one run of the solver is worth, and the error of its answer on its own problem."""
+    seconds = budget.seconds
+    ended = partial(Solution, problem=problem, solver=way.name, tolerance=tolerance, route=way.label, kind=way.kind)
     spent = {"convert": way.seconds} if way.steps else {}
     solver = way.solver
     try:
@@ -175,17 +193,8 @@ def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Sol
     except Exception as error:
         status = Status.MEMOUT if isinstance(error, MemoryError) else Status.ERROR
         message = f"{type(error).__name__}: {error}"
-        return Solution(
-            problem=problem,
-            solver=way.name,
-            status=status,
-            verdict=verification.no_answer(tolerance),
-            tolerance=tolerance,
-            route=way.label,
-            kind=way.kind,
-            seconds=spent,
-            message=message,
-        )
+        broken = ended(status=status, verdict=verification.no_answer(tolerance), seconds=spent, message=message)
+        return broken, broken.error
     found = judge_answer(
         problem,
         way.problem,
@@ -206,17 +215,13 @@ def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Sol
     # the solver was told the limit, and nobody stops it in this process
     late = spent["setup"] + spent["solve"] > seconds
     remarks = [found.message, output.message, f"answered after the limit of {seconds:g} s" if late else ""]
-    return Solution(
-        problem=problem,
-        solver=way.name,
+    solution = ended(
         status=Status.TIMEOUT if late else found.status,
         verdict=found.verdict,
-        tolerance=tolerance,
-        route=way.label,
-        kind=way.kind,
         point=found.point,
         claim=str(output.claim),
         seconds={**spent, "lift": found.lift, "verify": found.verify},
         counters=dict(output.counters),
         message="; ".join(filter(None, remarks)),
     )
+    return solution, (found.target or found.verdict).error

@@ -8,9 +8,13 @@ from collections.abc import Sequence
 from cpbench.bench.messages import Declined, Failure, Late, Message, OutOfMemory, Result
 from cpbench.bench.results.rows import Outcome
 from cpbench.errors import FormatError
+from cpbench.verification import MET_TOLERANCE, PROVEN
 
 LATE, LATE_SHARE = 0.25, 1.5
 """Seconds, and multiple of the time that the worker reports, after which an answer carries the flag `clock`."""
+
+TWICE = "twice"
+"""Flag of a pair whose solver was asked once more because its first claim failed."""
 
 REMEMBERED, NOTICED = 20.0, 0.01
 """Ratio of the first solve to the median of its repeats, and seconds of the first, from which the repeats are taken to
@@ -39,6 +43,26 @@ def remembered(solves: Sequence[float]) -> bool:
     """
     first, *others = solves
     return bool(others) and first > max(NOTICED, REMEMBERED * statistics.median(others))
+
+
+def of_both(first: Outcome, second: Outcome, tolerance: float) -> Outcome:
+    """Return the row of a pair whose solver was asked once more, for a smaller tolerance, because its claim failed.
+
+    The second run is reported, with its times, where its answer is right; else the first one. Either row says so.
+    """
+    if second.status in (*MET_TOLERANCE, *PROVEN):
+        kept, other = second, f"a first answer, claimed {first.claim}, was {first.status}: {_errors(first)}"
+    else:
+        kept, other = first, f"the second answer is {second.status}: {_errors(second)}"
+    return kept.changed(
+        flags=",".join(filter(None, (kept.flags, TWICE))),
+        message="; ".join(filter(None, (kept.message, f"asked twice, then for {tolerance:.1e}", other))),
+        target_tolerance=first.target_tolerance,
+    )
+
+
+def _errors(outcome: Outcome) -> str:
+    return "no error was measured" if outcome.error is None else f"error {outcome.error:.1e}"
 
 
 def unprepared(why: Message, *, loading: bool) -> Outcome:

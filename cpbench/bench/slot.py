@@ -20,7 +20,7 @@ from cpbench import frames
 from cpbench.bench import machine, messages
 from cpbench.bench.compiler import Compiler
 from cpbench.bench.events import Compiling, EventHandler, Starting, ignore_event
-from cpbench.bench.outcome import iqr, marks, reason, remembered, unprepared
+from cpbench.bench.outcome import iqr, marks, of_both, reason, remembered, unprepared
 from cpbench.bench.planning.plan import PREVIOUS, Limits, Pair, Request
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
@@ -33,8 +33,9 @@ from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Kind
 from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import folder
+from cpbench.solvers.stopping import second_tolerance
 from cpbench.temporary import RUN, TemporaryHome
-from cpbench.verification import MET_TOLERANCE, PROVEN
+from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, PROVEN
 
 Before: TypeAlias = tuple[Pair, str, bytes | None]
 """The pair of the step before in a sequence: its status, and its kept answer."""
@@ -193,8 +194,23 @@ class Slot:
     ) -> list[Outcome]:
         """Return the outcomes of pairs whose problems are converted: of one, or of all that are in a `stack`."""
         found = self._solved(pairs, prepared, before, stack)
+        if not stack and not isinstance(found, Outcome):
+            found = [self._confirmed(pairs[0], prepared, before, found[0])]
         self.workers.served(pairs[0].entry.solver)
         return [found] * len(pairs) if isinstance(found, Outcome) else found
+
+    def _confirmed(self, pair: Pair, prepared: messages.Prepared, before: Before | None, first: Outcome) -> Outcome:
+        """Return the outcome of a pair whose solver is asked once more where its package's claim failed: what it was
+        asked for may have been too little in the units of this problem."""
+        missed = first.error if first.target_error is None else first.target_error
+        stopping = solvers.get(pair.entry.solver).stopping
+        tolerance = None
+        if first.status in FALSE_CLAIMS:
+            tolerance = second_tolerance(stopping, prepared.tolerance, first.claim or "", missed)
+        if tolerance is None:
+            return first
+        second = self._solved([pair], replace(prepared, tolerance=tolerance), before, stack=False)
+        return of_both(first, second if isinstance(second, Outcome) else second[0], tolerance)
 
     def _solved(
         self, pairs: Sequence[Pair], prepared: messages.Prepared, before: Before | None, stack: bool

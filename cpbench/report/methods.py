@@ -60,6 +60,9 @@ some contact slips more than {DIRECTION_DEGREES:g}° off the direction that the 
 but a contact that carries load misses the law by more than a tenth of its own reaction or velocity. *absolute*: a part
 of the problem has no constants, and was measured absolutely. *repeat*: a repeat of the timing failed after the first
 answer, which stands. *remembered*: the repeats were so much faster than the first solve that it alone counts.
+*twice*: the package of the solver claimed an answer, by a test and in units of its own, that misses the tolerance;
+it was asked once more, for a smaller tolerance. The row has the run that it reports, with the time of this run alone:
+the second where that answer is right, else the first.
 *children*: the solver left processes behind; *threads*: it used more threads than it was given; *wrote*: it wrote to
 the problem's data; *clock*: its answer came much later than its own clock says. After the first three its process
 was replaced. *history*: not run, but read off the iterates of a run at a tighter tolerance. *mixed*: merged from runs
