@@ -9,6 +9,7 @@ import decision_index
 import interface_page
 import registry_pages
 import schema_page
+import tolerance_page
 import tutorial_pages
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -23,6 +24,7 @@ PAGES: dict[str, Callable[[], str | bytes]] = {
     "reference/formats.md": registry_pages.formats_page,
     "reference/schemas.md": schema_page.page,
     "methods/statistics.md": registry_pages.statistics_page,
+    "methods/tolerances.md": tolerance_page.page,
     "decisions/index.md": decision_index.page,
 }
 

@@ -20,6 +20,7 @@ from cpbench.formulations import LCP, Kind, LCPPoint, MLCPPoint, Residuals
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.native.lcp.lemke import Lemke
 from cpbench.solvers.native.lcp.semismooth_newton import NewtonMin
+from cpbench.solvers.stopping import Stopping
 from cpbench.storage import Format
 
 
@@ -213,6 +214,29 @@ class ExcusesWhatItCan(ClaimsZeros):
     """Excuses a case whose solution is 0, which it claims rightly."""
 
     spec = dataclasses.replace(_LCPSolver.spec, known_failures=MappingProxyType({"case-zero-q": "said to fail"}))
+
+
+class AsksForLess(_LCPSolver):
+    """Asks its package for ten times the tolerance."""
+
+    def stopping(self, tolerance, problem=None):
+        return Stopping(test="max|F|", settings={"abstol": 10.0 * tolerance}, defaults={"abstol": 1.0})
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        return SolverOutput(claim=Claim.FAILED)
+
+
+class IgnoresTheUnit(_LCPSolver):
+    """Ends by an absolute residual, a thousandth from the solution, and declares no factor."""
+
+    def stopping(self, tolerance, problem=None):
+        return Stopping(test="max|min(z, w)|", settings={"abstol": tolerance}, defaults={"abstol": 1e-3})
+
+    def solve(self, prepared, budget, options, start=None, record=None):
+        z = 1.001 * Lemke().run(prepared, budget).point.z
+        residual = np.abs(np.minimum(z, prepared.M @ z + prepared.q)).max(initial=0.0)
+        claim = Claim.SOLVED if residual <= 0.1 * budget.tolerance else Claim.FAILED
+        return SolverOutput(claim=claim, point=LCPPoint(z=z))
 
 
 @dataclass(frozen=True)

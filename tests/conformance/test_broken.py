@@ -46,6 +46,8 @@ CAUGHT = [
     ("solver", "TakesNoDefaults", "check_options_are_known_by_name"),
     ("solver", "EditsTheProblem", "check_the_problem_stays"),
     ("solver", "NeedsItsPackageToBeRead", "check_the_spec_is_read_without_the_package"),
+    ("solver", "AsksForLess", "check_tolerances_are_no_looser"),
+    ("solver", "IgnoresTheUnit", "check_claims_hold_in_other_units"),
     ("solver", "ExcusesWhatItCan", "check_known_failures_still_fail"),
     ("format", "LosesAField", "check_round_trip_is_exact"),
     ("format", "ForgetsWhoMadeIt", "check_annotations_are_kept"),

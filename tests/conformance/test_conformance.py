@@ -62,6 +62,7 @@ OF_THE_SPEC = {
     "check_options_are_known_by_name",
     "check_the_spec_is_complete",
     "check_the_spec_is_read_without_the_package",
+    "check_tolerances_are_no_looser",
 }
 """What solves nothing, and needs no package."""
 BY_DAY = {
@@ -81,7 +82,11 @@ BY_DAY = {
         "check_some_case_is_solved",
         "check_answers_have_their_shape",
     },
-    "foreign": {"check_options_are_known_by_name", "check_the_spec_is_complete"},
+    "foreign": {
+        "check_options_are_known_by_name",
+        "check_the_spec_is_complete",
+        "check_tolerances_are_no_looser",
+    },
 }
 """Checks of every solver. An automatic choice is among solvers that are checked themselves; the line of another
 package's table is right if one of the table solves something."""
@@ -103,7 +108,7 @@ def _solvers() -> list:
             day = set(checks("solver"))
         elif kind == "foreign" and solver.spec.by_default and module not in modules:
             modules.add(module)
-            day = day | {"check_some_case_is_solved"}
+            day = day | {"check_some_case_is_solved", "check_claims_hold_in_other_units"}
         for check, call in checks("solver").items():
             marks = () if check in day else pytest.mark.nightly
             found.append(pytest.param(solver, call, id=f"{name}-{check}", marks=marks))
