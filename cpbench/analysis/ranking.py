@@ -1,15 +1,17 @@
 """Answer to the question which solver to use: of every group a ranking, and one sentence.
 
-The order is by problems solved, then by stationary points found, then by the geometric mean of the time over that of
-the fastest, then by name. A solver is measured on what it was started on: pairs that no route reaches, that are not
-installed or were not run are not counted, and neither are problems that were proved to have no solution.
+The order is that of `ranking_order`: by problems solved where that differs significantly, else by time. A solver is
+measured on what it was started on: pairs that no route reaches, that are not installed or were not run are not counted,
+and neither are problems that were proved to have no solution. An answer that a conversion lost is charged to the
+conversion: it is counted by itself, not among the problems of the solver. It is no answer either, so that it does not
+help its solver in the order.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,8 +20,9 @@ import pandas as pd
 from cpbench.analysis import best, cautions, multi_start
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
-from cpbench.analysis.profiles import FLOOR
-from cpbench.analysis.reliability import false_claims
+from cpbench.analysis.ranking_order import order
+from cpbench.analysis.ranking_sentence import FALSE, Advice, advice
+from cpbench.analysis.reliability import false_claims, near
 from cpbench.analysis.table import ResultGroup
 from cpbench.formulations import formulations
 from cpbench.formulations.base import Kind
@@ -28,10 +31,8 @@ from cpbench.verification import PROVEN, Status
 
 LINES = 10
 """The most rows of a ranking that are shown."""
-FASTER = 2.0
-"""Another solver is named when it is so many times faster, where both solve."""
+NEARLY = "claims that nearly hold"
 LAUNCHES = "launches a program"
-FALSE = "claims that fail"
 ENDINGS = {
     str(Status.TIMEOUT): "timeouts",
     str(Status.CRASH): "crashes",
@@ -49,7 +50,8 @@ class RankedSolver:
     Attributes
     ----------
     route : by which most of its problems reached it, `others` more routes were taken. started, solved : problems;
-    stationary : those on which it found a point that meets the conditions of a minimum and may be none.
+    lost : those of which a conversion lost the answer; `counted` are the others. stationary : those on which it found a
+    point that meets the conditions of a minimum and may be none. error : median of what it reached where it solved.
     fastest : problems on which it shares the lead, `alone` of them are solved by no other. median : of its times where
     it solved [s]. factor : geometric mean of its time over that of the fastest there (NaN, as median, without a time
     that may be compared). warnings : what a reader must know.
@@ -60,12 +62,19 @@ class RankedSolver:
     others: int
     started: int
     solved: int
+    lost: int
     stationary: int
     fastest: int
     alone: int
     median: float
     factor: float
+    error: float
     warnings: tuple[str, ...] = ()
+
+    @property
+    def counted(self) -> int:
+        """Problems that it is measured on: those it was started on whose answer no conversion lost."""
+        return self.started - self.lost
 
 
 @dataclass(frozen=True)
@@ -76,7 +85,7 @@ class Ranking:
     ----------
     formulation : its name, with what tells the group from others of the same node. problems : those that some
     solver was started on, without those that have no solution; `cases` counts them, each start of a file as one.
-    rows : all solvers that were started.
+    rows : all solvers that were started. advice : the sentence, in parts.
     """
 
     group: ResultGroup
@@ -84,7 +93,7 @@ class Ranking:
     problems: int
     cases: int
     rows: tuple[RankedSolver, ...]
-    sentence: str
+    advice: Advice
 
     @property
     def shown(self) -> tuple[RankedSolver, ...]:
@@ -93,19 +102,23 @@ class Ranking:
 
     @property
     def title(self) -> str:
-        """Title of its node, '' where nobody knows the node any more."""
+        """Title of its node, '' where the node is not known any more."""
         return formulations.get(self.group.node).title if self.group.node in formulations else ""
 
     @property
     def verdict(self) -> str:
-        """The sentence without the name of the formulation that it begins with."""
-        return self.sentence.removeprefix(f"{self.formulation}: ")
+        """The sentence without the name of the formulation."""
+        return self.advice.text
+
+    @property
+    def sentence(self) -> str:
+        """What to use, after the name of the formulation."""
+        return f"{self.formulation}: {self.verdict}"
 
     @property
     def winner(self) -> str:
-        """The solver to use, '' where nobody solved anything."""
-        first = self.rows[0] if self.rows else None
-        return first.solver if first is not None and first.solved + first.stationary else ""
+        """The solver to use, '' where no solver solved anything."""
+        return self.advice.winner
 
     @property
     def problems_and_starts(self) -> str:
@@ -123,7 +136,7 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
     ...                      "status": ["solved", "solved", "solved", "timeout"], "tolerance": 1e-6, "threads": 1})
     >>> [found] = rankings(rows_of.normalised(rows))
     >>> found.sentence, [(row.solver, row.solved, row.started) for row in found.rows]
-    ('lcp: use s: it solves 2 of 2 problems, alone on 1, fastest on 1.', [('s', 2, 2), ('t', 1, 2)])
+    ('lcp: a hint from 2 problems: s solves 2 of 2, alone on 1, fastest on 1.', [('s', 2, 2), ('t', 1, 2)])
     """
     parts = rows_of.groups(multi_start.merged(table))
     groups = [group for group, _ in parts]
@@ -165,33 +178,45 @@ def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Co
     problems = rows["fingerprint"].map(multi_start.original).nunique()
     times = rows_of.times(rows_of.only_ranked(rows))
     gap = best.gaps(times)
+    factors = {str(label): float(factor) for label, factor in gap["mean"].items()}
+    ranked = _ranked(started, rows, times, gap, launching)
+    places = {label: k for k, label in enumerate(order(rows, times, factors))}
+    ranked.sort(key=lambda r: places.get(r.solver, len(places)))
+    left = int(started.loc[hopeless, "fingerprint"].nunique())
+    found = Ranking(group, name, problems, cases, tuple(ranked), Advice("", "", ""))
+    return replace(found, advice=advice(found, rows, times, left))
+
+
+def _ranked(
+    started: pd.DataFrame, rows: pd.DataFrame, times: pd.DataFrame, gap: pd.DataFrame, launching: Collection[str]
+) -> list[RankedSolver]:
+    """Return the solvers of a group, in order of name. `started` has the problems without a solution, too."""
     leads, alone, factors = gap["fastest"].to_dict(), gap["alone"].to_dict(), gap["mean"].to_dict()
     medians = times.where(np.isfinite(times)).median().to_dict()
-    count, solved = _count(rows), _count(rows[rows_of.solved(rows)])
+    solved = rows_of.solved(rows)
+    errors = rows[solved].groupby("label")["error"].median().to_dict()
+    count, solved_by = _count(rows), _count(rows[solved])
+    lost = _count(rows[rows["status"] == str(Status.LOST)])
     stationary = _count(rows[rows["status"] == str(Status.STATIONARY)])
     warnings, routes = _warnings(started, launching), _routes(rows)
-    ranked = [
+    return [
         RankedSolver(
             solver=label,
             route=routes.get(label, ("", 0))[0],
             others=routes.get(label, ("", 0))[1],
             started=count[label],
-            solved=solved.get(label, 0),
+            solved=solved_by.get(label, 0),
+            lost=lost.get(label, 0),
             stationary=stationary.get(label, 0),
             fastest=int(leads.get(label, 0)),
             alone=int(alone.get(label, 0)),
             median=float(medians.get(label, math.nan)),
             factor=float(factors.get(label, math.nan)),
+            error=float(errors.get(label, math.nan)),
             warnings=tuple(warnings.get(label, ())),
         )
         for label in sorted(count)
     ]
-    ranked.sort(key=lambda r: (-r.solved, -r.stationary, r.factor if r.factor == r.factor else math.inf, r.solver))
-    sentence = _sentence(name, cases, ranked, times, "problem" if cases == problems else "start")
-    left = int(started.loc[hopeless, "fingerprint"].nunique())
-    if left:
-        sentence += f" {left} more {'was' if left == 1 else 'were'} proved to have no solution."
-    return Ranking(group, name, problems, cases, tuple(ranked), sentence)
 
 
 def _count(rows: pd.DataFrame) -> dict[str, int]:
@@ -224,59 +249,13 @@ def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[
     for label, kind in rows_of.label_kinds(rows).items():
         if kind in inexact:
             found.setdefault(label, []).append(f"{kind} route")
-    warn(_count(false_claims(rows)), FALSE)
+    failing = false_claims(rows)
+    almost = near(failing) & ~rows_of.contradicted(failing)
+    warn(_count(failing[~almost]), FALSE)
+    warn(_count(failing[almost]), NEARLY)
     warn(cautions.fell_back(rows), "fell back to cold")
     for status, text in ENDINGS.items():
         warn(_count(rows[rows["status"] == status]), text)
     for label in sorted(set(rows["label"][~rows_of.ranked(rows)])):
         found.setdefault(label, []).append("times of another machine")
     return found
-
-
-def _sentence(name: str, cases: int, ranked: Sequence[RankedSolver], times: pd.DataFrame, noun: str) -> str:
-    """Return what to use, and what that rests on; `noun` says what the cases are."""
-    if not cases:
-        return f"{name}: no problem that has a solution."
-    if not ranked or not ranked[0].solved + ranked[0].stationary:
-        return f"{name}: nobody solves any of {counted(cases, noun)}."
-    first = ranked[0]
-    reach = "" if first.started == cases else f" ({counted(cases, noun)} in all)"
-    sentence = f"it solves {first.solved} of {counted(first.started, noun)}{reach}"
-    if first.stationary:
-        sentence += f" and finds a stationary point of {first.stationary}"
-    if len(ranked) == 1:
-        return f"{name}: only {first.solver} ran: {sentence}."
-    parts = [f"{name}: use {first.solver}: {sentence}"]
-    ahead = first.fastest - first.alone
-    if first.alone:
-        parts.append(f"alone on {first.alone}")
-    if ahead:
-        parts.append(f"fastest on {ahead}")
-    elif first.factor == first.factor and not first.alone:
-        parts.append(f"{first.factor:.2g} times the fastest")
-    text = ", ".join(parts)
-    faster = _faster(first.solver, times)
-    if faster:
-        other, ratio, both = faster
-        text += f"; {other} is {ratio:.2g} times faster on the {both} that both solve"
-    if false := [w for w in first.warnings if w.startswith(FALSE)]:
-        text += f"; {false[0]}, so check its answers"
-    return f"{text}."
-
-
-def _faster(first: str, times: pd.DataFrame) -> tuple[str, float, int] | None:
-    """Return the label most times faster than the first (geometric mean where both solve), of those that solve at
-    least half of what it solves; None where that is not much.
-    """
-    if first not in times.columns:
-        return None
-    logs = np.log(np.maximum(times, FLOOR))
-    mine = logs[first]
-    solved = np.isfinite(mine)
-    found: list[tuple[float, str, int]] = []
-    for label in times.columns:
-        both = solved & np.isfinite(logs[label])
-        if label != first and 2 * int(both.sum()) >= int(solved.sum()):
-            found.append((-float(np.exp((mine - logs[label])[both].mean())), str(label), int(both.sum())))
-    ratio, label, both = min(found, default=(0.0, "", 0))
-    return (label, -ratio, both) if -ratio >= FASTER else None

@@ -48,6 +48,9 @@ JUDGED = tuple(
 )
 """Statuses of a solver that came back within its limits, so that its claim and the verdict can be compared."""
 
+NEAR = 2.0
+"""A claim of a solution is near where the error is within this factor of the tolerance."""
+
 MET = (*MET_TOLERANCE, *CHARGED_TO_ROUTE)
 """Statuses of an answer that solves what the solver was given."""
 
@@ -150,6 +153,53 @@ def false_claims(table: pd.DataFrame) -> pd.DataFrame:
     missed = rows_of.exact(table) | (table["target_error"] > target_tolerance(table))
     lies = (table["claim"] == CLAIMED) & table["status"].isin(FALSE_CLAIMS) & missed
     return table[lies | rows_of.contradicted(table)]
+
+
+def near(table: pd.DataFrame) -> pd.Series[bool]:
+    """Return whether the error of each row is within NEAR times the tolerance, and not within it, where its claim was
+    judged: on the solver's own problem, or on the asked one where the solver was given that.
+
+    >>> near(pd.DataFrame({"error": [1.2e-6, 3e-6, 1.2e-6], "tolerance": 1e-6, "target_tolerance": [math.nan, math.nan,
+    ...                    1e-7], "target_error": [math.nan, math.nan, 1e-6]})).tolist()
+    [True, False, False]
+    """
+    own = table["target_error"].notna()
+    factor = (table["target_error"] / target_tolerance(table)).where(own, table["error"] / table["tolerance"])
+    return (factor > 1.0) & (factor <= NEAR)
+
+
+def claim_counts(group: pd.DataFrame) -> pd.DataFrame:
+    """Count the claims of each label by what the verdicts say of them, one row a label (sorted).
+
+    Columns: made (claims of a solution, or that there is none), confirmed (by the verdict on the solver's own problem,
+    or by a proof), near (claims of a solution whose error is within NEAR times the tolerance), false (beyond that),
+    nonexistence (claims that there is no solution, beside a verified answer), open (nothing decides: rounding does,
+    nothing proves that there is no solution, or nobody has the solver's own problem). made is the sum of the others.
+
+    >>> rows = pd.DataFrame({"label": "a", "status": ["solved", "inaccurate", "wrong", "failed"], "kind": "equivalent",
+    ...                      "claim": ["solved", "solved", "solved", "infeasible"], "error": [0.5, 1.5, 9.0, 9.0],
+    ...                      "tolerance": 1.0, "target_error": math.nan, "target_tolerance": math.nan})
+    >>> claim_counts(rows).loc["a"].tolist()
+    [4, 1, 1, 1, 0, 1]
+    """
+    labels = sorted(str(label) for label in group["label"].unique())
+
+    def count(of: pd.Series[bool]) -> pd.Series[int]:
+        return group.loc[of, "label"].value_counts().reindex(labels, fill_value=0).astype(int)
+
+    made = (group["claim"] == CLAIMED) | group["claim"].isin(PROVEN)
+    denied = rows_of.contradicted(group)
+    failing = group.index.isin(false_claims(group).index)
+    unmeasured = (group["status"] == str(Status.APPROXIMATE)) & group["target_error"].isna()
+    claimed = (group["claim"] == CLAIMED) & group["status"].isin(MET) & ~unmeasured
+    parts = {
+        "confirmed": count((claimed | (group["claim"] == group["status"])) & made & ~denied),
+        "near": count(failing & ~denied & near(group)),
+        "false": count(failing & ~denied & ~near(group)),
+        "nonexistence": count(denied),
+    }
+    found = pd.DataFrame({"made": count(made), **parts}, index=pd.Index(labels, name="label"))
+    return found.assign(open=found["made"] - found[list(parts)].sum(axis=1))
 
 
 def unproved(table: pd.DataFrame) -> pd.DataFrame:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from cpbench.analysis.ranking import Ranking
 
 
+HEAD = ("solver", "solved", "lost", "median [s]", "× fastest", "error", "route")
+"""Columns of a ranking in a notebook."""
 MAGIC = b"SQLite format 3\x00"
 """First bytes of a results file."""
 
@@ -174,10 +176,11 @@ class Results:
     def _repr_html_(self) -> str:
         parts = [f"<p>{html.escape(line)}</p>" for line in self._contradicted]
         for ranking in self.rankings:
-            head = "".join(f"<th>{name}</th>" for name in ("solver", "solved", "median [s]", "× fastest", "route"))
+            head = "".join(f"<th>{name}</th>" for name in HEAD)
             rows = "".join(
-                f"<tr><td>{html.escape(row.solver)}</td><td>{row.solved} of {row.started}</td>"
-                f"<td>{_shown(row.median)}</td><td>{_shown(row.factor)}</td><td>{html.escape(row.route)}</td></tr>"
+                f"<tr><td>{html.escape(row.solver)}</td><td>{row.solved} of {row.counted}</td>"
+                f"<td>{row.lost or ''}</td><td>{_shown(row.median)}</td><td>{_shown(row.factor)}</td>"
+                f"<td>{_shown(row.error)}</td><td>{html.escape(row.route)}</td></tr>"
                 for row in ranking.shown
             )
             parts.append(f"<p>{html.escape(ranking.sentence)}</p><table><tr>{head}</tr>{rows}</table>")

@@ -18,7 +18,7 @@ from cpbench.api.cross_examination import contradiction_lines
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
 from cpbench.cli.terminal import folded, print_lines, width
-from cpbench.report.text import counted, seconds
+from cpbench.report.text import counted, number, seconds
 from cpbench.report.throughput_section import HEAD, TITLE, throughput_lines
 
 if TYPE_CHECKING:
@@ -70,8 +70,10 @@ def _title(ranking: Ranking) -> str:
 
 def _sentence(ranking: Ranking) -> Sequence[str]:
     """Return the solver to use, after the formulation and its full name, in lines of the terminal with both bold."""
+    opening = f"{ranking.formulation}{_title(ranking)}: {ranking.advice.before}"
     first, *rest = folded(f"{ranking.formulation}{_title(ranking)}: {ranking.verdict}")
-    first = first.replace(f"use {ranking.winner}:", f"use {click.style(ranking.winner, bold=True)}:", 1)
+    if first.startswith(opening + ranking.winner):  # the opening may be longer than a line
+        first = opening + click.style(ranking.winner, bold=True) + first.removeprefix(opening + ranking.winner)
     return [click.style(ranking.formulation, bold=True) + first.removeprefix(ranking.formulation), *rest]
 
 
@@ -85,7 +87,7 @@ def _print_ranking(ranking: Ranking) -> None:
     room = width()
     most = None if room is None else max(room // 4, SHORTEST)
     table.add_column("solver", no_wrap=True, overflow="ellipsis", max_width=most)
-    for name in ("solved", "median", "× fastest"):
+    for name in ("solved", "lost", "median", "× fastest", "error"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("route", no_wrap=True, overflow="ellipsis", max_width=most)
     table.add_column("", overflow="fold")
@@ -128,9 +130,11 @@ def _cells(row: RankedSolver) -> Sequence[str]:
     more = f" (+{row.others})" if row.others else ""
     return (
         row.solver,
-        f"{row.solved} of {row.started}",
+        f"{row.solved} of {row.counted}",
+        str(row.lost or "·"),
         seconds(row.median) if timed else "—",
-        f"{row.factor:.3g}" if timed else "—",
+        number(row.factor) if timed else "—",
+        f"{row.error:.1e}" if math.isfinite(row.error) else "—",
         f"{row.route}{more}",
         ", ".join(row.warnings),
     )

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 
 from cpbench.analysis.profiles import FLOOR
-from cpbench.analysis.ranking import FALSE, RankedSolver, Ranking
+from cpbench.analysis.ranking import RankedSolver, Ranking
+from cpbench.analysis.ranking_order import LEVEL
+from cpbench.analysis.ranking_sentence import FALSE
 from cpbench.plurals import counted
 from cpbench.report import overview_figure
 from cpbench.report.details import file_of
@@ -16,6 +19,17 @@ SENTENCES = 24
 """The most sentences: those of the formulations with most problems."""
 ROWS = 96
 """The most rows of the table of rankings, shared by the formulations."""
+
+
+EXPLAINED = (
+    "Solved: of the problems that the solver was started on; problems that it cannot handle are not counted. Lost: "
+    "answers that a conversion lost, which are charged to the conversion and are not among these problems. "
+    "Median: of its times where it solved, so solvers that solve different problems have medians of those. "
+    "× fastest: geometric mean of its time over that of the fastest solver there. Error: median of what it reached "
+    f"where it solved. Order: solvers whose numbers of solved problems do not differ (exact McNemar test, {LEVEL:.0%}) "
+    "are in order of time, the geometric mean over all problems, one without an answer charged the limit."
+)
+"""Meaning of the columns of a ranking, and of its order."""
 
 
 def answer(run: Run) -> Iterator[str]:
@@ -35,24 +49,18 @@ def answer(run: Run) -> Iterator[str]:
         yield f"*{plain(guide)}*"
     yield "## Ranking"
     lines = max(1, min(10, ROWS // len(shown)))
-    head = ["formulation", "solver", "solved", "median", "× fastest", "route", "remarks"]
+    head = ["formulation", "solver", "solved", "lost", "median", "× fastest", "error", "route", "remarks"]
     rows = [cells for ranking in shown for cells in _lines(run, ranking, lines)]
-    yield table(head, rows, right=(2, 3, 4))
-    yield (
-        "Solved: of the problems that the solver was started on; problems that it cannot handle are not counted. "
-        "Median: of its times where it solved, so solvers that solve different problems have medians of those. "
-        "× fastest: geometric mean of its time over that of the fastest solver there; times below "
-        f"{seconds(FLOOR)} are set to it."
-    )
+    yield table(head, rows, right=(2, 3, 4, 5, 6))
+    yield f"{EXPLAINED} Times below {seconds(FLOOR)} are set to it."
 
 
 def _sentence(ranking: Ranking) -> str:
     """Return what to use, after the formulation and what it is called in full."""
     title = f" ({plain(ranking.title)})" if ranking.title else ""
-    winner = f"use {ranking.winner}: "
-    sentence = plain(ranking.verdict.removeprefix(winner))
-    advice = f"use **{code(ranking.winner)}**: {sentence}" if ranking.verdict.startswith(winner) else sentence
-    return f"- **{plain(ranking.formulation)}**{title}: {advice}"
+    said = ranking.advice
+    winner = f"**{code(said.winner)}**" if said.winner else ""
+    return f"- **{plain(ranking.formulation)}**{title}: {plain(said.before)}{winner}{plain(said.after)}"
 
 
 def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:
@@ -66,17 +74,19 @@ def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:
     rest = ranking.rows[most:]
     if rest:
         lies = [f"{row.solver}: {warning}" for row in rest for warning in row.warnings if warning.startswith(FALSE)]
-        yield ["", f"and {len(rest)} more", "", "", "", "", plain("; ".join(lies))]
+        yield ["", f"and {len(rest)} more", *[""] * 6, plain("; ".join(lies))]
 
 
 def cells_of(row: RankedSolver, tuned: bool) -> Sequence[str]:
-    """Return solver, solved, median, factor, route and remarks as Markdown."""
+    """Return solver, solved, lost, median, factor, error, route and remarks as Markdown."""
     route = row.route + (f" and {row.others} more" if row.others else "")
     return (
         code(row.solver) + (" (tuned)" if tuned else ""),
-        f"{row.solved} of {row.started}",
+        f"{row.solved} of {row.counted}",
+        str(row.lost or "·"),
         seconds(row.median),
         number(row.factor),
+        f"{row.error:.1e}" if math.isfinite(row.error) else "—",
         plain(route) or "—",
         plain(", ".join(row.warnings)),
     )

@@ -71,14 +71,17 @@ def fenced(lines: Iterable[str]) -> str:
 
 
 def number(value: float) -> str:
-    """Write three significant digits; — for a value that is not a number.
+    """Write three significant digits, without an exponent up to 10⁵; — for a value that is not a number.
 
-    >>> number(1234.5), number(math.inf), number(math.nan)
-    ('1.23e+03', '∞', '—')
+    >>> number(1234.5), number(1e6), number(math.inf), number(math.nan)
+    ('1230', '1e+06', '∞', '—')
     """
     if math.isnan(value):
         return "—"
-    return "∞" if math.isinf(value) else f"{value:.3g}"
+    if math.isinf(value):
+        return "∞"
+    digits = f"{value:.3g}"
+    return f"{float(digits):.0f}" if 1e3 <= abs(value) < 1e5 else digits
 
 
 def seconds(value: float) -> str:

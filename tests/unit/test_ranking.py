@@ -18,21 +18,23 @@ def _ranked(*rows: dict[str, object], sheets: dict[str, dict[str, object]] | Non
     return rankings(rows_of.normalised(pd.DataFrame(list(rows))), sheets)
 
 
-def test_most_solved_comes_first_and_then_the_fastest() -> None:
+def test_the_fastest_of_a_tier_comes_first() -> None:
     [found] = _ranked(
         *(row(p, "steady", "solved", 4.0) for p in "abc"),
         *(row(p, "quick", "solved", 1.0) for p in "ab"),
         row("c", "quick", "failed", 0.1),
         *(row(p, "slow", "solved", 8.0) for p in "abc"),
     )
-    assert [r.solver for r in found.rows] == ["steady", "slow", "quick"]
-    steady, slow, quick = found.rows
+    # a miss of three costs the limit of 10 s: 2.2 s on average are less than 4 s
+    assert [r.solver for r in found.rows] == ["quick", "steady", "slow"]
+    quick, steady, slow = found.rows
     assert (steady.solved, steady.started, steady.fastest, steady.median) == (3, 3, 1, 4.0)
     assert steady.factor == pytest.approx(16 ** (1 / 3))  # 4, 4 and 1 times the fastest
     assert slow.factor == pytest.approx(128 ** (1 / 3))  # 8, 8 and 2 times
     assert (quick.solved, quick.started, quick.fastest, quick.factor) == (2, 3, 2, 1.0)
     assert found.sentence == (
-        "lcp: use steady: it solves 3 of 3 problems, fastest on 1; quick is 4 times faster on the 2 that both solve."
+        "lcp: a hint from 3 problems: quick solves 2 of 3, 4 times faster than steady, one of 2 with 3; "
+        "it missed c (failed)."
     )
 
 
@@ -42,7 +44,7 @@ def test_who_solves_few_is_not_praised_for_speed() -> None:
         row("a", "quick", "solved", 1.0),
         *(row(p, "quick", "failed", 0.1) for p in "bc"),
     )
-    assert found.sentence == "lcp: use steady: it solves 3 of 3 problems, alone on 2."
+    assert found.sentence == "lcp: a hint from 3 problems: steady solves 3 of 3, alone on 2."
 
 
 @pytest.mark.parametrize("status", ["unsupported", "unavailable", "not_run"])
@@ -65,7 +67,7 @@ def test_a_ranking_names_its_formulation_and_its_winner() -> None:
         "one",
         "1 problem",
     )
-    assert found.verdict == "use one: it solves 1 of 1 problem, alone on 1."
+    assert found.verdict == "a hint from 1 problem: one solves 1 of 1, alone on 1."
     [none] = _ranked(row("a", "one", "failed", 1.0), row("a", "two", "failed", 1.0))
     assert none.winner == ""
 
@@ -92,14 +94,14 @@ def test_the_leader_of_a_part_of_the_problems_says_so() -> None:
         row("b", "some", "unsupported"),
         *(row(p, "all", "failed", 1.0) for p in "ab"),
     )
-    assert found.sentence == "lcp: use some: it solves 1 of 1 problem (2 problems in all), alone on 1."
+    assert found.sentence == "lcp: a hint from 2 problems: some solves 1 of 1 (2 problems in all), alone on 1."
 
 
 def test_one_solver_and_none_that_solves() -> None:
     [one] = _ranked(row("a", "s", "solved", 1.0))
     assert one.sentence == "lcp: only s ran: it solves 1 of 1 problem."
     [none] = _ranked(row("a", "s", "failed", 1.0), row("a", "t", "timeout"))
-    assert none.sentence == "lcp: nobody solves any of 1 problem."
+    assert none.sentence == "lcp: no solver solved the problem."
     assert math.isnan(none.rows[0].median)
     assert math.isnan(none.rows[0].factor)
 
@@ -184,6 +186,6 @@ def test_stationary_points_come_before_nothing() -> None:
     )
     assert [r.solver for r in found.rows] == ["general", "convex"]
     assert found.sentence == (
-        "lcp: use general: it solves 1 of 2 problems and finds a stationary point of 1, 2 times the fastest; "
+        "lcp: a hint from 2 problems: general solves 1 of 2 and finds a stationary point of 1, 2 times the fastest; "
         "convex is 2 times faster on the 1 that both solve."
     )

@@ -47,7 +47,10 @@ def answer(ranking: Ranking | None) -> dict[str, Any]:
     if ranking is None:
         return {"sentence": "no solver was started.", "title": "", "rows": [], "more": 0}
     lines = [
-        [r.solver, r.route, r.others, r.solved, r.started, _clean(r.median), _clean(r.factor), list(r.warnings)]
+        [
+            *(r.solver, r.route, r.others, r.solved, r.counted, r.lost),
+            *(_clean(r.median), _clean(r.factor), _clean(r.error), list(r.warnings)),
+        ]
         for r in ranking.shown
     ]
     more = len(ranking.rows) - len(lines)

@@ -18,25 +18,27 @@ const Answer = (() => {
     build(context) {
       const { rows, more } = context.group.answer;
       if (!rows.length) return { empty: "No solver was started." };
-      const lines = rows.map(([solver, route, others, solved, started, median, factor, remarks]) => [
+      const lines = rows.map(([solver, route, others, solved, counted, lost, median, factor, error, remarks]) => [
         h("span", { class: "solver" }, Figures.swatch(context.slotOf(solver)), " ", solver, ...context.marksOf(solver, "")),
-        `${solved} of ${started}`,
+        `${solved} of ${counted}`,
+        lost || "·",
         Dom.seconds(median),
         Dom.number(factor),
+        Dom.number(error),
         others ? `${route} and ${others} more` : route || "—",
         remarks.join(", "),
       ]);
       const content = Dom.table({
         caption: "Ranking",
-        head: ["solver", "solved", "median", "× fastest", "route", "remarks"],
+        head: ["solver", "solved", "lost", "median", "× fastest", "error", "route", "remarks"],
         rows: lines,
-        right: [1, 2, 3],
+        right: [1, 2, 3, 4, 5],
       });
       return {
         content,
         numbers: more ? `The first ${rows.length} of ${rows.length + more} solvers.` : "",
         guide:
-          "Solved: of the problems that the solver was started on; problems that it cannot handle are not counted. Median: of its times where it solved. × fastest: geometric mean of its time over that of the fastest solver there.",
+          "Solved: of the problems that the solver was started on; problems that it cannot handle are not counted. Lost: answers that a conversion lost, which are charged to the conversion and are not among these problems. Median: of its times where it solved. × fastest: geometric mean of its time over that of the fastest solver there. Error: median of what it reached where it solved. Order: solvers whose numbers of solved problems do not differ (exact McNemar test, 5 %) are in order of time.",
       };
     },
   });
