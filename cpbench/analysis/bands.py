@@ -51,6 +51,7 @@ def profile_bands(
     replicates: int = bootstrap.REPLICATES,
     seed: int = 0,
     floor: float = FLOOR,
+    lost: pd.DataFrame | None = None,
 ) -> Bands:
     """Compute pointwise bands (expanded percentiles) of performance profiles ρ_s(τ); the ratios are not resampled.
 
@@ -59,6 +60,7 @@ def profile_bands(
     taus : where; default at most GRID of the ratios at which some curve steps, evenly among them.
     labels : who gets a band (default: all); the ratios are to the best of everybody, and the bands are those they would
     have among all.
+    lost : pairs that are not among the problems of their label (`table.lost`).
 
     >>> times = pd.DataFrame({"a": [1.0, 1.0, 1.0, 9.0], "b": [2.0, 2.0, 2.0, 3.0]})
     >>> found = profile_bands(times, taus=[1.0, 2.0, 3.0])
@@ -73,19 +75,20 @@ def profile_bands(
     banded = pd.Index(sorted(shown), name="label")
     ratio = quotient[list(banded)].to_numpy()
     bins = np.searchsorted(tau, ratio, side="left")
-    size = np.bincount(codes, minlength=count).astype(float)
+    counts = np.ones(ratio.shape) if lost is None else ~lost.loc[matrix.index, list(banded)].to_numpy(dtype=bool)
+    sizes = [np.bincount(codes, weights=counts[:, k], minlength=count) for k in range(len(banded))]
     shape = (len(tau), len(banded))
     low, high, estimate = np.full(shape, math.nan), np.full(shape, math.nan), np.full(shape, math.nan)
     for k in range(len(banded) if len(ratio) else 0):
-        estimate[:, k] = np.cumsum(np.bincount(bins[:, k], minlength=len(tau) + 1)[:-1]) / len(ratio)
+        estimate[:, k] = np.cumsum(np.bincount(bins[:, k], minlength=len(tau) + 1)[:-1]) / max(sizes[k].sum(), 1.0)
     block = max(1, 2 * bootstrap.CELLS // max(1, len(tau) * replicates))
     for first in range(0, len(banded) if count > 1 else 0, block):
         steps = [_steps(bins[:, k], codes, len(tau), count) for k in range(first, min(first + block, len(banded)))]
         drawn = np.empty((len(steps), len(tau), replicates))
         for start, weights in bootstrap.multiplicities(count, replicates, seed):
             across = np.ascontiguousarray(weights.T)
-            problems = weights @ size
             for k, step in enumerate(steps):
+                problems = np.maximum(weights @ sizes[first + k], 1.0)  # of none drawn none is solved
                 drawn[k, :, start : start + len(weights)] = np.cumsum(step @ across, axis=0) / problems
         beyond = bootstrap.tail(level, count)
         ends = np.quantile(drawn, [beyond, 1 - beyond], axis=2, overwrite_input=True)

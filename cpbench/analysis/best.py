@@ -61,10 +61,15 @@ def choices(times: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
     )
 
 
-def gaps(times: pd.DataFrame, floor: float = FLOOR, compared: Sequence[str] | None = None) -> pd.DataFrame:
+def gaps(
+    times: pd.DataFrame,
+    floor: float = FLOOR,
+    compared: Sequence[str] | None = None,
+    lost: pd.DataFrame | None = None,
+) -> pd.DataFrame:
     """Compare each label with the virtual best of all, one row a label (sorted).
 
-    Columns, N being the rows of the matrix:
+    Columns, N being the rows of the matrix without those of which a conversion `lost` the answer (`table.lost`):
     planned (N), solved, fastest (where it shares the lead), within (fraction of the N within WITHIN times the best);
     median and mean (geometric) of its ratio to the best over the problems that it solved, NaN without any;
     common, mean_common: the same mean over the problems that all `compared` labels (default: all) solve, and how many
@@ -84,14 +89,16 @@ def gaps(times: pd.DataFrame, floor: float = FLOOR, compared: Sequence[str] | No
     if chosen:
         common = ordered.index.isin(commonly_solved(ordered, sorted(chosen)))
     done = np.isfinite(ratio)
+    without = 0 if lost is None else lost.reindex(columns=ordered.columns, fill_value=False).sum().to_numpy(dtype=int)
+    planned = np.broadcast_to(len(times) - without, (len(labels),))
     mean_common = _log_mean(ratio, done & common[:, None])
     alone, marginal = _marginal(np.maximum(values(ordered), floor))
     return pd.DataFrame(
         {
-            "planned": len(times),
+            "planned": planned,
             "solved": done.sum(axis=0),
             "fastest": (ratio <= 1.0).sum(axis=0),
-            "within": (ratio <= WITHIN).mean(axis=0) if len(times) else math.nan,
+            "within": (ratio <= WITHIN).sum(axis=0) / np.where(planned > 0, planned, math.nan),
             "median": pd.DataFrame(np.where(done, ratio, math.nan)).median().to_numpy(),
             "mean": _log_mean(ratio, done),
             "common": int(common.sum()),

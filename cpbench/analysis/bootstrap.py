@@ -100,22 +100,31 @@ def clusters(problems: pd.Index[Any], families: pd.Series[str] | None = None) ->
     return codes, len(known) + int(alone.sum())
 
 
-def mean_time(matrix: pd.DataFrame, shift: float, charge: float) -> Statistic:
+def mean_time(matrix: pd.DataFrame, shift: float, charge: float, lost: pd.DataFrame | None = None) -> Statistic:
     """Return shifted geometric mean [s] over all problems, a failure charged `charge` [s] (see `means`), the shift
-    fixed.
+    fixed. `lost` : pairs that are left out (`table.lost`).
     """
-    seconds = values(matrix)
-    top = logged(np.where(np.isfinite(seconds), seconds, charge), shift)
-    return _statistic(matrix, top, np.ones_like(top), lambda x: unlogged(x, shift))
+    seconds, counted = values(matrix), _counted(matrix, lost)
+    top = np.where(counted, logged(np.where(np.isfinite(seconds), seconds, charge), shift), 0.0)
+    return _statistic(matrix, top, counted.astype(float), lambda x: unlogged(x, shift))
 
 
-def solve_rate(matrix: pd.DataFrame, started: pd.DataFrame | None = None) -> Statistic:
+def solve_rate(
+    matrix: pd.DataFrame, started: pd.DataFrame | None = None, lost: pd.DataFrame | None = None
+) -> Statistic:
     """Return the fraction of the problems that a label solves; of those that it was `started` on, where that is
-    given.
+    given, and whose answer no conversion `lost` (`table.lost`).
     """
     top = np.isfinite(values(matrix)).astype(float)
     bottom = np.ones_like(top) if started is None else started.loc[matrix.index, matrix.columns].to_numpy(dtype=float)
-    return _statistic(matrix, top, bottom, lambda x: x)
+    return _statistic(matrix, top, bottom * _counted(matrix, lost), lambda x: x)
+
+
+def _counted(matrix: pd.DataFrame, lost: pd.DataFrame | None) -> npt.NDArray[np.bool_]:
+    """Return which pairs count: those whose answer was not lost."""
+    if lost is None:
+        return np.ones(matrix.shape, dtype=bool)
+    return ~lost.loc[matrix.index, matrix.columns].to_numpy(dtype=bool)
 
 
 def intervals(

@@ -49,7 +49,10 @@ class DataProfile:
 
 
 def data_profile(
-    values: pd.DataFrame, problems: int | None = None, units: pd.Series[float] | None = None
+    values: pd.DataFrame,
+    problems: int | None = None,
+    units: pd.Series[float] | None = None,
+    lost: pd.DataFrame | None = None,
 ) -> DataProfile:
     """Return the data profile of costs, problems × labels, ∞ or NaN for a failure.
 
@@ -57,6 +60,7 @@ def data_profile(
     ----------
     problems : N, when more problems were planned than the table has rows. Raises ValueError when fewer.
     units : u by fingerprint, positive (default 1: the budget is in the unit of the costs).
+    lost : pairs that are not among the problems of their label (`table.lost`).
 
     Raises ValueError on a negative cost, and on a unit that is missing or not positive.
 
@@ -77,7 +81,8 @@ def data_profile(
             at = int(np.argmin(good))
             raise ValueError(f"problem {values.index[at]}: its unit is {unit[at]}, which is not a positive number")
         budget /= unit[:, np.newaxis]
-    return DataProfile(curves(pd.DataFrame(budget, index=values.index, columns=values.columns), planned), planned)
+    spent = pd.DataFrame(budget, index=values.index, columns=values.columns)
+    return DataProfile(curves(spent, planned, lost), planned)
 
 
 def size_units(group: pd.DataFrame, symbol: str, plus: float = 0.0) -> pd.Series[float]:

@@ -30,7 +30,8 @@ def looks(table: pd.DataFrame, colours: int) -> dict[str, int]:
     groups = rows_of.groups(multi_start.merged(table))
     weight = np.zeros((len(labels), len(groups)))
     for g, (_, rows) in enumerate(groups):
-        first = performance_profile(rows_of.times(rows_of.only_ranked(rows))).leading(LEADING)
+        compared = rows_of.only_ranked(rows)
+        first = performance_profile(rows_of.times(compared), lost=rows_of.lost(compared)).leading(LEADING)
         for k, label in enumerate(first):
             weight[place[label], g] = LEADING - k
     taken = np.zeros((colours, len(groups)))

@@ -65,7 +65,8 @@ class Means:
 
     Attributes
     ----------
-    table : by label (sorted): `planned`, `solved`, `charged` (problems), `mean` [s], `reason` (why it is NaN, or '').
+    table : by label (sorted): `planned`, `solved`, `charged`, `lost` (problems; planned is the sum of the others),
+        `mean` [s], `reason` (why it is NaN, or '').
     problems : how many it was taken over. shift, charge : in seconds, NaN where there is none.
     remark : what a reader has to know of the set of problems or of the charge, or ''.
     """
@@ -144,6 +145,7 @@ def means(
     limit: float = math.inf,
     kind: Kind = "geometric",
     common: Sequence[str] | None = None,
+    lost: pd.DataFrame | None = None,
 ) -> Means:
     """Compute the mean time of each label over all problems of the matrix or over those commonly solved.
 
@@ -154,6 +156,7 @@ def means(
         everything has no mean then (NaN, with the reason).
     kind : 'geometric' (shifted), 'arithmetic', or 'median' (failures at ∞, without charge).
     common : labels; the means are theirs, over the problems that each of them solves.
+    lost : whether a conversion lost the answer of a pair (`table.lost`): the mean of its label is over the others.
 
     >>> times = pd.DataFrame({"a": [1.0, 4.0], "b": [2.0, math.inf]})
     >>> means(times, shift=0.0, limit=8.0).table["mean"].round(12).to_dict()
@@ -169,12 +172,20 @@ def means(
     whole = whole[sorted(whole.columns)]
     seconds = values(whole)
     done = np.isfinite(seconds)
-    failed = (~done).sum(axis=0)
-    found = _averages(seconds, failed, shift, cost, kind)
+    without = _lost(whole, lost)
+    failed = (~done).sum(axis=0) - without
+    found = _averages(seconds, failed, len(whole) - without, shift, cost, kind)
     reasons = [_reason(int(n), done, shift, cost, kind) for n in failed]
     found[[bool(reason) for reason in reasons]] = math.nan
     table = pd.DataFrame(
-        {"planned": len(whole), "solved": len(whole) - failed, "charged": failed, "mean": found, "reason": reasons},
+        {
+            "planned": len(whole),
+            "solved": done.sum(axis=0),
+            "charged": failed,
+            "lost": without,
+            "mean": found,
+            "reason": reasons,
+        },
         index=pd.Index([str(label) for label in whole.columns], name="label"),
     )
     remark = (
@@ -188,19 +199,36 @@ def means(
     return Means(table, len(whole), shift, cost, remark)
 
 
-def _averages(seconds: Array, failed: npt.NDArray[np.int_], shift: float, cost: float, kind: Kind) -> Array:
-    """Average each column, failures charged; NaN where there is no row or nothing to charge."""
-    rows, columns = seconds.shape
-    if not rows:
-        return np.full(columns, math.nan)
-    if kind == "median":
-        return np.median(seconds, axis=0)
+def _lost(matrix: pd.DataFrame, lost: pd.DataFrame | None) -> npt.NDArray[np.int_]:
+    """Count the lost answers of each label of a matrix."""
+    if lost is None:
+        return np.zeros(len(matrix.columns), dtype=int)
+    return lost.reindex(index=matrix.index, columns=matrix.columns, fill_value=False).to_numpy(dtype=int).sum(axis=0)
+
+
+def _averages(
+    seconds: Array,
+    failed: npt.NDArray[np.int_],
+    counted: npt.NDArray[np.int_],
+    shift: float,
+    cost: float,
+    kind: Kind,
+) -> Array:
+    """Average each column over so many problems as are `counted`, failures charged; NaN where there is no row or
+    nothing to charge."""
+    rows = np.where(counted > 0, counted, math.nan)
+    if not len(seconds):
+        return np.full(seconds.shape[1], math.nan)
+    if kind == "median":  # lost ones are at the end, among the failures
+        ordered = np.vstack([np.sort(seconds, axis=0), np.full(seconds.shape[1], math.inf)])
+        places = np.arange(seconds.shape[1])
+        return (ordered[np.maximum(counted - 1, 0) // 2, places] + ordered[counted // 2, places]) / 2
     finite = np.isfinite(seconds)
     if kind == "arithmetic":
         charged = np.where(failed, failed * cost, 0.0)
         return (np.where(finite, seconds, 0.0).sum(axis=0) + charged) / rows
     if not 0 <= shift < math.inf:
-        return np.full(columns, math.nan)
+        return np.full(seconds.shape[1], math.nan)
     charged = np.where(failed, failed * logged(cost, shift), 0.0)
     logs = np.where(finite, logged(np.where(finite, seconds, 1.0), shift), 0.0)
     return unlogged((logs.sum(axis=0) + charged) / rows, shift)

@@ -103,12 +103,14 @@ class MetricValues:
     Attributes
     ----------
     values : problems (fingerprints, in order of name) × labels; ∞ where not verified as solved or not planned.
-    left_out : labels without a column, with the number of their verified answers that lack the value.
+    left_out : labels without a column, with the number of their verified answers that lack the value. lost : of the
+    same shape as `values`, whether a conversion lost the answer (`table.lost`).
     """
 
     metric: Metric
     values: pd.DataFrame
     left_out: Mapping[str, int]
+    lost: pd.DataFrame
 
 
 def measured(group: pd.DataFrame, metric: Metric) -> MetricValues:
@@ -125,7 +127,8 @@ def measured(group: pd.DataFrame, metric: Metric) -> MetricValues:
     unknown = group["label"][solved & np.isnan(cost)].value_counts()
     left_out = {str(label): int(count) for label, count in sorted(unknown.items(), key=lambda item: str(item[0]))}
     wide = rows_of.spread(group, np.where(solved, cost, math.inf), math.inf)
-    return MetricValues(metric, wide.drop(columns=list(left_out)), left_out)
+    lost = rows_of.lost(group).drop(columns=list(left_out))
+    return MetricValues(metric, wide.drop(columns=list(left_out)), left_out, lost)
 
 
 def matrix(group: pd.DataFrame, metric: Metric) -> pd.DataFrame:

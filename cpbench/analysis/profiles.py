@@ -33,7 +33,7 @@ class Curve:
     ----------
     ratios : where it steps, distinct, finite, ascending: ratios ≥ 1 in a performance profile, budgets ≥ 0 in a data
         profile. count : problems solved within each of them.
-    problems : N, the planned number.
+    problems : N, the planned number, without those of which a conversion lost the answer.
     """
 
     label: str
@@ -185,13 +185,16 @@ def costs(values: pd.DataFrame, floor: float | None = FLOOR) -> np.ndarray[tuple
     return cost if floor is None else np.maximum(cost, floor, out=cost)
 
 
-def performance_profile(values: pd.DataFrame, problems: int | None = None, floor: float | None = FLOOR) -> Profile:
+def performance_profile(
+    values: pd.DataFrame, problems: int | None = None, floor: float | None = FLOOR, lost: pd.DataFrame | None = None
+) -> Profile:
     """Return the profile of costs, problems × labels, ∞ or NaN for a failure.
 
     Parameters
     ----------
     problems : N, when more problems were planned than the table has rows. Raises ValueError when fewer.
     floor : smaller costs count as this (default: seconds); does not touch the other problems.
+    lost : whether a conversion lost the answer of a pair (`table.lost`): that problem is not among those of the curve.
 
     >>> times = pd.DataFrame({"fast": [1.0, 1.0, math.inf], "slow": [4.0, 1.0, 8.0]}, index=["p", "q", "r"])
     >>> fast, slow = performance_profile(times).curves
@@ -201,13 +204,22 @@ def performance_profile(values: pd.DataFrame, problems: int | None = None, floor
     [0.67, 0.67, 1.0, 1.0]
     """
     planned = at_least(values, problems)
-    return Profile(curves(ratios(values, floor), planned), planned, floor or 0.0)
+    return Profile(curves(ratios(values, floor), planned, lost), planned, floor or 0.0)
 
 
-def curves(where: pd.DataFrame, problems: int) -> tuple[Curve, ...]:
-    """Return one step function a label, in order of label: it steps where a problem is solved, and at ∞ never."""
+def curves(where: pd.DataFrame, problems: int, lost: pd.DataFrame | None = None) -> tuple[Curve, ...]:
+    """Return one step function a label, in order of label: it steps where a problem is solved, and at ∞ never.
+
+    `lost` : as of `performance_profile`.
+
+    >>> where = pd.DataFrame({"s": [1.0, math.inf, math.inf]})
+    >>> [curve.at(1.0) for curve in curves(where, 3, pd.DataFrame({"s": [False, True, False]}))]
+    [0.5]
+    """
     labels: Sequence[str] = sorted(where.columns)
-    return tuple(_curve(label, where[label].to_numpy(dtype=float), problems) for label in labels)
+    without = {} if lost is None else lost.sum().to_dict()
+    own = {label: problems - int(without.get(label, 0)) for label in labels}
+    return tuple(_curve(label, where[label].to_numpy(dtype=float), own[label]) for label in labels)
 
 
 def at_least(values: pd.DataFrame, problems: int | None) -> int:

@@ -118,8 +118,9 @@ def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
 
     Columns: planned (pairs), started (all but unsupported, unavailable, not run), judged (came back with a claim),
     solved; true, false, modest, honest, correct, correct_low, correct_high as in `claims`; recognised (of the answers
-    that are right, the fraction claimed; NaN without any); rate (solved over planned), rate_low, rate_high (NaN for a
-    solver that was never started: nothing was seen of it, though it counts as having solved nothing).
+    that are right, the fraction claimed; NaN without any); rate (solved over planned, without answers that a conversion
+    lost), rate_low, rate_high (NaN for a solver that was never started: nothing was seen of it, though it counts as
+    having solved nothing).
     """
     claim_table = claims(group, level).rename(columns={"low": "correct_low", "high": "correct_high"})
 
@@ -129,14 +130,15 @@ def reliability(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
     planned, solved = count(group["label"]), count(group["label"][rows_of.solved(group)])
     started = count(group["label"][~group["status"].isin(REFUSED)])
     right = claim_table["true"] + claim_table["modest"]
-    low, high = wilson(solved, planned.where(started > 0, 0), level)
+    kept = planned - count(group["label"][group["status"] == str(Status.LOST)])
+    low, high = wilson(solved, kept.where(started > 0, 0), level)
     found = claim_table.assign(
         planned=planned,
         started=started,
         judged=claim_table[["true", "false", "modest", "honest"]].sum(axis=1),
         solved=solved,
         recognised=claim_table["true"] / right.where(right > 0),
-        rate=(solved / planned).where(started > 0),
+        rate=(solved / kept.where(kept > 0)).where(started > 0),
         rate_low=low,
         rate_high=high,
     )

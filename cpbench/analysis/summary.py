@@ -19,17 +19,19 @@ def solve_counts(group: pd.DataFrame, penalty: float, shift: float | None = None
 
     Labels whose answers were made elsewhere (`table.ranked`) are not ranked: fastest is 0, slowdown and mean are NaN.
 
-    Columns: kind (weakest route), ranked, planned, ran (the solver was started), solved, stationary (not among the
-    solved), false (claimed and is not, on the solver's own problem), fastest (problems where it shares the lead),
-    median [s] and slowdown (median ratio to the virtual best) over what it solved, mean [s] (shifted geometric over all
-    problems of the group, failures and problems that were not planned charged `penalty`).
+    Columns: kind (weakest route), ranked, planned, ran (the solver was started), solved, lost (of what ran, by a
+    conversion, which is charged), stationary (not among the solved), false (claimed and is not, on the solver's own
+    problem), fastest (problems where it shares the lead), median [s] and slowdown (median ratio to the virtual best)
+    over what it solved, mean [s] (shifted geometric over all problems of the group but the lost ones, failures and
+    problems that were not planned charged `penalty`).
     """
     every = rows_of.times(group)
     among = rows_of.ranked(group)
     times = every if among.all() else rows_of.times(group[among])
     labels = every.columns
     gap = best.gaps(times, floor).reindex(labels)
-    mean = means.means(times, shift=shift, penalty=means.Penalty(seconds=penalty)).table["mean"]
+    lost = rows_of.lost(group)
+    mean = means.means(times, shift=shift, penalty=means.Penalty(seconds=penalty), lost=lost).table["mean"]
 
     def count(of_rows: pd.Series[str]) -> pd.Series[int]:
         return of_rows.value_counts().reindex(labels, fill_value=0).astype(int)
@@ -42,6 +44,7 @@ def solve_counts(group: pd.DataFrame, penalty: float, shift: float | None = None
             "planned": count(group["label"]),
             "ran": count(group["label"][~group["status"].isin(REFUSED)]),
             "solved": count(group["label"][rows_of.solved(group)]),
+            "lost": lost.sum().reindex(labels, fill_value=0).astype(int),
             "stationary": count(group["label"][group["status"] == str(Status.STATIONARY)]),
             "false": count(false_claims(group)["label"]),
             "fastest": gap["fastest"].fillna(0).astype(int),

@@ -48,7 +48,7 @@ def sweep(group: pd.DataFrame, option: str = "", problems: int | None = None) ->
         raise UnknownName("option of the solvers", option, {name for setting in settings.values() for name in setting})
     times = rows_of.times(group)
     planned = len(times) if problems is None else problems
-    mean = means.means(times, limit=rows_of.limit(group)).table["mean"]
+    mean = means.means(times, limit=rows_of.limit(group), lost=rows_of.lost(group)).table["mean"]
     rows: list[dict[str, Any]] = []
     for label, setting in having.items():
         own = times[label].to_numpy(dtype=float)

@@ -291,6 +291,13 @@ def times(table: pd.DataFrame) -> pd.DataFrame:
     return spread(table, np.where(solved(table), charged(table), math.inf), math.inf)
 
 
+def lost(table: pd.DataFrame) -> pd.DataFrame:
+    """Return of which pairs of a group a conversion lost the answer, problems × labels: no number of the solver has
+    them, since the conversion is charged.
+    """
+    return spread(table, (table["status"] == str(Status.LOST)).to_numpy(dtype=bool), False)
+
+
 def label_kinds(table: pd.DataFrame) -> dict[str, str]:
     """Return the weakest promise among the routes a label took; '' when none was taken.
 

@@ -35,7 +35,8 @@ def slug_of(run: Run, group: ResultGroup) -> str:
 def group_sections(run: Run, group: ResultGroup, rows: pd.DataFrame) -> Iterator[str]:
     """Yield all of them, in order; figures go into the folder of the run."""
     problems = rows["fingerprint"].nunique()
-    times = rows_of.times(rows_of.only_ranked(rows))
+    compared = rows_of.only_ranked(rows)
+    times, lost = rows_of.times(compared), rows_of.lost(compared)
     most = rows_of.limit(rows)
     counts = summary.solve_counts(rows, means.charge(times, means.LIMIT, most))
     labels = [str(label) for label in counts["label"]]
@@ -50,10 +51,10 @@ def group_sections(run: Run, group: ResultGroup, rows: pd.DataFrame) -> Iterator
     yield from _times(counts, times, problems, set(tunings(run)), notes)
     if len(times.columns):
         ranked = [label for label in labels if label in times.columns]
-        leading = profiles.performance_profile(times).leading(figures.EMPHASISED)
-        yield from mean_section(times, bootstrap.families_of(rows), most, ranked, leading)
-        yield from gap_section(times, ranked, leading)
-        yield from _figures(run, group, rows, times)
+        leading = profiles.performance_profile(times, lost=lost).leading(figures.EMPHASISED)
+        yield from mean_section(times, lost, bootstrap.families_of(rows), most, ranked, leading)
+        yield from gap_section(times, lost, ranked, leading)
+        yield from _figures(run, group, rows, times, lost)
     yield from _verdicts(rows, labels)
     yield from _matrix(run, rows, labels, problems)
     yield from _families(rows)
@@ -65,7 +66,7 @@ def _times(
 ) -> Iterator[str]:
     floor, short = seconds(profiles.FLOOR), below_floor(times)
     yield "### Solved and times"
-    head = ["solver", "route", "solved", "stationary", "ran", "false claims", "fastest"]
+    head = ["solver", "route", "solved", "lost", "stationary", "ran", "false claims", "fastest"]
     head += ["median of solved", "slowdown of solved", f"below {floor}"]
     yield table(
         head,
@@ -74,6 +75,7 @@ def _times(
                 code(r.label) + cautions.marks(r.label, notes) + (" (tuned)" if r.label in tuned else ""),
                 f"**{r.kind}**" if r.kind in figures.INEXACT else r.kind or "—",
                 str(r.solved),
+                str(r.lost),
                 str(r.stationary),
                 str(r.ran),
                 str(r.false),
@@ -84,12 +86,13 @@ def _times(
             ]
             for r in each(counts)
         ),
-        right=range(2, 10),
+        right=range(2, 11),
     )
     yield from (plain(f"{note.mark} {note.sentence}") for note in notes)
     yield (
         f"Ran: of the {counted(problems, 'problem')} those that the solver was started on; problems that it "
-        "cannot handle are not counted."
+        "cannot handle are not counted. Lost: answers that a conversion lost. It is charged with them, and they are "
+        "not among the problems of the solver in curves, means and intervals."
     )
     yield f"Slowdown: median ratio to the fastest solver of each problem; times below {floor} are set to {floor}."
     if not counts["ranked"].all():
@@ -99,8 +102,10 @@ def _times(
         )
 
 
-def _figures(run: Run, group: ResultGroup, rows: pd.DataFrame, times: pd.DataFrame) -> Iterator[str]:
-    profile = profiles.performance_profile(times)
+def _figures(
+    run: Run, group: ResultGroup, rows: pd.DataFrame, times: pd.DataFrame, lost: pd.DataFrame
+) -> Iterator[str]:
+    profile = profiles.performance_profile(times, lost=lost)
     kinds = rows_of.label_kinds(rows)
     slug = slug_of(run, group)
     most = rows_of.limit(rows)

@@ -15,17 +15,23 @@ from cpbench.report.text import code, counted, number, seconds, table
 
 
 def mean_section(
-    times: pd.DataFrame, families: pd.Series[str], limit: float, labels: Sequence[str], leading: Sequence[str]
+    times: pd.DataFrame,
+    lost: pd.DataFrame,
+    families: pd.Series[str],
+    limit: float,
+    labels: Sequence[str],
+    leading: Sequence[str],
 ) -> Iterator[str]:
     """Yield means over all and over commonly solved problems, their intervals, and their order under other choices.
 
     `labels` : the ranked ones, in the order of the tables. `leading` : those whose intersection is taken.
+    `lost` : pairs that are left out (`table.lost`).
     """
     if not np.isfinite(times.to_numpy(dtype=float)).any():
         return
-    every = means.means(times, limit=limit)
+    every = means.means(times, limit=limit, lost=lost)
     common = means.means(times, shift=every.shift, limit=limit, common=leading)
-    around = bootstrap.intervals(bootstrap.mean_time(times, every.shift, every.charge), families)
+    around = bootstrap.intervals(bootstrap.mean_time(times, every.shift, every.charge, lost), families)
     tried = _tried(times, limit)
     ranks = tried.groupby(["label", "shift"])["rank"].agg(_rank).unstack() if len(tried) else pd.DataFrame()
     shown = every.table.join(around.table[["low", "high"]]).join(common.table["mean"].rename("common"))
@@ -33,7 +39,14 @@ def mean_section(
     idle = shown["solved"] == 0
     yield "### Means"
     few = around.families < bootstrap.FEW  # an interval says nothing there
-    head = ["solver", "solved", "charged", f"mean over all {every.problems}", *([] if few else ["95 % interval"])]
+    head = [
+        "solver",
+        "solved",
+        "charged",
+        "lost",
+        f"mean over all {every.problems}",
+        *([] if few else ["95 % interval"]),
+    ]
     head += [f"mean over {common.problems} in common"]
     yield table(
         [*head, *(f"rank at {seconds(shift)}" for shift in ranks.columns)],
@@ -42,6 +55,7 @@ def mean_section(
                 code(r.label),
                 str(r.solved),
                 str(r.charged),
+                str(r.lost),
                 seconds(r.mean),
                 *([] if few else ["—" if math.isnan(r.low) else f"{seconds(r.low)} to {seconds(r.high)}"]),
                 seconds(r.common),
@@ -66,9 +80,11 @@ def mean_section(
     yield "\n".join([*lines, *_order(tried, every.shift)])
 
 
-def gap_section(times: pd.DataFrame, labels: Sequence[str], leading: Sequence[str]) -> Iterator[str]:
+def gap_section(
+    times: pd.DataFrame, lost: pd.DataFrame, labels: Sequence[str], leading: Sequence[str]
+) -> Iterator[str]:
     """Yield each label against the virtual best of all."""
-    found = best.gaps(times, compared=leading)
+    found = best.gaps(times, compared=leading, lost=lost)
     if len(found) < 2 or not found["solved"].any():
         return
     common = int(found["common"].iloc[0])

@@ -74,10 +74,11 @@ def chosen(rankings: Sequence[Ranking]) -> list[Ranking]:
 
 
 def _panel(ranking: Ranking, rows: pd.DataFrame) -> Panel | None:
-    times = rows_of.times(rows_of.only_ranked(rows))
+    compared = rows_of.only_ranked(rows)
+    times = rows_of.times(compared)
     if not len(times.columns):
         return None
-    profile = performance_profile(times)
+    profile = performance_profile(times, lost=rows_of.lost(compared))
     if not profile.compares:
         return None
     leading = profile.leading(NAMED)

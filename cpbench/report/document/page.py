@@ -177,7 +177,7 @@ def _group(run: Run, macros: Macros, group: ResultGroup, rows: pd.DataFrame, fac
     )
     notes = cautions.footnotes(rows, run.meta.get("solvers") or {})
     table_text = solved_table(macros, words, counts, f"{caption}\\label{{tab:{letters(name)}}}", notes)
-    profile = profiles.performance_profile(times, problems)
+    profile = profiles.performance_profile(times, problems, lost=rows_of.lost(ranked))
     labels = profile.leading(EMPHASISED)
     key = f"fig:{letters(name)}"
     yield f"\\section{{{text(name)}}}"
@@ -209,7 +209,8 @@ def _by_family(rows: pd.DataFrame) -> tuple[dict[str, profiles.Profile], str]:
     for family in sizes.index[:FAMILIES]:
         own = rows[rows["family"] == family]
         title = text(f"{one_line(family) or '(no family)'}: {counted(int(sizes[family]), 'problem')}")
-        found[title] = profiles.performance_profile(rows_of.times(_with_labels(own, rows)))
+        whole = _with_labels(own, rows)
+        found[title] = profiles.performance_profile(rows_of.times(whole), lost=rows_of.lost(whole))
     rest = len(sizes) - len(found)
     return found, f"Not shown: {counted(rest, 'family', 'families')} with fewer problems." if rest else ""
 
@@ -244,7 +245,8 @@ def _by_tolerance(run: Run, group: ResultGroup, rows: pd.DataFrame) -> tuple[dic
     for tolerance, own in sorted(same, key=lambda pair: -pair[0]):
         ranked = own[rows_of.ranked(own) & own["label"].isin(labels)]
         problems = counted(int(own["fingerprint"].nunique()), "problem")
-        found[f"tolerance {small(tolerance)}: {problems}"] = profiles.performance_profile(rows_of.times(ranked))
+        profile = profiles.performance_profile(rows_of.times(ranked), lost=rows_of.lost(ranked))
+        found[f"tolerance {small(tolerance)}: {problems}"] = profile
     return found, caption_end
 
 

@@ -29,7 +29,7 @@ from cpbench.report.html.embedded_data import Column
 from cpbench.report.matrix import SYMBOLS
 from cpbench.report.run import Run, group_name_text, tunings
 from cpbench.report.text import one_line, solve_command
-from cpbench.verification import INACCURATE_FACTOR, VERIFIED
+from cpbench.verification import INACCURATE_FACTOR, VERIFIED, Status
 
 if TYPE_CHECKING:
     from cpbench.analysis.thumbnails import Thumbnail
@@ -128,6 +128,7 @@ def _statuses(judged: Ladders) -> dict[str, Any]:
     return {
         "names": names,
         "words": [name.replace("_", " ") for name in names],
+        "lost": [int(name == Status.LOST) for name in names],
         "verified": [int(name in VERIFIED) for name in names],
         "ladders": [[names.index(outcome) for outcome in one] for one in judged.outcomes],
         "factor": INACCURATE_FACTOR,

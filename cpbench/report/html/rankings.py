@@ -29,11 +29,24 @@ def ranking(rows: pd.DataFrame) -> dict[str, Any]:
     times = rows_of.times(rows)
     counts = summary.solve_counts(rows, means.charge(times, means.LIMIT, rows_of.limit(rows)))
     started = rows_of.spread(rows, (~rows["status"].isin(REFUSED)).to_numpy(), False)
-    around = bootstrap.intervals(bootstrap.solve_rate(times, started), bootstrap.families_of(rows))
+    rate = bootstrap.solve_rate(times, started, rows_of.lost(rows))
+    around = bootstrap.intervals(rate, bootstrap.families_of(rows))
     ranking_table = counts.merge(around.table[["low", "high"]].reset_index(), on="label", how="left")
     if around.families < bootstrap.FEW:  # an interval says nothing there
         ranking_table = ranking_table.assign(low=math.nan, high=math.nan)
-    columns = ["label", "kind", "ranked", "ran", "solved", "stationary", "false", "fastest", "median", "slowdown"]
+    columns = [
+        "label",
+        "kind",
+        "ranked",
+        "ran",
+        "solved",
+        "lost",
+        "stationary",
+        "false",
+        "fastest",
+        "median",
+        "slowdown",
+    ]
     return {
         "families": around.families,
         "few": around.families < bootstrap.FEW,
@@ -64,7 +77,8 @@ def bands(rows: pd.DataFrame) -> dict[str, Any]:
     """
     compared = rows_of.only_ranked(rows)
     time = metrics.METRICS["time"]
-    found = metrics.measured(compared, time).values
+    spent = metrics.measured(compared, time)
+    found = spent.values
     if not len(found.columns):
         return {"labels": []}
     # a problem for which nobody's time may be compared counts among those that are not solved, as in the curves
@@ -72,8 +86,9 @@ def bands(rows: pd.DataFrame) -> dict[str, Any]:
     floor, families = time.floor or 0.0, bootstrap.families_of(rows)
     if bootstrap.clusters(everywhere.index, families)[1] < bootstrap.FEW:
         return {"labels": []}
-    leading = performance_profile(everywhere, len(everywhere), floor).leading(BANDED)
-    estimated = around.profile_bands(everywhere, families, labels=leading, floor=floor)
+    lost = spent.lost.reindex(everywhere.index, fill_value=False)
+    leading = performance_profile(everywhere, len(everywhere), floor, lost).leading(BANDED)
+    estimated = around.profile_bands(everywhere, families, labels=leading, floor=floor, lost=lost)
     ends = {
         name: end.round(DIGITS).T.to_numpy().tolist()
         for name, end in (("low", estimated.low), ("high", estimated.high))

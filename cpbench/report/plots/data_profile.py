@@ -25,7 +25,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", per: str = "") -> Dr
     chosen = choose(run, choice)
     found, left_out = chosen.measured(metric)
     units = size_units(chosen.rows, per) if per else None
-    profile = data_profile(found.values, chosen.problems, units)
+    profile = data_profile(found.values, chosen.problems, units, found.lost)
     leaders = leading(chosen, found.values, legend.EMPHASISED)
     places = {label: chosen.looks[label] for label in leaders}
     rank = {label: k for k, label in enumerate(leaders)}

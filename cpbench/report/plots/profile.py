@@ -29,7 +29,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
     """Draw the profile of the solvers shown, against the best of them."""
     chosen = choose(run, choice)
     found, left_out = chosen.measured(metric)
-    profile = performance_profile(found.values, chosen.problems, found.metric.floor)
+    profile = performance_profile(found.values, chosen.problems, found.metric.floor, found.lost)
     figure, axes, beside = run_canvas.with_legend(len(profile.curves))
     cost = run_canvas.word(found.metric)
     least = "the fastest" if found.metric.unit == "s" else "who needed least"
@@ -39,7 +39,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
     if bands and places:
         families = bootstrap.families_of(chosen.rows)
         floor = found.metric.floor or 0.0
-        estimated = around.profile_bands(found.values, families, floor=floor)
+        estimated = around.profile_bands(found.values, families, floor=floor, lost=found.lost)
         upto = figures.right_end(profile)
         for label, place in list(places.items())[:BANDS]:
             tau = [*estimated.low.index, upto]

@@ -36,20 +36,24 @@ const Engine = (() => {
   }
 
   /* The costs of the chosen problems and labels, as analysis.metrics.measured gives them: labels with a verified
-     answer that lacks the value are left out and counted. */
+     answer that lacks the value are left out and counted. `lost`: of each
+     label the answers that a conversion lost. */
   function costs(columns, table, problems, labels, values, tolerance, status) {
     const width = table.labels.length;
     const kept = [],
       leftOut = [],
+      lost = [],
       found = [];
     for (const s of labels) {
       const own = new Float64Array(problems.length).fill(INFINITE);
       let unknown = 0,
+        missing = 0,
         comparable = false;
       for (let i = 0; i < problems.length; i++) {
         const r = table.row[problems[i] * width + s];
         if (r < 0 || !columns.ranked[r]) continue;
         comparable = true;
+        if (status.lost[outcome(columns, r, tolerance, status)]) missing++;
         if (!solved(columns, r, tolerance, status)) continue;
         if (Number.isNaN(values[r])) unknown++;
         else own[i] = values[r];
@@ -58,6 +62,7 @@ const Engine = (() => {
       if (unknown) leftOut.push({ label: s, count: unknown });
       else {
         kept.push(s);
+        lost.push(missing);
         found.push(own);
       }
     }
@@ -65,7 +70,7 @@ const Engine = (() => {
     found.forEach((own, s) => {
       for (let i = 0; i < own.length; i++) matrix[i * kept.length + s] = own[i];
     });
-    return { values: matrix, problems, labels: kept, leftOut };
+    return { values: matrix, problems, labels: kept, leftOut, lost };
   }
 
   /* A cost below the floor counts as the floor; null: no cost comes near 0. */
@@ -97,7 +102,8 @@ const Engine = (() => {
     return own;
   }
 
-  /* One step function a label: it steps where a problem is solved, and at Infinity never. */
+  /* One step function a label: it steps where a problem is solved, and at Infinity never. A problem whose answer a
+     conversion lost is not among its problems. */
   function curves(matrix) {
     return matrix.labels.map((label, s) => {
       const steps = column(matrix, s).filter(Number.isFinite).sort();
@@ -108,7 +114,7 @@ const Engine = (() => {
         at.push(steps[k]);
         count.push(k + 1);
       }
-      return { label, at, count, solved: steps.length, problems: matrix.problems.length };
+      return { label, at, count, solved: steps.length, problems: matrix.problems.length - (matrix.lost?.[s] ?? 0) };
     });
   }
 

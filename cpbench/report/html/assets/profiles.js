@@ -15,10 +15,10 @@
       const values = Array.from({ length: shown }, (_, k) => ({
         label: lines.label[k],
         slot: context.slotOf(lines.label[k]),
-        v: lines.ran[k] ? lines.solved[k] / lines.ran[k] : 0,
+        v: lines.ran[k] > lines.lost[k] ? lines.solved[k] / (lines.ran[k] - lines.lost[k]) : 0,
         low: lines.low[k],
         high: lines.high[k],
-        told: `${lines.solved[k]} of ${lines.ran[k]}`,
+        told: `${lines.solved[k]} of ${lines.ran[k] - lines.lost[k]}`,
       }));
       const spec = Charts.dots({
         values,
@@ -30,6 +30,7 @@
         lines.label.map((name, k) => [
           h("span", {}, name, ...context.marksOf(name, lines.kind[k])),
           String(lines.solved[k]),
+          String(lines.lost[k]),
           String(lines.stationary[k]),
           String(lines.ran[k]),
           lines.low[k] === null ? "—" : `${Dom.percent(lines.low[k])} to ${Dom.percent(lines.high[k])}`,
@@ -42,13 +43,14 @@
       const bars = few ? "" : " Bar: 95 % bootstrap interval over problem families.";
       return {
         spec,
-        summary: `${lines.label[0]} solves most, ${lines.solved[0]} of ${lines.ran[0]}.`,
+        summary: `${lines.label[0]} solves most, ${lines.solved[0]} of ${lines.ran[0] - lines.lost[0]}.`,
         numbers: `N = ${Dom.counted(total, "problem")}, nothing filtered${shown < count ? `, first ${shown} of ${count} solvers` : ""}.`,
-        guide: `Dot: fraction solved of the problems that the solver was started on; problems that it cannot handle are not counted.${bars}`,
+        guide: `Dot: fraction solved of the problems that the solver was started on; problems that it cannot handle, and answers that a conversion lost, are not counted.${bars}`,
         table: () => ({
           head: [
             "solver",
             "solved",
+            "lost",
             "stationary",
             "ran",
             "95 % interval",
@@ -59,7 +61,7 @@
             "mean",
           ],
           rows: rows(),
-          right: [1, 2, 3, 4, 5, 6, 7, 8, 9],
+          right: [1, 2, 3, 4, 5, 6, 7, 8, 9, 10],
         }),
       };
     },
