@@ -15,10 +15,16 @@ import pandas as pd
 
 from cpbench.analysis.metrics import Metric
 from cpbench.analysis.starts import COLD
+from cpbench.plurals import counted
 
 Sheets = Mapping[str, Mapping[str, Any]]
 CLOCKS = ("time", "solve", "cpu")
 """Metrics that have the launch of a program in them."""
+BUSY, DRIFT = 0.1, 1.5
+"""Share of the rows with a load beyond the cores, and ratio of the longest to the shortest reference solve, from which
+on times are not to be relied on."""
+METHOD_TIME = "Compared is the time of the method, without the round trip."
+"""Sentence about the times of served solvers."""
 FIRST_STEP = "cold: first step"
 """Text of a row about its start where there was no step before to start from: no failure of the start policy."""
 
@@ -42,10 +48,13 @@ def footnotes(rows: pd.DataFrame, sheets: Sheets) -> list[Footnote]:
     ‡ b Fell back to a cold start: b 1 of 2.
     """
     labels = [str(label) for label in dict.fromkeys(rows["label"])]
+    trips = served(rows) if "trip" in rows else {}
+    trip_text = ", ".join(f"{label} ({microseconds(trip)})" for label, trip in trips.items())
     launched, cold, counts = launching(labels, sheets), fell_back(rows), rows["label"].value_counts()
     counted_labels = ", ".join(f"{label} {count} of {counts[label]}" for label, count in cold.items())
     notes = (
         Footnote("†", tuple(launched), _launch(launched)),
+        Footnote("§", tuple(trips), f"Served by another process (round trip of a request): {trip_text}. {METHOD_TIME}"),
         Footnote("‡", tuple(cold), f"Fell back to a cold start: {counted_labels}."),
     )
     return [note for note in notes if note.labels]
@@ -102,6 +111,55 @@ def caution(metric: Metric, labels: Iterable[str], sheets: Sheets) -> str:
         methods_text = "; ".join(f"{method} ({', '.join(names)})" for method, names in found.items())
         return f"An iteration is another thing in each method: {methods_text}. Counts do not compare."
     return ""
+
+
+def served(rows: pd.DataFrame) -> dict[str, float]:
+    """Return the median round trip [s] of an empty request, of each label whose solves another process served.
+
+    >>> served(pd.DataFrame({"label": ["a", "b", "b"], "trip": [float("nan"), 4e-5, 6e-5]}))
+    {'b': 5e-05}
+    """
+    trips = rows.loc[rows["trip"].notna(), ["label", "trip"]].groupby("label")["trip"].median()
+    return {str(label): float(trip) for label, trip in trips.items()}
+
+
+def microseconds(seconds: float) -> str:
+    """Write a round trip.
+
+    >>> microseconds(5.4e-5)
+    '54 µs'
+    """
+    return f"{1e6 * seconds:.0f} µs"
+
+
+def disturbance(rows: pd.DataFrame, meta: Mapping[str, Any]) -> str:
+    """Return why the times of a run are not to be relied on, '' where nothing speaks against them.
+
+    That is where the load was beyond the cores of the machine at a tenth of the rows, or where a solve that is always
+    the same took at one time more than DRIFT times as long as at another.
+
+    Parameters
+    ----------
+    rows : with `loadavg`. meta : of the results, with `machine` (its `threads`) and `references`.
+
+    >>> rows = pd.DataFrame({"loadavg": [1.0, 9.8]})
+    >>> meta = {"machine": {"threads": 2}, "references": [{"seconds": 0.01}, {"seconds": 0.032}]}
+    >>> for reason in disturbance(rows, meta).split("; "):
+    ...     print(reason)
+    Do not rely on these times: the load was beyond the 2 cores at 1 of 2 pairs (up to 9.8)
+    one and the same solve took up to 3.2 times as long as at its best.
+    """
+    reasons: list[str] = []
+    cores, loads = (meta.get("machine") or {}).get("threads"), rows["loadavg"].dropna()
+    busy = int((loads > cores).sum()) if cores else 0
+    if busy and busy >= BUSY * len(loads):
+        pairs = f"{busy} of {counted(len(loads), 'pair')}"
+        reasons.append(f"the load was beyond the {cores} cores at {pairs} (up to {loads.max():.1f})")
+    took = [float(one["seconds"]) for one in meta.get("references") or [] if one["seconds"] and one["seconds"] > 0]
+    drift = max(took) / min(took) if took else 1.0
+    if drift > DRIFT:
+        reasons.append(f"one and the same solve took up to {drift:.1f} times as long as at its best")
+    return f"Do not rely on these times: {'; '.join(reasons)}." if reasons else ""
 
 
 def _launch(labels: Iterable[str]) -> str:

@@ -245,6 +245,8 @@ def _warnings(rows: pd.DataFrame, launching: Collection[str]) -> dict[str, list[
 
     for label in sorted(set(launching) & set(rows["label"])):
         found.setdefault(label, []).append(LAUNCHES)
+    for label, trip in cautions.served(rows).items():
+        found.setdefault(label, []).append(f"served (round trip {cautions.microseconds(trip)})")
     inexact = {str(kind) for kind in Kind if not kind.exact}
     for label, kind in rows_of.label_kinds(rows).items():
         if kind in inexact:

@@ -33,7 +33,7 @@ NUMBERS = (
     "tolerance", "threads", "seconds", "memory", "repeats_asked", "step", "error", "target_error", "target_tolerance",
     "load", "convert", "setup", "solve", "lift", "verify", "wall", "cpu", "peak", "repeats", "solve_min", "solve_iqr",
     "signal", "code", "jobs", "attempts", "loadavg", "reported", "distance",
-    "batch",
+    "batch", "trip", "solve_wall",
 )  # fmt: skip
 ROW = ("key", "problem", "fingerprint", "label")
 """Columns that tell a row from all others."""

@@ -33,6 +33,7 @@ def write_report(
     publishable: bool = False,
     with_imported: bool = False,
     count_stationary: bool = False,
+    reached: bool = False,
 ) -> tuple[list[Path], list[str]]:
     """Write Markdown, the offline page, figures and rows into a folder; returns the files, and what was left out.
 
@@ -57,6 +58,7 @@ def write_report(
         publishable=publishable,
         with_imported=with_imported,
         count_stationary=count_stationary,
+        reached=reached,
     )
     return list(files), list(notes)
 

@@ -166,15 +166,22 @@ class Results:
         return len(self._rows)
 
     def __repr__(self) -> str:
-        sentences = [*self._contradicted, *(ranking.sentence for ranking in self.rankings)]
+        sentences = [*self._contradicted, *self._disturbed, *(ranking.sentence for ranking in self.rankings)]
         return "\n".join([f"Results of {counted(len(self), 'pair')} in {self.path.name}", *sentences, *self.remarks])
 
     @property
     def _contradicted(self) -> list[str]:
         return [f"contradiction: {one}" for one in self.contradictions]
 
+    @property
+    def _disturbed(self) -> list[str]:
+        from cpbench.analysis import cautions
+        from cpbench.analysis import table as rows_of
+
+        return list(filter(None, [cautions.disturbance(rows_of.normalised(self._rows), self.meta)]))
+
     def _repr_html_(self) -> str:
-        parts = [f"<p>{html.escape(line)}</p>" for line in self._contradicted]
+        parts = [f"<p>{html.escape(line)}</p>" for line in (*self._contradicted, *self._disturbed)]
         for ranking in self.rankings:
             head = "".join(f"<th>{name}</th>" for name in HEAD)
             rows = "".join(

@@ -274,6 +274,9 @@ class Result(Message):
 
     Of a stack `vectors` have the parts of all answers, one after the other, and of each problem the number of its
     `claim` among `Claim`, whether it was `answered`, and `alone`: whether the solver took it by itself.
+
+    Where another process solves, `trip` is the round trip of an empty request to it, and `solve_wall` the time that
+    passed here: `solve` is that of the method (`outcome.method_seconds`).
     """
 
     claim: str
@@ -289,13 +292,15 @@ class Result(Message):
     threads: int
     wrote: bool
     reported: Seconds | None = None
+    trip: Seconds | None = None
+    solve_wall: Seconds | None = None
     vectors: Vectors = field(default_factory=dict[str, Any])
 
 
 class Repeats(Message):
-    """Seconds of `setup` and of `solve` of each repeat."""
+    """Seconds of `setup`, of `solve`, and that passed here during the latter, of each repeat."""
 
-    times: tuple[tuple[Seconds, Seconds], ...]
+    times: tuple[tuple[Seconds, Seconds, Seconds], ...]
 
 
 class Recorded(Message):

@@ -30,9 +30,39 @@ def marks(result: Result, waited: float, threads: int) -> list[str]:
         ("children", result.children > 0),
         ("wrote", result.wrote),
         ("threads", result.threads > threads),
-        ("clock", waited > LATE + LATE_SHARE * (result.setup + result.solve)),
+        ("clock", late(waited, result.setup + (result.solve if result.solve_wall is None else result.solve_wall))),
     )
     return [flag for flag, holds in found if holds]
+
+
+def late(waited: float, seconds: float) -> bool:
+    """Return whether one clock shows much more than another one for the same solve [s]."""
+    return waited > LATE + LATE_SHARE * seconds
+
+
+def method_seconds(wall: float, reported: float | None, trip: float | None, *, trusted: bool) -> float:
+    """Return the seconds of a method that ran in another process.
+
+    Parameters
+    ----------
+    wall : seconds between request and reply. reported : by the program's own clock. trip : seconds of an empty request,
+        None where the method ran in this process, whose clock counts then.
+    trusted : whether the program's clock is read by code of cpbench. What a program of others reports of itself is its
+        claim.
+
+    The program's clock counts where it is plausible: it is not over `wall`, and not so far below that the rest cannot
+    be the request (`late`). Else the wall clock counts, less the round trip.
+
+    >>> method_seconds(7.2e-3, 0.65e-3, 5e-5, trusted=True), method_seconds(2.0, 0.65e-3, 5e-5, trusted=True)
+    (0.00065, 1.99995)
+    >>> method_seconds(7e-3, 1e-9, 1e-3, trusted=False), method_seconds(7e-3, None, None, trusted=False)
+    (0.006, 0.007)
+    """
+    if trip is None:
+        return wall
+    if trusted and reported is not None and 0.0 < reported <= wall and not late(wall, reported):
+        return reported
+    return max(wall - trip, 0.0)
 
 
 def remembered(solves: Sequence[float]) -> bool:

@@ -193,6 +193,7 @@ def _sheets(
             "name": spec.name,
             "node": spec.node,
             "method": spec.method,
+            "native": type(solvers.get(pair.entry.solver)).__module__.startswith("cpbench.solvers.native."),
             "launches": Trait.LAUNCHES in spec.traits,
             "version": versions.get(spec.name) or before.get(pair.label, {}).get("version", ""),
             "licence": spec.licence,

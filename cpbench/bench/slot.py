@@ -350,7 +350,7 @@ class Slot:
         Raises ValueError, IndexError where the answer is not one to so many problems.
         """
         first, count = pairs[0], len(pairs)
-        _, solves, lost = self._repeated(first, result, worker)
+        _, solves, _, lost = self._repeated(first, result, worker)
         self._drop_changed(first, result)
         flags = self._flags(first, result, waited, solves, lost)
         shares = [seconds / count for seconds in solves]
@@ -374,12 +374,14 @@ class Slot:
         self, pair: Pair, known: partial[Outcome], worker: Child, result: messages.Result, waited: float
     ) -> Outcome:
         """Return the outcome of a pair whose worker answered after `waited` seconds: repeats, history, verdict."""
-        setups, solves, lost = self._repeated(pair, result, worker)
+        setups, solves, walls, lost = self._repeated(pair, result, worker)
         trail: messages.Recorded | None = None
         if self._recorded(pair) and not lost:
             trail, lost = self._next(worker, pair, messages.Recorded, pair.limits.seconds + GRACE, "history")
         self._drop_changed(pair, result)
         flags = self._flags(pair, result, waited, solves, lost)
+        if result.trip is not None:
+            known = partial(known, trip=result.trip, solve_wall=statistics.median(walls))
         return self._judged(pair, known, result, setups, solves, flags, lost, trail)
 
     def _drop_changed(self, pair: Pair, result: messages.Result) -> None:
@@ -460,24 +462,27 @@ class Slot:
             proof=judged.vectors.get("proof") if status in PROVEN else None,
         )
 
-    def _repeated(self, pair: Pair, result: messages.Result, worker: Child) -> tuple[list[float], list[float], str]:
-        """Return setup and solve times of the first solve and its repeats, and why repeats failed.
+    def _repeated(
+        self, pair: Pair, result: messages.Result, worker: Child
+    ) -> tuple[list[float], list[float], list[float], str]:
+        """Return setup, solve and wall times of the first solve and its repeats, and why repeats failed.
 
         The first answer stands, with its own times, whatever happens to a repeat. It is judged after the repeats:
         a referee that works beside them would spoil their times.
         """
-        setups, solves = [float(result.setup)], [float(result.solve)]
+        setups, solves, walls = [float(result.setup)], [float(result.solve)], [float(result.solve_wall or 0.0)]
         more = pair.limits.repeats - 1
         if more < 1 or result.wrote or result.setup + result.solve >= worker_process.SHORT:
-            return setups, solves, ""
+            return setups, solves, walls, ""
         repeats, lost = self._next(worker, pair, messages.Repeats, more * (pair.limits.seconds + GRACE), "repeat")
         if repeats is not None and len(repeats.times) > more:
             self.workers.drop(pair.entry.solver)
-            return setups, solves, f"a repeat failed: {len(repeats.times)} repeats, {more} were asked for"
+            return setups, solves, walls, f"a repeat failed: {len(repeats.times)} repeats, {more} were asked for"
         if repeats is not None:
-            setups += [setup for setup, _ in repeats.times]
-            solves += [solve for _, solve in repeats.times]
-        return setups, solves, lost
+            setups += [setup for setup, _, _ in repeats.times]
+            solves += [solve for _, solve, _ in repeats.times]
+            walls += [wall for _, _, wall in repeats.times]
+        return setups, solves, walls, lost
 
     def _next(
         self, worker: Child, pair: Pair, expected: type[Reply], patience: float, what: str

@@ -26,6 +26,7 @@ import numpy as np
 from cpbench import kernel_cache
 from cpbench.bench import messages, shared_problem, stacked
 from cpbench.bench.history import recorded
+from cpbench.bench.outcome import method_seconds
 from cpbench.bench.processes import guard
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.forked import run_forked
@@ -172,8 +173,9 @@ class SolverRunner:
             self.send(messages.ProblemLoaded(messages.Seconds(time.perf_counter() - begun)))
         asked = self._arguments(problem)
         self.meter.begin()
-        output, setup, solve, cpu = _timed(self._solver, self._handed, *asked, self.meter.cpu)
-        used = self.meter.end(setup + solve, cpu)
+        output, setup, wall, cpu = _timed(self._solver, self._handed, *asked, self.meter.cpu)
+        used = self.meter.end(setup + wall, cpu)
+        trip, solve = self._solver.round_trip, self._method_seconds(wall, output)
         output = self._solver.collect(output)
         used["children"] = max(used["children"], self.meter.children)  # a program may start processes after its reply
         vectors, counters, notes = _checked(output, problem)
@@ -190,12 +192,20 @@ class SolverRunner:
                 solve=messages.Seconds(solve),
                 cpu=messages.Seconds(cpu),
                 reported=None if output.reported is None else messages.Seconds(output.reported),
+                trip=None if trip is None else messages.Seconds(trip),
+                solve_wall=None if trip is None else messages.Seconds(wall),
                 wrote=wrote,
                 vectors=vectors,
                 **used,
             )
         )
-        return {"short": setup + solve < SHORT, "wrote": wrote}
+        return {"short": setup + wall < SHORT, "wrote": wrote}
+
+    def _method_seconds(self, wall: float, output: SolverOutput) -> float:
+        """Return the seconds of the method, of those that passed here."""
+        solver = self._solver
+        reported = getattr(output, "reported", None)  # what is no output is refused later
+        return method_seconds(wall, reported, solver.round_trip, trusted=solver.own_clock)
 
     def _answer_stack(self) -> dict[str, Any]:
         begun = time.perf_counter()
@@ -229,13 +239,14 @@ class SolverRunner:
         vectors = stacked.solve_all(self._solver, stack, budget, self._solver.spec.options(), self._asked.stack)
         return vectors, time.perf_counter() - begun, self.meter.cpu() - cpu
 
-    def _repeat(self) -> tuple[messages.Seconds, messages.Seconds]:
+    def _repeat(self) -> tuple[messages.Seconds, messages.Seconds, messages.Seconds]:
         if self._asked.stack:
-            return messages.Seconds(0.0), messages.Seconds(self._timed_stack(self._loaded_stack())[1])
+            seconds = messages.Seconds(self._timed_stack(self._loaded_stack())[1])
+            return messages.Seconds(0.0), seconds, seconds
         asked = self._arguments(self._loaded())
         self._handed = self._solver.hand_over(self._problem)  # a program may cache what it has solved
-        _, setup, solve, _ = _timed(self._solver, self._handed, *asked, self.meter.cpu)
-        return messages.Seconds(setup), messages.Seconds(solve)
+        output, setup, wall, _ = _timed(self._solver, self._handed, *asked, self.meter.cpu)
+        return messages.Seconds(setup), messages.Seconds(self._method_seconds(wall, output)), messages.Seconds(wall)
 
     def _record(self) -> bool:
         me, problem = os.getpid(), self._loaded()

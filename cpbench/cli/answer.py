@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cpbench.analysis import contradictions
+from cpbench.analysis import cautions, contradictions
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import lacking_lines, unreached_lines, unreached_summary
 from cpbench.analysis.ranking import RankedSolver, Ranking, rankings
+from cpbench.analysis.reached import SENTENCE, at_reached
 from cpbench.api.cross_examination import contradiction_lines
+from cpbench.bench import history
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
 from cpbench.cli.terminal import folded, print_lines, width
@@ -32,15 +34,19 @@ WIDE, SHORTEST = 400, 16
 """Columns of a table where nobody sees a terminal; the least that names get of one."""
 
 
-def print_results(path: str) -> None:
+def print_results(path: str, reached: bool = False) -> None:
     """Print the answer of a results file, as the run that wrote it ended; raises StoreError, SealError."""
     with sealed(Path(path)) as store:
-        print_answer(store)
+        print_answer(store, reached)
 
 
-def print_answer(store: Store) -> None:
-    """Print the contradictions, the rankings of all formulations, then a sentence each."""
+def print_answer(store: Store, reached: bool = False) -> None:
+    """Print the contradictions, the rankings of all formulations, then a sentence each; with times at equal `reached`
+    error where that is asked for."""
     table, meta = rows_of.normalised(store.table()), store.meta()
+    if reached:
+        table = at_reached(table, history.table(store.histories()))
+        click.echo("\n".join(folded(f"{SENTENCE}.")))
     ranked = rankings(table, meta.get("solvers"))
     print_lines(
         [line for found in contradiction_lines(contradictions.of_results(meta, table)) for line in folded(found)]
@@ -61,7 +67,9 @@ def print_answer(store: Store) -> None:
     if len(reasons) > LINES:
         click.echo(f"and {counted(len(reasons) - LINES, 'more reason')} why pairs could not be run")
     lines = [line for ranking in ranked for line in _sentence(ranking)]
-    click.echo("\n".join(["", *(["Which solver to use:"] if lines else []), *lines]))
+    disturbed = cautions.disturbance(table, meta)
+    first = [click.style(line, fg="yellow") for line in folded(disturbed)] if disturbed else []
+    click.echo("\n".join(["", *([*first, "Which solver to use:"] if lines else []), *lines]))
 
 
 def _title(ranking: Ranking) -> str:

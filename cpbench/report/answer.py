@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+from cpbench.analysis import cautions
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.ranking import RankedSolver, Ranking
 from cpbench.analysis.ranking_order import LEVEL
@@ -39,6 +40,9 @@ def answer(run: Run) -> Iterator[str]:
         return
     most = set(sorted(ranked, key=lambda r: -r.problems)[:SENTENCES])
     shown = [ranking for ranking in ranked if ranking in most]
+    disturbed = cautions.disturbance(run.read, run.meta)
+    if disturbed:
+        yield f"**{plain(disturbed)}**"
     yield "\n".join(_sentence(ranking) for ranking in shown)
     if len(ranked) > len(shown):
         left = counted(len(ranked) - len(shown), "more group")
@@ -59,8 +63,11 @@ def _sentence(ranking: Ranking) -> str:
     """Return what to use, after the formulation and what it is called in full."""
     title = f" ({plain(ranking.title)})" if ranking.title else ""
     said = ranking.advice
-    winner = f"**{code(said.winner)}**" if said.winner else ""
-    return f"- **{plain(ranking.formulation)}**{title}: {plain(said.before)}{winner}{plain(said.after)}"
+    if not said.winner:
+        return f"- **{plain(ranking.formulation)}**{title}: {plain(said.text)}"
+    gap = " " if said.after.startswith(" ") else ""  # `plain` leaves blanks at the ends out
+    advice = f"{plain(said.before)} **{code(said.winner)}**{gap}{plain(said.after)}"
+    return f"- **{plain(ranking.formulation)}**{title}: {advice}"
 
 
 def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:

@@ -28,6 +28,7 @@ def write_folder(
     publishable: bool = False,
     with_imported: bool = False,
     count_stationary: bool = False,
+    reached: bool = False,
     comparison: Comparison | None = None,
     data: Collection[str] = ("csv",),
     thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict,
@@ -44,13 +45,14 @@ def write_folder(
     publishable : whether solvers whose figures must not be published are left out of everything.
     with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
     count_stationary : whether answers that are stationary only are among the solved.
+    reached : whether times are compared at equal reached error (`analysis.reached`).
     comparison : with another run (`analysis.comparison`), a section of its own in the Markdown.
     data : formats of the rows (`row_files.chosen`).
     answers : those that `analysis.multi_start.wanted` asks for, by key of their rows.
     thumbnails : pictures of the problems by fingerprint, asked for when the page is made (`api.thumbnails`).
     """
     chosen = {"publishable": publishable, "with_imported": with_imported, "has_csv": "csv" in data}
-    chosen["count_stationary"] = count_stationary
+    chosen |= {"count_stationary": count_stationary, "reached": reached}
     run = assembled(table, meta, Path(folder), histories, thumbnails=thumbnails, answers=answers, **chosen)
     documents = [markdown.write_text(run, title, comparison)]
     if not vega.lacking():

@@ -8,6 +8,7 @@ import pandas as pd
 
 from cpbench.analysis import failures, participation, reliability
 from cpbench.analysis.failures import Reason
+from cpbench.report.claims_section import claims_section
 from cpbench.report.details import WHOLE_RUN
 from cpbench.report.imported_section import imported
 from cpbench.report.multi_start_section import multi_start
@@ -23,6 +24,7 @@ LISTED = 8
 
 def known_sections(run: Run) -> Iterator[str]:
     """Yield all sections, in order; empty ones are left out, but for false claims and failures."""
+    yield from claims_section(run)
     yield from false_claims(run, LISTED)
     yield from _remarks(run)
     yield from multi_start(run, 3)

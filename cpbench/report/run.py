@@ -20,6 +20,7 @@ from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.looks import looks
 from cpbench.analysis.participation import participating, restricted, without
 from cpbench.analysis.ranking import Ranking, rankings
+from cpbench.analysis.reached import SENTENCE, at_reached
 from cpbench.analysis.table import ResultGroup
 from cpbench.matrices import Vector
 from cpbench.report.legend import PALETTE
@@ -38,6 +39,7 @@ class Run:
     whether results.csv is beside the report. `count_stationary`: stationary answers are among the solved.
     `parted`: the rows before several starts of a problem were made cases of one formulation. `answers`: by key of the
     row, of problems with several starts (`analysis.multi_start`).
+    `reached`: times of `rows` are those at equal reached error, while `parted` has what was measured.
     `looks`: that of each label in every figure, found from all rows of the file (`analysis.looks`).
     """
 
@@ -52,6 +54,7 @@ class Run:
     looks: Mapping[str, int] = field(default_factory=dict)
     parted: pd.DataFrame | None = None
     answers: Mapping[str, Vector] = field(default_factory=dict)
+    reached: bool = False
 
     @property
     def stationary(self) -> str:
@@ -69,7 +72,7 @@ class Run:
     @cached_property
     def remarks(self) -> list[str]:
         """`remarks.remarks` of all rows: what the first lines say."""
-        return remarks.remarks(self.read)
+        return [*([SENTENCE] if self.reached else []), *remarks.remarks(self.read)]
 
     @property
     def all_rows(self) -> str:
@@ -132,6 +135,7 @@ def assembled(
     has_csv: bool = True,
     count_stationary: bool = False,
     answers: Mapping[str, Vector] | None = None,
+    reached: bool = False,
 ) -> Run:
     """Return the run that a report is about; the parameters are those of `folder.write_folder`."""
     rows = _without_folders(rows_of.normalised(table))
@@ -144,7 +148,10 @@ def assembled(
     if count_stationary:
         run = replace(run, rows=rows_of.counting_stationary(run.rows), count_stationary=True)
     run = _publishable(run) if publishable else run
-    return replace(run, parted=run.rows, rows=multi_start.merged(run.rows))
+    compared = at_reached(run.rows, run.histories) if reached else run.rows
+    run = replace(run, parted=run.rows, rows=multi_start.merged(compared), reached=reached)
+    # the path of a solve says nothing of a time that may be of another one
+    return replace(run, histories=run.histories.iloc[:0]) if reached else run
 
 
 def _publishable(run: Run) -> Run:

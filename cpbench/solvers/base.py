@@ -205,6 +205,13 @@ class Solver(ABC):
     """One algorithm or one backend. Instances carry no state."""
 
     spec: ClassVar[SolverSpec]
+    own_clock: ClassVar[bool] = False
+    """Whether `reported` is taken by code of cpbench around the call of the method, in the process that makes it."""
+
+    @property
+    def round_trip(self) -> float | None:
+        """Seconds that an empty request takes to the process that solves and back; None where that is this one."""
+        return None
 
     def obstacle(self, problem: Any) -> str | None:
         """Return why this problem is not for this solver (cheap to tell), else None."""

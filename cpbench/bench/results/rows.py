@@ -91,6 +91,8 @@ class Measured:
     made, empty for what was solved here. certainty : level of the certificate of the answer, where one was sought.
     distance : a bound on its distance from a solution, over the size of that. certificate : what else it says.
     batch : of a set that asks for throughput, by how many problems the call was shared whose time is divided here.
+    trip : round trip of an empty request [s] to the process of a served solver, None of a solver that runs in its
+    worker. solve is the time of its method, solve_wall [s] what passed in the worker meanwhile.
     """
 
     status: str = "not_run"
@@ -132,6 +134,8 @@ class Measured:
     distance: float | None = None
     certificate: str | None = None
     batch: int | None = None
+    trip: float | None = None
+    solve_wall: float | None = None
 
     def changed(self, **values: Any) -> Self:
         """Return a copy with other values; as `dataclasses.replace`, which takes ten times as long, and a pair needs

@@ -4,7 +4,7 @@ Version 1 had one set of limits a file, in `meta`; since version 2 they are colu
 reference solves and machines have tables of their own. Version 3 keeps the features of the problems, version 4
 certificates of what has no solution, seals of the rows, and the tolerance that a solver was asked for, version 5 how
 certain the answers are, version 6 how many problems a call solved, version 7 the data of problems of which answers have
-a proof.
+a proof, version 8 the clocks of served solvers.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sqlite3
 
 from cpbench.bench.results.rows import Measured, Planned, columns
 
-SCHEMA = 7
+SCHEMA = 8
 SEALED_SINCE = 4
 
 PLANNED, MEASURED = columns(Planned), columns(Measured)
@@ -129,5 +129,13 @@ def _from_6(db: sqlite3.Connection) -> None:
         db.execute(statement)
 
 
-_STEPS = (_from_1, _from_2, _from_3, _from_4, _from_5, _from_6)
+def _from_7(db: sqlite3.Connection) -> None:
+    """No round trip was measured for older rows: their solve is what passed in the worker."""
+    there = {name for _, name, *_ in db.execute("PRAGMA table_info(rows)")}
+    for name in ("trip", "solve_wall"):
+        if name not in there:
+            db.execute(f'ALTER TABLE rows ADD COLUMN "{name}" REAL')
+
+
+_STEPS = (_from_1, _from_2, _from_3, _from_4, _from_5, _from_6, _from_7)
 """From version 1 to 2, from 2 to 3, ..."""

@@ -9,6 +9,7 @@ from typing import Any
 
 from cpbench.analysis import participation, reliability
 from cpbench.analysis.table import CONTRADICTED
+from cpbench.report.claims_section import EXPLAINED, HEAD, TITLE, claim_lines
 from cpbench.report.html.markup import Markup, code, element, prose, table
 from cpbench.report.methods import LOSSES
 from cpbench.report.run import Run, each
@@ -19,7 +20,12 @@ LISTED = 60
 
 
 def false_claims(run: Run) -> Iterator[Markup]:
-    """Yield claims that are not so, each with the command that runs it again; claims of no solution first."""
+    """Yield the claims of each solver, counted, then those that are not so, each with the command that runs it again;
+    claims of no solution first."""
+    counts = claim_lines(run)
+    if counts:
+        yield element("p", EXPLAINED, class_="scope")
+        yield table(TITLE, HEAD, counts, right=range(1, len(HEAD)))
     found = run.false_claims.sort_values(CONTRADICTED, ascending=False, kind="stable")
     if not len(found):
         yield element("p", "No claim of a solver is known to be false.")

@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from cpbench.analysis import participation
+from cpbench.analysis import cautions, participation
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.ranking import Ranking
@@ -36,6 +36,9 @@ def overview(run: Run) -> Iterator[Markup]:
         yield element("p", " ".join(f"{remark}." for remark in run.remarks), class_="note warning")
     yield from _contradictions(run)
     yield from _choices(run)
+    disturbed = cautions.disturbance(run.read, run.meta)
+    if disturbed:
+        yield element("p", disturbed, class_="note warning")
     yield element("p", class_="answer", data_answer="")
     yield element("div", data_figure="profile")
     yield element("h3", "Ranking: ", element("span", data_group_name=""))

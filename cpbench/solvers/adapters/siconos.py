@@ -101,6 +101,7 @@ class SiconosSettings:
 class SiconosSolver(ServedSolver):
     """A solver of Siconos; subclasses have the node and say which of its problems Siconos can hold."""
 
+    own_clock: ClassVar[bool] = True
     node: ClassVar[str]
     carried_by: ClassVar[str] = "npy-dir"
     """The exchange."""

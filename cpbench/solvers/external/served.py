@@ -2,6 +2,7 @@
 answer. Loading, compiling and writing stay outside of what is timed. The requests, one JSON object a line each:
 
     {"do": "hello", "protocol": 1}                  -> {"ok": true, "name": "mine", "version": "1.2"}
+                                                       first, and again after the warm-up: how long a request takes
     {"do": "warmup"}                                -> {"ok": true}      once, without a problem: compiling
     {"do": "load", "problem": PATH, "node": "lcp"}  -> {"ok": true}      reads the problem into memory
     {"do": "solve", "tolerance": 1e-6, "seconds": 10.0, "iterations": null, "seed": 0, "options": {}, "start": null}
@@ -21,6 +22,8 @@ import dataclasses
 import math
 import os
 import shutil
+import statistics
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,6 +45,8 @@ BACKSTOP = 600.0
 MATRICES = ("as-is", "dense", "csr")
 CLAIM = "claim.json"
 """File of a command's claims, beside its answer or in its folder."""
+TRIPS, LONG = 9, 0.05
+"""Empty requests that measure a round trip; seconds of the first from which on it stays alone."""
 ANSWERED = (Claim.SOLVED, Claim.INACCURATE)
 """Claims that have an answer; with others it may be missing."""
 Key = tuple[tuple[str, ...], tuple[tuple[str, str], ...], str | None]
@@ -136,6 +141,12 @@ class ServedSolver(Solver):
         self.command, self.exchange, self.matrices = tuple(command), exchange, matrices
         self.env, self.cwd = dict(env or {}), cwd
         self._session: Session | None = None
+        self._round_trip: float | None = None
+
+    @property
+    def round_trip(self) -> float | None:
+        """Median seconds of the empty requests at the start of the session; None before it."""
+        return self._round_trip
 
     def obstacle(self, problem: Any) -> str | None:
         return exchanges.get(self.exchange).obstacle(problem)
@@ -208,6 +219,7 @@ class ServedSolver(Solver):
             session.pass_on()
             try:
                 session.ask("warmup", BACKSTOP)
+                self._round_trip = _round_trip(session)
             except BaseException:
                 session.kill()
                 raise
@@ -218,6 +230,17 @@ class ServedSolver(Solver):
         session.holds = None
         session.ask("load", BACKSTOP, problem=str(handed.path("problem")), node=handed.problem.node)
         session.holds = handed
+
+
+def _round_trip(session: Session) -> float:
+    """Return the median seconds of a greeting and its reply: the first words are over, so that nothing is left to do
+    but to answer."""
+    found: list[float] = []
+    while len(found) < TRIPS and not (found and found[0] > LONG):
+        begun = time.perf_counter()
+        session.ask("hello", BACKSTOP, protocol=PROTOCOL)
+        found.append(time.perf_counter() - begun)
+    return statistics.median(found)
 
 
 def backstop(seconds: float) -> float:

@@ -1,0 +1,110 @@
+"""Clocks of served solvers, times at equal reached error, and what makes times unfit for a comparison."""
+
+from __future__ import annotations
+
+import math
+import sqlite3
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from synthetic_results import meta, results_file, row, table
+
+from cpbench.analysis import cautions
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.ranking import rankings
+from cpbench.analysis.reached import at_reached
+from cpbench.bench.outcome import LATE, LATE_SHARE, method_seconds
+from cpbench.bench.results import schema
+from cpbench.bench.results.store import Store
+
+
+def test_a_method_in_the_worker_has_the_clock_of_the_worker() -> None:
+    assert method_seconds(2.0, 0.5, None, trusted=True) == 2.0
+
+
+def test_the_clock_of_a_guest_counts_where_it_is_plausible() -> None:
+    assert method_seconds(7.24e-3, 0.65e-3, 5e-5, trusted=True) == 0.65e-3
+    for implausible in (None, 0.0, -1.0, 8e-3, math.nan):
+        assert method_seconds(7.24e-3, implausible, 5e-5, trusted=True) == pytest.approx(7.19e-3)
+
+
+def test_a_clock_that_shows_far_too_little_is_not_believed() -> None:
+    """From both sides of what the flag `clock` allows: a quarter of a second, and half of the time."""
+    reported = 1.0
+    most = LATE + LATE_SHARE * reported
+    assert method_seconds(0.999 * most, reported, 0.01, trusted=True) == reported
+    assert method_seconds(1.001 * most, reported, 0.01, trusted=True) == pytest.approx(1.001 * most - 0.01)
+
+
+def test_what_a_program_of_others_reports_is_its_claim() -> None:
+    assert method_seconds(0.5, 1e-9, 0.01, trusted=False) == 0.49
+    assert method_seconds(0.005, 1e-9, 0.01, trusted=False) == 0.0
+
+
+def test_an_older_file_gets_columns_for_the_clocks(tmp_path: Path) -> None:
+    path = results_file(tmp_path / "old.sqlite", table(row("p", "s", "solved", 1.0)))
+    with sqlite3.connect(path) as db:
+        for name in ("trip", "solve_wall"):
+            db.execute(f"ALTER TABLE rows DROP COLUMN {name}")
+        db.execute("PRAGMA user_version=7")
+    db.close()
+    with Store(path) as store:
+        [one] = store.rows()
+    assert (one.solve, one.trip, one.solve_wall) == (1.0, None, None)
+    with sqlite3.connect(path) as db:
+        assert db.execute("PRAGMA user_version").fetchone() == (schema.SCHEMA,)
+    db.close()
+
+
+def test_a_served_solver_is_marked_with_its_round_trip() -> None:
+    rows = rows_of.normalised(
+        pd.DataFrame([*(row(p, "guest", "solved", 1.0, trip=5e-5) for p in "ab"), row("a", "own", "solved", 1.0)])
+    )
+    [found] = rankings(rows)
+    assert {one.solver: one.warnings for one in found.rows} == {"guest": ("served (round trip 50 µs)",), "own": ()}
+    [note] = cautions.footnotes(rows, {})
+    assert (note.mark, note.labels) == ("§", ("guest",))
+
+
+def _loaded(loads: list[float]) -> pd.DataFrame:
+    return rows_of.normalised(table(*(row(str(k), "s", "solved", 1.0) for k in range(len(loads))))).assign(
+        loadavg=loads
+    )
+
+
+@pytest.mark.parametrize(("busy", "said"), [(0, False), (1, False), (2, True), (4, True)])
+def test_a_load_beyond_the_cores_is_said_from_a_tenth_of_the_rows(busy: int, said: bool) -> None:
+    found = cautions.disturbance(_loaded([2.5] * busy + [2.0] * (20 - busy)), {"machine": {"threads": 2}})
+    assert bool(found) == said
+    assert (f"beyond the 2 cores at {busy} of 20 pairs (up to 2.5)" in found) == said
+
+
+@pytest.mark.parametrize(("drift", "said"), [(1.0, False), (1.45, False), (1.55, True), (3.0, True)])
+def test_a_drift_of_the_machine_is_said_beyond_a_half(drift: float, said: bool) -> None:
+    about = meta(references=[{"seconds": 0.01}, {"seconds": 0.01 * drift}, {"seconds": None}])
+    assert bool(cautions.disturbance(_loaded([1.0]), about)) == said
+
+
+def test_times_at_equal_reached_error() -> None:
+    """`slow` is asked for 1e-6 and reaches 1e-12; its answer to 1e-3 is within 1e-6, and an iterate earlier still."""
+    rows = rows_of.normalised(
+        pd.DataFrame(
+            [
+                row("p", "slow", "solved", 8.0, error=1e-12, convert=0.5),
+                row("p", "slow", "solved", 4.0, error=1e-7, tolerance=1e-3, key="loose"),
+                row("p", "quick", "solved", 5.0, error=9e-7),
+                row("p", "failing", "failed", 1.0, error=1e-2),
+                row("p", "failing", "solved", 1.0, error=1e-7, tolerance=1e-3, key="loose failing"),
+            ]
+        )
+    )
+    path = pd.DataFrame({"key": ["loose"] * 2, "time": [1.0, 4.0], "share": [0.25, 1.0], "error": [1e-4, 1e-7]})
+    found = at_reached(rows, path).set_index("key")["solve"]
+    assert found["p/slow"] == 4.0, "the answer to the looser tolerance is good enough"
+    assert found["loose"] == 1.0, "an iterate is"
+    assert found["p/quick"] == 5.0, "nothing else is known"
+    assert at_reached(rows).set_index("key")["solve"]["loose"] == 4.0
+    again = at_reached(rows, path).set_index("key")
+    assert again.loc["p/failing", ["status", "solve"]].tolist() == ["failed", 1.0], "what was asked for was missed"
+    assert again.loc["p/slow", ["convert", "setup", "lift"]].tolist() == [0.0, 0.0, 0.0]
