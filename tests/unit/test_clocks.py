@@ -49,7 +49,7 @@ def test_an_older_file_gets_columns_for_the_clocks(tmp_path: Path) -> None:
             db.execute(f"ALTER TABLE rows DROP COLUMN {name}")
         db.execute("PRAGMA user_version=7")
     db.close()
-    with Store(path) as store:
+    with Store(path, create=True) as store:
         [one] = store.rows()
     assert (one.solve, one.trip, one.solve_wall) == (1.0, None, None)
     with sqlite3.connect(path) as db:

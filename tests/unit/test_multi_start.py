@@ -60,7 +60,7 @@ def test_solutions_are_told_apart_by_their_distance() -> None:
 def test_starts_are_cases_of_one_formulation_and_no_formulations(tmp_path: Path) -> None:
     [ranking] = rankings(rows_of.normalised(rows()))
     assert (ranking.formulation, ranking.problems_and_starts) == ("ncp", "1 problem, 3 starts")
-    assert ranking.sentence == "ncp: use newton: it solves 3 of 3 starts, alone on 1, fastest on 2."
+    assert ranking.sentence == ("ncp: a hint from 1 problem, 3 starts: newton solves 3 of 3, alone on 1, fastest on 2.")
     text = write_report(rows(), meta(), tmp_path, "t", answers=ANSWERS).read_text()
     assert "- **ncp** (nonlinear complementarity problem): use **`newton`**: it solves 3 of 3 starts" in text
     assert "(1 problem, 2 solver configurations)" in text

@@ -42,9 +42,10 @@ def test_means_stand_beside_their_counts_and_intervals(tmp_path: Path) -> None:
     assert set(shown) == set(times.columns)
     for label, found in shown.items():
         own = every.table.loc[label]
-        assert found[:3] == [str(own["solved"]), str(own["charged"]), seconds(float(own["mean"]))]
-        assert found[3] == f"{seconds(around.at[label, 'low'])} to {seconds(around.at[label, 'high'])}"
-        assert (found[4] == "—") == (label not in leading)
+        assert found[:3] == [str(own["solved"]), str(own["charged"]), "0"]
+        assert found[3] == seconds(float(own["mean"]))
+        assert found[4] == f"{seconds(around.at[label, 'low'])} to {seconds(around.at[label, 'high'])}"
+        assert (found[5] == "—") == (label not in leading)
     assert f"mean over all 45 | 95 % interval | mean over {common.problems} in common |" in text
     assert "- interval: bootstrap of 5 families\n" in text
     assert f"shift {seconds(every.shift)} (median of all times); a problem not solved is charged 10 s" in text
@@ -60,7 +61,7 @@ def test_a_choice_that_decides_is_told(tmp_path: Path) -> None:
     text = section(table(*rows, row("f0-0", "quick", "timeout")), tmp_path, "Means")
     assert "- shift and penalty decide the order of 1 of 1 pair of solvers" in text
     assert "| rank at 4 ms |" in text
-    assert (cells(text)["quick"][6], cells(text)["quick"][-1]) == ("1/1/2", "2")
+    assert (cells(text)["quick"][7], cells(text)["quick"][-1]) == ("1/1/2", "2")
 
 
 @pytest.mark.nightly
@@ -74,7 +75,7 @@ def test_little_to_resample_or_to_charge_is_told(tmp_path: Path) -> None:
     boundless = section(rows.assign(seconds=math.inf), tmp_path, "Means")
     assert "a problem not solved leaves none (no limit was set)" in boundless
     assert "rank" not in boundless
-    assert cells(boundless)["a"][2] == "—"
+    assert cells(boundless)["a"][3] == "—"
     nothing = table(*(row(f"f-{i}", s, "timeout") for i in range(3) for s in ("a", "b")))
     assert section(nothing, tmp_path, "Means") == section(nothing, tmp_path, "Gap to the virtual best") == ""
 

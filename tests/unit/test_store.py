@@ -256,7 +256,7 @@ def test_a_file_of_schema_2_is_migrated(tmp_path: Path) -> None:
     with Store(path) as reading:
         assert reading.features() == {}
     with Store(path, create=True) as store, Store(tmp_path / "new.sqlite", create=True) as new:
-        assert store._database.read(everything) == [(*row, *[None] * 5) for row in rows]
+        assert store._database.read(everything) == [(*row, *[None] * 7) for row in rows]
         assert [list(store.answers()), list(store.histories())] == [[(a, c) for a, _, c in kept[0]], kept[1]]
         told = store.meta()
         assert {name: told[name] for name in meta} == meta

@@ -197,7 +197,7 @@ def test_the_messages_of_a_request(path: str, fresh: bool) -> None:
             np.testing.assert_allclose(result.vectors["z"], [1.0, 0.0])
             assert (result.claim, result.wrote, result.children, result.threads) == ("solved", False, 0, 1)
             assert 0 <= result.peak < 100 * MiB
-            assert np.shape(told[2].times) == (2, 2)
+            assert np.shape(told[2].times) == (2, 3)
         assert [type(m) for m in _serve(child, path, repeats=1)] == [messages.ProblemLoaded, messages.Result]
         missing = _serve(child, path + "x", repeats=1)[-1]
         assert isinstance(missing, messages.Failed)

@@ -130,7 +130,7 @@ def _from_6(db: sqlite3.Connection) -> None:
 
 
 def _from_7(db: sqlite3.Connection) -> None:
-    """No round trip was measured for older rows: their solve is what passed in the worker."""
+    """Add the clocks of served solvers. The solve of an older row is what passed in the worker."""
     there = {name for _, name, *_ in db.execute("PRAGMA table_info(rows)")}
     for name in ("trip", "solve_wall"):
         if name not in there:
