@@ -1,4 +1,4 @@
-"""Known limitations of a run, in brief: false claims, lost answers, failures by kind."""
+"""Known limitations of a run, in brief: claims and false claims, lost answers, failures by kind."""
 
 from __future__ import annotations
 

@@ -92,15 +92,19 @@ tolerance is that of the first kept iterate that meets it: an upper bound.
 
 **Time.** Conversion + set-up + solve + carrying back, wall clock, in a warmed-up process; the median of the repeats
 of a short solve. Reading the file and judging are not in it. A pair that is not solved has no time: it is ∞, however
-quickly it came to its end.
+quickly it came to its end. Where another process solves (*served*), the solve is that of its method: by the clock of
+the process where cpbench reads that clock and it is plausible, else what passed here less the round trip of an empty
+request, the median at the start of the session (columns `solve`, `solve_wall`, `trip`).
 
 **Performance profile** (Dolan and Moré, Math. Programming 91, 2002). ρ(τ) is the number of problems solved within τ
-times the least time any solver of the figure needed for that problem, over N. The steps are exact, equal times share
-the lead, times below {seconds(FLOOR)} count as {seconds(FLOOR)} (the article has no such floor), failures are at ∞, and
-problems that nobody solved stay among the N. Only distance to the best curve is meant: the order of two other solvers
+times the least time any solver of the figure needed for that problem, over N; a problem of which a
+conversion lost its answer is not among the N of that solver. The steps are exact, equal times share the lead, times
+below {seconds(FLOOR)} count as {seconds(FLOOR)} (the article has no such floor), failures are at ∞, and problems that
+no solver solved stay among the N. Only distance to the best curve is meant: the order of two other solvers
 may change when a third is left out (Gould and Scott, ACM TOMS 43, 2016).
 
-**Mean time.** The shifted geometric mean exp(mean log(t + s)) − s over all N problems; a problem that the solver did
+**Mean time.** The shifted geometric mean exp(mean log(t + s)) − s over all N problems (as above without lost answers);
+a problem that the solver did
 not solve is *charged* the penalty, the time limit (or the slowest answer, where conversion or set-up took one beyond
 it), also where no route led to the solver. The shift s is the median of all times of the formulation and is printed; a
 shift far above the times makes this an arithmetic mean that a single failure decides. The *rank* by the mean is

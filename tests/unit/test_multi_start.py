@@ -62,7 +62,10 @@ def test_starts_are_cases_of_one_formulation_and_no_formulations(tmp_path: Path)
     assert (ranking.formulation, ranking.problems_and_starts) == ("ncp", "1 problem, 3 starts")
     assert ranking.sentence == ("ncp: a hint from 1 problem, 3 starts: newton solves 3 of 3, alone on 1, fastest on 2.")
     text = write_report(rows(), meta(), tmp_path, "t", answers=ANSWERS).read_text()
-    assert "- **ncp** (nonlinear complementarity problem): use **`newton`**: it solves 3 of 3 starts" in text
+    assert (
+        "- **ncp** (nonlinear complementarity problem): a hint from 1 problem, 3 starts: **`newton`** solves 3 of 3"
+        in text
+    )
     assert "(1 problem, 2 solver configurations)" in text
     assert "## Several starts (1 problem)" in text
     assert "**kojima**: 2 solutions found from 3 starts; all of them by `newton`." in text
