@@ -12,7 +12,7 @@ that the true p is larger, and a difference that the test finds significant may 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -97,7 +97,7 @@ def order(rows: pd.DataFrame, times: pd.DataFrame, factors: Mapping[str, float])
     counts, cost = solved.sum(), mean_times(rows, times)
     stationary = rows.loc[rows["status"] == str(Status.STATIONARY), "label"].value_counts()
 
-    def key(label: str) -> Sequence[float | str]:
+    def key(label: str) -> tuple[float, int, int, float, str]:
         average, factor = cost[label], factors.get(label, math.nan)
         return (
             0.0 if math.isnan(average) else average,

@@ -10,8 +10,6 @@ Each time is an upper bound. Where only one tolerance was run, and no history wa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import pandas as pd
 
@@ -54,7 +52,7 @@ def at_reached(table: pd.DataFrame, histories: pd.DataFrame | None = None) -> pd
     return found
 
 
-def _points(pair: Sequence[int], error: pd.Series, seconds: np.ndarray) -> pd.DataFrame:
+def _points(pair: np.ndarray, error: pd.Series, seconds: np.ndarray) -> pd.DataFrame:
     """Return pair, error and seconds of answers or iterates."""
     return pd.DataFrame({"pair": pair, "error": error.to_numpy(dtype=float), "seconds": seconds})
 

@@ -191,7 +191,7 @@ def claim_counts(group: pd.DataFrame) -> pd.DataFrame:
 
     made = (group["claim"] == CLAIMED) | group["claim"].isin(PROVEN)
     denied = rows_of.contradicted(group)
-    failing = group.index.isin(false_claims(group).index)
+    failing = pd.Series(group.index.isin(false_claims(group).index), index=group.index)
     unmeasured = (group["status"] == str(Status.APPROXIMATE)) & group["target_error"].isna()
     claimed = (group["claim"] == CLAIMED) & group["status"].isin(MET) & ~unmeasured
     parts = {
