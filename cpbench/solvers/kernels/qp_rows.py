@@ -1,77 +1,32 @@
-"""The largest error of a row of a quadratic program, and its duality gap: both hide in norms over all.
+"""The error of an answer to a quadratic program by its connected parts, which norms over all hide.
 
-Rows are f = Qz + p − Gᵀy beside z and g = Gz − h beside y, G the rows of A and then of C, h their sides. D makes the
-terms D_i K_ij D_j of [[Q, Gᵀ], [G, 0]] about 1; times D, the rows f have one size, and the rows g another. A size is
-the largest sum of terms, or constant, of a row, and at least that of the unknowns, max_i |z_i|/D_i. The constants of
-idle rows give none: prices beside a bound that they push towards, sides that are not reached. One that is large would
-hide what is wrong in the others. An unknown has its unit from its largest effect on a row. Where nothing gives a
-size, z is 0 and compared with 1, and every row with its own terms.
+With the names of `qp_parts`: rows f beside z have one size in a part, and rows beside y another, the largest D_i Σ_j
+|K_ij x_j|, or D_i |c_i| where the constant counts; that of rows beside y is at least what z makes of a row, |z_i|/D_i.
+A constant counts unless the row holds its unknown on its bound and the other terms are small beside it. The force that
+a bound written as a row takes is no such term. An unknown has its unit from its largest effect on a row, or from its
+bounds where both are finite. Where nothing gives a part a size, its z is 0 and compared with 1.
 
-The gap is |Σ z_i f_i + Σ y_j g_j|, with z counted from the bound to which f pushes, at most its size; products of
-unknowns without that bound count each by itself. It is compared with the terms of the objective,
+The error is the largest of
 
-    max(|½zᵀQz + pᵀz|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|h_j y_j|)),
+- the distances of x and f from their sets, in these units,
+- the gap Σ |x_i f_i| of a part, x counted from the bound to which f pushes, at most its unit, over the terms of the
+  objective, max(|½zᵀQz + pᵀz|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|h_j y_j|)),
+- and the square of growth: of the distances of rows beside y in the sizes of the constants alone, and of what a
+  gradient that no bound takes could change in the objective.
 
-without the constants of idle rows. Rounding of terms that cancel, 8 eps Σ|terms|, is taken off f and g first.
+Rounding of terms that cancel, 8 eps Σ|terms|, is no error in the last two.
 """
 
 import numpy as np
-from numba import boolean, float64, int64, njit
+from numba import boolean, float64, njit
 
-from cpbench.solvers.kernels.array_types import COMPILED
-from cpbench.solvers.kernels.qp_dense import at_bounds
-from cpbench.solvers.kernels.qp_ldl import CSR, DATA
+from cpbench.solvers.kernels.array_types import COMPILED, DATA, VECTOR
+from cpbench.solvers.kernels.qp_parts import PROGRAM
 
-PASSES, ENOUGH = 20, 0.02
-"""Passes of the equilibration at most, and the change of log₂ D at which they end."""
-HEARD = 0.1
+BALANCED = 0.1
 """Share of an idle constant that the other terms of its row must reach for it to count."""
 NOISE = 8.0 * np.finfo(np.float64).eps
 """Share of the terms of a row that rounding may leave where they cancel."""
-
-
-@njit(float64[::1](DATA), **COMPILED)
-def _logarithms(x):
-    """Return log₂|x|, 0 for 0."""
-    return np.array([np.log2(abs(number)) if number != 0.0 else 0.0 for number in x])
-
-
-@njit(float64[::1](CSR, CSR), **COMPILED)
-def equilibration(Q, G):
-    """Return D (n + r,): the logarithms of terms add up to 0 in every row, those of small terms weighed by these."""
-    n, r = Q[0].size - 1, G[0].size - 1
-    D, log, level, weight = np.ones(n + r), np.zeros(n + r), np.empty(n + r), np.empty(n + r)
-    of_Q, of_G = _logarithms(Q[2]), _logarithms(G[2])
-    for _ in range(PASSES):
-        level[:] = 0.0
-        weight[:] = 0.0
-        for i in range(n):
-            for q in range(Q[0][i], Q[0][i + 1]):
-                j = Q[1][q]
-                share = min(D[i] * abs(Q[2][q]) * D[j], 1.0)
-                level[i] += share * (log[i] + of_Q[q] + log[j])
-                weight[i] += share
-                if i == j:
-                    weight[i] += share
-        for i in range(r):
-            for q in range(G[0][i], G[0][i + 1]):
-                j = G[1][q]
-                share = min(D[n + i] * abs(G[2][q]) * D[j], 1.0)
-                term = share * (log[n + i] + of_G[q] + log[j])
-                level[n + i] += term
-                level[j] += term
-                weight[n + i] += share
-                weight[j] += share
-        most = 0.0
-        for i in range(n + r):
-            if weight[i] > 0.0:
-                change = 0.5 * level[i] / weight[i]
-                most = max(most, abs(change))
-                log[i] -= change
-                D[i] = 2.0 ** log[i]
-        if most < ENOUGH:
-            break
-    return D
 
 
 @njit(boolean(float64, float64, float64, float64), **COMPILED)
@@ -83,125 +38,266 @@ def _idle(low, high, x, f):
     return f < 0.0 and high < np.inf and above <= below
 
 
+@njit(boolean(float64, float64), **COMPILED)
+def _reached(side, x):
+    """Return whether an unknown has its size from a side that is not 0: it is nearer than by half of it."""
+    return side != 0.0 and abs(side) < np.inf and abs(x - side) <= 0.5 * abs(side)
+
+
+@njit(boolean(float64, float64, float64), **COMPILED)
+def _fixed(low, high, x):
+    """Return whether an unknown is at a bound that is not 0, or beyond."""
+    beyond = (low != 0.0 and low > -np.inf and x <= low) or (high != 0.0 and high < np.inf and x >= high)
+    return beyond or _reached(low, x) or _reached(high, x)
+
+
+@njit(**COMPILED)
+def _rows(program, x, f, sizes, sums, own, taken):
+    """Write the rows f, the sizes of the unknowns, Σ_j |K_ij||x_j|, that of z alone, and what bounds that are written
+    as rows take."""
+    n, start, column, value, c, low, high = program[:7]
+    for i in range(x.size):
+        sizes[i] = max(abs(x[i]), abs(min(max(x[i], low[i]), high[i])))
+    taken[:] = 0.0
+    for i in range(x.size):
+        total, terms, of_z = c[i], 0.0, 0.0
+        for k in range(start[i], start[i + 1]):
+            j = column[k]
+            total += value[k] * x[j]
+            size = abs(value[k]) * sizes[j]
+            terms += size
+            if j < n:
+                of_z += size
+        f[i], sums[i], own[i] = total, terms, of_z
+        if i >= n:
+            if start[i + 1] - start[i] == 1:
+                taken[column[start[i]]] += abs(value[start[i]]) * sizes[i]
+            if low[i] == high[i]:  # a row without a side
+                f[i] = 0.0
+
+
+@njit(**COMPILED)
+def _counted(program, x, f, sizes, sums, own, taken, needed, beside):
+    """Write which constants count (1 or 0), and the terms of every row in unknowns that a bound fixes; return of every
+    group of rows (2 · parts) whether something gives it a size, and of every part whether its z is known."""
+    n, start, column, value, c, low, high, part = program[:8]
+    count = program[10].size
+    sized, some, known = np.zeros(2 * count), np.zeros(2 * count), np.zeros(count)
+    for i in range(x.size):
+        group = part[i] + (count if i >= n else 0)
+        terms = sums[i] - taken[i]
+        idle = _idle(low[i], high[i], x[i], f[i]) or abs(f[i]) < 0.5 * taken[i]
+        balanced = terms > BALANCED * abs(c[i])
+        needed[i] = 1.0 if c[i] != 0.0 and (balanced or not idle) else 0.0
+        beside[i] = 0.0
+        for k in range(start[i], start[i + 1]):
+            j = column[k]
+            if j < n and _fixed(low[j], high[j], x[j]):
+                sized[group] = 1.0
+                beside[i] += abs(value[k]) * sizes[j]
+        if needed[i] > 0.0:
+            sized[group] = some[group] = 1.0
+            if i < n and (own[i] > BALANCED * abs(c[i]) or not balanced):
+                known[part[i]] = 1.0
+        if i < n and _fixed(low[i], high[i], x[i]):
+            known[part[i]] = 1.0
+    for q in range(count):
+        known[q] = max(known[q], sized[count + q])
+        sized[count + q] = known[q]
+    return sized, some, known
+
+
+@njit(**COMPILED)
+def _units(program, sizes, sums, taken, needed, sized, some, known, unit, effect):
+    """Write 1 over the size of every row and of every unknown."""
+    n, start, column, value, c, low, high, part, D = program[:9]
+    count = known.size
+    size, reach = np.zeros(2 * count), np.zeros(count)
+    for i in range(n):
+        reach[part[i]] = max(reach[part[i]], sizes[i] / D[i])
+    for i in range(unit.size):
+        group = part[i] + (count if i >= n else 0)
+        terms = sums[i] - taken[i]
+        counts = needed[i] > 0.0 or some[group] == 0.0
+        own = D[i] * (max(terms, abs(c[i])) if counts else terms)
+        if i >= n and known[part[i]] > 0.0:
+            own = max(own, reach[part[i]])
+        size[group] = max(size[group], own)
+    effect[:] = 0.0
+    for i in range(unit.size):
+        group = part[i] + (count if i >= n else 0)
+        if known[part[i]] > 0.0:
+            unit[i] = D[i] / size[group] if size[group] > 0.0 else 1.0
+        else:  # every row has its own terms, z at least 1
+            alone = abs(c[i])
+            total = 0.0
+            for k in range(start[i], start[i + 1]):
+                if column[k] < n:
+                    total += abs(value[k]) * max(sizes[column[k]], 1.0)
+            alone = max(alone, total)
+            unit[i] = 1.0 / alone if alone > 0.0 else 1.0
+        if taken[i] > 0.0:
+            unit[i] = min(unit[i], 1.0 / taken[i])
+        if sized[group] > 0.0:
+            for k in range(start[i], start[i + 1]):
+                effect[column[k]] = max(effect[column[k]], abs(value[k]) * unit[i])
+    for i in range(unit.size):
+        whole = max(abs(low[i]), abs(high[i]))
+        if i < n and 0.0 < whole < np.inf:
+            effect[i] = max(effect[i], 1.0 / whole)
+        if effect[i] == 0.0 or (i < n and known[part[i]] == 0.0):
+            effect[i] = 1.0
+        if program[10][part[i]] == 0.0:  # without an objective no multipliers are needed, and any will do
+            if i < n:
+                unit[i] = 0.0
+            else:
+                effect[i] = 0.0
+
+
 @njit(float64(float64, float64), **COMPILED)
-def _without_noise(f, noise):
+def _without(f, noise):
     """Return f nearer to 0 by `noise`."""
     return np.copysign(max(abs(f) - noise, 0.0), f)
 
 
-@njit(
-    float64(*(DATA, DATA, int64, DATA, DATA), *(DATA, DATA, DATA, DATA, DATA, DATA), *(DATA, DATA, boolean)), **COMPILED
-)
-def _gap(p, h, m, lb, ub, z, y, f, g, terms, feeds, units, effect, sized):
-    """Return the gap over the terms of the objective; where nothing gives a size, the sum of |z_i f_i| in units."""
-    gap = alone = quadratic = price = prices = sides = absolute = 0.0
-    for i in range(p.size):
-        w = _without_noise(f[i], NOISE * (terms[i] + abs(p[i])))
-        bound = lb[i] if w > 0.0 else ub[i]
-        far = z[i] - bound if abs(bound) < np.inf else z[i]
-        product = w * (min(max(far, -1.0 / effect[i]), 1.0 / effect[i]) if effect[i] > 0.0 else far)
-        absolute += abs(product) * units[i]
-        if abs(bound) < np.inf:
-            gap += product
+@njit(float64(float64, float64, float64), **COMPILED)
+def _excess(low, high, w):
+    """Return the part of a row that no unknown may have beside it."""
+    return max(0.0 if low > -np.inf else w, 0.0 if high < np.inf else -w, 0.0)
+
+
+@njit(float64(float64, float64, float64, float64, float64), **COMPILED)
+def _product(low, high, x, w, reach):
+    """Return x w, with x counted from the bound to which w pushes, at most `reach`, and less by rounding."""
+    bound = low if w > 0.0 else high
+    room = x - bound if abs(bound) < np.inf else x
+    return w * np.copysign(max(min(abs(room), reach) - NOISE * reach, 0.0), room) if room != 0.0 else 0.0
+
+
+@njit(**COMPILED)
+def _gaps(program, x, f, sums, needed, known, unit, effect, products, objective):
+    """Write the products x_i f_i, and the terms of the objective of every part (count,); return what sides and prices
+    make these."""
+    n, c, low, high, part, D, kind = program[0], *program[4:9], program[10]
+    count = objective.size
+    quadratic, prices, straight, sides = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    side, price, given = np.zeros(count), np.zeros(count), np.zeros(count)
+    for i in range(x.size):
+        q, size = part[i], 1.0 / unit[i] if unit[i] > 0.0 else 0.0
+        w = _without(f[i], NOISE * max(sums[i] + abs(c[i]), size))
+        reach = 1.0 / effect[i] if effect[i] > 0.0 else 0.0
+        products[i] = _product(low[i], high[i], x[i], w, reach) if kind[q] > 0.0 else 0.0
+        quadratic[q] += x[i] * (w - c[i])
+        own = D[i] * abs(c[i]) if needed[i] > 0.0 else 0.0
+        if i < n:
+            prices[q] += x[i] * c[i]
+            straight[q] += abs(x[i] * c[i])
+            price[q] = max(price[q], own)
         else:
-            alone += abs(product)
-        quadratic += z[i] * (w - p[i])
-        if terms[i] > HEARD * abs(p[i]) or not _idle(lb[i], ub[i], z[i], f[i]):
-            price += p[i] * z[i]
-            prices += abs(p[i] * z[i])
-    for i in range(h.size):
-        w = _without_noise(g[i], NOISE * (feeds[i] + abs(h[i])))
-        gap += y[i] * w
-        absolute += abs(y[i] * w) * units[p.size + i]
-        quadratic += y[i] * (w + h[i])
-        if i >= m or not g[i] > 0.0 or feeds[i] > HEARD * abs(h[i]):
-            sides += abs(h[i] * y[i])
-    if not sized:
-        return absolute
-    gap = abs(gap) + alone
-    objective = max(abs(0.5 * quadratic + price), 0.5 * abs(quadratic), min(prices, sides))
-    return gap / max(objective, gap) if gap > 0.0 else 0.0
+            sides[q] += abs(x[i] * c[i])
+            side[q] = max(side[q], own)
+    for q in range(count):
+        half = 0.5 * quadratic[q]
+        objective[q] = max(max(abs(half + prices[q]), abs(half)), min(straight[q], sides[q]))
+        z = max(side[q], price[q] if kind[q] == 2.0 else 0.0)
+        given[q] = z * max(price[q], z if kind[q] == 2.0 else 0.0)
+    return given
 
 
-@njit(float64[::1](CSR, DATA, DATA), **COMPILED)
-def _own_units(M, constants, z):
-    """Return 1 over the larger of the constant of each row and its terms, z taken as 1 at least."""
-    units = np.empty(constants.size)
-    for i in range(constants.size):
-        size = 0.0
-        for q in range(M[0][i], M[0][i + 1]):
-            size += abs(M[2][q]) * max(abs(z[M[1][q]]), 1.0)
-        size = max(size, abs(constants[i]))
-        units[i] = 1.0 / size if size > 0.0 else 1.0
-    return units
+@njit(**COMPILED)
+def _row_products(program, f, sums, unit, products, gap):
+    """Add the products of rows beside y to the gaps of their parts, those of a row that is given several times added up
+    first: it is known by its value."""
+    n, c, part = program[0], program[4], program[7]
+    rows = np.flatnonzero(products[n:] != 0.0) + n
+    value = np.empty(rows.size)
+    for k in range(rows.size):
+        i = rows[k]
+        size = 1.0 / unit[i] if unit[i] > 0.0 else 0.0
+        value[k] = _without(abs(f[i]), NOISE * max(sums[i] + abs(c[i]), size))
+    order, total = np.argsort(value, kind="mergesort"), np.zeros(gap.size)
+    k = 0
+    while k < rows.size:
+        last = k
+        while last < rows.size and value[order[last]] == value[order[k]]:
+            total[part[rows[order[last]]]] += products[rows[order[last]]]
+            last += 1
+        for at in range(k, last):
+            q = part[rows[order[at]]]
+            gap[q] += abs(total[q])
+            total[q] = 0.0
+        k = last
 
 
-@njit(float64(*(CSR, DATA, CSR, DATA, int64, DATA, DATA), *(DATA, DATA, DATA, DATA)), **COMPILED)
-def largest_error(Q, p, G, h, m, lb, ub, D, z, y, nu):
-    """Return the largest error of a row, or that of the gap; 0 where that is no number.
+@njit(float64(DATA, DATA, DATA, DATA, VECTOR), **COMPILED)
+def _gap_errors(known, gap, given, alone, objective):
+    """Return the largest error of a gap; `objective` becomes what the gap of each part is compared with.
+
+    given : what sides and prices make the objective; ε² of that is 0. alone : the gap in the units of its part.
+    """
+    total = worst = 0.0
+    for q in range(gap.size):
+        size = max(objective[q], gap[q])
+        error = gap[q] / size if gap[q] > 0.0 else 0.0
+        of_zero = np.sqrt(size / given[q]) if size < given[q] else 1.0
+        if of_zero < error:
+            error, objective[q] = of_zero, given[q]
+        if known[q] > 0.0:
+            worst, total = max(worst, error), total + objective[q]
+    for q in range(gap.size):
+        if known[q] == 0.0:
+            worst = max(worst, min(alone[q], gap[q] / total) if total > 0.0 else alone[q])
+            objective[q] = total
+        objective[q] = max(objective[q], gap[q])
+    return worst
+
+
+@njit(float64(PROGRAM, DATA, DATA), **COMPILED)
+def largest_error(program, x, nu):
+    """Return the largest error of a part; infinite where that is no number.
 
     Parameters
     ----------
-    m : the first rows of G are inequalities. D : of `equilibration`. nu : the multipliers of bounds, compared with f.
+    x : z and the multipliers of rows. nu : (n,) those of bounds, compared with f.
     """
-    n, r = p.size, h.size
-    f, g, terms, feeds = p.copy(), np.empty(r), np.zeros(n), np.empty(r)
-    for i in range(n):
-        for q in range(Q[0][i], Q[0][i + 1]):
-            term = Q[2][q] * z[Q[1][q]]
-            f[i] += term
-            terms[i] += abs(term)
-    side = 0.0
-    sided = at_bounds(lb, ub, z)
-    for i in range(r):
-        g[i], feeds[i] = -h[i], 0.0
-        for q in range(G[0][i], G[0][i + 1]):
-            j = G[1][q]
-            term = G[2][q] * z[j]
-            g[i] += term
-            feeds[i] += abs(term)
-            f[j] -= G[2][q] * y[i]
-            terms[j] += abs(G[2][q] * y[i])
-        counts = i >= m or not g[i] > 0.0 or feeds[i] > HEARD * abs(h[i])
-        sided = sided or (counts and h[i] != 0.0)
-        side = max(side, D[n + i] * (max(feeds[i], abs(h[i])) if counts else feeds[i]))
-    reach = force = price = asked = 0.0
-    for i in range(n):
-        idle, constant = _idle(lb[i], ub[i], z[i], f[i]), D[i] * abs(p[i])
-        reach, force = max(reach, abs(z[i]) / D[i]), max(force, D[i] * terms[i])
-        if not idle:
-            price = max(price, constant)
-        if not idle or terms[i] > HEARD * abs(p[i]):
-            asked = max(asked, constant)
-    sized = sided or asked > 0.0
-    if sized:
-        reach = reach if sided else max(reach, asked)
-        force = max(force, price, reach if Q[2].size > 0 else 0.0)
-        side = max(side, reach)
-        units = D.copy()
-        units[:n] /= force if force > 0.0 else 1.0
-        units[n:] /= side if side > 0.0 else 1.0
-    else:
-        units = np.concatenate((_own_units(Q, p, z), _own_units(G, h, z)))
-    effect, error = np.zeros(n), 0.0
-    for i in range(n):
-        for q in range(Q[0][i], Q[0][i + 1]):
-            effect[Q[1][q]] = max(effect[Q[1][q]], abs(Q[2][q]) * units[i])
-    for i in range(r):
-        unit, most = units[n + i], 0.0
-        for q in range(G[0][i], G[0][i + 1]):
-            j = G[1][q]
-            effect[j] = max(effect[j], abs(G[2][q]) * unit)
-            most = max(most, abs(G[2][q]) * units[j])
-        error = max(error, abs(g[i]) * unit if i >= m else max(-g[i] * unit, -y[i] * most))
-    if not sized:
-        effect[:] = 1.0
-    for i in range(n):
-        w = f[i] * units[i]
-        error = max(error, abs(f[i] - nu[i]) * units[i] / max(1.0, abs(w)))
-        error = max(error, (lb[i] - z[i]) * effect[i] if lb[i] > -np.inf else w)
-        error = max(error, (z[i] - ub[i]) * effect[i] if ub[i] < np.inf else -w)
-    return max(error, _gap(p, h, m, lb, ub, z, y, f, g, terms, feeds, units, effect, sized))
+    n, c, low, high, part, D, constants = program[0], *program[4:10]
+    N, count = x.size, program[10].size
+    room = np.empty((10, N))
+    f, sizes, sums, own, taken, needed, beside, unit, effect, products = (
+        room[0], room[1], room[2], room[3], room[4], room[5], room[6], room[7], room[8], room[9],
+    )  # fmt: skip
+    _rows(program, x, f, sizes, sums, own, taken)
+    sized, some, known = _counted(program, x, f, sizes, sums, own, taken, needed, beside)
+    _units(program, sizes, sums, taken, needed, sized, some, known, unit, effect)
+    objective, gap, alone = np.zeros(count), np.zeros(count), np.zeros(count)
+    given = _gaps(program, x, f, sums, needed, known, unit, effect, products, objective)
+    for i in range(N):
+        if i < n:
+            gap[part[i]] += abs(products[i])
+        alone[part[i]] += abs(products[i]) * unit[i] * effect[i]
+        if not np.isfinite(f[i] * sums[i]):
+            return np.inf
+    _row_products(program, f, sums, unit, products, gap)
+    error = _gap_errors(known, gap, given, alone, objective)
+    data = constants.copy()
+    for i in range(N):
+        group = part[i] + (count if i >= n else 0)
+        data[group] = max(data[group], D[i] * beside[i])
+    growth = 0.0
+    for i in range(N):
+        w = f[i] * unit[i]
+        below = (low[i] - x[i]) * effect[i] if low[i] > -np.inf else w
+        above = (x[i] - high[i]) * effect[i] if high[i] < np.inf else -w
+        error = max(error, max(below, above))
+        w = _without(f[i], NOISE * (sums[i] + abs(c[i])))
+        if i < n:
+            error = max(error, abs(f[i] - nu[i]) * unit[i] / max(1.0, abs(f[i] * unit[i])))
+            if known[part[i]] > 0.0 and unit[i] > 0.0 and objective[part[i]] > 0.0:
+                growth = max(growth, _excess(low[i], high[i], w) / (effect[i] * objective[part[i]]))
+        elif data[count + part[i]] > 0.0:
+            growth = max(growth, _excess(low[i], high[i], w) * D[i] / data[count + part[i]])
+    growth = min(growth, 1.0)
+    return max(error, growth * growth)
 
 
 READY = True

@@ -24,6 +24,9 @@ from cpbench.solvers.kernels.qp_dual import (
     begin,
     normalise,
 )
+from cpbench.solvers.kernels.qp_parts import program
+from cpbench.solvers.kernels.qp_rows import largest_error
+from cpbench.solvers.kernels.qp_sparse import rows_of, stacked
 from cpbench.solvers.kernels.vectors import put
 
 NOT_CONVEX = 4
@@ -95,7 +98,8 @@ def _backward(L, x):
 def solve(
     Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, most, operations, z, lam, mu, nu, error, counts
 ):
-    """Write z, λ, μ, ν and their judged error; return SOLVED where it is within the tolerance, else why not.
+    """Write z, λ, μ, ν and their judged error, by norms and, within the tolerance, by connected parts; return SOLVED
+    where both are within it, else why not.
 
     Parameters
     ----------
@@ -157,6 +161,7 @@ def solve(
     R, W, where, side = np.empty((n, n)), np.empty(n, np.int64), np.empty(sides, np.int64), np.empty(sides, np.int64)
     state, gained, before = np.zeros(STATES, np.int64), np.empty(2), np.empty(sides)
     work, judge = np.empty(3 * n + sides), np.empty(2 * n)
+    conditions = program(rows_of(Q), stacked(rows_of(A), rows_of(C)), p, np.concatenate((b, d)), m, lb, ub)
     for i in range(n):
         g[i] = D[i] * p[i]
     error[0] = np.inf
@@ -196,6 +201,8 @@ def solve(
             else:
                 mu[i - n - m] = value * E[i - n]
         now = judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, judge)
+        if now <= tolerance:
+            now = max(now, largest_error(conditions, np.concatenate((z, lam, mu)), nu))
         if now < GAIN * error[0]:
             since = counts[1]
         if now < error[0]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -10,8 +11,9 @@ from typing import ClassVar
 from cpbench.formulations.qp import QP, QPPoint
 from cpbench.matrices import nnz
 from cpbench.solvers import warming
-from cpbench.solvers.base import Budget, SolverSpec, Trait, missing, register, solvers
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, missing, register, solvers
 from cpbench.solvers.native.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
+from cpbench.solvers.native.qp.apart import PartedQP, parted, solve_apart
 from cpbench.solvers.native.qp.claims import ErrorMeasure
 from cpbench.solvers.native.qp.kkt_system import FULL
 from cpbench.solvers.native.qp.proximal_active_set import ProximalActiveSetOptions, fits_one_call
@@ -29,6 +31,7 @@ TURNS, AHEAD = 40, 2.5
 these, over that of a factorization."""
 ACTIVE_SET = ProximalActiveSetOptions()
 ACTIVE = SolverPhase("proximal-active-set"), SolverPhase("dual-active-set")
+ENDED = (Claim.SOLVED, Claim.INFEASIBLE, Claim.UNBOUNDED)
 OTHERS = ("clarabel", "piqp", "highs", "proxqp", "osqp")
 """Solvers of other packages, those first that solve the most of the Maros-Meszaros problems."""
 
@@ -61,7 +64,9 @@ class AutoQP(AutomaticChoice):
     )
     kernels: ClassVar[tuple[str, ...]] = ("qp_small", "qp_interior", "qp_sparse", "minimum_degree", "mprgp")
 
-    def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Plan:
+    def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Plan | PartedQP:
+        if problem.p.size > SMALL and options.members == "native" and (parts := parted(problem)) is not None:
+            return parts
         if 0 < problem.p.size <= SMALL:
             # one compiled call, which finds out by itself whether Q is convex
             plan = Plan(problem, ON_SMALL, problem, ACTIVE_SET, warming.ready("proximal-active-set", quickly=True))
@@ -74,6 +79,38 @@ class AutoQP(AutomaticChoice):
         others = tuple(SolverPhase(name) for name in OTHERS if not missing(solvers.get(name).spec))
         before = 1 + [phase.solver for phase in plan.phases].index("interior-point-qp")
         return plan._replace(phases=(*plan.phases[:before], *others, *plan.phases[before:]))
+
+    def solve(
+        self,
+        prepared: Plan | PartedQP,
+        budget: Budget,
+        options: AutoQPOptions,
+        start: QPPoint | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        if isinstance(prepared, PartedQP):
+            return self._apart(prepared, budget, start, record)
+        begun = time.monotonic()
+        output = super().solve(prepared, budget, options, start, record)
+        if output.claim in ENDED or prepared.problem.p.size > SMALL:
+            return output
+        parts, left = parted(prepared.problem), budget.seconds - (time.monotonic() - begun)
+        if parts is None or left <= 0.0 or budget.iterations is not None:
+            return output
+        found = self._apart(parts, replace(budget, seconds=left), start, None)
+        return found if found.claim in ENDED else output
+
+    def _apart(
+        self, parts: PartedQP, budget: Budget, start: QPPoint | None, record: Record | None
+    ) -> SolverOutput:
+        """Solve every part by itself; only the start and the answer are recorded."""
+        output = solve_apart(parts, budget, start, self.run)
+        if record is not None:
+            measure = ErrorMeasure(parts.problem, record, budget.tolerance)
+            for at, point in enumerate((start or parts.problem.zero_point(), output.point)):
+                if point is not None:
+                    measure.see(at, (point.z, point.lam, point.mu, point.nu))
+        return output
 
     def error(self, problem: QP, point: QPPoint, tolerance: float) -> float:
         return ErrorMeasure(problem, tolerance=tolerance).error((point.z, point.lam, point.mu, point.nu))

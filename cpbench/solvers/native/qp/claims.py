@@ -4,9 +4,9 @@ on a claim."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import cached_property, partial
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -28,7 +28,7 @@ RESTORED = 1_000_000
 """Entries of the largest matrix of a least-squares problem that completes a proof."""
 KERNEL = "cpbench.solvers.kernels.qp_dense"
 SPARSE_KERNEL = "cpbench.solvers.kernels.qp_sparse"
-ROWS_KERNEL = "cpbench.solvers.kernels.qp_rows"
+PARTS_KERNEL, ROWS_KERNEL = "cpbench.solvers.kernels.qp_parts", "cpbench.solvers.kernels.qp_rows"
 
 
 Parts: TypeAlias = tuple[Vector, Vector, Vector, Vector]
@@ -38,11 +38,11 @@ Parts: TypeAlias = tuple[Vector, Vector, Vector, Vector]
 class ErrorMeasure:
     """The judged error of answers to one problem, for whoever records as well.
 
-    Of answers within `tolerance` it is the larger one of that and of the errors of rows and of the gap (`qp_rows`):
-    norms hide what idle rows enlarge, and a gap that is small beside prices may be large beside the objective.
+    Of answers within `tolerance` it is the larger one of that and of the errors of the connected parts of the problem,
+    which are the verdict's (`qp_rows`): norms over all hide what is small beside the rest.
 
-    best : the parts of the answer with the least error of those that were seen, but not merely in passing: those are
-    seen only where somebody records. least : that error. norms : the error of the last answer without rows and gap.
+    best : the answer with the least error of those that were seen, but not merely in passing: those are seen only where
+    somebody records. least : that error. norms : the error of the last answer by norms.
     """
 
     def __init__(self, problem: QP, record: Record | None = None, tolerance: float = -1.0) -> None:
@@ -59,23 +59,23 @@ class ErrorMeasure:
         self._data, self._work = (Q, P.p, A, P.b, C, P.d, P.lb, P.ub), work
 
     def error(self, answer: Parts) -> float:
-        """Return `QP.residuals(...).error`, or what is larger of rows and gap; infinite for an answer that is not
-        finite."""
+        """Return `QP.residuals(...).error`, or the error of a part where that is larger; infinite for an answer that
+        is not finite."""
         self.norms = error = self._judged(*self._data, *answer, *self._work)
-        return max(error, self._of_rows(*answer)) if error <= self._tolerance else error
+        return max(error, self.of_parts(answer)) if error <= self._tolerance else error
 
-    def _of_rows(self, z: Vector, lam: Vector, mu: Vector, nu: Vector) -> float:
-        m = lam.size
-        return self._rows(z, np.concatenate([lam, mu]) if m and mu.size else lam if m else mu, nu)
+    def of_parts(self, answer: Parts) -> float:
+        """Return the largest error of a connected part; infinite for an answer that is not finite."""
+        z, lam, mu, nu = answer
+        return load(ROWS_KERNEL).largest_error(self._program, np.concatenate([z, lam, mu]), nu)
 
     @cached_property
-    def _rows(self) -> Callable[[Vector, Vector, Vector], float]:
-        """The largest error of a row, of z, the multipliers of A and then of C, and ν."""
-        P, kernel = self._problem, load(ROWS_KERNEL)
-        Q, G = entries(P.Q), load(SPARSE_KERNEL).stacked(entries(P.A), entries(P.C))
+    def _program(self) -> Any:
+        """The conditions of the problem and its connected parts, as `qp_parts` has them."""
+        P = self._problem
+        G = load(SPARSE_KERNEL).stacked(entries(P.A), entries(P.C))
         sides = np.concatenate([P.b, P.d])
-        D = kernel.equilibration(Q, G)
-        return partial(kernel.largest_error, Q, P.p, G, sides, P.b.size, P.lb, P.ub, D)
+        return load(PARTS_KERNEL).program(entries(P.Q), G, P.p, sides, P.b.size, P.lb, P.ub)
 
     def see(self, iteration: int, answer: Parts, *, passing: bool = False) -> float:
         """Return the error, recorded where nothing was recorded of that iteration."""

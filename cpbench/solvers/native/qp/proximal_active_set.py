@@ -69,11 +69,9 @@ def in_one_call(
         most = min(most, limit)
     how = tolerance, matrices.PSD_TOLERANCE, options.proximal, options.feasibility_tolerance, most, OPERATIONS
     outcome = solve(Q, P.p, A, P.b, C, P.d, P.lb, P.ub, *how, z, lam, mu, nu, error, counts)
-    passes, steps, _, proximal = counts.tolist()
+    passes, steps = counts[:2].tolist()
     counters = {"iterations": passes + steps, "proximal_steps": steps}
     if outcome == solved_by:
-        if proximal and ErrorMeasure(P, tolerance=tolerance).error((z, lam, mu, nu)) > tolerance:
-            return None
         return solved(QPPoint.adopt(z, lam, mu, nu), counters)
     if outcome == not_convex and not P.convex:
         return SolverOutput(claim=Claim.FAILED, counters=counters, message="Q is not convex")
