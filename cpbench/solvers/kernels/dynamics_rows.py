@@ -5,7 +5,7 @@ problem by blocks, [[0, Hᵀ, 0], [H, M, G], [0, Gᵀ, 0]], is in CSR, with the 
 """
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types, void
+from numba import boolean, int64, njit, types, void
 
 from cpbench.solvers.kernels.array_types import COMPILED, DATA, INDEX, VECTOR
 
@@ -91,12 +91,6 @@ def fill(
             at[joint] += 1
 
 
-@njit(float64(float64), **COMPILED)
-def _weight(residual):
-    """Return the weight of an entry of size 2^residual, once scaled: small ones are mostly rounding."""
-    return np.exp2(min(residual, 0.0))
-
-
 @njit(void(INDEX, INDEX, DATA, DATA, VECTOR), **COMPILED)
 def _product(start, column, weight, x, y):
     """Write y_i = Σ_j W_ij (x_i + x_j)."""
@@ -107,19 +101,16 @@ def _product(start, column, weight, x, y):
         y[i] = total
 
 
-@njit(void(INDEX, INDEX, DATA, VECTOR, int64), **COMPILED)
-def even_units(start, column, size, D, passes):
+@njit(void(INDEX, INDEX, DATA, VECTOR), **COMPILED)
+def even_units(start, column, size, D):
     """Write D, for which the entries D_i A_ij D_j of a symmetric A are about 1: the least Σ W_ij (log A_ij + log D_i +
-    log D_j)² (Curtis and Reid 1972), first with W = 1, then with less for the entries so scaled that are below 1.
-
-    passes : solutions of the least-squares problem at most, 1 or more.
-    """
+    log D_j)² (Curtis and Reid 1972), first with W = 1, then with the entries so scaled where these are below 1."""
     logs, weight = np.zeros(size.size), np.zeros(size.size)
     for k in range(size.size):
         if size[k] > 0.0:
             logs[k], weight[k] = np.log2(size[k]), 1.0
     x, r, p, Ap, per_row = np.zeros(D.size), np.empty(D.size), np.empty(D.size), np.empty(D.size), np.empty(D.size)
-    for _ in range(passes):
+    for _ in range(PASSES):
         enough = 0.0
         _product(start, column, weight, x, Ap)
         for i in range(D.size):
@@ -131,7 +122,7 @@ def even_units(start, column, size, D, passes):
             r[i] = -sides - Ap[i]
             enough += total
         enough *= BITS * BITS
-        old, moved = 0.0, False
+        old = 0.0
         for step in range(STEPS):
             new = 0.0
             for i in range(D.size):
@@ -149,13 +140,11 @@ def even_units(start, column, size, D, passes):
             for i in range(D.size):
                 x[i] += new / curvature * p[i]
                 r[i] -= new / curvature * Ap[i]
-            old, moved = new, True
-        if not moved:
-            break
+            old = new
         for i in range(D.size):
             for k in range(start[i], start[i + 1]):
                 if size[k] > 0.0:
-                    weight[k] = _weight(logs[k] + x[i] + x[column[k]])
+                    weight[k] = np.exp2(min(logs[k] + x[i] + x[column[k]], 0.0))
     for i in range(D.size):
         D[i] = np.exp2(x[i])
 

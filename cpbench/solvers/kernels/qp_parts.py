@@ -9,12 +9,10 @@ import numpy as np
 from numba import int64, njit, types, void
 
 from cpbench.solvers.kernels.array_types import COMPILED, DATA, INDEX, VECTOR
-from cpbench.solvers.kernels.dynamics_rows import even_units
+from cpbench.solvers.kernels.equilibration import equilibrate
 from cpbench.solvers.kernels.qp_ldl import CSR
 from cpbench.solvers.kernels.row_errors import label_sparse
 
-PASSES = 32
-"""Of the equilibration at most."""
 ENDLESS = 1e19
 """Bounds and sides from here on are none."""
 PROGRAM = types.Tuple((int64, INDEX, INDEX, DATA, DATA, DATA, DATA, INDEX, DATA, DATA, DATA))
@@ -87,7 +85,7 @@ def program(Q, G, p, h, m, lb, ub):
     part, D = np.empty(N, np.int64), np.empty(N)
     label_sparse(start, column, value, part)
     _numbered(part)
-    even_units(start, column, 2.0 * np.abs(value), D, PASSES)  # K + Kᵀ is twice as large
+    equilibrate(start, column, 2.0 * np.abs(value), D)  # K + Kᵀ is twice as large
     c, low, high = np.empty(N), np.empty(N), np.full(N, np.inf)
     for i in range(N):
         if i < n:
