@@ -20,7 +20,7 @@ Rounding of terms that cancel, 8 eps Σ|terms|, is no error in the last two.
 import numpy as np
 from numba import boolean, float64, njit
 
-from cpbench.solvers.kernels.array_types import COMPILED, DATA, VECTOR
+from cpbench.solvers.kernels.array_types import COMPILED, DATA, DATA_2D, VECTOR
 from cpbench.solvers.kernels.qp_parts import PROGRAM
 
 BALANCED = 0.1
@@ -298,6 +298,35 @@ def largest_error(program, x, nu):
             growth = max(growth, _excess(low[i], high[i], w) * D[i] / data[count + part[i]])
     growth = min(growth, 1.0)
     return max(error, growth * growth)
+
+
+@njit(
+    boolean(DATA_2D, DATA, DATA_2D, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, DATA, DATA),
+    **COMPILED,
+)
+def exact(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
+    """Return whether an answer, λ ≥ 0 and z within its bounds, is exact to rounding: every row that does not hold its
+    unknown where it is, is 0. No part has an error of more than a few times that then, and that takes no units."""
+    n = p.size
+    f, terms = p.copy(), np.abs(p)
+    for k in range(b.size + d.size):
+        row, y, side = (A[k], lam[k], b[k]) if k < b.size else (C[k - b.size], mu[k - b.size], d[k - b.size])
+        value, sizes = -side, abs(side)
+        for j in range(n):
+            value += row[j] * z[j]
+            sizes += abs(row[j] * z[j])
+            f[j] -= row[j] * y
+            terms[j] += abs(row[j] * y)
+        if not (abs(value) <= NOISE * sizes or (k < b.size and y == 0.0 and value > 0.0)):
+            return False
+    for i in range(n):
+        for j in range(n):
+            f[i] += Q[i, j] * z[j]
+            terms[i] += abs(Q[i, j] * z[j])
+        held = (f[i] > 0.0 and z[i] == lb[i]) or (f[i] < 0.0 and z[i] == ub[i])
+        if not ((held or abs(f[i]) <= NOISE * terms[i]) and abs(f[i] - nu[i]) <= NOISE * terms[i]):
+            return False
+    return True
 
 
 READY = True

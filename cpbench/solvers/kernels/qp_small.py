@@ -25,7 +25,7 @@ from cpbench.solvers.kernels.qp_dual import (
     normalise,
 )
 from cpbench.solvers.kernels.qp_parts import program
-from cpbench.solvers.kernels.qp_rows import largest_error
+from cpbench.solvers.kernels.qp_rows import exact, largest_error
 from cpbench.solvers.kernels.qp_sparse import rows_of, stacked
 from cpbench.solvers.kernels.vectors import put
 
@@ -161,7 +161,6 @@ def solve(
     R, W, where, side = np.empty((n, n)), np.empty(n, np.int64), np.empty(sides, np.int64), np.empty(sides, np.int64)
     state, gained, before = np.zeros(STATES, np.int64), np.empty(2), np.empty(sides)
     work, judge = np.empty(3 * n + sides), np.empty(2 * n)
-    conditions = program(rows_of(Q), stacked(rows_of(A), rows_of(C)), p, np.concatenate((b, d)), m, lb, ub)
     for i in range(n):
         g[i] = D[i] * p[i]
     error[0] = np.inf
@@ -201,7 +200,8 @@ def solve(
             else:
                 mu[i - n - m] = value * E[i - n]
         now = judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, judge)
-        if now <= tolerance:
+        if now <= tolerance and not exact(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
+            conditions = program(rows_of(Q), stacked(rows_of(A), rows_of(C)), p, np.concatenate((b, d)), m, lb, ub)
             now = max(now, largest_error(conditions, np.concatenate((z, lam, mu)), nu))
         if now < GAIN * error[0]:
             since = counts[1]

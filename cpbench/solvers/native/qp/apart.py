@@ -61,7 +61,18 @@ def solve_apart(
     kernel, own = load(KERNEL), ProximalActiveSetOptions()
     how = budget.tolerance, matrices.PSD_TOLERANCE, own.proximal, own.feasibility_tolerance, PASSES, OPERATIONS
     sides = np.concatenate([P.b, P.d])
-    data = parts.Q, parts.G, P.p, sides, P.b.size, P.lb, P.ub, parts.part, parts.count, MOST if budget.iterations is None else 0
+    data = (
+        parts.Q,
+        parts.G,
+        P.p,
+        sides,
+        P.b.size,
+        P.lb,
+        P.ub,
+        parts.part,
+        parts.count,
+        MOST if budget.iterations is None else 0,
+    )
     kernel.solve_parts(*data, *how, whole.z, whole.y, whole.nu, outcome, counts)
     whole.count({"iterations": int(counts.sum()), "proximal_steps": int(counts[1])})
     for q, at in _members(parts, np.flatnonzero(outcome != 0)):

@@ -4,19 +4,33 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
 
 from cpbench.formulations.qp import QP, QPPoint
 from cpbench.matrices import nnz
 from cpbench.solvers import warming
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, missing, register, solvers
+from cpbench.solvers.base import (
+    Budget,
+    Claim,
+    Record,
+    SolverOutput,
+    SolverSpec,
+    Trait,
+    missing,
+    register,
+    solved,
+    solvers,
+)
 from cpbench.solvers.native.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
 from cpbench.solvers.native.qp.apart import PartedQP, parted, solve_apart
 from cpbench.solvers.native.qp.claims import ErrorMeasure
 from cpbench.solvers.native.qp.kkt_system import FULL
-from cpbench.solvers.native.qp.proximal_active_set import ProximalActiveSetOptions, fits_one_call
+from cpbench.solvers.native.qp.presolve import dense_problem, presolved, sparse_data
+from cpbench.solvers.native.qp.proximal_active_set import ProximalActiveSetOptions, fits_one_call, record_ends
 from cpbench.solvers.options import searched
 
 LARGE = 300
@@ -62,7 +76,15 @@ class AutoQP(AutomaticChoice):
         "mprgp-qp",
         "augmented-lagrangian",
     )
-    kernels: ClassVar[tuple[str, ...]] = ("qp_small", "qp_interior", "qp_sparse", "minimum_degree", "mprgp")
+    kernels: ClassVar[tuple[str, ...]] = (
+        "qp_small",
+        "qp_apart",
+        "qp_presolve",
+        "qp_interior",
+        "qp_sparse",
+        "minimum_degree",
+        "mprgp",
+    )
 
     def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Plan | PartedQP:
         if problem.p.size > SMALL and options.members == "native" and (parts := parted(problem)) is not None:
@@ -89,28 +111,44 @@ class AutoQP(AutomaticChoice):
         record: Record | None = None,
     ) -> SolverOutput:
         if isinstance(prepared, PartedQP):
-            return self._apart(prepared, budget, start, record)
-        begun = time.monotonic()
-        output = super().solve(prepared, budget, options, start, record)
-        if output.claim in ENDED or prepared.problem.p.size > SMALL:
+            output = solve_apart(prepared, budget, start, self.run)
+            if record is not None and isinstance(output.point, QPPoint):
+                record_ends(prepared.problem, output.point, output.counters["iterations"], record)
             return output
-        parts, left = parted(prepared.problem), budget.seconds - (time.monotonic() - begun)
-        if parts is None or left <= 0.0 or budget.iterations is not None:
+        begun, problem = time.monotonic(), prepared.problem
+        last = None if record is None else _LastNumber(record)
+        output = super().solve(prepared, budget, options, start, last)
+        if output.claim in ENDED or problem.p.size > SMALL or budget.iterations is not None:
             return output
-        found = self._apart(parts, replace(budget, seconds=left), start, None)
-        return found if found.claim in ENDED else output
-
-    def _apart(
-        self, parts: PartedQP, budget: Budget, start: QPPoint | None, record: Record | None
-    ) -> SolverOutput:
-        """Solve every part by itself; only the start and the answer are recorded."""
-        output = solve_apart(parts, budget, start, self.run)
-        if record is not None:
-            measure = ErrorMeasure(parts.problem, record, budget.tolerance)
-            for at, point in enumerate((start or parts.problem.zero_point(), output.point)):
-                if point is not None:
-                    measure.see(at, (point.z, point.lam, point.mu, point.nu))
+        for other in (self._apart, self._presolved):
+            left = budget.seconds - (time.monotonic() - begun)
+            found = other(problem, replace(budget, seconds=left)) if left > 0.0 else None
+            if found is not None and found.claim in ENDED:
+                if last is not None and (point := found.point) is not None:
+                    last(last.number + 1, self.error(problem, point, budget.tolerance), lambda: point)
+                return found
         return output
+
+    def _apart(self, problem: QP, budget: Budget) -> SolverOutput | None:
+        parts = parted(problem)
+        return None if parts is None else solve_apart(parts, budget, None, self.run)
+
+    def _presolved(self, problem: QP, budget: Budget) -> SolverOutput | None:
+        """Return the answer that what presolve leaves has: rows that are bounds are met exactly then."""
+        found = presolved(sparse_data(problem))
+        if found is None:
+            return None
+        left, lift = found
+        none = np.zeros(0)
+        output = solved(QPPoint(none, none, none, none), {"iterations": 0})
+        if left.p.size:
+            output = self.run(dense_problem(left), budget)
+        if not isinstance(output.point, QPPoint):
+            return None
+        measure = ErrorMeasure(problem, tolerance=budget.tolerance)
+        point = output.point
+        measure.see(0, lift((point.z, point.lam, point.mu, point.nu)))
+        return measure.conclude(budget, output.counters, message=f"presolved: {output.message}")
 
     def error(self, problem: QP, point: QPPoint, tolerance: float) -> float:
         return ErrorMeasure(problem, tolerance=tolerance).error((point.z, point.lam, point.mu, point.nu))
@@ -124,6 +162,17 @@ class AutoQP(AutomaticChoice):
             return [SolverPhase("proximal-active-set", _passes(n, m, k)), *ON_SMALL[1:], *ACTIVE]
         faces = [SolverPhase("mprgp-qp", int(STEPS * math.sqrt(n)))] if n > LARGE and not m + k else []
         return [*faces, *ON_SMALL[1:], *ACTIVE]
+
+
+class _LastNumber:
+    """A record that knows the number of the last iterate, -1 before the first."""
+
+    def __init__(self, record: Record) -> None:
+        self._record, self.number = record, -1
+
+    def __call__(self, number: int, error: float, point: Callable[[], Any]) -> None:
+        self._record(number, error, point)
+        self.number = number
 
 
 def _entries(problem: QP) -> int:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench.formulations.qp import QP
 from cpbench.kernel_cache import load
@@ -31,6 +32,13 @@ def sparse_data(problem: QP) -> SparseQP:
     """Return the data of a problem; dense matrices lose their zeros."""
     G = load("cpbench.solvers.kernels.qp_sparse").stacked(entries(problem.A), entries(problem.C))
     return SparseQP(entries(problem.Q), G, problem.p, problem.b, problem.d, problem.lb, problem.ub)
+
+
+def dense_problem(data: SparseQP) -> QP:
+    """Return the data as a QP with dense matrices."""
+    n, m, r = data.p.size, data.b.size, data.b.size + data.d.size
+    Q, G = (sp.csr_array((M[2], M[1], M[0]), shape=(k, n)).toarray() for M, k in ((data.Q, n), (data.G, r)))
+    return QP(Q=Q, p=data.p, A=G[:m], b=data.b, C=G[m:], d=data.d, lb=data.lb, ub=data.ub)
 
 
 def presolved(data: SparseQP) -> tuple[SparseQP, Callable[[Parts], Parts]] | None:

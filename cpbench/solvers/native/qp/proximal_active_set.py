@@ -83,7 +83,7 @@ def in_one_call(
     return None
 
 
-def _record_ends(problem: QP, answer: QPPoint, iterations: int, record: Record) -> None:
+def record_ends(problem: QP, answer: QPPoint, iterations: int, record: Record) -> None:
     """Record zero and the answer: a compiled call has nothing between, and recording must not change the method."""
     measure = ErrorMeasure(problem)
     for iteration, point in ((0, problem.zero_point()), (max(1, iterations), answer)):
@@ -138,7 +138,7 @@ class ProximalActiveSet(Solver):
             output = in_one_call(prepared, budget.tolerance, options, budget.iterations)
             if output is not None:
                 if record is not None and output.point is not None:
-                    _record_ends(prepared, output.point, output.counters["iterations"], record)
+                    record_ends(prepared, output.point, output.counters["iterations"], record)
                 return output
         measure, form = ErrorMeasure(prepared, record, budget.tolerance), scaled(prepared)
         n, rows = form.g.size, form.E.size
