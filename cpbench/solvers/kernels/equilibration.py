@@ -1,6 +1,6 @@
 """Scaling of a symmetric matrix that is the same in all units: the entries of every row are 1 on average.
 
-D minimizes ½Σ D_i A_ij D_j − Σ n_i log D_i, A ≥ 0, n_i the number of entries of a row that are not 0, which is convex in
+D minimizes ½Σ D_i A_ij D_j − Σ n_i log D_i, A ≥ 0, n_i how many entries of a row are not 0, which is convex in
 log D (Sinkhorn and Knopp 1967; Knight and Ruiz 2013, IMA J. Numer. Anal. 33:1029). Newton steps by conjugate gradients
 begin at the least Σ (log D_i A_ij D_j)² (Curtis and Reid 1972).
 """
@@ -75,7 +75,7 @@ def equilibrate(start, column, size, D):
         for k in range(start[i], start[i + 1]):
             weight[k] = np.exp(min(max(logs[k] + x[i] + x[column[k]], -LARGEST), LARGEST))
     sums = np.empty(n)
-    for step in range(STEPS):
+    for _ in range(STEPS):
         off = 0.0
         for i in range(n):
             sums[i] = 0.0

@@ -57,7 +57,7 @@ def conditions(Q, G):
 
 @njit(void(types.int64[::1]), **COMPILED)
 def _numbered(part):
-    """Number the parts from 0; they come as the least number of a row of theirs."""
+    """Give the parts numbers from 0; they come as the least number of a row of theirs."""
     count = 0
     for i in range(part.size):
         if part[i] == i:

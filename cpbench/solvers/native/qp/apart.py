@@ -104,7 +104,7 @@ def restricted(P: QP, at: NDArray[np.int64]) -> QP:
     )  # fmt: skip
 
 
-def _block(M: matrices.Matrix, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> matrices.Matrix:
+def _block(M: Any, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Any:
     return M[rows][:, columns] if matrices.is_sparse(M) else M[np.ix_(rows, columns)]
 
 

@@ -86,7 +86,8 @@ class AutoQP(AutomaticChoice):
         "mprgp",
     )
 
-    def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Plan | PartedQP:
+    def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Any:
+        """Return a `Plan`, or a `PartedQP`."""
         if problem.p.size > SMALL and options.members == "native" and (parts := parted(problem)) is not None:
             return parts
         if 0 < problem.p.size <= SMALL:
@@ -104,7 +105,7 @@ class AutoQP(AutomaticChoice):
 
     def solve(
         self,
-        prepared: Plan | PartedQP,
+        prepared: Any,
         budget: Budget,
         options: AutoQPOptions,
         start: QPPoint | None = None,

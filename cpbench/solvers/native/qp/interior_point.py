@@ -17,6 +17,7 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.native.progress import Progress, next_stop, reduced
 from cpbench.solvers.native.qp.claims import ErrorMeasure, Parts, convex_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.kkt_system import KERNELS, KKT, Entries
+from cpbench.solvers.native.qp.polish import polish
 from cpbench.solvers.native.qp.presolve import SparseQP, presolved, sparse_data
 from cpbench.solvers.native.qp.scaling import Scales, sparse_scaled
 from cpbench.solvers.options import fixed, searched
@@ -33,6 +34,8 @@ NEAR = 10.0
 POLISH = 3
 """Iterations more, at most, while for some pair it is not decided which of slack and multiplier is 0: the sum of their
 products does not tell that, and a verdict on every pair does."""
+CLOSE_BY = 1e-3
+"""An answer with an error below this names an active set on which the last digits are looked for."""
 DAMPING = 1e-6
 """Weight of proximal steps of the multipliers of equations, data scaled to size one: where equations depend on others,
 rounding makes their multipliers drift without end, by what is left of the equations over this at most. Where they do
@@ -139,7 +142,9 @@ class InteriorPoint(Solver):
         output = run.along(*first)
         if reduced is not None and not run.ended(output):  # rays prove something about the whole alone
             output = run.along(*whole)
-        return output if run.ended(output) or not prepared.d.size else run.along(*first, DAMPING)
+        if not run.ended(output) and prepared.d.size:
+            output = run.along(*first, DAMPING)
+        return output if run.ended(output) else run.polished(output)
 
 
 def _least_size(scales: Scales, H: Entries) -> float:
@@ -178,6 +183,15 @@ class _Run:
     def ended(self, output: SolverOutput) -> bool:
         """Return whether nothing is left to find, or to find it with."""
         return output.claim is Claim.SOLVED or output.certificate is not None or self.over
+
+    def polished(self, output: SolverOutput) -> SolverOutput:
+        """Return the last digits, where linear systems near the boundary have lost them, or what there was."""
+        best, least, counters = self._measure.best, self._measure.least, dict(output.counters)
+        if best is None or not least < CLOSE_BY:
+            return output
+        done = polish(self._problem, best, self._measure, self._done + 1, self._budget.tolerance, self._deadline)
+        counters["factorizations"] = self._factorizations + done
+        return self._measure.conclude(self._budget, counters, output.claim, output.message)
 
     def along(self, data: SparseQP, lift: Callable[[Parts], Parts], damping: float = 0.0) -> SolverOutput:
         """Follow the path of a problem, this one or what presolve has left of it, from its beginning."""

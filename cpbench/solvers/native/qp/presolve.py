@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
+from cpbench import matrices
 from cpbench.formulations.qp import QP
 from cpbench.kernel_cache import load
 from cpbench.matrices import Vector
@@ -37,7 +38,7 @@ def sparse_data(problem: QP) -> SparseQP:
 def dense_problem(data: SparseQP) -> QP:
     """Return the data as a QP with dense matrices."""
     n, m, r = data.p.size, data.b.size, data.b.size + data.d.size
-    Q, G = (sp.csr_array((M[2], M[1], M[0]), shape=(k, n)).toarray() for M, k in ((data.Q, n), (data.G, r)))
+    Q, G = (matrices.dense(sp.csr_array((M[2], M[1], M[0]), shape=(k, n))) for M, k in ((data.Q, n), (data.G, r)))
     return QP(Q=Q, p=data.p, A=G[:m], b=data.b, C=G[m:], d=data.d, lb=data.lb, ub=data.ub)
 
 
