@@ -199,7 +199,7 @@ class _InteriorPoint(ConicSolver):
         if not tolerance < error < NEAR or not best.finite:
             return best, error
         if isinstance(form.problem, ConeQP):
-            best, error, steps = polish(form.problem, best, tolerance, NEWTON_STEPS)
+            best, error, steps = polish(form.problem, best, tolerance, NEWTON_STEPS, form.error)
         else:
             budget = Budget(tolerance=tolerance, iterations=NEWTON_STEPS)
             ended = solvers.get("newton-soclcp").run(form.problem, budget, start=best)

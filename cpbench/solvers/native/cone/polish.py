@@ -15,6 +15,7 @@ converges in a few steps. σ of every factor, η = f over its size in A, and the
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -32,13 +33,25 @@ GAIN = 0.5
 """A step that leaves more than this share of the error does not help."""
 
 
-def polish(problem: ConeQP, point: ConeQPPoint, tolerance: float, steps: int) -> tuple[ConeQPPoint, float, int]:
-    """Return the best answer of at most `steps` Newton steps, its judged error and how many were done."""
-    best, error = point, problem.residuals(point, tolerance).error
+def polish(
+    problem: ConeQP,
+    point: ConeQPPoint,
+    tolerance: float,
+    steps: int,
+    measure: Callable[[ConeQPPoint], float] | None = None,
+) -> tuple[ConeQPPoint, float, int]:
+    """Return the best answer of at most `steps` Newton steps, its error and how many were done. measure : of the
+    error, by norms where it is None."""
+
+    def by_norms(point: ConeQPPoint) -> float:
+        return problem.residuals(point, tolerance).error
+
+    measure = measure or by_norms
+    best, error = point, measure(point)
     done, at = 0, 0
     while error > tolerance and done < steps and at < len(SHIFTS):
         candidate = _step(problem, best, SHIFTS[at])
-        reached = problem.residuals(candidate, tolerance).error if candidate is not None else math.inf
+        reached = measure(candidate) if candidate is not None else math.inf
         if not reached <= GAIN * error:
             at += 1
         if candidate is not None and reached < error:

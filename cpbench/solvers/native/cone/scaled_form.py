@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from cpbench.formulations.sizes import least
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
 from cpbench.matrices import Matrix, Vector, max_abs
 from cpbench.product_cones import Cone, ProductCone
+from cpbench.solvers.native.cone.polyhedral import PolyhedralError
 from cpbench.solvers.native.nonlinear.natural_map import congruent, equilibrate
 
 
@@ -44,10 +46,16 @@ class ConicForm:
 
 
 def conic_form(problem: ConeQP | SOCLCP, tolerance: float) -> ConicForm:
-    """Scale `problem` to units of its own; errors are judged for `tolerance`."""
+    """Scale `problem` to units of its own; errors are judged for `tolerance`: by norms, and where these are within it
+    and all cones have flat faces, by connected parts."""
+
+    @cache
+    def of_parts() -> PolyhedralError | None:
+        return PolyhedralError.of(problem) if isinstance(problem, ConeQP) else None
 
     def error(point: Any) -> float:
-        return problem.residuals(point, tolerance).error if point.finite else np.inf
+        found = problem.residuals(point, tolerance).error if point.finite else np.inf
+        return max(found, parts(point)) if found <= tolerance and (parts := of_parts()) is not None else found
 
     return _program(problem, error) if isinstance(problem, ConeQP) else _complementarity(problem, error)
 
