@@ -131,7 +131,7 @@ def far_apart(ratio: float, seed: int) -> QP:
     return QP.build(Q, p, A, np.concatenate([-top, low, [-side, -side]]))
 
 
-@pytest.mark.parametrize("exponent", [4, 12, 20, 24])
+@pytest.mark.parametrize("exponent", [4, 12, 20, pytest.param(24, marks=pytest.mark.nightly)])
 def test_units_far_apart_are_no_obstacle(exponent: int) -> None:
     """No false claim, and 95 of 100 solved up to 1e20: rows that are bounds are bounds in the end, which is exact."""
     solved = 0
