@@ -219,7 +219,8 @@ def test_a_slack_that_is_rounding_is_zero() -> None:
     v = np.array([0.7, 0.3])
     u = np.linalg.solve(A, np.ones(3) - C @ v)
     D = rng.standard_normal((2, 3))
-    D -= np.outer(D @ u, u) / (u @ u)  # so that w is rounding with B = 0
+    D -= np.outer(D @ u, u) / (u @ u)  # so that w is rounding with B = 0,
+    D[:, 0] += 4e-15 / u[0]  # but not 0, however the sums are rounded
     problem = MLCP(A=A, B=np.zeros((2, 2)), C=C, D=D, a=-np.ones(3), b=np.zeros(2))
     w = D @ u
     assert 0.0 < np.abs(w).max() < 1e-14

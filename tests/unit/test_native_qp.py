@@ -664,9 +664,9 @@ def test_the_interior_point_goes_on_where_more_regularization_does_not_help() ->
     assert output.counters["iterations"] <= 20
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_equations_that_depend_on_others_are_no_obstacle(seed: int) -> None:
-    """A third of the equations are sums of the others, up to rounding of unknowns of size 1e4; planted solution."""
+def dependent(seed: int) -> tuple[QP, Any]:
+    """A third of the equations are sums of the others, up to rounding of unknowns of size 1e4; the planted z beside
+    it. Those of z that are positive leave yet other equations dependent, so that dropping a third is not enough."""
     rng = np.random.default_rng(seed)
     m, n = 40, 100
     own = np.where(rng.random((m, n)) < 0.1, rng.standard_normal((m, n)), 0.0)
@@ -675,9 +675,18 @@ def test_equations_that_depend_on_others_are_no_obstacle(seed: int) -> None:
     nu = np.where(z > 0.0, 0.0, rng.random(n) + 0.1)
     Q = sp.diags_array(np.where(rng.random(n) < 0.2, rng.random(n), 0.0)).tocsr()
     p = C.T @ rng.standard_normal(C.shape[0]) + nu - Q @ z
-    problem = QP.build(Q, p, C=C, d=C @ z, lb=np.zeros(n))
-    output = solved("interior-point-qp", problem, 1e-5)
-    assert problem.objective(output.point.z) == pytest.approx(problem.objective(z), rel=1e-5)
+    return QP.build(Q, p, C=C, d=C @ z, lb=np.zeros(n)), z
+
+
+@pytest.mark.parametrize("seeds", [range(12), pytest.param(range(12, 200), marks=pytest.mark.nightly)])
+def test_equations_that_depend_on_others_are_no_obstacle(seeds: range) -> None:
+    """Whatever the rounding: `.ci/arithmetics` repeats this under others. Multipliers do not drift, so that few
+    iterations are enough."""
+    for seed in seeds:
+        problem, z = dependent(seed)
+        output = solved("interior-point-qp", problem)
+        assert output.counters["iterations"] <= 30, seed
+        assert problem.objective(output.point.z) == pytest.approx(problem.objective(z), rel=1e-5), seed
 
 
 @pytest.mark.parametrize("name", ["auto-qp", "proximal-active-set", "interior-point-qp", "augmented-lagrangian"])

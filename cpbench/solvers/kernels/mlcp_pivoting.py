@@ -23,6 +23,9 @@ HEAD = 6
 """Numbers before the matrix in what `lemke_mixed` reads: n, v_unit, push, and the tolerances of rank, pivots, ties."""
 ROUNDING = 1e-13
 """Of what is left after the elimination of free unknowns, data having size one."""
+IDLE = 1e-12
+"""Of the largest v of a start, in scaled units: what is left of a v whose basis has it at 0; with it in the basis the
+matrix may be singular."""
 VECTOR, MATRIX, INDEX = float64[::1], float64[:, ::1], int64[::1]
 
 
@@ -196,8 +199,8 @@ def exchange_support(T, n, start, basic, nonbasic, row_of, column_of, tolerance)
 def lemke_mixed(data, answer, max_pivots, tolerance):
     """Solve one MLCP in two arrays, for every array of a call costs what ten unknowns do.
 
-    From the basis of the positive v of a start where there are any; from none where that matrix is singular or the
-    pivots end elsewhere than in a solution. Returns pivots * CODES + outcome, pivots being Lemke's.
+    From the basis of the v of a start that are above IDLE, where there are any; from none where that matrix is
+    singular or the pivots end elsewhere than in a solution. Returns pivots * CODES + outcome, pivots being Lemke's.
 
     Parameters
     ----------
@@ -221,9 +224,13 @@ def lemke_mixed(data, answer, max_pivots, tolerance):
     labels = data[at : at + 4 * N].view(np.int64).reshape(4, N)
     at += 4 * N
     basic, nonbasic, row_of, column_of = labels[0], labels[1], labels[2, :m], labels[3, :m]
-    warm = False
+    top = 0.0
     for i in range(n, N):
-        warm |= answer[i] > 0.0
+        top = max(top, answer[i] / unit[i])
+    warm = top > 0.0
+    for i in range(n, N):
+        if answer[i] <= IDLE * top * unit[i]:
+            answer[i] = 0.0
     pivots = 0
     while True:
         for i in range(N):

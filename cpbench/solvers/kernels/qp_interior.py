@@ -31,6 +31,11 @@ an iterate that may be on its way along a ray, the regularization, what a linear
 proximal steps of the multipliers of equations."""
 FIXED = 1e12
 """What stands on the diagonal for an unknown whose bounds are equal."""
+PROXIMAL, FINE = 1e-5, 1e-12
+"""The weight of proximal steps of the multipliers of equations, data scaled to size one, from the first linear system
+on of which a larger share than SOLVED is left: where equations depend on others, also on the unknowns away from their
+bounds alone, exact steps take rounding for a reason to move multipliers, without end. The regularization is for the
+unknowns only then, and is this at most: beside more of it the curvature of unknowns far from their bounds is lost."""
 SOLVED, COARSER, COARSEST = 1e-3, 100.0, 1e-4
 """A linear system of which a larger share is left is factored again with so many times the regularization, up to a
 largest one, as long as that leaves less."""
@@ -290,6 +295,9 @@ def advance(H, G, g, lower, upper, scale, system, iterate, share, near, enough, 
         below which nothing is gained, relative as well. until : iterations.
     """
     x, y, t, z = iterate[:4]
+    equations = False
+    for i in range(x.size, y.size):
+        equations = equations or lower[i] == upper[i]
     while True:
         if counts[DONE] >= until:
             return LIMIT
@@ -300,7 +308,10 @@ def advance(H, G, g, lower, upper, scale, system, iterate, share, near, enough, 
                 break
             if error < least:
                 least, best = error, sizes[DELTA]
-            if sizes[DELTA] < COARSEST and (least == error or least == np.inf):
+            if sizes[DAMPING] == 0.0 and equations:
+                sizes[DAMPING], sizes[DELTA] = PROXIMAL, min(sizes[DELTA], FINE)
+                least = np.inf
+            elif sizes[DELTA] < COARSEST and (least == error or least == np.inf):
                 sizes[DELTA] *= COARSER
             elif least < USEFUL:
                 sizes[DELTA], sizes[LEFT] = best, USEFUL

@@ -69,8 +69,8 @@ class LemkeMLCP(Solver):
     the equalities. Lemke's method ends on it as it does on any LCP: in a solution, or in a ray that proves nothing by
     itself; a linear program then looks for a Farkas certificate.
 
-    A start is the basis of its positive v. Where that is singular, or the pivots from there end elsewhere than in a
-    solution, they begin again without it.
+    A start is the basis of its v that are positive beyond rounding. Where that is singular, or the pivots from there
+    end elsewhere than in a solution, they begin again without it.
     """
 
     spec: ClassVar[SolverSpec] = SolverSpec(
@@ -134,7 +134,8 @@ def _large(prepared: PivotingData, budget: Budget, options: LemkeMLCPOptions, st
     """Start from the basis of the start, where it has one that ends in a solution, else from none."""
     kernel, scaled = prepared.kernel, prepared.scaled
     run = _Run(prepared, budget, options)
-    support = np.flatnonzero(start.v > 0.0) if start is not None else np.zeros(0, np.int64)
+    v = np.zeros(0) if start is None else start.v / scaled.unit[scaled.free :]
+    support = np.flatnonzero(v > kernel.IDLE * v.max(initial=0.0))
     outcome, x = run.of_basis(support) if support.size else (kernel.STUCK, np.zeros(scaled.k.size))
     error = scaled.error(x)
     if outcome != kernel.COMPLEMENTARY or not error <= budget.tolerance:

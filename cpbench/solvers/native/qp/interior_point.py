@@ -36,10 +36,6 @@ POLISH = 3
 products does not tell that, and a verdict on every pair does."""
 CLOSE_BY = 1e-3
 """An answer with an error below this names an active set on which the last digits are looked for."""
-DAMPING = 1e-6
-"""Weight of proximal steps of the multipliers of equations, data scaled to size one: where equations depend on others,
-rounding makes their multipliers drift without end, by what is left of the equations over this at most. Where they do
-not, exact steps are ahead."""
 CHUNK, OPERATIONS = 20, 1e8
 """Iterations between looks at the clock, and operations of factorizations: the fewer of both, but one iteration."""
 
@@ -60,9 +56,7 @@ class Path:
     chunk : iterations between looks at the clock.
     """
 
-    def __init__(
-        self, scales: Scales, H: Entries, G: Entries, options: QPInteriorPointOptions, damping: float = 0.0
-    ) -> None:
+    def __init__(self, scales: Scales, H: Entries, G: Entries, options: QPInteriorPointOptions) -> None:
         n, N = scales.g.size, scales.lower.size
         self._kernel = load("cpbench.solvers.kernels.qp_interior")
         self._options = options
@@ -75,7 +69,7 @@ class Path:
         self._data = H, G, scales.g, scales.lower, scales.upper, _least_size(scales, H), kkt.system, iterate
         self.stops: Any = self._kernel
         self._counts = np.zeros(2, dtype=np.int64)
-        self._sizes = np.array([0.0, math.inf, LARGE, options.regularization, self.stops.SOLVED, damping])
+        self._sizes = np.array([0.0, math.inf, LARGE, options.regularization, self.stops.SOLVED, 0.0])
 
     @property
     def done(self) -> int:
@@ -142,8 +136,6 @@ class InteriorPoint(Solver):
         output = run.along(*first)
         if reduced is not None and not run.ended(output):  # rays prove something about the whole alone
             output = run.along(*whole)
-        if not run.ended(output) and prepared.d.size:
-            output = run.along(*first, DAMPING)
         return output if run.ended(output) else run.polished(output)
 
 
@@ -193,10 +185,10 @@ class _Run:
         counters["factorizations"] = self._factorizations + done
         return self._measure.conclude(self._budget, counters, output.claim, output.message)
 
-    def along(self, data: SparseQP, lift: Callable[[Parts], Parts], damping: float = 0.0) -> SolverOutput:
+    def along(self, data: SparseQP, lift: Callable[[Parts], Parts]) -> SolverOutput:
         """Follow the path of a problem, this one or what presolve has left of it, from its beginning."""
         scales, H, G = sparse_scaled(data)
-        path, progress, measure = Path(scales, H, G, self._options, damping), Progress(STALL), self._measure
+        path, progress, measure = Path(scales, H, G, self._options), Progress(STALL), self._measure
         stops, polished, tolerance, earlier = path.stops, 0, self._budget.tolerance, self._done
         aim = tolerance
         before = path.x.copy(), path.y.copy()
