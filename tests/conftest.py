@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -31,7 +32,7 @@ for _variable in ("COLUMNS", "LINES"):  # readline, which pytest imports, leaves
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell leaves it that starts this in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)  # else no child would hear the Ctrl-C of a test
 ROOT = Path(__file__).resolve().parents[1]
-ALLOWED_SKIPS = ("needs the folder of real files", "does not apply")
+ALLOWED_SKIPS = ("needs the folder of real files", "needs a licence", "needs a program: julia", "does not apply")
 collect_ignore = [
     "unit/siconos_errors.py",
     "unit/siconos_read.py",
@@ -89,8 +90,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_runtest_logreport(report: pytest.TestReport) -> None:
     if report.skipped and not hasattr(report, "wasxfail"):
-        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
-        if not reason.removeprefix("Skipped: ").startswith(ALLOWED_SKIPS):
+        reason = _reason(report)
+        if not reason.startswith(ALLOWED_SKIPS):
             _unexpected.append(f"{report.nodeid}: {reason}")
 
 
@@ -114,6 +115,24 @@ def _conformance(stats) -> dict[str, dict[str, dict[str, str]]]:
     return found
 
 
+def _reason(report) -> str:
+    """Why a test was skipped; what enables it follows after 'needs'."""
+    reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+    return reason.removeprefix("Skipped: ")
+
+
+def _skips(terminalreporter) -> None:
+    """The last lines: what each skipped test needs, and where nothing would make it apply."""
+    count = Counter(_reason(report) for report in terminalreporter.stats.get("skipped", []))
+    if count:
+        terminalreporter.section(f"{count.total()} skipped, and what would enable them")
+    for start in ("needs", "does not apply", ""):  # what is left is listed as well
+        for reason, times in count.most_common():
+            if reason.startswith(start):
+                terminalreporter.line(f"{times:>5}  {reason}")
+                del count[reason]
+
+
 def pytest_terminal_summary(terminalreporter) -> None:
     table = _conformance(terminalreporter.stats)
     if table:
@@ -128,3 +147,4 @@ def pytest_terminal_summary(terminalreporter) -> None:
         terminalreporter.section("skips without a listed reason (failures in CI)")
         for line in _unexpected:
             terminalreporter.line(line)
+    _skips(terminalreporter)

@@ -120,11 +120,12 @@ def test_solver(solver, check, request: pytest.FixtureRequest) -> None:
     available = None if check.__name__ in OF_THE_SPEC else solver.availability()
     if available is not None and not available.ok:
         if solver.spec.licence == "proprietary":
-            state = "not installed" if available.state == "missing" else f"without use here ({available.state})"
-            pytest.skip(f"does not apply: proprietary package {state}")
+            pytest.skip(
+                f"needs a licence: pip install 'cpbench[path,commercial]' and a licence, {available.state} here"
+            )
         if os.environ.get("CPBENCH_REQUIRE") == "all":
             pytest.fail(f"{solver.spec.name} is {available.state}: {available.detail}")
-        pytest.skip(f"needs the package: {available.detail}")
+        pytest.skip(f"needs a package: {available.detail}")
     reason = solver.spec.known_failures.get(check.__name__)
     if reason is not None:
         request.applymarker(pytest.mark.xfail(reason=reason, strict=True, raises=(AssertionError, Ended)))

@@ -207,7 +207,7 @@ def _idle(path: Path) -> bool:
 
 
 @pytest.mark.nightly
-@pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++")
+@pytest.mark.skipif(shutil.which("g++") is None, reason="needs a program: g++")
 def test_a_cpp_program_and_two_builds_of_it_in_one_run(bench) -> None:
     """Thirty lines of C++, compiled twice: the solver, and a variant of it by another build."""
     for build, level in (("pgs", "-O2"), ("pgs-debug", "-O0")):

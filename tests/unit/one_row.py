@@ -19,7 +19,7 @@ LIMITS = plan.Limits(seconds=20.0, repeats=1)
 def row_of(slot: Slot, problem: Any, solver: str, folder: Path) -> Outcome:
     available = solvers.get(solver).availability()
     if not available.ok:
-        pytest.skip(f"{solver} is {available.state}: {available.detail}")
+        pytest.skip(f"needs a package: {available.detail}")
     address = folder / f"{solver}.h5"
     storage.save(problem, address)
     asked = [plan.exact()]

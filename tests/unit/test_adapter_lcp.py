@@ -46,9 +46,9 @@ def ready(name: str) -> Any:
     solver = solvers.get(name)
     available = solver.availability()
     if available.state == "licence":
-        pytest.skip(f"does not apply: {available.detail}")
+        pytest.skip(f"needs a licence: {available.detail}")
     if not available.ok:
-        pytest.skip(f"{name} is {available.state}: {available.detail}")
+        pytest.skip(f"needs a package: {available.detail}")
     return solver
 
 

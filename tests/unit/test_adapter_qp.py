@@ -106,8 +106,8 @@ def backend(request: pytest.FixtureRequest) -> Any:
     available = solver.availability()
     if not available.ok:
         if solver.spec.licence == "proprietary":
-            pytest.skip(f"does not apply: {request.param} is proprietary and {available.state} here")
-        pytest.skip(f"{request.param} is {available.state}")
+            pytest.skip(f"needs a licence: pip install 'cpbench[commercial]' and one of {request.param}")
+        pytest.skip(f"needs a package: {available.detail}")
     return solver
 
 
@@ -227,7 +227,7 @@ def test_the_false_unbounded_of_highs_comes_out_as_its_claim() -> None:
     """Seed 3: HiGHS calls a convex QP with a known solution unbounded (measured, HiGHS 1.15.1)."""
     highs, problem = solvers.get("highs"), lcp_as_qp(3)
     if not highs.availability().ok:
-        pytest.skip("highspy is missing")
+        pytest.skip("needs a package: pip install highspy")
     output = highs.run(problem)
     assert "planted-psd-lcp" in highs.spec.known_failures
     assert output.claim is Claim.UNBOUNDED
@@ -242,7 +242,7 @@ def test_a_licence_that_does_not_do_says_so(name: str) -> None:
     """The free licences of Gurobi and COPT end at 2000 variables, MOSEK has none."""
     solver = solvers.get(name)
     if solver.availability().state in ("missing", "broken"):
-        pytest.skip("does not apply: proprietary package not installed")
+        pytest.skip(f"needs a licence: pip install 'cpbench[commercial]' and one of {name}")
     n = 2001
     refusal = None
     try:

@@ -130,7 +130,7 @@ def test_what_has_no_feasible_point_is_not_solved(solver: str) -> None:
 def _needs(solver: str) -> None:
     available = solvers.get(solver).availability()
     if not available.ok:
-        pytest.skip(f"does not apply: proprietary package without use here ({available.state})")
+        pytest.skip(f"needs a licence: {available.detail}")
 
 
 @pytest.mark.parametrize("name", some_by_day(["tanh", "cube", "not-monotone", "free", "fixed", "from-index-set"], 2))

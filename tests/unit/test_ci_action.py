@@ -275,7 +275,7 @@ def test_a_worse_build_fails_and_says_why(toy: Path, change: str, inputs: dict[s
 @pytest.mark.nightly
 def test_a_program_that_each_checkout_compiles(toy: Path) -> None:
     if COMPILER is None:
-        pytest.skip("does not apply: no C++ compiler")
+        pytest.skip("needs a program: a C++ compiler, apt-get install g++")
     run(toy, "cpbench", "new", "solver", "prog", "--lang", "cpp", "-o", "src")
     (toy / ".gitignore").write_text("/src/prog\n/cpbench-compare\n")
     commit(toy, "a program")
@@ -295,7 +295,7 @@ def test_a_program_that_each_checkout_compiles(toy: Path) -> None:
 @pytest.mark.nightly
 def test_a_command_on_gitlab(toy: Path, tmp_path: Path) -> None:
     if shutil.which("awk") is None:
-        pytest.skip("does not apply: no awk")
+        pytest.skip("needs a program: awk")
     run(toy, "cpbench", "new", "solver", "awk", "--lang", "command", "-o", ".")
     commit(toy, "a command")
     run(toy, "git", "branch", "before")
@@ -450,7 +450,7 @@ def api() -> Iterator[str]:
 @pytest.mark.nightly
 def test_the_comment_of_an_earlier_push_is_replaced(tmp_path: Path, api: str) -> None:
     if shutil.which("curl") is None:
-        pytest.skip("does not apply: no curl")
+        pytest.skip("needs a program: curl")
     _Api.comments = {1: "somebody else's"}
     here = {"GITHUB_API_URL": api, "GITHUB_REPOSITORY": "us/toy", "GITHUB_TOKEN": "t0"}
     for text in ("first ✓", "second"):

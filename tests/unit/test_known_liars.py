@@ -67,7 +67,7 @@ def test_a_convex_program_that_highs_calls_unbounded(slot: Slot, tmp_path: Path)
 def test_gams_beside_a_worker_is_no_child_of_a_solve(slot: Slot, tmp_path: Path) -> None:
     """Its process and the threads of gamspy are there since the warm-up."""
     if solvers.get("gams-path").availability().state == "licence":
-        pytest.skip("does not apply: the licence of GAMS ran out")
+        pytest.skip("needs a licence: that of GAMS ran out; pip install --upgrade gamspy gamspy_base")
     row = row_of(slot, LCP(M=np.eye(3), q=-np.ones(3)), "gams-path", tmp_path)
     assert (row.status, row.flags) == ("solved", "")
     assert row.reported is None, "GAMS counts the launch of PATH, which is not PATH's own time"
@@ -135,7 +135,7 @@ def test_a_licence_that_ran_out(tmp_path: Path) -> None:
     """GAMS' own word on its demo licence (five months) 400 days from now: before the solve, and in the midst of it."""
     found = solvers.get("gams-path").availability()
     if found.state not in ("ok", "licence"):
-        pytest.skip(f"gams-path is {found.state}: {found.detail}")
+        pytest.skip(f"needs a package: {found.detail}")
     compiler = shutil.which("gcc")
     if compiler is None or sys.platform != "linux":
         pytest.skip("does not apply: the clock is set forward by a preloaded library, which takes Linux and gcc")

@@ -44,7 +44,7 @@ def one_line(folder: Path, *arguments: str) -> str:
 
 def needs(program: str | None, what: str) -> None:
     if program is None:
-        pytest.skip(f"does not apply: no {what}")
+        pytest.skip(f"needs a program: {what}")
 
 
 def failed(output: str) -> dict[str, str]:

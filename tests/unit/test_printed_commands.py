@@ -76,7 +76,7 @@ def write_lcp(folder: Path, name: str, n: int = 3) -> Path:
 @pytest.mark.parametrize("lang", ["python", "cpp"])
 def test_new(run: Run, tmp_path: Path, lang: str) -> None:
     if lang == "cpp" and not (shutil.which("make") and shutil.which("c++")):
-        pytest.skip("does not apply: no C++ compiler")
+        pytest.skip("needs a program: a C++ compiler, apt-get install g++")
     said = run("new", "solver", "mine", "--node", "qp", "--lang", lang, "-o", "a folder")
     for line in re.findall(r"^next: (.*)$", said, re.MULTILINE):
         words = shlex.split(line)

@@ -233,7 +233,7 @@ def test_fragments_compile(tmp_path: Path) -> None:
     """By LaTeX itself where there is one."""
     latex = shutil.which("pdflatex")
     if latex is None:
-        pytest.skip("needs pdflatex")
+        pytest.skip("needs a program: pdflatex, apt-get install texlive-latex-base texlive-pictures")
     lines = [r"\documentclass{article}\usepackage{amsmath}\begin{document}"]
     lines += [show_tex.fragment(filled(node, size)) for node in formulations.names() for size in (0, 2, 40)]
     lines += [show_tex.fragment(make("fc-lcp-inner").step(contact(1)))]

@@ -37,7 +37,7 @@ TABLES = [solver for solver in solvers if isinstance(solver, SiconosSolver)]
 def debian() -> None:
     found = siconos.about(siconos.interpreter())
     if "version" not in found:
-        pytest.skip(f"Siconos is {found['state']}: {found['detail']}")
+        pytest.skip(f"needs Siconos: {found['detail']}")
 
 
 def _nsgs(storage: str) -> SiconosSolver:

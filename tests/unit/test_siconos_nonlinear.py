@@ -40,7 +40,7 @@ GUESTS = Path(siconos.GUEST).parent
 def debian() -> None:
     found = siconos.about(siconos.interpreter())
     if "version" not in found:
-        pytest.skip(f"Siconos is {found['state']}: {found['detail']}")
+        pytest.skip(f"needs Siconos: {found['detail']}")
 
 
 @cache

@@ -192,7 +192,7 @@ def test_it_compiles_and_says_the_numbers(tmp_path: Path) -> None:
     """What pdflatex expands the macros to, written to its log, is what the analysis says."""
     if not tex_is_there():
         assert os.environ.get("CPBENCH_REQUIRE") != "all", "pdflatex, pgfplots or booktabs is missing"
-        pytest.skip("pdflatex, pgfplots or booktabs is missing")
+        pytest.skip("needs a program: pdflatex with pgfplots and booktabs, apt-get install texlive-pictures")
     folder = written(tmp_path, hostile_suite(), citations={"chain": "Ägidius – 1999"}, facets=("family", "tolerance"))
     path = folder / "report.tex"
     path.write_text(
