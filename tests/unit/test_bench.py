@@ -425,9 +425,9 @@ def test_numbers_that_the_results_file_cannot_keep_are_cut() -> None:
     assert _said(RESULT | {"peak": 2**70}).peak == 2**63 - 1
 
 
-@pytest.mark.parametrize("told", [[[0.0, -7.0]], [[1.0]], [[0.0, 1.0, 2.0]], 5, [["x", 1.0]]], ids=str)
+@pytest.mark.parametrize("told", [[[0.0, -7.0, 0.0]], [[1.0]], [[0.0, 1.0]], 5, [["x", 1.0, 1.0]]], ids=str)
 def test_repeats_that_are_none_are_refused(told: Any) -> None:
-    assert _said({"times": [[0.0, 1.0]]}, "Repeats").times == ((0.0, 1.0),)
+    assert _said({"times": [[0.0, 1.0, 2.0]]}, "Repeats").times == ((0.0, 1.0, 2.0),)
     with pytest.raises(frames.FrameError):
         _said({"times": told}, "Repeats")
 

@@ -12,7 +12,7 @@ from test_page import contact_error, of_contact
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.solvers.base import Budget, Claim, solvers
-from cpbench.solvers.native.contact.by_parts import Part, connected_parts
+from cpbench.solvers.native.contact.by_parts import ContactPart, connected_parts
 from cpbench.solvers.native.contact.sweeps import block_rows
 from cpbench.verification import judge
 
@@ -49,7 +49,7 @@ def test_the_error_of_a_part_is_that_of_the_definition() -> None:
     for seed in range(50):
         rng = np.random.default_rng(seed)
         problem, answer, expected = of_contact(rng, int(rng.integers(2, 31)), 10.0 ** rng.uniform(-8, -1))
-        part = Part.of(np.arange(problem.q.size), problem, block_rows(problem))
+        part = ContactPart.of(np.arange(problem.q.size), problem, block_rows(problem))
         assert part.error(answer.r) == pytest.approx(expected, rel=2e-3, abs=1e-13), seed
 
 
@@ -64,7 +64,7 @@ def test_free_velocities_of_sliding_contacts_hide_nothing() -> None:
     right = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     problem = FrictionContact(W=W, q=q, mu=mu, dimension=3)
     wrong = right * 1.1
-    part = Part.of(np.arange(6), problem, block_rows(problem))
+    part = ContactPart.of(np.arange(6), problem, block_rows(problem))
     assert part.error(wrong) == pytest.approx(contact_error(W, q, mu, wrong), rel=1e-3)
     assert judge(problem, FCPoint(wrong), 1e-6).error == pytest.approx(0.1 / (1.1 * np.sqrt(3.0)), rel=0.01)
 

@@ -51,15 +51,6 @@ def _add_transposed(A, x, y, absolute):
             y[column[k]] += abs(value[k] * x[i]) if absolute else value[k] * x[i]
 
 
-@njit(error_model="numpy")
-def _slide(u, mu, mu_r, rolling):
-    """Return û_N of u."""
-    d = u.size
-    k = (d - 1) // 2 if rolling else d - 1
-    hat = u[0] + mu * np.sqrt(square(u[1 : 1 + k]))
-    return hat + mu_r * np.sqrt(square(u[1 + k :])) if rolling else hat
-
-
 @njit(
     float64(MATRIX, MATRIX, MATRIX, DATA, DATA, DATA, DATA, LAW, ROWS, boolean, float64, float64, DATA, DATA, DATA),
     **COMPILED,
@@ -122,10 +113,7 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
         rr_e += carried[c] ** 2 / rho[c]
         uu_e += rho[c] * square(U[c])
         qq_e += rho[c] * size
-        product = R[c, 0] * _slide(U[c], mu[c], roll, rolling)
-        for i in range(1, d):
-            product += R[c, i] * U[c, i]
-        idle[c] = product > 0.0 or (carried[c] == 0.0 and closing[c] == 0.0 and square(U[c]) > 0.0)
+        idle[c] = square(U[c]) > 0.0
     if not absolute:
         scale, scale_e = max(qq, max(rr, uu)), max(qq_e, max(rr_e, uu_e))
         natural /= scale if scale > 0.0 else 1.0

@@ -13,12 +13,6 @@ BOOLEAN = types.Array(boolean, 1, "C", readonly=True)
 HEARD = 0.1
 """Share of the constant of an idle contact that the other terms must reach for it to give a size."""
 
-PASSES = 4
-"""Solutions of the least-squares problem, the later ones with less weight on terms that stay small."""
-STEPS = 200
-BITS = 0.01
-"""Conjugate gradients end where rows are off by less in the root mean square: sizes are compared, no digits."""
-
 
 @njit(
     int64(INDEX, INDEX, INDEX, INDEX, INDEX, INDEX, int64, int64, int64[::1]),
@@ -89,64 +83,6 @@ def fill(
             column[at[joint]], size[at[joint]] = own, abs(G[k])
             at[own] += 1
             at[joint] += 1
-
-
-@njit(void(INDEX, INDEX, DATA, DATA, VECTOR), **COMPILED)
-def _product(start, column, weight, x, y):
-    """Write y_i = Σ_j W_ij (x_i + x_j)."""
-    for i in range(x.size):
-        total = 0.0
-        for k in range(start[i], start[i + 1]):
-            total += weight[k] * (x[i] + x[column[k]])
-        y[i] = total
-
-
-@njit(void(INDEX, INDEX, DATA, VECTOR), **COMPILED)
-def even_units(start, column, size, D):
-    """Write D, for which the entries D_i A_ij D_j of a symmetric A are about 1: the least Σ W_ij (log A_ij + log D_i +
-    log D_j)² (Curtis and Reid 1972), first with W = 1, then with the entries so scaled where these are below 1."""
-    logs, weight = np.zeros(size.size), np.zeros(size.size)
-    for k in range(size.size):
-        if size[k] > 0.0:
-            logs[k], weight[k] = np.log2(size[k]), 1.0
-    x, r, p, Ap, per_row = np.zeros(D.size), np.empty(D.size), np.empty(D.size), np.empty(D.size), np.empty(D.size)
-    for _ in range(PASSES):
-        enough = 0.0
-        _product(start, column, weight, x, Ap)
-        for i in range(D.size):
-            total = sides = 0.0
-            for k in range(start[i], start[i + 1]):
-                total += weight[k]
-                sides += weight[k] * logs[k]
-            per_row[i] = 1.0 / total if total > 0.0 else 0.0
-            r[i] = -sides - Ap[i]
-            enough += total
-        enough *= BITS * BITS
-        old = 0.0
-        for step in range(STEPS):
-            new = 0.0
-            for i in range(D.size):
-                new += per_row[i] * r[i] * r[i]
-            if not new > enough:
-                break
-            for i in range(D.size):
-                p[i] = per_row[i] * r[i] + (new / old * p[i] if step else 0.0)
-            _product(start, column, weight, p, Ap)
-            curvature = 0.0
-            for i in range(D.size):
-                curvature += p[i] * Ap[i]
-            if not curvature > 0.0:
-                break
-            for i in range(D.size):
-                x[i] += new / curvature * p[i]
-                r[i] -= new / curvature * Ap[i]
-            old = new
-        for i in range(D.size):
-            for k in range(start[i], start[i + 1]):
-                if size[k] > 0.0:
-                    weight[k] = np.exp2(min(logs[k] + x[i] + x[column[k]], 0.0))
-    for i in range(D.size):
-        D[i] = np.exp2(x[i])
 
 
 @njit(

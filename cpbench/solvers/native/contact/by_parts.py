@@ -41,7 +41,7 @@ SAFE = 0.5
 
 
 @dataclass(frozen=True)
-class Part:
+class ContactPart:
     """A connected part of a problem.
 
     Attributes
@@ -56,7 +56,7 @@ class Part:
     weights: tuple[Vector, ...]
 
     @classmethod
-    def of(cls, rows: Index, problem: FrictionContact, prepared: Any) -> Part:
+    def of(cls, rows: Index, problem: FrictionContact, prepared: Any) -> ContactPart:
         """Take the part with these rows, a problem by itself."""
         blocks = prepared.rows if isinstance(prepared, ScaledContacts) else prepared
         if not isinstance(blocks, BlockRows):
@@ -76,10 +76,10 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Parts:
+class ContactParts:
     """The parts of a problem; `size` : its rows."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[ContactPart, ...]
     size: int
 
 
@@ -100,17 +100,22 @@ class SolverByParts(Solver):
     ) -> SolverOutput:
         """Do what `solve` of a solver does, for one part."""
 
-    def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> Parts:
+    def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> ContactParts:
         found = connected_parts(problem)
         parts = []
         for contacts in found:
             rows = _rows(contacts, problem.dimension)
             part = problem if len(found) == 1 else _part(problem, contacts, rows)
-            parts.append(Part.of(rows, part, self.prepare(part, budget, options)))
-        return Parts(tuple(parts), problem.q.size)
+            parts.append(ContactPart.of(rows, part, self.prepare(part, budget, options)))
+        return ContactParts(tuple(parts), problem.q.size)
 
     def solve(
-        self, prepared: Parts, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+        self,
+        prepared: ContactParts,
+        budget: Budget,
+        options: Any,
+        start: Any | None = None,
+        record: Record | None = None,
     ) -> SolverOutput:
         if len(prepared.parts) == 1:
             return self._solved(prepared.parts[0], budget, options, start, record)
@@ -136,7 +141,7 @@ class SolverByParts(Solver):
         return SolverOutput(claim=output.claim, point=FCPoint(r), counters=dict(counters), message=message)
 
     def _solved(
-        self, part: Part, budget: Budget, options: Any, start: Any | None, record: Record | None
+        self, part: ContactPart, budget: Budget, options: Any, start: Any | None, record: Record | None
     ) -> SolverOutput:
         """Solve one part; go on where its error is not small enough by the sizes of the contacts in use."""
         begun = time.monotonic()
@@ -168,7 +173,7 @@ class SolverByParts(Solver):
 class _Progress:
     """The record of a run over all parts: the error is that of the worst part so far."""
 
-    def __init__(self, record: Record, parts: Parts, r: Vector, budget: Budget) -> None:
+    def __init__(self, record: Record, parts: ContactParts, r: Vector, budget: Budget) -> None:
         self._record, self._parts, self._r = record, parts, r.copy()
         points = [FCPoint(r[part.rows]) for part in parts.parts]
         self._errors = [
