@@ -1,4 +1,4 @@
-"""The error of reactions of one connected part of a contact problem, in sizes that its contacts in use set.
+"""The error of reactions of every connected part of a contact problem, in sizes that its contacts in use set.
 
 Norms over a part count the free velocities of contacts that stay open, however fast these are, and then say little of
 the contacts that carry something. Here the size of the part is s = ‖D max(Σ_b ‖W_cb‖‖r_b‖, ‖q_c‖)‖, without q_c where
@@ -7,9 +7,9 @@ average 1 (Sinkhorn and Knopp 1967). A reaction is compared in its largest effec
 """
 
 import numpy as np
-from numba import float64, int64, njit, void
+from numba import int64, njit, void
 
-from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, START, VECTOR
+from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, INDEX, START, VECTOR
 from cpbench.solvers.kernels.contact_error import velocity_2d, velocity_3d
 from cpbench.solvers.kernels.one_contact import natural_step, projected
 
@@ -70,22 +70,26 @@ def weights(start, column, blocks, diagonal, dimension, sizes, own, D, reach):
 
 
 @njit(
-    float64(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, int64, DATA, DATA, DATA, DATA),
+    void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, int64, DATA, DATA, DATA, DATA, INDEX, VECTOR),
     cache=True,
     error_model="numpy",
 )
-def part_energy(start, column, blocks, diagonal, q, mu, r, dimension, sizes, own, D, reach):
-    """Return the error of r; NaN when anything is. 0 constants leave everything as it is, in units of D."""
-    nc, d = mu.size, dimension
+def part_energy(start, column, blocks, diagonal, q, mu, r, dimension, sizes, own, D, reach, part, errors):
+    """Write the error of r in every part; NaN when anything is. Parts without constants are measured in units of D.
+
+    part : (nc,), the number of the part of each contact. errors : as many as there are parts.
+    """
+    nc, d, many = mu.size, dimension, errors.size
     u, lengths = np.zeros((nc, 3)), np.empty(nc)
     for i in range(nc):
         total = 0.0
         for a in range(d):
             total += r[d * i + a] ** 2
         lengths[i] = np.sqrt(total)
-    with_terms = with_all = closing = constants = 0.0
-    counted = False
+    with_terms, with_all, constants = np.zeros(many), np.zeros(many), np.zeros(many)
+    closing, counted = np.zeros(many), np.zeros(many, np.bool_)
     for i in range(nc):
+        p = part[i]
         if d == 3:
             u[i, 0], u[i, 1], u[i, 2] = velocity_3d(start, column, blocks, q, r, i)
         else:
@@ -101,23 +105,20 @@ def part_energy(start, column, blocks, diagonal, q, mu, r, dimension, sizes, own
         for k in range(start[i], start[i + 1]):
             terms += sizes[k] * lengths[column[k]]
         if terms > BALANCED * free or (u[i, 0] == 0.0 and slide == 0.0):
-            counted = counted or free > 0.0
-            with_terms += (D[i] * max(terms, free)) ** 2
+            counted[p] = counted[p] or free > 0.0
+            with_terms[p] += (D[i] * max(terms, free)) ** 2
         else:
-            with_terms += (D[i] * terms) ** 2
-        with_all += (D[i] * max(terms, free)) ** 2
-        constants += (D[i] * free) ** 2
+            with_terms[p] += (D[i] * terms) ** 2
+        with_all[p] += (D[i] * max(terms, free)) ** 2
+        constants[p] += (D[i] * free) ** 2
         lacks = 0.0
         if u[i, 0] < 0.0:
             p0, p1, p2 = projected(-u[i, 0] - mu[i] * slide, -u[i, 1], -u[i, 2], mu[i])
             lacks = np.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
             if mu[i] > 1.0:
                 lacks = max(lacks, -u[i, 0])
-        closing = max(closing, D[i] * lacks)
-    size = np.sqrt(with_terms if counted else with_all)
-    if not size > 0.0:
-        size = 1.0
-    total = 0.0
+        closing[p] = max(closing[p], D[i] * lacks)
+    errors[:] = 0.0
     for i in range(nc):
         r0, r1 = r[d * i], r[d * i + 1]
         r2 = r[d * i + 2] if d == 3 else 0.0
@@ -130,11 +131,12 @@ def part_energy(start, column, blocks, diagonal, q, mu, r, dimension, sizes, own
             sticks = weight * np.sqrt((r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2)
             sticks += D[i] * np.sqrt(u[i, 0] ** 2 + u[i, 1] ** 2 + u[i, 2] ** 2)
             law = min(law, sticks)
-        total += law * law
-    error = np.sqrt(total) / size
-    grown = closing / np.sqrt(constants) if constants > 0.0 else 0.0
-    grown = min(grown, 1.0)
-    return error if not error < grown * grown else grown * grown
+        errors[part[i]] += law * law
+    for p in range(many):
+        square = with_terms[p] if counted[p] else with_all[p]
+        error = np.sqrt(errors[p] / (square if square > 0.0 else 1.0))
+        grown = min(closing[p] / np.sqrt(constants[p]), 1.0) if constants[p] > 0.0 else 0.0
+        errors[p] = error if not error < grown * grown else grown * grown
 
 
 READY = True

@@ -12,6 +12,7 @@ import numpy as np
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import load_all
+from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register, solved_at
 from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.phases import Phases, counters
@@ -20,13 +21,22 @@ from cpbench.solvers.native.contact.sweeps import (
     CONTINUE,
     ROUNDED,
     AcceleratedSweeps,
+    BlockRows,
     ScaledContacts,
     conclude,
     scaled_contacts,
 )
 from cpbench.solvers.options import fixed, searched
 
-KERNELS = "anderson", "block_layout", "contact_interior", "contact_newton", "contact_splitting", "gauss_seidel"
+KERNELS = (
+    "anderson",
+    "block_layout",
+    "contact_interior",
+    "contact_newton",
+    "contact_splitting",
+    "gauss_seidel",
+    "part_energy",
+)
 WORDS = 12
 """Phases that the message tells of, the last ones."""
 
@@ -58,6 +68,16 @@ class AutoContact(SolverByParts):
 
     def prepare(self, problem: FrictionContact, budget: Budget, options: AutoContactOptions) -> ScaledContacts:
         return scaled_contacts(problem)
+
+    def at_once(
+        self, blocks: BlockRows, budget: Budget, options: AutoContactOptions
+    ) -> tuple[Vector, dict[str, int]] | None:
+        way = blocks.accelerated
+        work = np.empty(way.size)
+        work[0] = 0.0
+        limit = min(options.sweeps, budget.iterations or options.max_iterations)
+        _, done, _, _ = way.kernel(*way.arguments, work, budget.tolerance, limit, False)
+        return work[way.answer].copy(), counters(done)
 
     def warmup(self) -> None:
         load_all("solvers", KERNELS)

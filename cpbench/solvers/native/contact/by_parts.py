@@ -13,7 +13,9 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -34,6 +36,8 @@ Index = NDArray[np.int64]
 
 ROUNDS = 6
 """Times that a method goes on to a smaller error of its own."""
+DENSE = 100
+"""Parts of at most so many rows are full matrices: sparse ones take longer to make than to solve."""
 SURE = 0.995
 """Share of the tolerance that is claimed: the verdict has an equilibration of its own, to a thousandth."""
 SAFE = 0.5
@@ -41,19 +45,45 @@ SAFE = 0.5
 
 
 @dataclass(frozen=True)
-class ContactPart:
-    """A connected part of a problem.
+class Measured:
+    """A problem of one or more connected parts, and how wrong reactions are in each of them.
 
     Attributes
     ----------
-    rows : its rows in W. prepared : what the method prepared for it. weights : norms of its blocks and units of its
-    contacts, as `part_energy` takes them.
+    label : (nc,), the number of the part of each contact. weights : norms of blocks and units of contacts, as the
+    kernel `part_energy` takes them.
     """
 
-    rows: Index
     blocks: BlockRows
-    prepared: Any
+    label: Index
+    count: int
     weights: tuple[Vector, ...]
+
+    @classmethod
+    def of(cls, blocks: BlockRows, label: Index, count: int) -> Measured:
+        """Equilibrate the blocks of a problem."""
+        nc = blocks.problem.nc
+        weights = np.empty(blocks.column.size), np.empty(nc), np.empty(nc), np.empty(nc)
+        matrix = blocks.start, blocks.column, blocks.blocks, blocks.diagonal
+        compiled(kernel("part_energy").weights)(*matrix, blocks.problem.dimension, *weights)
+        return cls(blocks, label, count, weights)
+
+    def errors(self, r: Vector) -> Vector:
+        """Return the error of the reactions r, shape (nc·d,), in every part."""
+        blocks, problem, found = self.blocks, self.blocks.problem, np.empty(self.count)
+        matrix = blocks.start, blocks.column, blocks.blocks, blocks.diagonal
+        law = problem.q, problem.mu, r, problem.dimension
+        compiled(kernel("part_energy").part_energy)(*matrix, *law, *self.weights, self.label, found)
+        return found
+
+
+@dataclass(frozen=True)
+class ContactPart:
+    """A connected part of a problem: its rows in W, and what the method prepared for it."""
+
+    rows: Index
+    measured: Measured
+    prepared: Any
 
     @classmethod
     def of(cls, rows: Index, problem: FrictionContact, prepared: Any) -> ContactPart:
@@ -61,26 +91,35 @@ class ContactPart:
         blocks = prepared.rows if isinstance(prepared, ScaledContacts) else prepared
         if not isinstance(blocks, BlockRows):
             blocks = block_rows(problem)
-        nc = problem.nc
-        weights = np.empty(blocks.column.size), np.empty(nc), np.empty(nc), np.empty(nc)
-        matrix = blocks.start, blocks.column, blocks.blocks, blocks.diagonal
-        compiled(kernel("part_energy").weights)(*matrix, problem.dimension, *weights)
-        return cls(rows, blocks, prepared, weights)
+        return cls(rows, Measured.of(blocks, np.zeros(problem.nc, np.int64), 1), prepared)
+
+    @property
+    def problem(self) -> FrictionContact:
+        """The part as a problem."""
+        return self.measured.blocks.problem
 
     def error(self, r: Vector) -> float:
         """Return the error of the reactions r of this part, shape (nc·d,)."""
-        blocks, problem = self.blocks, self.blocks.problem
-        matrix = blocks.start, blocks.column, blocks.blocks, blocks.diagonal
-        law = problem.q, problem.mu, r, problem.dimension
-        return float(compiled(kernel("part_energy").part_energy)(*matrix, *law, *self.weights))
+        return float(self.measured.errors(r)[0])
 
 
 @dataclass(frozen=True)
 class ContactParts:
-    """The parts of a problem; `size` : its rows."""
+    """A problem that has several parts: as a whole, and the contacts of each; `make` prepares one part."""
 
-    parts: tuple[ContactPart, ...]
-    size: int
+    whole: Measured
+    contacts: tuple[Index, ...]
+    make: Callable[[Index], ContactPart]
+
+    def __getitem__(self, k: int) -> ContactPart:
+        """Return the part with this number, prepared when it is first asked for."""
+        if k not in self._made:
+            self._made[k] = self.make(self.contacts[k])
+        return self._made[k]
+
+    @cached_property
+    def _made(self) -> dict[int, ContactPart]:
+        return {}
 
 
 class SolverByParts(Solver):
@@ -100,31 +139,57 @@ class SolverByParts(Solver):
     ) -> SolverOutput:
         """Do what `solve` of a solver does, for one part."""
 
-    def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> ContactParts:
+    def at_once(self, blocks: BlockRows, budget: Budget, options: Any) -> tuple[Vector, dict[str, int]] | None:
+        """Return reactions of the whole problem by a cheap method, with counters; None where there is none.
+
+        Parts in which they are good enough are not looked at by themselves.
+        """
+        return None
+
+    def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> ContactPart | ContactParts:
         found = connected_parts(problem)
-        parts = []
-        for contacts in found:
+        if len(found) == 1:
+            rows = np.arange(problem.q.size)
+            return ContactPart.of(rows, problem, self.prepare(problem, budget, options))
+        label = np.empty(problem.nc, np.int64)
+        for k, contacts in enumerate(found):
+            label[contacts] = k
+        place = np.empty(problem.nc, np.int64)
+
+        def make(contacts: Index) -> ContactPart:
             rows = _rows(contacts, problem.dimension)
-            part = problem if len(found) == 1 else _part(problem, contacts, rows)
-            parts.append(ContactPart.of(rows, part, self.prepare(part, budget, options)))
-        return ContactParts(tuple(parts), problem.q.size)
+            place[contacts] = np.arange(contacts.size)
+            part = _part(problem, contacts, rows, place)
+            return ContactPart.of(rows, part, self.prepare(part, budget, options))
+
+        whole = Measured.of(block_rows(problem), label, len(found))
+        return ContactParts(whole, tuple(found), make)
 
     def solve(
         self,
-        prepared: ContactParts,
+        prepared: ContactPart | ContactParts,
         budget: Budget,
         options: Any,
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        if len(prepared.parts) == 1:
-            return self._solved(prepared.parts[0], budget, options, start, record)
-        r = np.zeros(prepared.size) if start is None else np.array(start.r)
+        if isinstance(prepared, ContactPart):
+            return self._solved(prepared, budget, options, start, record)
+        r = np.zeros(prepared.whole.blocks.problem.q.size) if start is None else np.array(start.r)
         deadline, counters, failed = time.monotonic() + budget.seconds, Counter[str](), []
+        left_over: Any = range(prepared.whole.count)
+        warm = start is not None
+        if start is None and record is None:
+            begun = self.at_once(prepared.whole.blocks, budget, options)
+            if begun is not None:
+                r, spent = begun
+                counters.update(spent)
+                left_over, warm = np.flatnonzero(~(prepared.whole.errors(r) <= SURE * budget.tolerance)), True
         progress = None if record is None else _Progress(record, prepared, r, budget)
-        for k, part in enumerate(prepared.parts):
+        for k in left_over:
+            part = prepared[k]
             left = replace(budget, seconds=max(deadline - time.monotonic(), 0.0))
-            begin = None if start is None else FCPoint(r[part.rows])
+            begin = FCPoint(r[part.rows]) if warm else None
             look = None if progress is None else progress.of_part(k, counters["iterations"])
             output = self._solved(part, left, options, begin, look)
             counters.update(output.counters)
@@ -135,8 +200,8 @@ class SolverByParts(Solver):
         if not failed:
             return solved_at(FCPoint, r, dict(counters))
         k, output = failed[0]
-        contacts = prepared.parts[k].blocks.problem.nc
-        message = f"{len(failed)} of {len(prepared.parts)} connected parts, the first of {contacts} contacts"
+        contacts = prepared.contacts[k].size
+        message = f"{len(failed)} of {prepared.whole.count} connected parts, the first of {contacts} contacts"
         message = f"{message}: {output.message or output.claim}"
         return SolverOutput(claim=output.claim, point=FCPoint(r), counters=dict(counters), message=message)
 
@@ -147,12 +212,12 @@ class SolverByParts(Solver):
         begun = time.monotonic()
         output = self.solve_part(part.prepared, budget, options, start, record)
         relaxed = self.spec.kind is Kind.RELAXATION  # the answer is one to another law
-        if output.point is None or output.claim is not Claim.SOLVED or relaxed or not part.blocks.problem.nc:
+        if output.point is None or output.claim is not Claim.SOLVED or relaxed or not part.problem.nc:
             return output
         error, asked, enough = part.error(output.point.r), budget.tolerance, SURE * budget.tolerance
+        if error <= enough:
+            return output
         for _ in range(ROUNDS):
-            if error <= enough:
-                return output
             asked *= SAFE * budget.tolerance / error
             left = replace(budget, tolerance=asked, seconds=max(begun + budget.seconds - time.monotonic(), 0.0))
             further = self.solve_part(part.prepared, left, options, output.point, record)
@@ -161,10 +226,10 @@ class SolverByParts(Solver):
             now = error if further.point is None else part.error(further.point.r)
             output = (further if now < error else output).retold(dict(counters), further.message)
             error = min(now, error)
+            if error <= enough:
+                return solved(output.point, output.counters)
             if further.claim is not Claim.SOLVED:
                 break
-        if error <= enough:
-            return solved(output.point, output.counters)
         message = f"error {error:.1e} by the sizes of the contacts in use"
         message = f"{output.message}; {message}" if output.message else message
         return SolverOutput(claim=Claim.INACCURATE, point=output.point, counters=output.counters, message=message)
@@ -174,11 +239,11 @@ class _Progress:
     """The record of a run over all parts: the error is that of the worst part so far."""
 
     def __init__(self, record: Record, parts: ContactParts, r: Vector, budget: Budget) -> None:
-        self._record, self._parts, self._r = record, parts, r.copy()
-        points = [FCPoint(r[part.rows]) for part in parts.parts]
+        self._record, self._parts, self._r = record, [parts[k] for k in range(parts.whole.count)], r.copy()
+        points = [FCPoint(r[part.rows]) for part in self._parts]
         self._errors = [
-            part.blocks.problem.residuals(point, budget.tolerance).error
-            for part, point in zip(parts.parts, points, strict=True)
+            part.problem.residuals(point, budget.tolerance).error
+            for part, point in zip(self._parts, points, strict=True)
         ]
 
     def of_part(self, k: int, before: int) -> Record:
@@ -186,7 +251,7 @@ class _Progress:
 
         def look(done: int, error: float, point: Any) -> None:
             self._r = self._r.copy()
-            self._r[self._parts.parts[k].rows] = point().r
+            self._r[self._parts[k].rows] = point().r
             self._errors[k] = error
             now = self._r
             self._record(before + done, max(self._errors), lambda: FCPoint(now))
@@ -220,7 +285,22 @@ def _rows(contacts: Index, d: int) -> Index:
     return (d * contacts[:, None] + np.arange(d)).ravel()
 
 
-def _part(problem: FrictionContact, contacts: Index, rows: Index) -> FrictionContact:
-    W = problem.W
-    block = W[np.ix_(rows, rows)] if isinstance(W, np.ndarray) else sp.csr_array(W)[rows][:, rows]
-    return FrictionContact(W=block, q=problem.q[rows], mu=problem.mu[contacts], dimension=problem.dimension)
+def _part(problem: FrictionContact, contacts: Index, rows: Index, place: Index) -> FrictionContact:
+    """Return the part with these contacts as a problem; `place` : of the contacts in it."""
+    W, d = problem.W, problem.dimension
+    if isinstance(W, np.ndarray):
+        block: Any = W[np.ix_(rows, rows)]
+    else:
+        W = sp.csr_array(W)
+        lengths = W.indptr[rows + 1] - W.indptr[rows]
+        start = np.concatenate([[0], np.cumsum(lengths)])
+        at = np.arange(start[-1]) + np.repeat(W.indptr[rows] - start[:-1], lengths)
+        some = W.data[at] != 0.0  # all of them are in columns of the part
+        at, row = at[some], np.repeat(np.arange(rows.size), lengths)[some]
+        column = d * place[W.indices[at] // d] + W.indices[at] % d
+        if rows.size <= DENSE:
+            block = np.zeros((rows.size, rows.size))
+            block[row, column] = W.data[at]
+        else:
+            block = sp.csr_array((W.data[at], (row, column)), shape=(rows.size, rows.size))
+    return FrictionContact(W=block, q=problem.q[rows], mu=problem.mu[contacts], dimension=d)
