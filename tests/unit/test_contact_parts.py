@@ -12,7 +12,7 @@ from test_page import contact_error, of_contact
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.solvers.base import Budget, Claim, solvers
-from cpbench.solvers.native.contact.by_parts import ContactPart, connected_parts
+from cpbench.solvers.native.contact.parts import ContactPart, connected_parts
 from cpbench.solvers.native.contact.sweeps import block_rows
 from cpbench.verification import judge
 

@@ -13,113 +13,33 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
-from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.kernel_cache import compiled
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved, solved_at
-from cpbench.solvers.native.contact.sweeps import BlockRows, ScaledContacts, block_rows, kernel
-
-Index = NDArray[np.int64]
-
+from cpbench.solvers.native.contact.parts import (
+    ContactPart,
+    ContactParts,
+    Index,
+    MeasuredParts,
+    connected_parts,
+    part_of,
+    rows_of,
+)
+from cpbench.solvers.native.contact.sweeps import BlockRows, block_rows
 
 ROUNDS = 6
 """Times that a method goes on to a smaller error of its own."""
-DENSE = 100
-"""Parts of at most so many rows are full matrices: sparse ones take longer to make than to solve."""
 SURE = 0.995
 """Share of the tolerance that is claimed: the verdict has an equilibration of its own, to a thousandth."""
 SAFE = 0.5
 """Share of the error that is asked for where a method goes on."""
-
-
-@dataclass(frozen=True)
-class Measured:
-    """A problem of one or more connected parts, and how wrong reactions are in each of them.
-
-    Attributes
-    ----------
-    label : (nc,), the number of the part of each contact. weights : norms of blocks and units of contacts, as the
-    kernel `part_energy` takes them.
-    """
-
-    blocks: BlockRows
-    label: Index
-    count: int
-    weights: tuple[Vector, ...]
-
-    @classmethod
-    def of(cls, blocks: BlockRows, label: Index, count: int) -> Measured:
-        """Equilibrate the blocks of a problem."""
-        nc = blocks.problem.nc
-        weights = np.empty(blocks.column.size), np.empty(nc), np.empty(nc), np.empty(nc)
-        matrix = blocks.start, blocks.column, blocks.blocks, blocks.diagonal
-        compiled(kernel("part_energy").weights)(*matrix, blocks.problem.dimension, *weights)
-        return cls(blocks, label, count, weights)
-
-    def errors(self, r: Vector) -> Vector:
-        """Return the error of the reactions r, shape (nc·d,), in every part."""
-        blocks, problem, found = self.blocks, self.blocks.problem, np.empty(self.count)
-        matrix = blocks.start, blocks.column, blocks.blocks, blocks.diagonal
-        law = problem.q, problem.mu, r, problem.dimension
-        compiled(kernel("part_energy").part_energy)(*matrix, *law, *self.weights, self.label, found)
-        return found
-
-
-@dataclass(frozen=True)
-class ContactPart:
-    """A connected part of a problem: its rows in W, and what the method prepared for it."""
-
-    rows: Index
-    measured: Measured
-    prepared: Any
-
-    @classmethod
-    def of(cls, rows: Index, problem: FrictionContact, prepared: Any) -> ContactPart:
-        """Take the part with these rows, a problem by itself."""
-        blocks = prepared.rows if isinstance(prepared, ScaledContacts) else prepared
-        if not isinstance(blocks, BlockRows):
-            blocks = block_rows(problem)
-        return cls(rows, Measured.of(blocks, np.zeros(problem.nc, np.int64), 1), prepared)
-
-    @property
-    def problem(self) -> FrictionContact:
-        """The part as a problem."""
-        return self.measured.blocks.problem
-
-    def error(self, r: Vector) -> float:
-        """Return the error of the reactions r of this part, shape (nc·d,)."""
-        return float(self.measured.errors(r)[0])
-
-
-@dataclass(frozen=True)
-class ContactParts:
-    """A problem that has several parts: as a whole, and the contacts of each; `make` prepares one part."""
-
-    whole: Measured
-    contacts: tuple[Index, ...]
-    make: Callable[[Index], ContactPart]
-
-    def __getitem__(self, k: int) -> ContactPart:
-        """Return the part with this number, prepared when it is first asked for."""
-        if k not in self._made:
-            self._made[k] = self.make(self.contacts[k])
-        return self._made[k]
-
-    @cached_property
-    def _made(self) -> dict[int, ContactPart]:
-        return {}
 
 
 class SolverByParts(Solver):
@@ -157,12 +77,12 @@ class SolverByParts(Solver):
         place = np.empty(problem.nc, np.int64)
 
         def make(contacts: Index) -> ContactPart:
-            rows = _rows(contacts, problem.dimension)
+            rows = rows_of(contacts, problem.dimension)
             place[contacts] = np.arange(contacts.size)
-            part = _part(problem, contacts, rows, place)
+            part = part_of(problem, contacts, rows, place)
             return ContactPart.of(rows, part, self.prepare(part, budget, options))
 
-        whole = Measured.of(block_rows(problem), label, len(found))
+        whole = MeasuredParts.of(block_rows(problem), label, len(found))
         return ContactParts(whole, tuple(found), make)
 
     def solve(
@@ -257,50 +177,3 @@ class _Progress:
             self._record(before + done, max(self._errors), lambda: FCPoint(now))
 
         return look
-
-
-def connected_parts(problem: FrictionContact) -> list[Index]:
-    """Return the contacts of every connected part of W, largest part first."""
-    W, nc, d = problem.W, problem.nc, problem.dimension
-    if nc < 2:
-        return [np.arange(nc)]
-    if isinstance(W, np.ndarray):
-        if W[:d].reshape(d, nc, d).any(axis=(0, 2)).all():  # the first contact leads to all: most small problems
-            return [np.arange(nc)]
-        graph = sp.csr_array(W.reshape(nc, d, nc, d).any(axis=(1, 3)))
-    else:
-        W = sp.csr_array(W)
-        if not W.data.all():
-            W = W.copy()
-            W.eliminate_zeros()
-        graph = sp.csr_array((np.ones(W.nnz), W.indices // d, W.indptr[::d].copy()), shape=(nc, nc))
-    count, label = connected_components(graph, directed=False)
-    if count == 1:
-        return [np.arange(nc)]
-    order = np.argsort(label, kind="stable")
-    return sorted(np.split(order, np.cumsum(np.bincount(label))[:-1]), key=len, reverse=True)
-
-
-def _rows(contacts: Index, d: int) -> Index:
-    return (d * contacts[:, None] + np.arange(d)).ravel()
-
-
-def _part(problem: FrictionContact, contacts: Index, rows: Index, place: Index) -> FrictionContact:
-    """Return the part with these contacts as a problem; `place` : of the contacts in it."""
-    W, d = problem.W, problem.dimension
-    if isinstance(W, np.ndarray):
-        block: Any = W[np.ix_(rows, rows)]
-    else:
-        W = sp.csr_array(W)
-        lengths = W.indptr[rows + 1] - W.indptr[rows]
-        start = np.concatenate([[0], np.cumsum(lengths)])
-        at = np.arange(start[-1]) + np.repeat(W.indptr[rows] - start[:-1], lengths)
-        some = W.data[at] != 0.0  # all of them are in columns of the part
-        at, row = at[some], np.repeat(np.arange(rows.size), lengths)[some]
-        column = d * place[W.indices[at] // d] + W.indices[at] % d
-        if rows.size <= DENSE:
-            block = np.zeros((rows.size, rows.size))
-            block[row, column] = W.data[at]
-        else:
-            block = sp.csr_array((W.data[at], (row, column)), shape=(rows.size, rows.size))
-    return FrictionContact(W=block, q=problem.q[rows], mu=problem.mu[contacts], dimension=d)
