@@ -108,7 +108,7 @@ class Profile:
 
     @property
     def compares(self) -> bool:
-        """Whether more than one solver solved something; else the curves say no more than how many were solved."""
+        """Return whether several solvers solved something; else the curves say no more than how many were solved."""
         return sum(curve.solved > 0 for curve in self.curves) > 1
 
     def envelope(self, upto: float) -> tuple[Floats, Floats]:

@@ -112,7 +112,7 @@ class Ranking:
 
     @property
     def sentence(self) -> str:
-        """What to use, after the name of the formulation."""
+        """Return what to use, after the name of the formulation."""
         return f"{self.formulation}: {self.verdict}"
 
     @property

@@ -38,7 +38,7 @@ class ConicEnd:
 
     @property
     def usable(self) -> bool:
-        """Whether x and y are finite, and a point and not the ray of a certificate."""
+        """Return whether x and y are finite, and a point and not the ray of a certificate."""
         return self.claim not in (Claim.INFEASIBLE, Claim.UNBOUNDED) and bool(
             np.isfinite(self.x).all() and np.isfinite(self.y).all()
         )

@@ -43,15 +43,14 @@ class MeasuredParts:
         """Equilibrate the blocks of a problem."""
         nc = blocks.problem.nc
         weights = np.empty(blocks.column.size), np.empty(nc), np.empty(nc), np.empty(nc)
-        matrix = blocks.start, blocks.column, blocks.blocks, blocks.diagonal
-        compiled(kernel("part_energy").weights)(*matrix, blocks.problem.dimension, *weights)
+        compiled(kernel("part_energy").weights)(*blocks.law[:4], blocks.problem.dimension, *weights)
         return cls(blocks, label, count, weights)
 
     def errors(self, r: Vector) -> Vector:
         """Return the error of the reactions r, shape (nc·d,), in every part."""
         blocks, problem, found = self.blocks, self.blocks.problem, np.empty(self.count)
-        matrix = blocks.start, blocks.column, blocks.blocks, blocks.diagonal
-        law = problem.q, problem.mu, r, problem.dimension
+        *matrix, _, q, mu, _ = blocks.law
+        law = q, mu, r, problem.dimension
         compiled(kernel("part_energy").part_energy)(*matrix, *law, *self.weights, self.label, found)
         return found
 
