@@ -58,7 +58,7 @@ def test_a_table_becomes_a_solver(tmp_path: Path) -> None:
 
             [solver.plain]
             node = "lcp"
-            command = "python solve.py {problem} {answer} {tol} {omega}"
+            command = "python3 solve.py {problem} {answer} {tol} {omega}"
             cwd = "inner"
             options = {omega = 1.0}
             """,
@@ -74,7 +74,7 @@ def test_a_table_becomes_a_solver(tmp_path: Path) -> None:
     typed = parse_options(mine.spec, {"omega": "1", "steps": "4", "shuffle": "false", "rule": "x"})
     assert (typed.omega, typed.steps, typed.shuffle, typed.rule) == (1.0, 4, False, "x")
     assert isinstance(plain, CommandSolver)
-    assert plain.command[:2] == ("python", "solve.py")  # found in PATH, and by Python in its folder
+    assert plain.command[:2] == ("python3", "solve.py")  # found in PATH, and by Python in its folder
     assert plain.cwd == str(tmp_path / "inner")
     assert plain.availability().ok
 
