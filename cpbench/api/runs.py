@@ -15,11 +15,10 @@ from cpbench import storage
 from cpbench.api.cross_examination import cross_examine
 from cpbench.api.results import Results
 from cpbench.bench import planned_run
-from cpbench.bench.execution import SilentObserver, execute_plan
+from cpbench.bench.execution import SilentObserver, open_run
 from cpbench.bench.planning import plan_file, run_plan
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS
-from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Problem
 from cpbench.generators.collection import builtin_folder
@@ -89,19 +88,16 @@ def run(
     given = {key: plan_file.check(key, value) for key, value in settings.items()}
     checked = run_plan.make({**given, "report": None}, {}, [])
     remarks: list[str] = []
-
-    def planned(assembly: Assembly) -> bool:
+    observer = SilentObserver()
+    with _environment_kept(), open_run(checked, builtin_folder, observer.reading) as opened:
+        assembly = opened.assembly
         assembly.require_pairs()
         planned_run.require_answers(checked, assembly.pairs)
-        remarks.extend(_remarks(assembly))
-        return True
-
-    def finished(store: Store, assembly: Assembly) -> None:
+        remarks += _remarks(assembly)
+        store = opened.open_results()
+        opened.execute(store, observer, "cpbench.run from Python")
         cross_examine(store, say=remarks.append)
-        remarks.extend(f"rows are missing: {gap}; the same call goes on" for gap in planned_run.gaps(store, assembly))
-
-    with _environment_kept():
-        execute_plan(checked, builtin_folder, SilentObserver(), "cpbench.run from Python", planned, finished)
+        remarks += [f"rows are missing: {gap}; the same call goes on" for gap in planned_run.gaps(store, assembly)]
     return Results(path, remarks=remarks)
 
 

@@ -167,7 +167,7 @@ def run(
             yield from zip(block.pairs, slot.run_stack(block.pairs, prepared), strict=True)
             return
     for pair, outcome in _each(slot, block, on_event, put_off):
-        yield pair, outcome.changed(batch=1) if pair.limits.throughput else outcome
+        yield pair, replace(outcome, batch=1) if pair.limits.throughput else outcome
 
 
 def _each(

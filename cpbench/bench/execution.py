@@ -1,24 +1,20 @@
-"""Executes a plan: opens slots, makes its pairs, enters them in the results file and runs them."""
+"""Opens runs: slots, the pairs of a plan, its results file, and the execution of what is pending."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Callable, Collection, Generator, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import Protocol
 
 from cpbench.bench import planned_run
-from cpbench.bench.planning.assembly import Assembly, assemble
+from cpbench.bench.planning.assembly import Assembly, Reading, assemble
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
-from cpbench.bench.runner import settings
+from cpbench.bench.runner import Executor, settings
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
-
-if TYPE_CHECKING:
-    from cpbench.bench.cluster.executor import DaskExecutor
-
-T = TypeVar("T")
 
 
 class RunObserver(planned_run.RoundObserver, Protocol):
@@ -42,44 +38,65 @@ class SilentObserver:
     def end(self) -> None: ...
 
 
-def execute_plan(
-    asked: RunPlan,
-    builtin: Callable[[], Path],
-    observer: RunObserver,
-    command: str,
-    planned: Callable[[Assembly], bool],
-    finished: Callable[[Store, Assembly], T],
-    opened: Callable[[Store], None] = lambda store: None,
-) -> T | None:
-    """Execute a plan and return what `finished` makes of the results while their file is open.
+class OpenRun:
+    """A run whose processes are started and whose pairs are known.
 
-    Parameters
+    Nothing is written before `open_results`. Made by `open_run`, and closed with it.
+
+    Attributes
     ----------
-    builtin : makes the folder of the built-in problems. command : the command that the results name as their origin.
-    planned : called with the pairs before anything is written; where it returns False, nothing is run and None
-        returned.
-    opened : called with the results file before the first pair is run.
+    plan : what was asked for. assembly : its pairs, and what was found about its files.
+    """
 
-    Raises CpbenchError, before anything is written, where the plan cannot be executed.
+    def __init__(self, plan: RunPlan, assembly: Assembly, slots: Sequence[Slot], setting: Setting, stack: ExitStack):
+        self.plan, self.assembly = plan, assembly
+        self._slots, self._setting, self._stack = slots, setting, stack
+        self._executor: Executor | Sequence[Slot] = slots
+
+    def keep(self, wanted: Collection[str]) -> None:
+        """Keep the pairs whose keys are wanted, with all steps of their sequences."""
+        pairs = self.assembly.pairs
+        scenes = {(pair.scene, pair.label) for pair in pairs if pair.scene and pair.key in wanted}
+        kept = [pair for pair in pairs if pair.key in wanted or (pair.scene, pair.label) in scenes]
+        self.assembly = replace(self.assembly, pairs=kept)
+
+    def open_results(self, *, expel: bool = True) -> Store:
+        """Open the results file for the rest of the run. With `expel`, rows that no run has written so are removed and
+        run again, else refused. Raises StoreError, SealError, and where the plan needs Dask, CpbenchError."""
+        self._executor = self._connect()  # before anything is written
+        return self._stack.enter_context(Store(self.plan.results, create=True, keep=self.plan.keep, expel=expel))
+
+    def execute(self, store: Store, observer: planned_run.RoundObserver, command: str) -> None:
+        """Enter the pairs in the results and run those that are pending; an interrupted run goes on.
+
+        `command` : the results name it as their origin. Raises CpbenchError.
+        """
+        pairs = planned_run.enter_pairs(store, self.plan, self.assembly, command)
+        planned_run.run_pending(self._executor, store, self.plan, pairs, observer, self.assembly.absent)
+
+    def _connect(self) -> Executor | Sequence[Slot]:
+        """Return what runs pairs: Dask where the plan asks for it, else the slots."""
+        plan = self.plan
+        if not (plan.dask or plan.cluster):
+            return self._slots
+        from cpbench.bench.cluster import connect
+
+        if plan.dask:
+            return self._stack.enter_context(connect.to_scheduler(plan.dask, self._setting))
+        jobs = plan.jobs if plan.jobs > 1 else None
+        return self._stack.enter_context(connect.start(plan.cluster or "", self._setting, jobs))
+
+
+@contextmanager
+def open_run(plan: RunPlan, builtin: Callable[[], Path], reading: Reading) -> Generator[OpenRun]:
+    """Start the processes of a run and make its pairs; everything ends with the context.
+
+    builtin : makes the folder of the built-in problems. reading : passes addresses on while they are read.
+
+    Raises CpbenchError where the plan cannot be executed.
     """
     with ExitStack() as stack:
-        common = Setting(asked.threads, asked.memory, fresh=asked.isolate == "fresh")
-        own = 1 if asked.dask or asked.cluster else asked.jobs  # here problems are only read
-        slots = [stack.enter_context(Slot(s)) for s in settings(common, own, pin=asked.affinity)]
-        assembly = assemble(asked, slots[0], builtin, observer.reading)
-        if not planned(assembly):
-            return None
-        executor = stack.enter_context(_cluster(asked, common)) if asked.dask or asked.cluster else slots
-        store = stack.enter_context(Store(asked.results, create=True, keep=asked.keep, expel=True))
-        opened(store)
-        pairs = planned_run.enter_pairs(store, asked, assembly, command)
-        planned_run.run_pending(executor, store, asked, pairs, observer, assembly.absent)
-        return finished(store, assembly)
-
-
-def _cluster(asked: RunPlan, common: Setting) -> AbstractContextManager[DaskExecutor]:
-    from cpbench.bench.cluster import connect
-
-    if asked.dask:
-        return connect.to_scheduler(asked.dask, common)
-    return connect.start(asked.cluster or "", common, asked.jobs if asked.jobs > 1 else None)
+        setting = Setting(plan.threads, plan.memory, fresh=plan.isolate == "fresh")
+        count = 1 if plan.dask or plan.cluster else plan.jobs  # with Dask, problems are only read here
+        slots = [stack.enter_context(Slot(each)) for each in settings(setting, count, pin=plan.affinity)]
+        yield OpenRun(plan, assemble(plan, slots[0], builtin, reading), slots, setting, stack)

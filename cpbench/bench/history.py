@@ -13,7 +13,7 @@ import math
 import time
 import zlib
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -247,7 +247,8 @@ def derived_rows(row: Outcome, history: History, tolerances: Iterable[float]) ->
             continue
         seconds, earlier = scale * history.time[k], scale * history.time[k - 1] if k else 0.0
         flags = [flag for flag in history.flags[k].split(",") if flag]
-        rows[tolerance] = row.changed(
+        rows[tolerance] = replace(
+            row,
             **dict.fromkeys(OWN),
             status=str(Status.STATIONARY if "stationary" in flags else Status.SOLVED),
             error=float(history.error[k]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Sequence
+from dataclasses import replace
 
 from cpbench.bench.messages import Declined, Failure, Late, Message, OutOfMemory, Result
 from cpbench.bench.results.rows import Outcome
@@ -84,7 +85,8 @@ def of_both(first: Outcome, second: Outcome, tolerance: float) -> Outcome:
         kept, other = second, f"a first answer, claimed {first.claim}, was {first.status}: {_errors(first)}"
     else:
         kept, other = first, f"the second answer is {second.status}: {_errors(second)}"
-    return kept.changed(
+    return replace(
+        kept,
         flags=",".join(filter(None, (kept.flags, TWICE))),
         message="; ".join(filter(None, (kept.message, f"asked twice, then for {tolerance:.1e}", other))),
         target_tolerance=first.target_tolerance,

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from cpbench.bench import machine, reference, skipped
 from cpbench.bench.block import predecessors
 from cpbench.bench.events import Done, Event
+from cpbench.bench.pair_run import FELL_BACK
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
@@ -18,7 +19,7 @@ from cpbench.bench.planning.selection import RERUN, RETRIED
 from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Executor, execute
-from cpbench.bench.slot import FELL_BACK, Slot
+from cpbench.bench.slot import Slot
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
 from cpbench.solvers.base import Trait, solvers

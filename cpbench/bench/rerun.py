@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from contextlib import ExitStack
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench import planned_run
+from cpbench.bench.execution import open_run
 from cpbench.bench.planned_run import RoundObserver
 from cpbench.bench.planning import plan_file, run_plan
-from cpbench.bench.planning.assembly import Assembly, Reading, assemble
+from cpbench.bench.planning.assembly import Assembly, Reading
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
-from cpbench.bench.runner import settings
-from cpbench.bench.slot import Slot
-from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, StoreError
 
 CHOOSING = ("found", "problems", "keyword", "family", "where", "max_problems", "split")
@@ -60,20 +55,13 @@ def carry_out(
 ) -> Assembly:
     """Run the pairs of a plan whose keys are wanted, with all steps of their sequences; the same call resumes an
     interrupted run. Raises CpbenchError where no pair can be run here; `name` is the file they come from."""
-    with ExitStack() as stack:
-        common = Setting(asked.threads, asked.memory, fresh=asked.isolate == "fresh")
-        slots = [stack.enter_context(Slot(s)) for s in settings(common, asked.jobs, pin=asked.affinity)]
-        found = assemble(asked, slots[0], builtin, reading)
-        scenes = {(pair.scene, pair.label) for pair in found.pairs if pair.scene and pair.key in wanted}
-        kept = [pair for pair in found.pairs if pair.key in wanted or (pair.scene, pair.label) in scenes]
-        if not kept:
-            why = f" ({found.refused[0][1]})" if found.refused else ""
+    with open_run(asked, builtin, reading) as run:
+        run.keep(wanted)
+        if not run.assembly.pairs:
+            why = f" ({run.assembly.refused[0][1]})" if run.assembly.refused else ""
             raise CpbenchError(f"{name}: none of its pairs can be run here{why}")
-        found = replace(found, pairs=kept)
-        again = stack.enter_context(Store(asked.results, create=True, keep=asked.keep))
-        planned_run.enter_pairs(again, asked, found, command)
-        planned_run.run_pending(slots, again, asked, found.pairs, observer)
-    return found
+        run.execute(run.open_results(expel=False), observer, command)
+    return run.assembly
 
 
 def _read(path: Path, key: str, value: Any) -> Any:

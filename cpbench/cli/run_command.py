@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from cpbench.bench.execution import execute_plan
+from cpbench.bench.execution import open_run
 from cpbench.bench.planning import run_plan, suites
 from cpbench.cli.options import Sections
 from cpbench.cli.progress import Display
@@ -68,10 +68,14 @@ def command(
         raise StoreError(f"{plan.results}: exists; remove it or leave --no-resume out to go on with it")
     display = Display(quiet, verbose, log)
     import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
-    planned, finished = partial(announce, plan, quiet, dry_run), partial(finish, plan, certify)
-    words = shlex.join(["cpbench", *sys.argv[1:]])
     try:
-        execute_plan(plan, builtin_folder, display, words, planned, finished, print_removed)
+        with open_run(plan, builtin_folder, display.reading) as run:
+            if not announce(plan, quiet, dry_run, run.assembly):
+                return
+            store = run.open_results()
+            print_removed(store)
+            run.execute(store, display, shlex.join(["cpbench", *sys.argv[1:]]))
+            finish(plan, certify, store, run.assembly)
     except KeyboardInterrupt:
         how = "the same command without --rerun" if plan.rerun else "the same command"
         click.echo(f"cpbench: interrupted; {plan.results} has what was done, {how} goes on", err=True)

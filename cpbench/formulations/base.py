@@ -30,10 +30,6 @@ Trace: TypeAlias = Mapping[str, Any]
 the native storage can write with a converted file)."""
 
 
-_FLOAT = np.dtype(np.float64)
-_new = object.__new__
-
-
 class Kind(StrEnum):
     """Promise of a conversion, or of a solver that drops a term; from the strongest to the weakest."""
 
@@ -171,33 +167,8 @@ class Point:
     """Base of the answers: a dataclass of vectors. Values may be non-finite: a bad answer is still an answer."""
 
     def __post_init__(self) -> None:
-        own = self.__dict__
-        for name, value in own.items():
-            if type(value) is np.ndarray and value.dtype is _FLOAT and value.ndim == 1:
-                # what solvers return needs no more than a copy, which takes a quarter of the time
-                own[name] = value = value.copy()
-                matrices.freeze(value)
-            else:
-                own[name] = self._vector(name, value)
-
-    @classmethod
-    def adopt(cls, *vectors: Vector) -> Self:
-        """Return a point of vectors of float64 that nobody else holds, in the order of the fields: frozen, not
-        copied. Raises TypeError on another number of vectors."""
-        names = cls.__match_args__  # type: ignore[attr-defined]
-        if len(vectors) != len(names):
-            raise TypeError(f"{cls.__name__} has {len(names)} vectors, not {len(vectors)}")
-        point = _new(cls)
-        own = point.__dict__
-        if len(names) == 1:  # most often, and in two thirds of the time
-            (value,) = vectors
-            value.setflags(False)
-            own[names[0]] = value
-            return point
-        for place, value in enumerate(vectors):
-            value.setflags(False)
-            own[names[place]] = value
-        return point
+        for f in fields(self):
+            object.__setattr__(self, f.name, self._vector(f.name, getattr(self, f.name)))
 
     def _vector(self, name: str, value: Any) -> Vector:
         label = f"{type(self).__name__}.{name}"
@@ -310,7 +281,6 @@ class Problem(ABC):
                     )
                 origin.setdefault(symbol, label)
             object.__setattr__(self, f.name, value)
-        object.__setattr__(self, "_sizes", sizes)
         values = self.parameters
         for name, F in self.maps().items():
             for key, value in F.parameters.items():
@@ -372,7 +342,17 @@ class Problem(ABC):
 
     def sizes(self) -> dict[str, int]:
         """Return the dimensions by symbol: n unknowns, m rows, nc contacts, and others that the fields name."""
-        return dict(self.__dict__["_sizes"])
+        return dict(self._sizes)
+
+    @cached_property
+    def _sizes(self) -> dict[str, int]:
+        sizes: dict[str, int] = {}
+        for f in fields(self):
+            shape = f.metadata.get("shape") or f.metadata.get("map", ())
+            for symbol, size in zip(shape, getattr(self, f.name).shape if shape else (), strict=True):
+                if not symbol[0].isdigit():
+                    sizes.setdefault(symbol, size)
+        return sizes
 
     @cached_property
     def fingerprint(self) -> str:

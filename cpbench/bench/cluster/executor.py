@@ -21,7 +21,7 @@ from asyncio import CancelledError as AsyncCancelled
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError as FutureCancelled
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -228,7 +228,7 @@ class _Run:
                 pair, outcome = task.block.pairs[reply.place], reply.outcome
                 endings[pair.key] = outcome.status, outcome.answer
                 message = outcome.message and outcome.message.replace(reply.file, str(split_address(pair.address)[0]))
-                yield pair, outcome.changed(jobs=self._jobs(result.worker), message=message)
+                yield pair, replace(outcome, jobs=self._jobs(result.worker), message=message)
             elif isinstance(reply, FilesWanted):
                 self._wanted |= reply.files
         rest = task.block.rest(endings)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Self, get_args, get_type_hints
+from typing import TYPE_CHECKING, get_args, get_type_hints
 
 if TYPE_CHECKING:
     from cpbench.bench.planning.plan import Pair
@@ -136,18 +136,6 @@ class Measured:
     batch: int | None = None
     trip: float | None = None
     solve_wall: float | None = None
-
-    def changed(self, **values: Any) -> Self:
-        """Return a copy with other values; as `dataclasses.replace`, which takes ten times as long, and a pair needs
-        several.
-
-        Raises TypeError on a field that is not there.
-        """
-        if not values.keys() <= vars(self).keys():
-            raise TypeError(f"{type(self).__name__} has no {', '.join(sorted(values.keys() - vars(self).keys()))}")
-        new = object.__new__(type(self))
-        vars(new).update(vars(self), **values)
-        return new
 
 
 @dataclass(frozen=True)

@@ -24,13 +24,12 @@ from cpbench.solvers.base import (
     SolverOutput,
     SolverSpec,
     Trait,
+    solved,
     solvers,
 )
 
 TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 NATIVE = "cpbench.solvers.native."
-_SOLVED = Claim.SOLVED
-"""Looked up once: that takes longer than a comparison does."""
 WORTH = 1.0
 """A scaled error is about 1 at zero: an answer beyond that is no start for the next solver."""
 
@@ -109,10 +108,10 @@ class AutomaticChoice(Solver):
         # most problems end with the first solver, many in less time than it takes to prepare for more
         if solver is not None and start is None and record is None and budget.seconds > 0 and budget.iterations != 0:
             output = solver.collect(solver.solve(prepared.first, budget, prepared.options))
-            if output.claim is _SOLVED and output.point is not None:
+            if output.claim is Claim.SOLVED and output.point is not None:
                 counters = output.counters
                 counters = {"iterations": 0, **counters, "solvers": counters.get("solvers", 0) + 1}
-                return output.retold(counters, f"{phases[0].solver}: solved")
+                return solved(output.point, counters, f"{phases[0].solver}: solved")
             run = _Run(prepared, self.error, budget, start, record, begun)
             run.take(phases[0], solver, output)
             phases = phases[1:]

@@ -13,7 +13,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register, solved_at
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.phases import Phases, counters
 from cpbench.solvers.native.contact.sweeps import (
@@ -99,7 +99,7 @@ class AutoContact(SolverByParts):
             work[0] = 0.0
             status, done, error, seen = way.kernel(*way.arguments, work, budget.tolerance, first, False)
             if error <= budget.tolerance - APART:
-                return solved_at(FCPoint, work[way.answer].copy(), counters(done))
+                return solved(FCPoint(work[way.answer]), counters(done))
             taken = work, done, error, seen
             first = first - done if status == CONTINUE else 0
         deadline = time.monotonic() + budget.seconds

@@ -22,7 +22,7 @@ from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved, solved_at
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved
 from cpbench.solvers.native.contact.parts import (
     ContactPart,
     ContactParts,
@@ -118,7 +118,7 @@ class SolverByParts(Solver):
             if output.claim is not Claim.SOLVED:
                 failed.append((k, output))
         if not failed:
-            return solved_at(FCPoint, r, dict(counters))
+            return solved(FCPoint(r), dict(counters))
         k, output = failed[0]
         contacts = prepared.contacts[k].size
         message = f"{len(failed)} of {prepared.whole.count} connected parts, the first of {contacts} contacts"
@@ -144,7 +144,8 @@ class SolverByParts(Solver):
             counters = Counter(output.counters)
             counters.update(further.counters)
             now = error if further.point is None else part.error(further.point.r)
-            output = (further if now < error else output).retold(dict(counters), further.message)
+            better = further if now < error else output
+            output = replace(better, counters=dict(counters), message=further.message)
             error = min(now, error)
             if error <= enough:
                 return solved(output.point, output.counters)

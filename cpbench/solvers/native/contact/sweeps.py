@@ -16,7 +16,7 @@ from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import Dense, Matrix, Vector, scaled_both, sparse
-from cpbench.solvers.base import Budget, Claim, SolverOutput, solved, solved_at
+from cpbench.solvers.base import Budget, Claim, SolverOutput, solved
 
 APART = 1e-11
 """Two evaluations of the error, whose sums are made in different order, are less than this apart."""
@@ -264,10 +264,10 @@ def conclude(
     The kernel's error is the same formula; only where rounding could part the two is it measured afresh.
     """
     if error <= budget.tolerance - APART:
-        return solved_at(FCPoint, r.copy(), counters)
+        return solved(FCPoint(r), counters)
     if not error <= budget.tolerance and not np.isfinite(r).all():  # an infinite r has no finite error
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message)
-    point = FCPoint.adopt(r.copy())
+    point = FCPoint(r)
     if not budget.tolerance + APART < error < np.inf:
         error = problem.residuals(point, budget.tolerance).error
     if error <= budget.tolerance:

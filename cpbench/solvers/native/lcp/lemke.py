@@ -9,7 +9,7 @@ import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.kernel_cache import compiled, load
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved_at
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, error_of
 from cpbench.solvers.native.lcp.even_units import APART, EvenLCP, in_even_units
@@ -88,7 +88,7 @@ class Lemke(Solver):
             code, error = pivot(prepared.M, q, z, problem.z_unit, limit, options.pivot_tolerance, tied)
             if error <= budget.tolerance:
                 pivots = code // codes
-                return solved_at(LCPPoint, z, {"iterations": pivots, "pivots": pivots})
+                return solved(LCPPoint(z), {"iterations": pivots, "pivots": pivots})
             return LemkeRun(prepared, budget, options).after_call(z, code)
         run = LemkeRun(prepared, budget, options)
         if start is not None:

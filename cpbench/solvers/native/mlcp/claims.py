@@ -47,7 +47,7 @@ class ScaledMLCP:
 
     def point(self, x: Vector) -> MLCPPoint:
         both = self.unit * x
-        return MLCPPoint.adopt(both[: self.free], both[self.free :])
+        return MLCPPoint(both[: self.free], both[self.free :])
 
     def start(self, point: MLCPPoint | None) -> Vector:
         """Return x of a starting point with v ≥ 0; 0 without one."""

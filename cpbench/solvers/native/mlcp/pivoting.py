@@ -117,7 +117,7 @@ class LemkeMLCP(Solver):
         pivots, outcome = divmod(code, kernel.CODES)
         counters = {"iterations": pivots, "pivots": pivots, "factorizations": 0}
         if outcome == kernel.RIGHT:  # a ray at the height of rounding errors, too
-            return solved(MLCPPoint.adopt(answer[: scaled.free], answer[scaled.free :]), counters)
+            return solved(MLCPPoint(answer[: scaled.free], answer[scaled.free :]), counters)
         return _ended(scaled, answer / scaled.unit, outcome, budget, counters)
 
 

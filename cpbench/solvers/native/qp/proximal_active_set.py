@@ -72,14 +72,12 @@ def in_one_call(
     passes, steps = counts[:2].tolist()
     counters = {"iterations": passes + steps, "proximal_steps": steps}
     if outcome == solved_by:
-        return solved(QPPoint.adopt(z, lam, mu, nu), counters)
+        return solved(QPPoint(z, lam, mu, nu), counters)
     if outcome == not_convex and not P.convex:
         return SolverOutput(claim=Claim.FAILED, counters=counters, message="Q is not convex")
     if limit is not None and passes >= limit:
         message = f"error {error[0]:.1e} after {passes} passes"
-        return SolverOutput(
-            claim=Claim.MAX_ITER, point=QPPoint.adopt(z, lam, mu, nu), counters=counters, message=message
-        )
+        return SolverOutput(claim=Claim.MAX_ITER, point=QPPoint(z, lam, mu, nu), counters=counters, message=message)
     return None
 
 
