@@ -158,6 +158,13 @@ class Registry(Generic[T]):
         except KeyError:
             raise UnknownName(self.kind, name, self._items) from None
 
+    def knows(self, name: str) -> bool:
+        """Return whether an item has this name; imports plugins, and only those modules in which the name stands."""
+        load_plugins()
+        if name not in self._items and not self._discovered:
+            self._seek(name)
+        return name in self._items
+
     def _seek(self, name: str) -> None:
         """Import the modules in which `name` stands as a string, or in their tables, until one registers it.
 

@@ -20,7 +20,6 @@ from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, Status
 
 PROOF_SHARE = 0.5
 """The part of the time limit within which a proof is looked for that there is no solution."""
-NATIVE = "cpbench.solvers.native."
 
 
 @dataclass(frozen=True)
@@ -119,15 +118,17 @@ def nearest_automatic(node: str) -> Iterator[str]:
     """Yield the automatic choices that a path of conversions reaches from a formulation, cheapest first; then our
     other solvers of that formulation."""
     from cpbench import graph
-    from cpbench.solvers.native.automatic import automatic_solvers
+    from cpbench.solvers.automatic import automatic_solver, automatic_solvers
 
-    yield from automatic_solvers(node).values()
+    own = automatic_solver(node)
+    if own is not None:
+        yield own
     known = automatic_solvers()
     # only the cheapest path of each: they come in this order
     first = {other: next(iter(graph.candidates(node, other)), None) for other in known if other != node}
     ordered = sorted((route.cost, known[other]) for other, route in first.items() if route is not None)
     yield from (name for _, name in ordered)
-    ours = (one for one in solvers if one.spec.node == node and type(one).__module__.startswith(NATIVE))
+    ours = (one for one in solvers if one.spec.node == node and one.origin == "native")
     yield from (one.spec.name for one in ours if one.spec.by_default and one.spec.name not in known.values())
 
 

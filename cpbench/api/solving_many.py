@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.api.solving import solve
-from cpbench.bench.stacked import require, solve_measured
+from cpbench.bench.stacked import call_for, solve_measured
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.stack import Stack
@@ -89,7 +89,7 @@ def solve_many(
         wrong = "tolerance" if not tolerance > 0 else "seconds" if not seconds > 0 else "threads"
         raise ProblemError(wrong, "must be positive")
     stack = _stacked(problems, arrays)
-    found = solve_measured(stack, tolerance, threads)
+    found = solve_measured(call_for(stack.problem(0)), stack, tolerance, threads)
     x, error, left = found.x, found.error, found.left
     status = np.where(found.stationary, Status.STATIONARY, Status.SOLVED).astype(f"<U{max(map(len, Status))}")
     begun = time.perf_counter()
@@ -109,5 +109,4 @@ def _stacked(problems: Sequence[Problem] | type[Problem], arrays: Mapping[str, A
         raise ProblemError("arrays", f"{', '.join(arrays)} go with a class of problems, not with problems")
     else:
         stack = Stack.of_problems(problems)
-    require(stack.problem(0))
     return stack

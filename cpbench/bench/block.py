@@ -18,7 +18,7 @@ from cpbench.bench.messages import Prepared
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.slot import Slot
-from cpbench.solvers.base import Trait, solvers
+from cpbench.solvers.base import solvers
 from cpbench.storage.base import SEPARATOR, split_address
 
 STACKED = 1000
@@ -140,7 +140,7 @@ def stackable(pair: Pair) -> bool:
     return (
         pair.limits.throughput
         and not pair.limits.history
-        and Trait.STACKS in solvers.get(pair.entry.solver).spec.traits
+        and solvers.get(pair.entry.solver).stack_call is not None
         and not pair.entry.options
         and not pair.request.via
         and (pair.node, pair.start) == (pair.target, "cold")

@@ -194,7 +194,7 @@ def _sheets(
             "name": spec.name,
             "node": spec.node,
             "method": spec.method,
-            "native": type(solvers.get(pair.entry.solver)).__module__.startswith("cpbench.solvers.native."),
+            "native": solvers.get(pair.entry.solver).origin == "native",
             "launches": Trait.LAUNCHES in spec.traits,
             "version": versions.get(spec.name) or before.get(pair.label, {}).get("version", ""),
             "licence": spec.licence,

@@ -67,7 +67,7 @@ class ProblemCache:
         for case in cases:
             problem = storage.load(case.address, format=case.format)
             problems.append(_planned(problem, case.address, case.fingerprint))
-            stacked.require(problem)
+            stacked.call_for(problem)
         stack, path = Stack.of_problems(problems), self._scratch / f"stack-{os.getpid()}"
         _write(shared_problem.write_stack, stack, path)
         return Prepared(str(path), checksum(stack), graph.Route().label, str(Kind.EQUIVALENT), 0.0, cases[0].tolerance)

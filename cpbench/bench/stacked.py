@@ -15,8 +15,8 @@ from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.stack import Stack
 from cpbench.matrices import Dense, Vector
-from cpbench.solvers.base import Budget, Claim, Solver
-from cpbench.solvers.native.stacks import NODES, SHARES, UNKNOWNS, solve_stack
+from cpbench.solvers.automatic import automatic_solver
+from cpbench.solvers.base import Budget, Claim, Solver, StackCall, solvers
 from cpbench.verification.stacked import judge_stack
 
 CLAIMS = tuple(Claim)
@@ -41,33 +41,30 @@ class MeasuredAnswers:
     verify: float
 
 
-def obstacle(problem: Problem) -> str | None:
-    """Return why compiled calls do not take many problems like this one, else None."""
-    if problem.node not in NODES:
-        return f"are of {problem.node}: many are solved of {', '.join(NODES)}; cpbench.solve takes one"
+def call_for(problem: Problem) -> StackCall:
+    """Return the compiled call of the automatic choice for many problems like this one; raises ProblemError where it
+    does not take them."""
+    name = automatic_solver(problem.node)
+    call = None if name is None else solvers.get(name).stack_call
+    if call is None:
+        raise ProblemError("problems", f"are of {problem.node}, which no compiled call takes; cpbench.solve takes one")
     sizes = problem.point_sizes
     unknowns = sizes.get("z", sum(sizes.values()))  # of a program without its multipliers
-    if unknowns > UNKNOWNS:
-        return f"have {unknowns} unknowns, at most {UNKNOWNS}: use cpbench.solve for each"
-    return None
-
-
-def require(problem: Problem) -> None:
-    """Raise ProblemError where compiled calls do not take many problems like this one."""
-    why = obstacle(problem)
-    if why is not None:
+    if unknowns > call.unknowns:
+        why = f"have {unknowns} unknowns, at most {call.unknowns}: use cpbench.solve for each"
         raise ProblemError("problems", why)
+    return call
 
 
-def solve_measured(stack: Stack, tolerance: float, threads: int) -> MeasuredAnswers:
+def solve_measured(call: StackCall, stack: Stack, tolerance: float, threads: int) -> MeasuredAnswers:
     """Solve by compiled calls and measure every answer; those that fail are tried again with less of the tolerance."""
     x = np.full((stack.count, sum(stack.point_sizes.values())), np.nan)
     error, stationary = np.full(stack.count, np.inf), np.zeros(stack.count, dtype=bool)
     left, solve, verify = np.arange(stack.count), 0.0, 0.0
-    for share in SHARES.get(stack.kind.node, (1.0,)):
+    for share in call.shares:
         some = stack if left.size == stack.count else stack.only(left)
         begun = time.perf_counter()
-        answers = solve_stack(some, share * tolerance, threads)
+        answers = call.solve(some, share * tolerance, threads)
         between = time.perf_counter()
         verdicts = judge_stack(some, answers, tolerance)
         solve += between - begun
@@ -82,7 +79,9 @@ def solve_measured(stack: Stack, tolerance: float, threads: int) -> MeasuredAnsw
 
 def solve_all(solver: Solver, stack: Stack, budget: Budget, options: Any, threads: int) -> dict[str, Vector]:
     """Solve by compiled calls, and what these leave by the solver itself; return the vectors of `messages.Result`."""
-    found = solve_measured(stack, budget.tolerance, threads)
+    if solver.stack_call is None:
+        raise ProblemError("problems", f"{solver.spec.name} takes them one by one")
+    found = solve_measured(solver.stack_call, stack, budget.tolerance, threads)
     x, claims, answered, alone = found.x, np.zeros(stack.count), np.ones(stack.count), np.zeros(stack.count)
     alone[found.left] = 1.0
     for i in found.left.tolist():

@@ -23,7 +23,6 @@ from cpbench.solvers.base import solvers
 PLAN, GUIDE, REPORT = "plan.toml", "REPRODUCE.md", "report"
 TEXTS = (".md", ".csv", ".json", ".tex", ".bib")
 MACHINE, VERSIONS = "machine.json", "versions.txt"
-OWN = ("cpbench.solvers.native.", "cpbench.solvers.adapters.")
 """Modules of the solvers that everybody has who has cpbench."""
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]*")
 
@@ -126,7 +125,7 @@ def _foreign(store: Store, rows: Sequence[Row]) -> set[str]:
     """Return solvers of the rows that are not cpbench's own: from plugins, installed packages, tables of programs."""
     sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
     plugged = {str(sheet.get("name")) for sheet in sheets.values() if sheet.get("plugin")}
-    own = {solver.spec.name for solver in solvers if type(solver).__module__.startswith(OWN)}
+    own = {solver.spec.name for solver in solvers if solver.origin != "plugin"}
     return {name for name in {row.solver for row in rows} if name in plugged or name not in own}
 
 

@@ -10,8 +10,8 @@ from typing import Any
 from cpbench.diagnosis.attempts import SolverTrial, TrialOutcome
 from cpbench.facts import Fact, of_problem
 from cpbench.formulations.base import Problem
+from cpbench.solvers.automatic import automatic_solver
 from cpbench.solvers.base import Solver
-from cpbench.solvers.native.automatic import automatic_solvers
 
 TIGHT = 1e-2
 """A known solution is sought to this share of the tolerance, but to no more digits than doubles have."""
@@ -44,7 +44,7 @@ class FailedTrial:
     @cached_property
     def known(self) -> Any:
         """A verified answer to the problem that was asked, by the automatic choice; None without one."""
-        name = automatic_solvers(self.problem.node).get(self.problem.node)
+        name = automatic_solver(self.problem.node)
         if name is None:
             return None
         for tolerance in (max(TIGHT * self.trial.tolerance, FINEST), self.trial.tolerance):

@@ -8,17 +8,16 @@ from dataclasses import replace
 from cpbench import graph
 from cpbench.diagnosis.case import FailedTrial, Remedy
 from cpbench.formulations.base import Problem
+from cpbench.solvers.automatic import automatic_solver
 from cpbench.solvers.base import Solver, missing, solvers
-from cpbench.solvers.native.automatic import automatic_solvers
 
-NATIVE = "cpbench.solvers.native."
 TRIES = 3
 """Remedies of a family that are tried at most."""
 
 
 def choice(problem: Problem) -> str | None:
     """Return the automatic choice for a problem's formulation; None where there is none."""
-    return automatic_solvers(problem.node).get(problem.node)
+    return automatic_solver(problem.node)
 
 
 def families(case: FailedTrial, foreign: bool) -> Iterator[Iterator[Remedy]]:
@@ -43,7 +42,7 @@ def _of_nodes(case: FailedTrial, nodes: tuple[str, ...], methods: set[str], fore
         for solver in solvers:
             spec = solver.spec
             fits = spec.node == node and spec.kind.exact and spec.by_default and spec.method not in methods
-            if fits and (type(solver).__module__.startswith(NATIVE) or (foreign and not missing(spec))):
+            if fits and (solver.origin == "native" or (foreign and not missing(spec))):
                 methods.add(spec.method)
                 yield _remedy(case, solver)
 

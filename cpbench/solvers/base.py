@@ -18,6 +18,7 @@ from typing import Any, ClassVar, TypeAlias
 from cpbench import __version__
 from cpbench.errors import NotApplicable, UnknownName
 from cpbench.formulations.base import Kind, Point, Problem
+from cpbench.formulations.stack import Stack
 from cpbench.matrices import Vector
 from cpbench.registry import Registry
 from cpbench.solvers.options import choices, written
@@ -35,8 +36,6 @@ class Trait(StrEnum):
     DETERMINISTIC = "deterministic"
     LAUNCHES = "launches"
     """Starts a program for every solve, whose launch is in its time: tables and figures say so."""
-    STACKS = "stacks"
-    """Begins many small problems of one size by one compiled call (`solvers.native.stacks`)."""
 
 
 class Claim(StrEnum):
@@ -147,6 +146,21 @@ time, less what it takes itself. An answer must not depend on whether somebody r
 
 
 @dataclass(frozen=True)
+class StackCall:
+    """One compiled call for many small problems of one size. Its answers are right or not: the caller measures them.
+
+    Attributes
+    ----------
+    solve : (stack, tolerance, threads) -> (k, size) of every part of a point by name. unknowns : of the largest problem
+    for which one call is faster. shares : of the tolerance, that the call is asked for at first and again.
+    """
+
+    solve: Callable[[Stack, float, int], dict[str, Any]]
+    unknowns: int = 64
+    shares: tuple[float, ...] = (1.0,)
+
+
+@dataclass(frozen=True)
 class Availability:
     """State of a solver on this machine: ok, missing (what to install), broken (the traceback) or licence."""
 
@@ -162,8 +176,16 @@ class Solver(ABC):
     """One algorithm or one backend. Instances carry no state."""
 
     spec: ClassVar[SolverSpec]
+    stack_call: ClassVar[StackCall | None] = None
+    """How the solver begins many small problems of one size, None where it takes them one by one."""
     own_clock: ClassVar[bool] = False
     """Whether `reported` is taken by code of cpbench around the call of the method, in the process that makes it."""
+
+    @property
+    def origin(self) -> str:
+        """`native` for a method of cpbench, `adapter` for what it hands to other packages, else `plugin`."""
+        module = type(self).__module__
+        return next((origin for package, origin in ORIGINS.items() if module.startswith(package)), "plugin")
 
     @property
     def round_trip(self) -> float | None:
@@ -314,6 +336,8 @@ def _typed(solver: str, key: str, raw: str, default: Any) -> Any:
         raise UnknownName(f"value of {solver}[{key}] ({type(default).__name__})", raw, [str(default)]) from None
 
 
+ORIGINS = {"cpbench.solvers.native.": "native", "cpbench.solvers.adapters.": "adapter"}
+"""Packages of solvers that come with cpbench."""
 NODE_GROUPS = ("lcp", "mlcp", "qp", "avi", "cone", "contact", "nonlinear")
 """Packages of `solvers.native`: nodes that share their mathematics."""
 solvers: Registry[Solver] = Registry(

@@ -153,7 +153,7 @@ def theirs(python: str, name: str, stack: Any, data: dict[str, Any], tolerance: 
 def ours(kind: Any, data: dict[str, Any], tolerance: float, threads: int) -> None:
     """Print problems per second of the compiled call, and with the verdicts."""
     import cpbench as cp
-    from cpbench.solvers.native.stacks import SHARES, solve_stack
+    from cpbench.bench.stacked import call_for
 
     stack = cp.solve_many(kind, tolerance=tolerance, **{key: a[:100] for key, a in data.items()}).stack  # warm
     clock = time.process_time if threads == 1 else time.perf_counter
@@ -164,8 +164,8 @@ def ours(kind: Any, data: dict[str, Any], tolerance: float, threads: int) -> Non
         begun = clock()
         solutions = cp.solve_many(kind, tolerance=tolerance, threads=threads, **data)
         between = clock()
-        stack = solutions.stack
-        solve_stack(stack, SHARES.get(stack.kind.node, (1.0,))[0] * tolerance, threads)
+        stack, call = solutions.stack, call_for(solutions.stack.problem(0))
+        call.solve(stack, call.shares[0] * tolerance, threads)
         whole.append((between - begun) / len(stack))
         calls.append((clock() - between) / len(stack))
     assert solutions is not None

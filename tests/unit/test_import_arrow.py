@@ -174,3 +174,16 @@ def test_solvers_do_not_read_the_judge() -> None:
         read = sorted(n for n in _names(path) if n.startswith("cpbench.verification"))
         wrong += [f"{path.name} imports {name}" for name in read]
     assert not wrong, "\n".join(wrong)
+
+
+def test_nothing_else_imports_the_native_solvers() -> None:
+    """They come in by the registry of solvers, as those of another package do."""
+    native = [PACKAGE / "solvers" / room for room in ("native", "kernels")]
+    others = [path for path in FILES if not any(path.is_relative_to(room) for room in native)]
+    found = {
+        f"{path.relative_to(PACKAGE)}: {name}"
+        for path in others
+        for name in _imports(path)
+        if name.startswith(("cpbench.solvers.native", "cpbench.solvers.kernels"))
+    }
+    assert not found

@@ -27,7 +27,7 @@ from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec
 from cpbench.solvers.native.lcp.box_linear import BoxLinear
 from cpbench.solvers.native.nonlinear.normal_path import NormalPath, normal_point
 from cpbench.solvers.native.nonlinear.reformulation import Reformulation
-from cpbench.solvers.native.nonlinear.row_error import row_error
+from cpbench.solvers.shared.row_error import row_error
 
 FUNCTIONS = {
     "min": minimum, "fb": fischer_burmeister, "pfb": penalized, "ep": evtushenko_purtov,

@@ -12,8 +12,8 @@ from cpbench.formulations.conic import cone_fields
 from cpbench.matrices import dense
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.cone.jacobians import box_jacobian, projection_jacobian
 from cpbench.solvers.native.nonlinear.natural_map import equilibrate
+from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 from cpbench.testing import planted_conic
 from cpbench.verification import judge
 

@@ -197,7 +197,7 @@ def test_what_compiled_calls_leave_is_solved_alone(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(planted_stacks, "K", 300)
     kind, data, _ = planted_stacks.FAMILIES["fc"](np.random.default_rng(1))
     stack, solver = Stack.of_arrays(kind, data).only(np.arange(45, 50)), solvers.get("auto-fc")
-    assert stacked.solve_measured(stack, 1e-9, 1).left.tolist() == [3]
+    assert stacked.solve_measured(stacked.call_for(stack.problem(0)), stack, 1e-9, 1).left.tolist() == [3]
     vectors = stacked.solve_all(solver, stack, Budget(tolerance=1e-9), solver.spec.options(), 1)
     for i in range(5):
         claim, answered, alone, own = stacked.part_of(vectors, 5, i)

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import contextlib
 import gc
+import importlib
 
 from cpbench import conversions, formulations, kernel_cache, solvers, storage
 from cpbench.imports import uncollected
 from cpbench.solvers.base import package_version
-from cpbench.solvers.native import linear_program
 
 
 def preload() -> None:
@@ -25,7 +25,7 @@ def preload() -> None:
             with contextlib.suppress(Exception):
                 if kernel_cache.is_compiled(module):
                     kernel_cache.load(module)
-        linear_program.load()
+        importlib.import_module("scipy.optimize")  # of linear programs, in certificates and vertices
         package_version("numpy")  # reads the installed packages once for all processes
     gc.freeze()  # nor by anybody forked from here
 

@@ -14,7 +14,7 @@ from cpbench.solvers.adapters.cone_program import ConeProgram
 from cpbench.solvers.adapters.cone_solver import ConeSolver
 from cpbench.solvers.adapters.conic_models import ClarabelModel, ConicModel
 from cpbench.solvers.base import Budget, Claim, SolverSpec, Trait, register
-from cpbench.solvers.native.cone.polish import polish
+from cpbench.solvers.shared.polish import polish
 from cpbench.solvers.stopping import Stopping
 
 

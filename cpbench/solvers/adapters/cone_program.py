@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from cpbench import matrices
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.product_cones import Cone, ProductCone
-from cpbench.solvers.native.cone.lorentz_rows import lorentz_rows
+from cpbench.solvers.shared.lorentz_rows import lorentz_rows
 
 
 @dataclass(frozen=True)

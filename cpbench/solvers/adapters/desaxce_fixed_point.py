@@ -39,8 +39,8 @@ from cpbench.matrices import Vector
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.adapters.conic_models import ConicModel
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
-from cpbench.solvers.native.cone.lorentz_rows import lorentz_rows
-from cpbench.solvers.native.progress import Progress
+from cpbench.solvers.shared.lorentz_rows import lorentz_rows
+from cpbench.solvers.shared.progress import Progress
 
 ASYMMETRY, INDEFINITE = 3e-2, 1e-5
 """Asymmetry and −λ_min of W scaled to unit diagonal up to which it is tried: assembled Delassus matrices are neither

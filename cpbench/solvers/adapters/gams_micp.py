@@ -36,7 +36,7 @@ from cpbench.solvers.base import (
     package_version,
     register,
 )
-from cpbench.solvers.native.nonlinear.row_error import row_error
+from cpbench.solvers.shared.row_error import row_error
 from cpbench.solvers.stopping import Stopping
 
 NORMAL, ITERATIONS, RESOURCES, LICENCE = 1, 2, 3, 7

@@ -28,8 +28,8 @@ from cpbench.solvers.base import (
     package_version,
     register,
 )
-from cpbench.solvers.native.nonlinear.row_error import row_error
 from cpbench.solvers.options import fixed
+from cpbench.solvers.shared.row_error import row_error
 from cpbench.solvers.stopping import Stopping
 
 STUCK = 1e-15

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 from cpbench.formulations.base import Problem
@@ -29,7 +27,6 @@ from cpbench.solvers.base import (
 )
 
 TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
-NATIVE = "cpbench.solvers.native."
 WORTH = 1.0
 """A scaled error is about 1 at zero: an answer beyond that is no start for the next solver."""
 
@@ -136,27 +133,11 @@ class InOrder(AutomaticChoice):
         return [SolverPhase(name) for name in self.members]
 
 
-def automatic_spec(node: str, name: str, summary: str, *more: Trait) -> SolverSpec:
-    """Return the spec of a node's automatic choice, with `more` traits."""
+def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
+    """Return the spec of a node's automatic choice."""
     return SolverSpec(
-        name=name, node=node, summary=summary, method="automatic choice", traits=TRAITS | {*more}, options=NoOptions
+        name=name, node=node, summary=summary, method="automatic choice", traits=TRAITS, options=NoOptions
     )
-
-
-def automatic_solvers(node: str = "") -> dict[str, str]:
-    """Return the automatic choice of each node that has one, by node, or that of `node` alone.
-
-    No modules of other solvers are imported; for one node, only those in which it is named.
-    """
-    found: dict[str, str] = {}
-    for file in sorted(Path(__file__).parent.glob("*/auto*.py")):
-        if file.stem.split("_")[0] != "auto":
-            continue
-        if f'"{node}"' in file.read_text("utf-8") or not node:
-            module = importlib.import_module(f"cpbench.solvers.native.{file.parent.name}.{file.stem}")
-            own = [c for c in vars(module).values() if isinstance(c, type) and c.__module__ == module.__name__]
-            found |= {c.spec.node: c.spec.name for c in own if issubclass(c, Solver)}
-    return {name: solver for name, solver in found.items() if node in ("", name)}
 
 
 class _Run:
@@ -212,7 +193,7 @@ class _Run:
     def take(self, phase: SolverPhase, solver: Solver, output: SolverOutput) -> None:
         """Take what a solver came to."""
         self._count(output)
-        if not type(solver).__module__.startswith(NATIVE):  # what others claim is measured
+        if solver.origin != "native":  # what others claim is measured
             self._keep(phase.solver, output)
         elif output.claim is Claim.SOLVED and output.point is not None:
             self._messages.append(f"{phase.solver}: solved")

@@ -5,7 +5,7 @@ Answers are what the loops end in, right or not: the caller measures them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -21,31 +21,21 @@ from cpbench.solvers.native.mlcp.pivoting import LemkeMLCPOptions
 from cpbench.solvers.native.threads import in_parts
 
 Answers: TypeAlias = dict[str, np.ndarray[Any, np.dtype[np.float64]]]
-UNKNOWNS = 64
-"""Of one problem; larger ones gain nothing from a call for many."""
 SWEEPS = 1000
 """Of a contact problem; who needs more is solved sooner by other methods."""
-SHARES: Mapping[str, tuple[float, ...]] = {"fc": (0.1, 1e-3)}
-"""Of the tolerance, that iterations are asked for at first and again: another error decides, which is a few times as
-large for most problems, and a hundred times where contacts that only slide or open move the most. Pivots are not."""
+CONTACT_SHARES = (0.1, 1e-3)
+"""Of the tolerance, that sweeps are asked for at first and again: another error decides, which is a few times as large
+for most problems, and a hundred times where contacts that only slide or open move the most."""
 PIECE = 4096
 """Problems whose scaled data are made at once: they stay in the cache until they are read."""
 
 
-def solve_stack(stack: Stack, tolerance: float, threads: int) -> Answers:
-    """Return what the compiled call of the formulation ends in, (k, size) of every part of a point by name.
-
-    Raises KeyError for a formulation without such a call; see `NODES`.
-    """
-    return _METHODS[stack.kind.node](stack, tolerance, threads)
-
-
-def _lcp(stack: Stack, tolerance: float, threads: int) -> Answers:
+def solve_lcp(stack: Stack, tolerance: float, threads: int) -> Answers:
     """Pivot by Lemke's method, which ends in a basis: the tolerance is not asked."""
     return {"z": batch(stack.arrays["M"], stack.arrays["q"], threads=threads).z}
 
 
-def _fc(stack: Stack, tolerance: float, threads: int) -> Answers:
+def solve_fc(stack: Stack, tolerance: float, threads: int) -> Answers:
     """Sweep with Anderson's acceleration until the error of a solver is within the tolerance."""
     W, q, mu = (stack.arrays[name] for name in ("W", "q", "mu"))
     dimension, r = stack.others.get("dimension", 3), np.zeros(q.shape)
@@ -60,7 +50,7 @@ def _fc(stack: Stack, tolerance: float, threads: int) -> Answers:
     return {"r": r}
 
 
-def _mlcp(stack: Stack, tolerance: float, threads: int) -> Answers:
+def solve_mlcp(stack: Stack, tolerance: float, threads: int) -> Answers:
     """Bring the free unknowns into the basis, then pivot by Lemke's method on the pairs."""
     A, B, C, D, a, b = (stack.arrays[name] for name in "ABCDab")
 
@@ -75,7 +65,7 @@ def _mlcp(stack: Stack, tolerance: float, threads: int) -> Answers:
     return {"u": x[:, :n], "v": x[:, n:]}
 
 
-def _qp(stack: Stack, tolerance: float, threads: int) -> Answers:
+def solve_qp(stack: Stack, tolerance: float, threads: int) -> Answers:
     """Solve the conditions of optimality, an MLCP that is monotone where the program is convex.
 
     Free are z and the multipliers of equalities; the pairs are those of the inequalities and of the bounds that are
@@ -135,7 +125,3 @@ def _mixed(count: int, free: int, N: int, data: Callable[[slice], tuple[Any, Any
 
     in_parts(count, threads, part)
     return x
-
-
-_METHODS: Mapping[str, Callable[[Stack, float, int], Answers]] = {"lcp": _lcp, "mlcp": _mlcp, "qp": _qp, "fc": _fc}
-NODES = tuple(_METHODS)

@@ -12,8 +12,8 @@ from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.cone.jacobians import box_jacobian
 from cpbench.solvers.native.nonlinear.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run
+from cpbench.solvers.shared.jacobians import box_jacobian
 
 
 @dataclass(frozen=True)

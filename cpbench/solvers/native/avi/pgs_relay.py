@@ -14,8 +14,8 @@ from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.progress import Progress, next_stop
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import Progress, next_stop
 
 CHUNK = 256
 """The most sweeps between two measurements of the error."""

@@ -24,8 +24,8 @@ from cpbench.matrices import Matrix, Vector
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.nonlinear.natural_map import congruent, equilibrate
-from cpbench.solvers.native.progress import SHARE, Progress
 from cpbench.solvers.options import fixed
+from cpbench.solvers.shared.progress import SHARE, Progress
 
 GROW = 1.05
 HALVINGS = 60

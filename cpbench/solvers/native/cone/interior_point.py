@@ -24,12 +24,12 @@ from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.soclcp import SOCLCP
 from cpbench.matrices import Matrix, Vector, least_eigenvalue, max_abs
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register, solvers
-from cpbench.solvers.native.cone.lorentz_rows import lorentz_rows
 from cpbench.solvers.native.cone.lorentz_scaling import GroupScaling, LorentzCones
-from cpbench.solvers.native.cone.polish import polish
 from cpbench.solvers.native.cone.run import ConicSolver, Iterates
 from cpbench.solvers.native.cone.scaled_form import ConicForm
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.lorentz_rows import lorentz_rows
+from cpbench.solvers.shared.polish import polish
 
 FRACTION = 0.99
 """How much of the way to the boundary a step goes at most."""

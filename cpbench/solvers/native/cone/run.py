@@ -17,7 +17,7 @@ from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.native.cone.scaled_form import ConicForm, conic_form
 from cpbench.solvers.native.lcp.claims import CLOSE
-from cpbench.solvers.native.progress import SHARE, Progress
+from cpbench.solvers.shared.progress import SHARE, Progress
 
 
 class Iterates(Protocol):

@@ -19,8 +19,8 @@ from cpbench.matrices import Matrix, Vector, is_symmetric
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, conclude, kernel, scaled_contacts
-from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import Progress
 
 FIRST_REST, LONGER = 20, 1.5
 """Iterations with one ρ before it may change, and by how much longer it must stay the next time."""

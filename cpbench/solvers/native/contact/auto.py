@@ -13,7 +13,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register, solved
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, StackCall, Trait, register, solved
 from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.phases import Phases, counters
 from cpbench.solvers.native.contact.sweeps import (
@@ -26,6 +26,7 @@ from cpbench.solvers.native.contact.sweeps import (
     conclude,
     scaled_contacts,
 )
+from cpbench.solvers.native.stacks import CONTACT_SHARES, solve_fc
 from cpbench.solvers.options import fixed, searched
 
 KERNELS = (
@@ -62,9 +63,10 @@ class AutoContact(SolverByParts):
         node="fc",
         summary="Gauss-Seidel with acceleration, Newton, interior points or ADMM, whichever promises to be done first",
         method="automatic choice",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC, Trait.STACKS}),
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=AutoContactOptions,
     )
+    stack_call: ClassVar[StackCall | None] = StackCall(solve_fc, shares=CONTACT_SHARES)
 
     def prepare(self, problem: FrictionContact, budget: Budget, options: AutoContactOptions) -> ScaledContacts:
         return scaled_contacts(problem)

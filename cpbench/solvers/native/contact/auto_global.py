@@ -15,7 +15,7 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
 from cpbench.solvers.native.contact.condensed import Condensed, condensed
 from cpbench.solvers.native.contact.dynamics_error import DynamicsError
-from cpbench.solvers.native.progress import reduced
+from cpbench.solvers.shared.progress import reduced
 
 SWEEPS, ITERATIONS = 2_000, 1_000
 """Sweeps of Gauss–Seidel and iterations of ADMM before the other goes on: they stand still for different reasons."""

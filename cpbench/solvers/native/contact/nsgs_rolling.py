@@ -14,8 +14,8 @@ from cpbench.kernel_cache import compiled
 from cpbench.matrices import Vector, entries
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.contact.sweeps import conclude, kernel
-from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import Progress
 
 BLOCKS_A_CALL = 400_000
 """Blocks, and contacts, between two looks at the clock."""

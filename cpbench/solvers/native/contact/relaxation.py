@@ -32,7 +32,7 @@ from cpbench.solvers.native.contact.sweeps import (
     kernel,
     work,
 )
-from cpbench.solvers.native.progress import Progress
+from cpbench.solvers.shared.progress import Progress
 
 BLOCKS_A_CALL = 4_000_000
 """About 20 ms of block products between two looks at the clock."""

@@ -19,8 +19,8 @@ from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, conclude, scaled_contacts
-from cpbench.solvers.native.progress import SHARE, Progress
 from cpbench.solvers.options import fixed
+from cpbench.solvers.shared.progress import SHARE, Progress
 
 
 class ContactMethod(ABC):

@@ -23,8 +23,8 @@ from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, Trait
 from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.newton_equation import ContactEquation, ContactFunction, NewtonPoint
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, Sweeps, conclude, scaled_contacts
-from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import Progress
 
 DESCENT, HALVINGS = 1e-4, 8
 FLATTEST, STEEPEST, TRIALS = 0.1, 0.9, 12

@@ -11,8 +11,9 @@ import numpy as np
 from cpbench.formulations.lcp import LCP
 from cpbench.matrices import is_sparse, nnz
 from cpbench.solvers import warming
-from cpbench.solvers.base import Budget, Solver, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Solver, SolverSpec, StackCall, register
 from cpbench.solvers.native.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
+from cpbench.solvers.native.stacks import solve_lcp
 
 SMALL = 200
 """Up to this many unknowns Lemke's method is done before others have factored M_FF a few times."""
@@ -37,8 +38,9 @@ class AutoLCP(AutomaticChoice):
     """
 
     spec: ClassVar[SolverSpec] = automatic_spec(
-        "lcp", "auto-lcp", "Lemke, block pivoting, conjugate gradients or Newton, by size and structure", Trait.STACKS
+        "lcp", "auto-lcp", "Lemke, block pivoting, conjugate gradients or Newton, by size and structure"
     )
+    stack_call: ClassVar[StackCall | None] = StackCall(solve_lcp)
     members: ClassVar[tuple[str, ...]] = (
         "lemke",
         "bpp",

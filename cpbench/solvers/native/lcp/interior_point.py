@@ -30,8 +30,8 @@ from cpbench.solvers.native.mlcp.claims import ScaledMLCP, dense_obstacle, mixed
 from cpbench.solvers.native.mlcp.newton import LinearBox
 from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, run
 from cpbench.solvers.native.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
-from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import Progress
 
 STALL = 10
 """Steps without gain that end a run."""

@@ -20,8 +20,8 @@ from cpbench.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.claims import CLOSE, conclude, dense_obstacle, error_of, farkas, recorded
-from cpbench.solvers.native.progress import Progress, next_stop, reduced
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 
 CHUNK = 256
 """The most steps between two measurements in full, and with one gradient."""

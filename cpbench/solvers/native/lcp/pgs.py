@@ -15,8 +15,8 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, error_of, recorded
-from cpbench.solvers.native.progress import Progress, next_stop, reduced
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 
 CHUNK = 256
 """The most sweeps with one w, and without a look at the progress."""

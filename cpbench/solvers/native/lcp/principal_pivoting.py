@@ -27,8 +27,8 @@ from cpbench.solvers.native.lcp.claims import (
     scale,
     solve_linear,
 )
-from cpbench.solvers.native.progress import next_stop
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import next_stop
 
 CHUNK = 500
 """Pivots between two looks at the clock."""

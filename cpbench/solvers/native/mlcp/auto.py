@@ -7,8 +7,9 @@ from typing import ClassVar
 
 from cpbench.formulations.mlcp import MLCP
 from cpbench.matrices import is_sparse
-from cpbench.solvers.base import SolverSpec, Trait, register
+from cpbench.solvers.base import SolverSpec, StackCall, register
 from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
+from cpbench.solvers.native.stacks import solve_mlcp
 
 LARGE = 2000
 """Unknowns beyond which what takes sparse matrices apart in dense storage is asked last."""
@@ -21,9 +22,8 @@ class AutoMLCP(AutomaticChoice):
     Of at most 20 pairs, all complementary bases are tried in the end: a solution is found if there is one.
     """
 
-    spec: ClassVar[SolverSpec] = automatic_spec(
-        "mlcp", "auto-mlcp", "Lemke, Newton or interior point, by size", Trait.STACKS
-    )
+    spec: ClassVar[SolverSpec] = automatic_spec("mlcp", "auto-mlcp", "Lemke, Newton or interior point, by size")
+    stack_call: ClassVar[StackCall | None] = StackCall(solve_mlcp)
     members: ClassVar[tuple[str, ...]] = (
         "lemke-mlcp",
         "newton-min-mlcp",

@@ -19,8 +19,8 @@ from cpbench.formulations.mlcp import MLCP
 from cpbench.matrices import Vector, sparse
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale
-from cpbench.solvers.native.progress import Progress, next_stop, reduced
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench.transversal import has_full_structural_rank
 
 CHUNK = 256

@@ -26,7 +26,7 @@ from cpbench.matrices import Matrix, Sparse, Vector, dense, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.native.lcp.claims import CLOSE
 from cpbench.solvers.native.nonlinear.reformulation import Reformulation
-from cpbench.solvers.native.nonlinear.row_error import row_error
+from cpbench.solvers.shared.row_error import row_error
 
 DENSE_LIMIT = 150
 """Up to this size Jacobians are dense: SuperLU costs more."""

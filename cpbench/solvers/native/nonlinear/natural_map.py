@@ -29,8 +29,8 @@ from cpbench.factorization import sparse_lu
 from cpbench.matrices import Matrix, Sparse, Vector, dense, identity, norm
 from cpbench.solvers.base import Budget, Claim, Record
 from cpbench.solvers.native.lcp.claims import solve_linear
-from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed
+from cpbench.solvers.shared.progress import Progress
 
 DESCENT = 1e-2
 LENGTHS = (1.0, 0.5, 0.25, 0.125)

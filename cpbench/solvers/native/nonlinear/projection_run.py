@@ -26,9 +26,9 @@ from cpbench.formulations.vi import VI
 from cpbench.matrices import Sparse, Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.native.lcp.claims import CLOSE
-from cpbench.solvers.native.nonlinear.row_error import row_error
-from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.options import fixed
+from cpbench.solvers.shared.progress import Progress
+from cpbench.solvers.shared.row_error import row_error
 
 STALL = 2000
 """Least number of iterations without gain that ends a run."""

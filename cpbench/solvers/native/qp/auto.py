@@ -19,7 +19,7 @@ from cpbench.solvers.base import (
     Record,
     SolverOutput,
     SolverSpec,
-    Trait,
+    StackCall,
     missing,
     register,
     solved,
@@ -31,6 +31,7 @@ from cpbench.solvers.native.qp.claims import ErrorMeasure
 from cpbench.solvers.native.qp.kkt_system import FULL
 from cpbench.solvers.native.qp.presolve import dense_problem, presolved, sparse_data
 from cpbench.solvers.native.qp.proximal_active_set import ProximalActiveSetOptions, fits_one_call, record_ends
+from cpbench.solvers.native.stacks import solve_qp
 from cpbench.solvers.options import searched
 
 LARGE = 300
@@ -67,8 +68,9 @@ class AutoQP(AutomaticChoice):
     """
 
     spec: ClassVar[SolverSpec] = replace(
-        automatic_spec("qp", "auto-qp", "active set or interior point, by size", Trait.STACKS), options=AutoQPOptions
+        automatic_spec("qp", "auto-qp", "active set or interior point, by size"), options=AutoQPOptions
     )
+    stack_call: ClassVar[StackCall | None] = StackCall(solve_qp)
     members: ClassVar[tuple[str, ...]] = (
         "dual-active-set",
         "proximal-active-set",

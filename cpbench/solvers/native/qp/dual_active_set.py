@@ -15,7 +15,6 @@ from cpbench.formulations.qp import QP
 from cpbench.kernel_cache import load
 from cpbench.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.progress import SHARE
 from cpbench.solvers.native.qp.claims import (
     SPARSE_KERNEL,
     ErrorMeasure,
@@ -26,6 +25,7 @@ from cpbench.solvers.native.qp.claims import (
 )
 from cpbench.solvers.native.qp.scaling import stacked
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import SHARE
 
 CHUNK = 200_000_000
 """Operations between looks at the clock, a tenth of a second or two."""

@@ -14,13 +14,13 @@ from cpbench.formulations.qp import QP
 from cpbench.kernel_cache import load, load_all
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.progress import Progress, next_stop, reduced
 from cpbench.solvers.native.qp.claims import ErrorMeasure, Parts, convex_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.kkt_system import KERNELS, KKT, Entries
 from cpbench.solvers.native.qp.polish import polish
 from cpbench.solvers.native.qp.presolve import SparseQP, presolved, sparse_data
 from cpbench.solvers.native.qp.scaling import Scales, sparse_scaled
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 
 STALL = 12
 """Least number of iterations without gain of the judged error that ends a run."""

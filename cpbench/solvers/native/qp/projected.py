@@ -20,11 +20,11 @@ from cpbench.formulations.qp import QP
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, definite_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.kkt_system import KERNELS, KKT, entries
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import Progress
 
 STALL = 3000
 """Least number of iterations without gain that ends a run."""

@@ -14,7 +14,6 @@ from cpbench.formulations.qp import QP, QPPoint
 from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
-from cpbench.solvers.native.progress import Progress
 from cpbench.solvers.native.qp.claims import (
     SPARSE_KERNEL,
     ErrorMeasure,
@@ -26,6 +25,7 @@ from cpbench.solvers.native.qp.claims import (
 from cpbench.solvers.native.qp.dual_active_set import CHUNK, ActiveSet
 from cpbench.solvers.native.qp.scaling import scaled
 from cpbench.solvers.options import fixed, searched
+from cpbench.solvers.shared.progress import Progress
 
 STALL = 30
 """Least number of iterations without gain that ends a run."""

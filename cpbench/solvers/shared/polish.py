@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from cpbench.factorization import sparse_lu
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.matrices import max_abs
-from cpbench.solvers.native.cone.jacobians import projection_jacobian
+from cpbench.solvers.shared.jacobians import projection_jacobian
 
 SHIFTS = (1e-13, 1e-10, 1e-7)
 """Added to the diagonal, the next one where a step does not help: multipliers that are not unique make the matrix

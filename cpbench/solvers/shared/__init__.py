@@ -1,0 +1,1 @@
+"""Parts that methods of cpbench and adapters have in common."""
