@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -157,8 +158,10 @@ def test_ratios_have_no_unit(values: np.ndarray, scale: float) -> None:
 def test_curves_are_steps_continuous_from_the_right(values: np.ndarray) -> None:
     table = frame(values.tolist())
     for curve in (*performance_profile(table).curves, *data_profile(table).curves):
-        for step in curve.ratios:
-            assert curve.at(np.nextafter(step, -INF)) < curve.at(step) == curve.at(np.nextafter(step, INF))
+        for step, following in itertools.pairwise([*curve.ratios, INF]):
+            assert curve.at(np.nextafter(step, -INF)) < curve.at(step)
+            after = np.nextafter(step, INF)
+            assert curve.at(after) == curve.at(following if after == following else step)
         taus = np.sort([0.0, 0.5, *curve.ratios, 1e300, INF])
         height = curve.heights(taus)
         assert height.tolist() == [curve.at(tau) for tau in taus]
