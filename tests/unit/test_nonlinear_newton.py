@@ -16,10 +16,10 @@ from tiers import some_by_day
 from cpbench import solve as solve_one
 from cpbench.analysis.active_sets import ActiveSide, active_set
 from cpbench.cones import box_defect, project_box
-from cpbench.conversions.base import conversions
+from cpbench.conversions.base import conversions, make
 from cpbench.errors import UnknownName
 from cpbench.expressions import Map
-from cpbench.formulations import AVI, AVIPoint, MiCP, MiCPPoint, NCPPoint
+from cpbench.formulations import AVI, LCP, AVIPoint, MiCP, MiCPPoint, NCPPoint
 from cpbench.generators.base import generators
 from cpbench.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
 from cpbench.ncp_functions import evtushenko_purtov, fischer_burmeister, minimum, penalized, smoothed
@@ -28,6 +28,7 @@ from cpbench.solvers.native.lcp.box_linear import BoxLinear
 from cpbench.solvers.native.nonlinear.normal_path import NormalPath, normal_point
 from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 from cpbench.solvers.shared.row_error import row_error
+from cpbench.verification import judge
 
 FUNCTIONS = {
     "min": minimum, "fb": fischer_burmeister, "pfb": penalized, "ep": evtushenko_purtov,
@@ -353,3 +354,15 @@ def test_a_row_counts_by_its_own_terms() -> None:
     price = np.array([-1e-20])
     pole = row_error(price, -2.0 / price, sp.csr_array(2.0 / price[:, None] ** 2), np.zeros(1), free[:1])
     assert pole > 0.1
+
+
+@pytest.mark.parametrize("name", ["newton-min", "newton-fb", "newton-pfb"])
+def test_a_direction_may_be_too_long_for_its_powers(name: str) -> None:
+    """z₁ = 1e150: the power 2.1 of the direction, 1e315, is no number of 64 bits."""
+    problem = LCP(M=np.diag([1e-150, 1.0]), q=-np.ones(2))
+    mixed = make("lcp-ncp").apply(problem)[0]
+    mixed = make("ncp-micp").apply(mixed)[0]
+    for solver, asked in ((name, problem), (f"{name}-micp", mixed)):
+        output = solvers.get(solver).run(asked, Budget(seconds=10.0))
+        assert output.claim in (Claim.SOLVED, Claim.FAILED, Claim.MAX_ITER)
+        assert output.claim is not Claim.SOLVED or judge(asked, output.point, 1e-6).solved

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -83,8 +84,11 @@ class SemismoothMethod(BoxMethod):
         """Return a point along a Newton direction, None where there is none that lowers the merit."""
         if d is None:
             return None
-        slope = float(gradient @ d)
-        return self._descent.search(at, d, slope if slope <= -STEEP * norm(d) ** POWER else 0.0)
+        slope, size = float(gradient @ d), float(np.abs(d).max())
+        # in logarithms, by d/size: powers of a long direction, and its squares, are no numbers
+        length = math.log(norm(d / size)) + math.log(size) if 0.0 < size < np.inf else np.inf
+        steep = slope < 0.0 and math.log(-slope) >= math.log(STEEP) + POWER * length
+        return self._descent.search(at, d, slope if steep else 0.0)
 
 
 def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, quick: bool = False) -> SolverSpec:
