@@ -15,7 +15,6 @@ OPTIONS = {
 }
 COMMANDS = {
     "run": "Run every reachable solver on every problem, judge the answers, write the report.",
-    "tune": "Search for the options with which a solver solves the most problems, and is fastest.",
     "solve": "Solve one problem by one solver, and measure the answer.",
     "convert": "Convert a problem to another formulation; the file can lift answers back.",
     "lift": "Carry an answer to a converted problem back to its source.",

@@ -16,7 +16,6 @@ from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.planning.selection import RERUN, RETRIED
-from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Executor, execute
 from cpbench.bench.slot import Slot
@@ -117,7 +116,7 @@ def run_pending(
                 observer.end()
     finally:
         skipped.settle(store, planned, absent or {})
-        store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions, asked.tunings))
+        store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions))
     store.require_unchanged()
 
 
@@ -181,16 +180,14 @@ def _sheets(
     before: Mapping[str, Mapping[str, Any]],
     planned: Sequence[Pair],
     versions: Mapping[str, str],
-    tunings: Sequence[Tuning],
 ) -> dict[str, Any]:
-    """Return the facts of each solver for the results: those of earlier commands are kept, and so are the version of a
-    solver that had nothing left to do and the record of a tuning."""
+    """Return the facts of each solver for the results: those of earlier commands are kept, and so is the version of a
+    solver that had nothing left to do."""
     sheets: dict[str, Any] = dict(before)
-    tuned = {tuning.label: tuning.as_data() for tuning in tunings}
     for pair in planned:
         spec = solvers.get(pair.entry.solver).spec
         plugin, written = declared.origin(spec.name)
-        sheets[pair.label] = {
+        sheets[pair.label] = dict(before.get(pair.label, {})) | {
             "name": spec.name,
             "node": spec.node,
             "method": spec.method,
@@ -204,6 +201,5 @@ def _sheets(
             "plugin": plugin,
             "variant_of": _plugin_of_variant(spec.name),
             "written": written,
-            "tuned": tuned.get(pair.entry.label) or before.get(pair.label, {}).get("tuned"),
         }
     return sheets

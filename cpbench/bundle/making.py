@@ -163,7 +163,7 @@ def _write(
     """Write results, plan, machine, versions and the guide; return what `BUNDLE.json` says beside the files."""
     meta = store.meta()
     settings = plan_of_rows.settings(meta, rows)
-    kept = {"sets": [], **settings, "output": "", "report": None, "shard": [1, 1], "tunings": []}
+    kept = {"sets": [], **settings, "output": "", "report": None, "shard": [1, 1]}
     new = results.write(store, rows, places, folder / results.NAME, kept, _foreign(store, rows), found.names, scrub)
     ours = [row for row in new if not row.origin and row.status != "not_run"]
     recorded = any(True for _ in store.histories())

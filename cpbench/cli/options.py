@@ -173,7 +173,7 @@ def fail_on_option(text: str) -> Decorator:
     return click.option("--fail-on", cls=ListOption, metavar="NAMES", help=text)
 
 
-def problem_options(split: str | None) -> Decorator:
+def problem_options() -> Decorator:
     """Return the options that choose problems by their words, family, facts and half."""
     return chained(
         click.option(
@@ -188,9 +188,7 @@ def problem_options(split: str | None) -> Decorator:
         click.option(
             "--split",
             type=click.Choice(["dev", "test", "all"]),
-            default=split,
-            show_default=split is not None,
-            help="Half of the problems, by a hash of their mathematics: dev to tune on, test to compare on.",
+            help="Half of the problems, by a hash of their mathematics: dev to develop on, test to compare on.",
         ),
         click.option(
             "--max-problems", type=COUNT, metavar="N", help="Largest number of problems of a set, drawn by --seed."

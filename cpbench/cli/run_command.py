@@ -59,9 +59,9 @@ def command(
         from cpbench.api.certifying import require_flint  # with the solvers, which other runs need not wait for
 
         require_flint()
-    values, tunings = ((file.top, file.sets), file.tunings) if file is not None else (({}, []), ())
+    values = (file.top, file.sets) if file is not None else ({}, [])
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
-    plan = run_plan.make(given, *values, only=only_sets, tunings=tunings, suite=suite)
+    plan = run_plan.make(given, *values, only=only_sets, suite=suite)
     if "facets" in given and all(not part.via and part.allowed_routes == "exact" for part in plan.sets):
         raise click.UsageError("--facets: no route of this run has facets; add --routes facets")
     if no_resume and plan.results.exists():

@@ -55,7 +55,7 @@ run_options = chained(
         help="Built-in problems, where none are named. quick (default): few and small, 5 s each at most; standard: "
         "all, by the same solvers; full: all, by all solvers and routes.",
     ),
-    problem_options(None),
+    problem_options(),
     click.option(
         "--shard",
         metavar="I/N",

@@ -13,7 +13,7 @@ from cpbench.analysis.ranking_sentence import FALSE
 from cpbench.plurals import counted
 from cpbench.report import overview_figure
 from cpbench.report.details import file_of
-from cpbench.report.run import Run, tunings
+from cpbench.report.run import Run
 from cpbench.report.text import code, number, plain, seconds, table
 
 SENTENCES = 24
@@ -77,18 +77,18 @@ def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:
     """
     for k, row in enumerate(ranking.rows[:most]):
         name = f"[{plain(ranking.formulation)}]({file_of(run, ranking.group)})" if k == 0 else ""
-        yield [name, *cells_of(row, row.solver in tunings(run))]
+        yield [name, *cells_of(row)]
     rest = ranking.rows[most:]
     if rest:
         lies = [f"{row.solver}: {warning}" for row in rest for warning in row.warnings if warning.startswith(FALSE)]
         yield ["", f"and {len(rest)} more", *[""] * 6, plain("; ".join(lies))]
 
 
-def cells_of(row: RankedSolver, tuned: bool) -> Sequence[str]:
+def cells_of(row: RankedSolver) -> Sequence[str]:
     """Return solver, solved, lost, median, factor, error, route and remarks as Markdown."""
     route = row.route + (f" and {row.others} more" if row.others else "")
     return (
-        code(row.solver) + (" (tuned)" if tuned else ""),
+        code(row.solver),
         f"{row.solved} of {row.counted}",
         str(row.lost or "·"),
         seconds(row.median),

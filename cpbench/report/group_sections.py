@@ -14,7 +14,7 @@ from cpbench.analysis.table import ResultGroup
 from cpbench.report import convergence, figures, panels
 from cpbench.report.matrix import legend, matrix
 from cpbench.report.mean_sections import below_floor, gap_section, mean_section
-from cpbench.report.run import Run, each, tunings
+from cpbench.report.run import Run, each
 from cpbench.report.text import code, counted, listed, number, plain, seconds, table
 
 MATRIX_PROBLEMS = 60
@@ -48,7 +48,7 @@ def group_sections(run: Run, group: ResultGroup, rows: pd.DataFrame) -> Iterator
         f"{counted(len(labels), 'solver configuration')}, {counted(len(rows), 'pair')}."
     )
     notes = cautions.footnotes(rows, run.meta.get("solvers") or {})
-    yield from _times(counts, times, problems, set(tunings(run)), notes)
+    yield from _times(counts, times, problems, notes)
     if len(times.columns):
         ranked = [label for label in labels if label in times.columns]
         leading = profiles.performance_profile(times, lost=lost).leading(figures.EMPHASISED)
@@ -62,7 +62,7 @@ def group_sections(run: Run, group: ResultGroup, rows: pd.DataFrame) -> Iterator
 
 
 def _times(
-    counts: pd.DataFrame, times: pd.DataFrame, problems: int, tuned: set[str], notes: Sequence[cautions.Footnote]
+    counts: pd.DataFrame, times: pd.DataFrame, problems: int, notes: Sequence[cautions.Footnote]
 ) -> Iterator[str]:
     floor, short = seconds(profiles.FLOOR), below_floor(times)
     yield "### Solved and times"
@@ -72,7 +72,7 @@ def _times(
         head,
         (
             [
-                code(r.label) + cautions.marks(r.label, notes) + (" (tuned)" if r.label in tuned else ""),
+                code(r.label) + cautions.marks(r.label, notes),
                 f"**{r.kind}**" if r.kind in figures.INEXACT else r.kind or "—",
                 str(r.solved),
                 str(r.lost),

@@ -12,8 +12,7 @@ from cpbench.report.claims_section import claims_section
 from cpbench.report.details import WHOLE_RUN
 from cpbench.report.imported_section import imported
 from cpbench.report.multi_start_section import multi_start
-from cpbench.report.participation_sections import tuned
-from cpbench.report.run import Run
+from cpbench.report.run import Run, tuned_sentence
 from cpbench.report.run_sections import again, false_claims, refused, warm_against_cold
 from cpbench.report.text import code, counted, cut, listed, number, plain, table
 from cpbench.verification import Status
@@ -33,12 +32,11 @@ def known_sections(run: Run) -> Iterator[str]:
     yield from _failures(run)
     yield from _never_started(run)
     yield from refused(run, LISTED)
-    yield from tuned(run)
 
 
 def _remarks(run: Run) -> Iterator[str]:
     """Yield a line each on directions, on what conversions lost, and on routes that promise less than an answer."""
-    sentences: list[str] = []
+    sentences = [plain(tuned_sentence(run))] if tuned_sentence(run) else []
     wrong = failures.flagged(run.rows, "direction")
     if len(wrong):
         labels = _most_first(wrong["label"])

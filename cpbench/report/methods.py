@@ -25,10 +25,6 @@ within one formulation, tolerance, start and number of threads only.
 could run on no problem of a formulation is left out of that formulation's tables and figures, and is listed once with
 its reason; N stays.
 
-**Tuned.** Options that `cpbench tune` searched for are marked, with what the search cost, which is in no time here,
-and how many problems of the report it has seen. Problems are split into *dev* and *test* by a hash of their
-mathematics, about half each.
-
 **Solved.** An answer is carried back through the conversions to the problem that was asked, and its error is computed
 there from the problem's data by code and in a process that share nothing with the solver. The pair is *solved* when
 the error is at most the tolerance, whatever the solver said. *Stationary* is the same for a problem that is not

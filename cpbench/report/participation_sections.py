@@ -1,13 +1,12 @@
-"""The sections of a report about who took part: restricted figures, tuned solvers, solvers that could not run."""
+"""The sections of a report about who took part: restricted figures, solvers that could not run."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 from cpbench.analysis import participation
-from cpbench.report.run import Run, tunings
-from cpbench.report.text import code, counted, cut, listed, plain, seconds, table
+from cpbench.report.run import Run
+from cpbench.report.text import code, counted, cut, listed, plain, table
 
 
 def publishing(run: Run) -> Iterator[str]:
@@ -30,40 +29,6 @@ def publishing(run: Run) -> Iterator[str]:
     for name, reason in found.items():
         terms.setdefault(reason, []).append(name)
     yield "\n".join(f"- {listed(names, 12)}: {plain(reason)}" for reason, names in terms.items())
-
-
-def tuned(run: Run) -> Iterator[str]:
-    """Yield what the tuning of solvers cost, and how many of these problems it has seen."""
-    found = tunings(run)
-    if not found:
-        return
-    yield f"## Tuned solvers ({len(found)})"
-    yield (
-        "The options of these were searched for on problems before this run; the time of the search is in no figure. "
-        "*Seen*: problems of this report that the search used. On them a tuned solver is shown at its best."
-    )
-    here = {
-        str(label): set(fingerprints) for label, fingerprints in run.rows.groupby("label")["fingerprint"] if len(label)
-    }
-    yield table(
-        ["solver", "search", "seed", "configurations", "solves", "took", "on problems", "seen"],
-        (_tuned(label, record, here.get(label, set())) for label, record in sorted(found.items())),
-        right=range(2, 8),
-    )
-
-
-def _tuned(label: str, record: Mapping[str, Any], here: set[str]) -> list[str]:
-    used = set(record.get("problems", ()))
-    return [
-        code(label),
-        plain(record.get("method", "")),
-        str(record.get("seed", "")),
-        str(record.get("configurations", "")),
-        str(record.get("solves", "")),
-        seconds(float(record.get("spent", float("nan")))),
-        str(len(used)),
-        f"{len(used & here)} of {len(here)}",
-    ]
 
 
 def absent(run: Run) -> Iterator[str]:

@@ -201,10 +201,16 @@ def group_name_text(run: Run, group: ResultGroup) -> str:
     return ", ".join(parts)
 
 
-def tunings(run: Run) -> dict[str, Mapping[str, Any]]:
-    """Return how the options of tuned solvers were found, by label."""
+def tuned_sentence(run: Run) -> str:
+    """Return a sentence on solvers whose options an earlier version of cpbench searched for; empty without them."""
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
-    return {label: sheet["tuned"] for label, sheet in sheets.items() if sheet.get("tuned")}
+    tuned = sorted(label for label, sheet in sheets.items() if sheet.get("tuned"))
+    if not tuned:
+        return ""
+    return (
+        f"An earlier version of cpbench searched for the options of {', '.join(tuned)} before this run. On problems "
+        "that the search used, these solvers are at their best."
+    )
 
 
 def each(frame: pd.DataFrame) -> Iterator[Any]:

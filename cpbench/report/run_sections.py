@@ -16,7 +16,7 @@ from cpbench.report.contradictions_section import contradictions
 from cpbench.report.imported_section import imported
 from cpbench.report.methods import LOSSES
 from cpbench.report.multi_start_section import multi_start
-from cpbench.report.participation_sections import absent, tuned
+from cpbench.report.participation_sections import absent
 from cpbench.report.run import Run, each
 from cpbench.report.text import code, counted, cut, listed, number, plain, solve_command, table
 from cpbench.verification import Status
@@ -44,7 +44,6 @@ def run_sections(run: Run) -> Iterator[str]:
         _not_started,
         refused,
         _solvers,
-        tuned,
     )
     for section in sections:
         yield from section(run)

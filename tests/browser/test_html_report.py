@@ -108,7 +108,7 @@ def pictures(rows: pd.DataFrame) -> dict[str, Thumbnail]:
 @pytest.fixture(scope="module")
 def written(rows: pd.DataFrame, tmp_path_factory: pytest.TempPathFactory) -> Path:
     sheet = {"name": EVIL, "node": EVIL, "licence": EVIL, "summary": EVIL, "citation": EVIL, "version": EVIL}
-    told = {"tuned": {"method": EVIL, "problems": [], "spent": 1.0}, **sheet}
+    told = {"tuned": {"method": EVIL}, **sheet}  # as an earlier version wrote it
     about = meta(solvers={EVIL: told}, machine={EVIL: EVIL}, refused=[[EVIL, EVIL]], command=f"cpbench {EVIL}")
     folder, made = tmp_path_factory.mktemp("page"), pictures(rows)
     return write_html(rows, about, folder, f"A {EVIL} title", iterates(rows), thumbnails=lambda: made)

@@ -192,6 +192,13 @@ def test_conditions_choose() -> None:
         selection.select(ProblemSet(family=("chain",)), surveys)
 
 
+def test_the_split_halves_problems_the_same_way_every_time() -> None:
+    texts = [f"problem {i}" for i in range(2000)]
+    halves = [selection.split_of(text) for text in texts]
+    assert halves == [selection.split_of(text) for text in texts]
+    assert halves.count("test") / 2000 == pytest.approx(0.5, abs=0.04)
+
+
 def test_a_draw_does_not_depend_on_the_order_of_the_files() -> None:
     surveys = [survey(f"p{i}") for i in range(50)]
     twin = replace(surveys[3], address="elsewhere/p3.h5")

@@ -99,17 +99,14 @@ def test_new_ci_names_what_it_was_given(run: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.nightly
-def test_tune_and_select_name_the_plugin(run: Run, tmp_path: Path) -> None:
+def test_select_names_the_plugin(run: Run, tmp_path: Path) -> None:
     """A solver that a plugin brings is unknown to whoever does not load it."""
     for k in range(8):
         write_lcp(tmp_path, f"p{k}", 3 + k)
     apart("new", "solver", "mine", folder=tmp_path)
-    limits = ("--configurations", "2", "--budget", "60s", "--timeout", "5s", "--quiet")
-    said = apart("tune", "--plugin", "mine/mine.py", "mine", ".", *limits, folder=tmp_path)
-    words = printed(said)
-    assert words == ["run", "--plan", "mine.tuned.toml", "--plugin", "mine/mine.py"]
-    assert re.search(r"\d+ solved", apart(*words, "--no-report", "-o", "tuned.sqlite", folder=tmp_path))
-    said = apart("select", "--plugin", "mine/mine.py", "tuned.sqlite", "--budget", "1m", folder=tmp_path)
+    limits = ("--timeout", "5s", "--quiet", "--no-report")
+    apart("run", "--plugin", "mine/mine.py", ".", "-s", "mine", *limits, "-o", "mine.sqlite", folder=tmp_path)
+    said = apart("select", "--plugin", "mine/mine.py", "mine.sqlite", "--budget", "1m", folder=tmp_path)
     words = shlex.split(re.findall(r"run it with: cpbench (.*)$", said, re.MULTILINE)[0])
     assert re.search(r"\d+ solved", apart(*words, "--no-report", "-o", "chosen.sqlite", folder=tmp_path))
 

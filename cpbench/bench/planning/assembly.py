@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cpbench.bench.messages import Surveyed
-from cpbench.bench.planning import grids, plan, selection, tunings
+from cpbench.bench.planning import grids, plan, selection
 from cpbench.bench.planning.plan import Entry, Pair, Request
 from cpbench.bench.planning.run_plan import ProblemSet, RunPlan
 from cpbench.bench.slot import Slot, Unread
@@ -107,8 +107,6 @@ def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: R
     for part, solvers_, named_here, asks, addresses in zip(asked.sets, entries, named, requests, places, strict=True):
         here = [surveys[a, part.format] for a in addresses if (a, part.format) in surveys]
         chosen = selection.select(part, here) if here else []
-        meant = chosen or selection.select(replace(part, split=""), here) if here else []
-        tunings.require_unseen(asked.tunings, solvers_, meant, part.split)
         pairs = _pairs(part, chosen, solvers_, named_here, asks, asked.threads)
         for pair in pairs:
             _require_same(planned.setdefault(pair.key, pair), pair)

@@ -28,11 +28,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.planning import features, grids, quantities, tunings, where
+from cpbench.bench.planning import features, grids, quantities, where
 from cpbench.bench.planning.plan import pinned
 from cpbench.bench.planning.run_plan import BUILTIN, RUN_KEYS, SET_KEYS
 from cpbench.bench.planning.suites import SUITES
-from cpbench.bench.planning.tunings import Tuning
 from cpbench.bench.results.store import KEEP
 from cpbench.bench.starts import parse_start
 from cpbench.errors import CpbenchError, UnknownName
@@ -54,13 +53,11 @@ class PlanError(CpbenchError):
 
 @dataclass(frozen=True)
 class PlanFile:
-    """The checked content of a plan file: keys of the run and of all sets, keys of each set, and the tunings of
-    solvers."""
+    """The checked content of a plan file: keys of the run and of all sets, and keys of each set."""
 
     path: Path
     top: Mapping[str, Any]
     sets: tuple[Mapping[str, Any], ...]
-    tunings: tuple[Tuning, ...] = ()
 
 
 def find(folder: str | Path = ".") -> Path | None:
@@ -81,21 +78,22 @@ def read(path: str | Path) -> PlanFile:
         raise PlanError(f"{path}: has no table [tool.cpbench]")
     if "solver" in table:
         declared.declare_all(table.pop("solver"), path)
-    sets, tunings_ = (_tables(table.pop(name, []), path, name) for name in ("set", "tuning"))
+    if "tuning" in table:
+        raise PlanError(f"{path}: [[tuning]]: cpbench no longer searches for options; delete the table to run the plan")
+    sets = _tables(table.pop("set", []), path)
     top = _checked(
         table, [k for k in (*RUN_KEYS, *SET_KEYS) if k not in ("name", *ONLY_SAID)], path, "", ["set", "solver"]
     )
     if path.name not in (NAME, PROJECT):
         top.setdefault("output", f"{path.stem}.sqlite")
     parts = [_checked(part, SET_KEYS, path, _title(part, i)) for i, part in enumerate(sets, 1)]
-    tuned = tuple(_tuning(entry, path, i) for i, entry in enumerate(tunings_, 1))
     names = [part.get("name", "") for part in parts]
     for i, name in enumerate(names, 1):
         if len(names) > 1 and not name:
             raise PlanError(f"{path}: [[set]] {i}: has no name; with several sets each needs one")
         if names.index(name) != i - 1:
             raise PlanError(f"{path}: [[set]] {i}: name = '{name}': is the name of [[set]] {names.index(name) + 1} too")
-    return PlanFile(path, top, tuple(parts), tuned)
+    return PlanFile(path, top, tuple(parts))
 
 
 def check(key: str, value: Any) -> Any:
@@ -121,17 +119,10 @@ def _table(path: Path) -> dict[str, Any] | None:
     return table if isinstance(table, dict) else None
 
 
-def _tables(value: Any, path: Path, name: str) -> list[dict[str, Any]]:
+def _tables(value: Any, path: Path) -> list[dict[str, Any]]:
     if not isinstance(value, list) or not all(isinstance(item, dict) for item in value):
-        raise PlanError(f"{path}: {name}: is not a list of tables; write [[{name}]] above each")
+        raise PlanError(f"{path}: set: is not a list of tables; write [[set]] above each")
     return value
-
-
-def _tuning(table: Mapping[str, Any], path: Path, i: int) -> Tuning:
-    try:
-        return tunings.read(table)
-    except CpbenchError as cause:
-        raise PlanError(f"{path}: [[tuning]] {i}: {cause}") from None
 
 
 def _title(part: Mapping[str, Any], i: int) -> str:

@@ -15,7 +15,6 @@ from typing import Any
 from cpbench.bench.planning import suites
 from cpbench.bench.planning.places import BUILTIN
 from cpbench.bench.planning.plan import Limits
-from cpbench.bench.planning.tunings import Tuning
 from cpbench.errors import CpbenchError, UnknownName
 
 """The name of the folder of built-in problems among the problems of a set."""
@@ -92,8 +91,7 @@ class RunPlan:
     jobs : number of solves at a time. isolate : worker or fresh. affinity : whether each slot gets cores of its own.
     dask, cluster : other machines. shard : (i, n), the i-th of n parts of all blocks. rerun : what is run again of
     an old file (empty: nothing). retry : times a pair that crashed or ran out of time is run again.
-    fail_on : statuses that make the command end with 1, or `contradiction`. tunings : how options of its solvers were
-    found.
+    fail_on : statuses that make the command end with 1, or `contradiction`.
     """
 
     sets: tuple[ProblemSet, ...] = (ProblemSet(),)
@@ -111,7 +109,6 @@ class RunPlan:
     rerun: str = ""
     retry: int = 0
     fail_on: tuple[str, ...] = ()
-    tunings: tuple[Tuning, ...] = ()
 
     @property
     def builtin(self) -> bool:
@@ -156,7 +153,7 @@ class RunPlan:
 
 
 SET_KEYS = tuple(f.name for f in fields(ProblemSet))
-RUN_KEYS = tuple(f.name for f in fields(RunPlan) if f.name not in ("sets", "tunings"))
+RUN_KEYS = tuple(f.name for f in fields(RunPlan) if f.name != "sets")
 
 
 def make(
@@ -164,7 +161,6 @@ def make(
     top: Mapping[str, Any],
     sets: Sequence[Mapping[str, Any]],
     only: Sequence[str] = (),
-    tunings: Sequence[Tuning] = (),
     suite: Callable[[str], Mapping[str, Any]] | None = None,
 ) -> RunPlan:
     """Return the plan from values that were read: `given` on the command line, at the `top` of a file, in its `sets`.
@@ -183,7 +179,7 @@ def make(
             raise UnknownName("set", name, [part.name for part in parts])
     chosen = tuple(part for part in parts if not only or part.name in only)
     whole = {key: value for key, value in {**top, **given}.items() if key in RUN_KEYS}
-    plan = RunPlan(sets=chosen, tunings=tuple(tunings), **whole)
+    plan = RunPlan(sets=chosen, **whole)
     if plan.dask and plan.cluster:
         raise CpbenchError(f"--dask {plan.dask} and --cluster {plan.cluster}: a run has one place; leave one out")
     return plan

@@ -98,7 +98,7 @@ def select(part: ProblemSet, surveys: Sequence[Surveyed]) -> list[Surveyed]:
 def split_of(fingerprint: str) -> str:
     """Return `dev` or `test`: a hash of the problem's mathematics decides, one half each, on every machine alike.
 
-    Options may be searched for on the one, and a solver then be compared on the other. A copy of a problem, whatever
+    A solver may be developed on the one, and then be compared on the other. A copy of a problem, whatever
     its name and place, is in the same half.
     """
     return "test" if _hash(f"split {fingerprint}")[0] % 2 else "dev"

@@ -27,7 +27,7 @@ from cpbench.analysis.table import CHARGED, ResultGroup
 from cpbench.analysis.tolerances import Ladders, ladders
 from cpbench.report.html.embedded_data import Column
 from cpbench.report.matrix import SYMBOLS
-from cpbench.report.run import Run, group_name_text, tunings
+from cpbench.report.run import Run, group_name_text
 from cpbench.report.text import one_line, solve_command
 from cpbench.verification import INACCURATE_FACTOR, VERIFIED, Status
 
@@ -221,13 +221,11 @@ def _sizes(text: str) -> dict[str, float]:
 
 
 def _labels(run: Run, rows: pd.DataFrame, labels: Sequence[str]) -> dict[str, list[Any]]:
-    tuned = tunings(run)
     elsewhere = rows_of.ranked(rows).groupby(rows["label"]).all()
     origin = (rows["origin"] != "").groupby(rows["label"]).any()
     return {
         "name": [one_line(label) for label in labels],
         "look": [run.looks[label] for label in labels],
-        "tuned": [int(label in tuned) for label in labels],
         "elsewhere": [int(bool(origin[label])) for label in labels],
         "ranked": [int(bool(elsewhere[label])) for label in labels],
     }

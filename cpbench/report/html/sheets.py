@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -10,14 +9,14 @@ from typing import Any
 
 from cpbench.analysis import multi_start
 from cpbench.report.html.markup import Markup, element, table
-from cpbench.report.run import Run, tunings
+from cpbench.report.run import Run, tuned_sentence
 from cpbench.report.run_sections import DRIFT
 from cpbench.report.text import cut, seconds
 from cpbench.verification import Status
 
 
 def solvers(run: Run) -> Iterator[Markup]:
-    """Yield versions, licences, methods and citations; which were tuned, and what that took."""
+    """Yield versions, licences, methods and citations; which were tuned by an earlier version."""
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     here = set(run.rows.loc[run.rows["status"] != str(Status.UNAVAILABLE), "solver"].unique())
     used = run.rows[run.rows["version"] != ""].groupby("solver")["version"].unique()
@@ -34,23 +33,8 @@ def solvers(run: Run) -> Iterator[Markup]:
         lines.append([name, sheet.get("node", ""), versions or "—", terms, Markup(method)])
     if lines:
         yield table("Solvers", ["solver", "solves", "version", "licence", "method and source"], lines)
-    found = tunings(run)
-    if found:
-        yield element("h3", "Tuned")
-        names = run.rows.groupby("label")["fingerprint"].unique()
-        terms = (
-            [
-                label,
-                record.get("method", ""),
-                record.get("configurations", ""),
-                seconds(float(record.get("spent", math.nan))),
-                f"{len(set(record.get('problems', ())) & set(names.get(label, ())))} of {len(names.get(label, ()))}",
-            ]
-            for label, record in sorted(found.items())
-        )
-        yield element("p", "Their options were searched for on problems before this run.", class_="scope")
-        head = ["solver", "search", "configurations", "took", "problems of this report it has seen"]
-        yield table("Tuned solvers", head, terms, right=[2, 3])
+    if tuned_sentence(run):
+        yield element("p", tuned_sentence(run), class_="scope")
 
 
 def problems(run: Run) -> Iterator[Markup]:

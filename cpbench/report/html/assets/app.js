@@ -20,7 +20,6 @@ const App = (() => {
     const { labels } = data.facts,
       found = [];
     if (MARKS[kind]) found.push(mark(MARKS[kind], "its route promises less than an answer"));
-    if (labels.tuned[code]) found.push(mark("tuned", "its options were searched for before this run"));
     if (labels.elsewhere[code])
       found.push(
         mark("elsewhere", "made on another machine; its times are ranked with nobody's unless that was asked for"),
