@@ -1,1 +1,1 @@
-"""Advice from measurements: tune, history and select. Optional: only their commands import it."""
+"""Selection of problems for short runs. Optional: only its command imports it."""

@@ -36,7 +36,6 @@ import numpy as np
 import pandas as pd
 from made_up_rows import LIMIT, as_paths, as_starts, make
 
-from cpbench.advice import timeline
 from cpbench.analysis import (
     bands,
     baseline,
@@ -147,9 +146,6 @@ def commands(data: Data) -> dict[str, Callable[[], Any]]:
     return {
         "compare two runs of half": lambda: compare(ComparisonSide("base", half), ComparisonSide("new", again)),
         "baseline, written": lambda: baseline.text(baseline.outcomes(rows)),
-        "history of two runs of half": lambda: timeline.timeline(
-            [timeline.TimelineRun("a", half), timeline.TimelineRun("b", again)]
-        ),
     }
 
 

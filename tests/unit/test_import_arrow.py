@@ -94,7 +94,7 @@ def test_imports_point_one_way() -> None:
 
 
 OPTIONAL = {
-    "advice": {f"cli/{name}_command.py" for name in ("history", "select")},
+    "advice": {"cli/select_command.py"},
     "bundle": {f"cli/{name}_command.py" for name in ("bundle", "reproduce")},
     "certificates": {"api/certifying.py", "api/certificate_text.py"},
     "diagnosis": {"api/diagnosing.py"},
