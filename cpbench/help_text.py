@@ -33,7 +33,6 @@ COMMANDS = {
     "report": "Write the report of a results file: HTML, Markdown and figures, or LaTeX.",
     "compare": "Compare two results files, or two builds: report regressions, and differences too small to call.",
     "baseline": "Keep the outcomes of a run as text for version control, and show the changes in a later run.",
-    "select": "Select problems for short runs, such as in CI, from results of all problems.",
     "import": "Judge answers that were computed elsewhere, and put them into a results file.",
     "merge": "Put the rows of several results files into one.",
     "export": "Write the rows or the answers of a results file to other formats.",

@@ -54,12 +54,11 @@ ALLOWED: dict[str, set[str]] = {
     | {"certificates", "diagnosis", "multipliers"}
     | {"formulations", "facts", "graph", "checking", "testing", "bench", "analysis", "report", "generators"}
     | ROOMS,
-    "advice": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
     "bundle": BASE | {"formulations", "exchange", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
     "reduction": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators", "api"} | ROOMS,
     "cli": BASE
     | {"formulations", "facts", "exchange", "graph", "checking", "testing", "bench", "analysis", "report", "generators"}
-    | {"api", "advice", "bundle", "reduction", "multipliers"}
+    | {"api", "bundle", "reduction", "multipliers"}
     | ROOMS,
 }
 EXCEPTIONS = {"generators/collection.py": {"storage"}}  # it reads what stands in files
@@ -94,7 +93,6 @@ def test_imports_point_one_way() -> None:
 
 
 OPTIONAL = {
-    "advice": {"cli/select_command.py"},
     "bundle": {f"cli/{name}_command.py" for name in ("bundle", "reproduce")},
     "certificates": {"api/certifying.py", "api/certificate_text.py"},
     "diagnosis": {"api/diagnosing.py"},

@@ -49,12 +49,6 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFi
     return called
 
 
-def printed(said: str) -> list[str]:
-    """The words of the one command in an output, without `cpbench`."""
-    (command,) = re.findall(r"cpbench (?:" + "|".join(COMMANDS) + r")\b[^\n]*", said)
-    return shlex.split(command)[1:]
-
-
 def apart(*words: object, folder: Path) -> str:
     """A command in a process of its own: what it loads is forgotten."""
     command = [sys.executable, "-m", "cpbench", *map(str, words)]
@@ -96,19 +90,6 @@ def test_new_ci_names_what_it_was_given(run: Run, tmp_path: Path) -> None:
     assert line == "bash compare.sh --solver mine.toml --build 'make all' --base 'HEAD~1'"
     done = subprocess.run(shlex.split(line), cwd=tmp_path, capture_output=True, text=True, timeout=100)
     assert "no commit 'HEAD~1' here" in done.stderr
-
-
-@pytest.mark.nightly
-def test_select_names_the_plugin(run: Run, tmp_path: Path) -> None:
-    """A solver that a plugin brings is unknown to whoever does not load it."""
-    for k in range(8):
-        write_lcp(tmp_path, f"p{k}", 3 + k)
-    apart("new", "solver", "mine", folder=tmp_path)
-    limits = ("--timeout", "5s", "--quiet", "--no-report")
-    apart("run", "--plugin", "mine/mine.py", ".", "-s", "mine", *limits, "-o", "mine.sqlite", folder=tmp_path)
-    said = apart("select", "--plugin", "mine/mine.py", "mine.sqlite", "--budget", "1m", folder=tmp_path)
-    words = shlex.split(re.findall(r"run it with: cpbench (.*)$", said, re.MULTILINE)[0])
-    assert re.search(r"\d+ solved", apart(*words, "--no-report", "-o", "chosen.sqlite", folder=tmp_path))
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,12 @@
-"""Writes plan files, for commands that make one."""
+"""Keys and values of a plan file as text, for commands that write one."""
 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from cpbench import toml_text
-from cpbench.bench.planning.run_plan import BUILTIN
-from cpbench.storage.base import write_atomic
-
-
-def beside(folder: Path, text: str) -> str:
-    """Return a problem's address relative to the folder of the plan."""
-    return text if text.split("/")[0] == BUILTIN else os.path.relpath(text, folder)
 
 
 def lines(table: Mapping[str, Any]) -> list[str]:
@@ -36,8 +27,3 @@ def _with_none(value: Any) -> Any:
     if isinstance(value, list):
         return [_with_none(item) for item in value]
     return "none" if isinstance(value, float) and math.isinf(value) else value
-
-
-def write(path: Path, text: str) -> None:
-    """Write a plan, whole or not at all; raises FormatError."""
-    write_atomic(path, text.encode(), force=True)

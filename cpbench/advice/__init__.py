@@ -1,1 +1,0 @@
-"""Selection of problems for short runs. Optional: only its command imports it."""
