@@ -6,13 +6,13 @@ import dataclasses
 import inspect
 import textwrap
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from cpbench.bench.availability import SolverState
 from cpbench.plain_text import columns
 from cpbench.solvers.base import Solver, SolverSpec, solvers
-from cpbench.solvers.options import domains, written
+from cpbench.solvers.options import choices, written
 
 HEAD = ("solver", "node", "method", "version", "licence")
 WIDTH = 110
@@ -85,7 +85,6 @@ def sheet(solver: Solver, seen: SolverState, width: int = WIDTH) -> Iterator[str
 def as_data(solver: Solver, seen: SolverState) -> dict[str, Any]:
     """Return everything known of one solver as data for programs."""
     spec = solver.spec
-    where = domains(spec.options)
     return {
         "name": spec.name,
         "node": spec.node,
@@ -106,7 +105,7 @@ def as_data(solver: Solver, seen: SolverState) -> dict[str, Any]:
                 "name": f.name,
                 "type": type(f.default).__name__,
                 "default": f.default,
-                "search": _search(where, f.name),
+                "choices": list(choices(spec.options, f.name)),
             }
             for f in dataclasses.fields(spec.options)
         ],
@@ -114,25 +113,16 @@ def as_data(solver: Solver, seen: SolverState) -> dict[str, Any]:
     }
 
 
-def _search(where: Mapping[str, Any], name: str) -> dict[str, Any] | None:
-    if name not in where:
-        return None
-    domain = where[name]
-    if domain.choices:
-        return {"choices": list(domain.choices)}
-    return {"low": domain.low, "high": domain.high, "log": domain.log}
-
-
 def _options(spec: SolverSpec, width: int) -> Iterator[str]:
     fields = dataclasses.fields(spec.options)
     if not fields:
         yield "  options       none"
         return
-    where = domains(spec.options)
     yield f"  options       as in --solver '{spec.name}[{fields[0].name}={written(fields[0].default)}]'"
-    head = ("    option", "type", "default", "searched by cpbench tune")
+    head = ("    option", "type", "default", "choices")
     rows = [
-        (f"    {f.name}", type(f.default).__name__, written(f.default), str(where.get(f.name, "no"))) for f in fields
+        (f"    {f.name}", type(f.default).__name__, written(f.default), " | ".join(map(written, among)) or "any")
+        for f, among in ((f, choices(spec.options, f.name)) for f in fields)
     ]
     yield from columns([head, *rows])
     text = inspect.getdoc(spec.options) or ""

@@ -76,7 +76,7 @@ class SolverSpec:
     name : registry name. node : the formulation it solves. summary : one line. method : kind of algorithm.
     requires : import names of the packages it needs, `install` : how to get them.
     kind : EQUIVALENT, or RELAXATION where the solver drops a term of the law.
-    options : frozen dataclass of typed options with defaults; `options.searched` says where values lie.
+    options : frozen dataclass of typed options with defaults; an Enum or a Literal limits the values of one.
     by_default : whether a run that names no solver takes it; of a large family only the best known members do.
     quick : whether the quick suite takes it: it comes with cpbench or its extra `backends`, and solves small problems
         at once.

@@ -18,14 +18,13 @@ from cpbench.solvers.base import solvers
 PLUGIN = '''
 from dataclasses import dataclass
 from cpbench.solvers.base import Availability, Claim, Solver, SolverOutput, SolverSpec, register
-from cpbench.solvers.options import fixed, searched
 
 @dataclass(frozen=True)
 class Options:
     """`step` : how far."""
 
-    step: float = searched(0.5, low=0.1, high=0.9)
-    max_steps: int = fixed(10)
+    step: float = 0.5
+    max_steps: int = 10
 
 class Plugged(Solver):
     def solve(self, prepared, budget, options, start=None, record=None):

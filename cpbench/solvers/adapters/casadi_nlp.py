@@ -16,7 +16,6 @@ from cpbench.solvers.adapters.casadi_ipopt import CLAIMS as IPOPT_CLAIMS
 from cpbench.solvers.adapters.casadi_ipopt import IPOPT, LEAST
 from cpbench.solvers.adapters.nlp_answers import answer, concluded, small_program
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.options import fixed
 from cpbench.solvers.stopping import Stopping, no_looser
 
 SQP_CLAIMS = {
@@ -30,7 +29,7 @@ SQP_CLAIMS = {
 class NLPOptions:
     """Options of casadi-ipopt-nlp, casadi-sqpmethod. `max_iterations` : of the guest, unless the budget bounds them."""
 
-    max_iterations: int = fixed(3000)
+    max_iterations: int = 3000
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,6 @@ from cpbench.solvers.base import (
     package_version,
     register,
 )
-from cpbench.solvers.options import fixed
 from cpbench.solvers.stopping import Stopping, no_looser
 
 
@@ -39,7 +38,7 @@ from cpbench.solvers.stopping import Stopping, no_looser
 class MinimizeOptions:
     """Options of scipy-slsqp, scipy-trust-constr. `max_iterations` : of the guest, unless the budget bounds them."""
 
-    max_iterations: int = fixed(2000)
+    max_iterations: int = 2000
 
 
 STUCK = {"gtol": 0.0, "xtol": 1e-15, "barrier_tol": 1e-15}

@@ -28,7 +28,6 @@ from cpbench.solvers.base import (
     package_version,
     register,
 )
-from cpbench.solvers.options import fixed
 from cpbench.solvers.shared.row_error import row_error
 from cpbench.solvers.stopping import Stopping
 
@@ -55,7 +54,7 @@ CLOSE = 100.0
 class RootOptions:
     """Options of the methods of this module. `max_evaluations` : of F, unless the budget bounds them."""
 
-    max_evaluations: int = fixed(20_000)
+    max_evaluations: int = 20_000
 
 
 class _Enough(Exception):

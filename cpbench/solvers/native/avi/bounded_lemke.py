@@ -18,7 +18,6 @@ from scipy.linalg import lapack
 
 from cpbench.kernel_cache import load
 from cpbench.matrices import Dense, Vector, max_abs
-from cpbench.solvers.options import fixed, searched
 
 SLICE = 256
 """Pivots between two looks at the clock."""
@@ -34,9 +33,9 @@ class PivotOptions:
     this, in data scaled to size one, do not block. `tie_tolerance` : rows that a step would bring this close to a
     bound count as tied."""
 
-    max_pivots: int = fixed(0)
-    pivot_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
-    tie_tolerance: float = searched(1e-13, low=1e-15, high=1e-9, log=True)
+    max_pivots: int = 0
+    pivot_tolerance: float = 1e-11
+    tie_tolerance: float = 1e-13
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,6 @@ from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench.solvers.options import fixed, searched
 from cpbench.solvers.shared.progress import Progress, next_stop
 
 CHUNK = 256
@@ -26,9 +25,9 @@ class PGSRelayOptions:
     """Options of pgs-relay. `omega` : over-relaxation, in ]0, 2[. `max_iterations` : sweeps. `stall_window` : sweeps
     without gain after which it gives up."""
 
-    omega: float = searched(1.0, low=0.3, high=1.95)
-    max_iterations: int = fixed(100_000)
-    stall_window: int = fixed(5000)
+    omega: float = 1.0
+    max_iterations: int = 100_000
+    stall_window: int = 5000
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,6 @@ from cpbench.product_cones import Cone
 from cpbench.solvers.base import SolverSpec, Trait, register
 from cpbench.solvers.native.cone.run import ConicSolver, Iterates
 from cpbench.solvers.native.cone.scaled_form import ConicForm
-from cpbench.solvers.options import fixed, searched
 
 SIGMA = 1e-9
 """Keeps the system regular where M and A leave some x alone."""
@@ -41,10 +40,10 @@ class ADMMOptions:
     """Options of admm-coneqp, admm-soclcp. `rho` : the first penalty, for data of size one. `alpha` :
     over-relaxation, in [1, 2[. `balance` : adapt ρ to the residuals."""
 
-    rho: float = searched(0.3, low=1e-3, high=30.0, log=True)
-    alpha: float = searched(1.6, low=1.0, high=1.9)
+    rho: float = 0.3
+    alpha: float = 1.6
     balance: bool = True
-    max_iterations: int = fixed(20_000)
+    max_iterations: int = 20_000
 
 
 class ConeSplitting:

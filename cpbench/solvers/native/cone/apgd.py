@@ -24,7 +24,6 @@ from cpbench.matrices import Matrix, Vector
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.nonlinear.natural_map import congruent, equilibrate
-from cpbench.solvers.options import fixed
 from cpbench.solvers.shared.progress import SHARE, Progress
 
 GROW = 1.05
@@ -35,8 +34,8 @@ HALVINGS = 60
 class APGDOptions:
     """Options of apgd. `max_iterations`. `stall_window` : iterations without gain after which it gives up."""
 
-    max_iterations: int = fixed(200_000)
-    stall_window: int = fixed(20_000)
+    max_iterations: int = 200_000
+    stall_window: int = 20_000
 
 
 @dataclass(frozen=True)

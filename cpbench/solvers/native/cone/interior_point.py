@@ -27,9 +27,6 @@ from cpbench.solvers.base import Budget, SolverSpec, Trait, register, solvers
 from cpbench.solvers.native.cone.lorentz_scaling import GroupScaling, LorentzCones
 from cpbench.solvers.native.cone.run import ConicSolver, Iterates
 from cpbench.solvers.native.cone.scaled_form import ConicForm
-from cpbench.solvers.options import fixed, searched
-from cpbench.solvers.shared.lorentz_rows import lorentz_rows
-from cpbench.solvers.shared.polish import polish
 
 FRACTION = 0.99
 """How much of the way to the boundary a step goes at most."""
@@ -48,8 +45,8 @@ class ConeInteriorPointOptions:
     """Options of interior-point-coneqp, interior-point-soclcp. `correction` : the exponent in μ⁺ = (1 −
     α)^correction μ, α the length of the prediction."""
 
-    correction: float = searched(3.0, low=1.0, high=4.0)
-    max_iterations: int = fixed(100)
+    correction: float = 3.0
+    max_iterations: int = 100
 
 
 class CentralPath:

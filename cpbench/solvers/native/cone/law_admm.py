@@ -21,7 +21,6 @@ from cpbench.errors import ProblemError
 from cpbench.matrices import Dense, Vector, norm
 from cpbench.solvers.base import Budget
 from cpbench.solvers.native.contact.run import ContactMethod, MethodOptions
-from cpbench.solvers.options import fixed, searched
 
 FIRST_REST, LONGER = 20, 1.5
 """Iterations with one ρ before it may change, and by how much longer it must stay the next time."""
@@ -37,10 +36,10 @@ class ConicADMMOptions(MethodOptions):
     """Options of admm-gfc, admm-rfc, admm-grfc. `rho` : the first penalty, in units where every W_cc has mean
     diagonal 1. `alpha` : over-relaxation. `balance` : adapt ρ to the residuals."""
 
-    rho: float = searched(0.1, low=1e-4, high=10.0, log=True)
-    alpha: float = searched(1.0, low=1.0, high=1.9)
+    rho: float = 0.1
+    alpha: float = 1.0
     balance: bool = True
-    max_iterations: int = fixed(20_000)
+    max_iterations: int = 20_000
 
 
 class Delassus(ABC):

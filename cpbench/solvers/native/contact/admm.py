@@ -19,7 +19,6 @@ from cpbench.matrices import Matrix, Vector, is_symmetric
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, conclude, kernel, scaled_contacts
-from cpbench.solvers.options import fixed, searched
 from cpbench.solvers.shared.progress import Progress
 
 FIRST_REST, LONGER = 20, 1.5
@@ -37,12 +36,12 @@ class ADMMContactOptions:
     over-relaxation. `balance` : adapt ρ to the residuals. `factors` : of sparse W + ρI; CHOLMOD and QDLDL take W for
     symmetric. `stall_window` : iterations without gain after which it gives up."""
 
-    rho: float = searched(0.1, low=1e-4, high=10.0, log=True)
-    alpha: float = searched(1.0, low=1.0, high=1.9)
+    rho: float = 0.1
+    alpha: float = 1.0
     balance: bool = True
     factors: Literal["superlu", "cholmod", "qdldl"] = "superlu"
-    max_iterations: int = fixed(20_000)
-    stall_window: int = fixed(2_000)
+    max_iterations: int = 20_000
+    stall_window: int = 2_000
 
 
 @register

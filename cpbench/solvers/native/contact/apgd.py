@@ -17,7 +17,6 @@ from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.native.contact.frozen_law import block_csr
 from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, kernel
-from cpbench.solvers.options import fixed, searched
 
 GAIN, LONGER, LONGEST = 0.9, 2, 500
 """De Saxcé's term is held so much longer where the least error has not fallen below GAIN times its old value within
@@ -30,9 +29,9 @@ class APGDContactOptions(MethodOptions):
     """Options of apgd-fc. `hold` : iterations for which De Saxcé's term is kept in the beginning; longer where
     errors do not fall."""
 
-    hold: int = searched(3, low=1, high=100, log=True)
-    max_iterations: int = fixed(500_000)
-    stall_window: int = fixed(50_000)
+    hold: int = 3
+    max_iterations: int = 500_000
+    stall_window: int = 50_000
 
 
 class _Accelerated(ContactMethod):

@@ -27,7 +27,6 @@ from cpbench.solvers.native.contact.sweeps import (
     scaled_contacts,
 )
 from cpbench.solvers.native.stacks import CONTACT_SHARES, solve_fc
-from cpbench.solvers.options import fixed, searched
 
 KERNELS = (
     "anderson",
@@ -47,8 +46,8 @@ class AutoContactOptions:
     """Options of auto-fc. `sweeps` : in the first phase. `max_iterations` : sweeps, Newton steps, steps of interior
     points and iterations of ADMM together."""
 
-    sweeps: int = searched(50, low=10, high=500, log=True)
-    max_iterations: int = fixed(400_000)
+    sweeps: int = 50
+    max_iterations: int = 400_000
 
 
 @register

@@ -29,7 +29,6 @@ from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, conclude, scaled_contacts
 from cpbench.solvers.native.lcp.claims import DENSE_BYTES
 from cpbench.solvers.native.lcp.lemke import Lemke
-from cpbench.solvers.options import fixed, searched
 
 PIVOTED = 1e-10
 """Error that Lemke's answers to the LCP are asked for."""
@@ -40,9 +39,9 @@ class FacetsOptions:
     """Options of facets-lemke. `facets` : ν of the first polygons, even. `outer` : these are around the disk, else
     within it. `rounds` : LCPs after the first one, each with finer polygons; 0 leaves the plain method."""
 
-    facets: int = searched(8, low=4, high=32)
+    facets: int = 8
     outer: bool = True
-    rounds: int = fixed(30)
+    rounds: int = 30
 
 
 @register

@@ -22,7 +22,6 @@ from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.native.contact.frozen_law import Frozen
 from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, kernel
-from cpbench.solvers.options import fixed, searched
 
 GAIN, PATIENCE = 0.9, 20
 """The least error must fall below this times its old value in so many steps, else the convex problems are solved FINER,
@@ -37,12 +36,12 @@ class FrozenLawOptions(MethodOptions):
     else projected Gauss–Seidel. `inner_iterations` : at most, of a convex problem. `relaxation` : of what is frozen,
     1 sets it wholly anew; reduced where errors do not fall. `max_iterations` : convex problems."""
 
-    share: float = searched(0.1, low=1e-3, high=0.9, log=True)
+    share: float = 0.1
     momentum: bool = True
-    relaxation: float = searched(1.0, low=0.3, high=1.0)
-    inner_iterations: int = fixed(2_000)
-    max_iterations: int = fixed(20_000)
-    stall_window: int = fixed(300)
+    relaxation: float = 1.0
+    inner_iterations: int = 2_000
+    max_iterations: int = 20_000
+    stall_window: int = 300
 
 
 class _FixedPoint(ContactMethod):

@@ -33,7 +33,6 @@ from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, regis
 from cpbench.solvers.native.contact.newton_equation import DENSE_FROM
 from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, contact_spec, finish, iterate
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, kernel
-from cpbench.solvers.options import fixed, searched
 
 SHORTEST = 1e-8
 """A step shorter than this means that the iterates are stuck at the boundary."""
@@ -44,10 +43,10 @@ class ContactInteriorPointOptions:
     """Options of interior-point-fc, interior-point-relaxation. `boundary` : share of the way to the boundary that a
     step goes. `smoothing` : ε, in units of max|q|, over yᵀw/nc in those of its square. `max_iterations`."""
 
-    boundary: float = searched(0.7, low=0.5, high=0.99)
-    smoothing: float = searched(0.1, low=1e-3, high=1.0, log=True)
-    max_iterations: int = fixed(300)
-    stall_window: int = fixed(30)
+    boundary: float = 0.7
+    smoothing: float = 0.1
+    max_iterations: int = 300
+    stall_window: int = 30
 
 
 class ContactInteriorPoint(ContactMethod):

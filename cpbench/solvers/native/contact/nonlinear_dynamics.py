@@ -23,7 +23,6 @@ from cpbench.formulations.nfc import NFCPoint, NonlinearFrictionContact
 from cpbench.formulations.sizes import row_sizes
 from cpbench.matrices import norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solvers
-from cpbench.solvers.options import fixed, searched
 
 NODES = ("fc", "gfc")
 """Nodes of which the inner solver may be."""
@@ -42,8 +41,8 @@ class NewtonContactOptions:
     of which a new one must be below. `max_iterations` : linearizations."""
 
     inner: str = "nsgs"
-    memory: int = searched(4, low=1, high=10)
-    max_iterations: int = fixed(100)
+    memory: int = 4
+    max_iterations: int = 100
 
 
 @register

@@ -28,7 +28,6 @@ from cpbench.solvers.native.contact.sweeps import (
     kernel,
     work,
 )
-from cpbench.solvers.options import fixed, searched
 
 
 @dataclass(frozen=True)
@@ -37,12 +36,12 @@ class NSGSOptions:
     : a new random order for every sweep. `symmetric` : every other sweep goes backwards. `max_iterations` : sweeps.
     `stall_window` : sweeps without gain after which it gives up."""
 
-    omega: float = searched(1.0, low=0.5, high=1.9)
+    omega: float = 1.0
     local: Local = Local.EXACT
     shuffle: bool = False
     symmetric: bool = False
-    max_iterations: int = fixed(100_000)
-    stall_window: int = fixed(10_000)
+    max_iterations: int = 100_000
+    stall_window: int = 10_000
 
 
 @register

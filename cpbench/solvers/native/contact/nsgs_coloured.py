@@ -24,7 +24,6 @@ from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.relaxation import TRAITS
 from cpbench.solvers.native.contact.run import ContactMethod, MethodOptions, iterate
 from cpbench.solvers.native.contact.sweeps import block_rows, conclude, kernel
-from cpbench.solvers.options import fixed
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class ColouredOptions(MethodOptions):
     """Options of nsgs-coloured. `threads` : among which the contacts of a colour are divided; worth it from some ten
     thousand contacts on."""
 
-    threads: int = fixed(1)
+    threads: int = 1
 
 
 @dataclass(frozen=True)

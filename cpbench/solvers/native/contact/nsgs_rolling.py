@@ -14,7 +14,6 @@ from cpbench.kernel_cache import compiled
 from cpbench.matrices import Vector, entries
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.contact.sweeps import conclude, kernel
-from cpbench.solvers.options import fixed, searched
 from cpbench.solvers.shared.progress import Progress
 
 BLOCKS_A_CALL = 400_000
@@ -26,10 +25,10 @@ class NSGSRollingOptions:
     """Options of nsgs-rfc. `omega` : relaxation of every contact's change. `shuffle` : a new random order in every
     sweep. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
-    omega: float = searched(1.0, low=0.5, high=1.9)
+    omega: float = 1.0
     shuffle: bool = False
-    max_iterations: int = fixed(100_000)
-    stall_window: int = fixed(10_000)
+    max_iterations: int = 100_000
+    stall_window: int = 10_000
 
 
 @dataclass(frozen=True)

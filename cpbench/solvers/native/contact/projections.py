@@ -17,7 +17,6 @@ from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.native.contact.frozen_law import block_csr
 from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, kernel
-from cpbench.solvers.options import fixed, searched
 
 
 @dataclass(frozen=True)
@@ -25,9 +24,9 @@ class ContactProjectionOptions(MethodOptions):
     """Options of extragradient-fc, de-saxce-fixed-point. `rho` : the first step length. `max_iterations` :
     projections of a trial."""
 
-    rho: float = searched(1.0, low=1e-2, high=10.0, log=True)
-    max_iterations: int = fixed(2_000_000)
-    stall_window: int = fixed(10_000)
+    rho: float = 1.0
+    max_iterations: int = 2_000_000
+    stall_window: int = 10_000
 
 
 class _Projection(ContactMethod):

@@ -21,7 +21,6 @@ from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench.solvers.native.contact.semismooth_newton import ContactNewtonOptions, NewtonPhase
 from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, ScaledContacts
-from cpbench.solvers.options import fixed, searched
 
 ALPHA = (1e-12, 1e3)
 EASY = 8
@@ -38,13 +37,13 @@ class ProximalNewtonOptions(MethodOptions):
     `relaxation` : ω. `share` : of ‖Φ‖, to which a proximal point is solved. `newton_steps` : of one, at most.
     `sweeps` : of Gauss–Seidel with acceleration before the first. `max_iterations` : proximal points."""
 
-    alpha: float = searched(1e-3, low=1e-6, high=1.0, log=True)
-    relaxation: float = searched(1.5, low=1.0, high=1.9)
-    share: float = searched(0.1, low=1e-3, high=0.9, log=True)
-    newton_steps: int = searched(30, low=10, high=100, log=True)
-    sweeps: int = searched(50, low=10, high=1000, log=True)
-    max_iterations: int = fixed(10_000)
-    stall_window: int = fixed(500)
+    alpha: float = 1e-3
+    relaxation: float = 1.5
+    share: float = 0.1
+    newton_steps: int = 30
+    sweeps: int = 50
+    max_iterations: int = 10_000
+    stall_window: int = 500
 
 
 class ProximalSteps:

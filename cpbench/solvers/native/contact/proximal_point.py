@@ -23,7 +23,6 @@ from cpbench.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverSpec, register, solvers
 from cpbench.solvers.native.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench.solvers.native.contact.sweeps import ScaledContacts
-from cpbench.solvers.options import fixed, searched
 
 ALPHA = (1e-10, 1e3)
 EASIER, HARDER, FORGET = 0.1, 10.0, 0.5
@@ -39,12 +38,12 @@ class ProximalNSGSOptions(MethodOptions):
     the present error, to which inner problems are solved. `inner` : solver of node fc. `inner_iterations` : of one
     inner problem, at most; half of them count as hard work. `max_iterations` : inner problems."""
 
-    alpha: float = searched(0.1, low=1e-4, high=10.0, log=True)
-    share: float = searched(0.1, low=1e-3, high=0.9, log=True)
+    alpha: float = 0.1
+    share: float = 0.1
     inner: str = "nsgs"
-    inner_iterations: int = searched(1000, low=100, high=10_000, log=True)
-    max_iterations: int = fixed(10_000)
-    stall_window: int = fixed(200)
+    inner_iterations: int = 1000
+    max_iterations: int = 10_000
+    stall_window: int = 200
 
 
 class _Proximal(ContactMethod):

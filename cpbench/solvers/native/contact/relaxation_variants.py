@@ -8,7 +8,6 @@ from typing import ClassVar
 from cpbench.solvers.base import SolverSpec, register
 from cpbench.solvers.native.contact.relaxation import TRAITS, Advance, Local, Relaxation, Shape, general
 from cpbench.solvers.native.contact.sweeps import BlockRows, SweepState
-from cpbench.solvers.options import fixed, searched
 
 
 @dataclass(frozen=True)
@@ -17,11 +16,11 @@ class PSORContactOptions:
     for every sweep. `symmetric` : every other sweep goes backwards. `max_iterations` : sweeps. `stall_window` :
     sweeps without gain after which it gives up."""
 
-    omega: float = searched(1.5, low=0.5, high=1.9)
+    omega: float = 1.5
     shuffle: bool = False
     symmetric: bool = False
-    max_iterations: int = fixed(100_000)
-    stall_window: int = fixed(10_000)
+    max_iterations: int = 100_000
+    stall_window: int = 10_000
 
 
 @register
@@ -53,10 +52,10 @@ class JacobiContactOptions:
     or gains nothing. `local` : how a contact is solved. `max_iterations` : sweeps. `stall_window` : sweeps without
     gain after which it gives up."""
 
-    omega: float = searched(1.0, low=0.1, high=1.0)
+    omega: float = 1.0
     local: Local = Local.EXACT
-    max_iterations: int = fixed(100_000)
-    stall_window: int = fixed(10_000)
+    max_iterations: int = 100_000
+    stall_window: int = 10_000
 
 
 @register

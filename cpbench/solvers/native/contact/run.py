@@ -19,7 +19,6 @@ from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, conclude, scaled_contacts
-from cpbench.solvers.options import fixed
 from cpbench.solvers.shared.progress import SHARE, Progress
 
 
@@ -112,8 +111,8 @@ def finish(end: ContactResult, answer: Callable[[Vector], Any], budget: Budget) 
 class MethodOptions:
     """Options of nsgs-gfc. `max_iterations`. `stall_window` : iterations without gain after which it gives up."""
 
-    max_iterations: int = fixed(100_000)
-    stall_window: int = fixed(2_000)
+    max_iterations: int = 100_000
+    stall_window: int = 2_000
 
 
 def iterate_on(

@@ -23,7 +23,6 @@ from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, Trait
 from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.newton_equation import ContactEquation, ContactFunction, NewtonPoint
 from cpbench.solvers.native.contact.sweeps import ScaledContacts, Sweeps, conclude, scaled_contacts
-from cpbench.solvers.options import fixed, searched
 from cpbench.solvers.shared.progress import Progress
 
 DESCENT, HALVINGS = 1e-4, 8
@@ -62,11 +61,11 @@ class ContactNewtonOptions:
     that Newton fails; with 0 there are none at all. `search`, `memory` : of the line search, and how many merits the
     non-monotone one looks back at. `max_iterations` : steps and sweeps together."""
 
-    sweeps: int = searched(30, low=5, high=500, log=True)
+    sweeps: int = 30
     search: LineSearch = LineSearch.NON_MONOTONE
-    memory: int = searched(4, low=1, high=10)
+    memory: int = 4
     regularization: Regularization = Regularization.PROXIMAL
-    max_iterations: int = fixed(50_000)
+    max_iterations: int = 50_000
 
 
 class NewtonPhase:

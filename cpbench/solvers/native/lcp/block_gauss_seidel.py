@@ -13,7 +13,6 @@ from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.claims import dense_obstacle
 from cpbench.solvers.native.lcp.pgs import MatrixColumns, PGSOptions, SplittingSolver, Sweeps
-from cpbench.solvers.options import searched
 
 LARGEST = 64
 """The largest block: its tableau should stay in the fastest memory."""
@@ -24,8 +23,8 @@ class BlockGSOptions(PGSOptions):
     """Options of block-gs. `block` : unknowns solved together, 1 to 64: for contacts, the rows of one of them.
     `omega` : relaxation, in ]0, 2[."""
 
-    block: int = searched(6, low=2, high=32, log=True)
-    omega: float = searched(1.0, low=0.5, high=1.7)
+    block: int = 6
+    omega: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,6 @@ from cpbench.solvers.native.lcp.claims import (
 from cpbench.solvers.native.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench.solvers.native.lcp.lemke import Lemke
 from cpbench.solvers.native.lcp.lemke_run import LemkeOptions
-from cpbench.solvers.options import fixed, searched
 
 PATIENCE = 3
 """Block changes allowed without a new least number of infeasibilities (Júdice and Pires: p)."""
@@ -39,11 +38,11 @@ class BPPOptions:
     and 1 does not do. `max_factorizations` : after so many, or in a singular basis, Lemke's method takes over; 0 :
     never."""
 
-    max_iterations: int = fixed(0)
-    feasibility_tolerance: float = searched(1e-12, low=1e-15, high=1e-8, log=True)
-    max_sweeps: int = fixed(20)
-    omega: float = searched(0.6, low=0.2, high=1.2)
-    max_factorizations: int = fixed(5)
+    max_iterations: int = 0
+    feasibility_tolerance: float = 1e-12
+    max_sweeps: int = 20
+    omega: float = 0.6
+    max_factorizations: int = 5
 
 
 @register

@@ -22,7 +22,6 @@ from cpbench.solvers.native.lcp.claims import (
     scale,
     solve_linear,
 )
-from cpbench.solvers.options import fixed
 
 LARGEST = 20
 """Unknowns: 2²⁰ bases take seconds."""
@@ -37,7 +36,7 @@ class EnumerationOptions:
     """Options of enumeration-lcp, enumeration-mlcp. `max_programs` : singular bases in which a linear program looks
     for a solution; the others stay open."""
 
-    max_programs: int = fixed(500)
+    max_programs: int = 500
 
 
 @dataclass

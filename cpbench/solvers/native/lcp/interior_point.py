@@ -30,7 +30,6 @@ from cpbench.solvers.native.mlcp.claims import ScaledMLCP, dense_obstacle, mixed
 from cpbench.solvers.native.mlcp.newton import LinearBox
 from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, run
 from cpbench.solvers.native.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
-from cpbench.solvers.options import fixed, searched
 from cpbench.solvers.shared.progress import Progress
 
 STALL = 10
@@ -50,8 +49,8 @@ class LCPInteriorPointOptions:
     """Options of interior-point-lcp, interior-point-mlcp. `max_iterations` : steps, one factorization each.
     `step_share` : how much of the way to the boundary is gone."""
 
-    max_iterations: int = fixed(200)
-    step_share: float = searched(0.995, low=0.9, high=0.9999)
+    max_iterations: int = 200
+    step_share: float = 0.995
 
 
 class _Iterate(NamedTuple):

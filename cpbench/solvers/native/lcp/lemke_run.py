@@ -19,7 +19,6 @@ from cpbench.solvers.native.lcp.first_basis import DenseLCP
 from cpbench.solvers.native.lcp.lemke_columns import PivotingState
 from cpbench.solvers.native.lcp.lemke_restarts import LARGER_PIVOTS, PAIRS_KERNEL, in_pair, order, pairs
 from cpbench.solvers.native.lcp.principal_transform import PrincipalTransform, transformed
-from cpbench.solvers.options import fixed, searched
 
 PIVOTING = "cpbench.solvers.kernels.pivoting"
 SMALL = 250
@@ -36,10 +35,10 @@ class LemkeOptions:
     tied. `crash_sweeps` : projected Gauss-Seidel sweeps that guess the first basis beyond 250 unknowns where no
     start is given; 0 : none, pivoting begins at w = q."""
 
-    max_pivots: int = fixed(0)
-    pivot_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
-    tie_tolerance: float = searched(1e-13, low=1e-15, high=1e-9, log=True)
-    crash_sweeps: int = fixed(20)
+    max_pivots: int = 0
+    pivot_tolerance: float = 1e-11
+    tie_tolerance: float = 1e-13
+    crash_sweeps: int = 20
 
 
 def in_one_call(lcp: DenseLCP, limit: int, options: LemkeOptions) -> tuple[Vector, int, float]:

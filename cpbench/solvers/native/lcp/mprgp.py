@@ -20,7 +20,6 @@ from cpbench.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.lcp.claims import CLOSE, conclude, dense_obstacle, error_of, farkas, recorded
-from cpbench.solvers.options import fixed, searched
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 
 CHUNK = 256
@@ -33,10 +32,10 @@ class MPRGPOptions:
     before unknowns are released. `length` : of the step that expands a face, over 1/‖M‖, in ]0, 2]. `max_iterations`
     : steps of any kind. `stall_window` : steps without gain after which it gives up."""
 
-    gamma: float = searched(1.0, low=0.1, high=10.0, log=True)
-    length: float = searched(1.9, low=0.5, high=2.0)
-    max_iterations: int = fixed(100_000)
-    stall_window: int = fixed(5000)
+    gamma: float = 1.0
+    length: float = 1.9
+    max_iterations: int = 100_000
+    stall_window: int = 5000
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.lcp.claims import conclude, dense_obstacle, error_of, recorded
-from cpbench.solvers.options import fixed, searched
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 
 CHUNK = 256
@@ -28,15 +27,15 @@ FEW = 16
 class PGSOptions:
     """Options of pgs. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
-    max_iterations: int = fixed(100_000)
-    stall_window: int = fixed(5000)
+    max_iterations: int = 100_000
+    stall_window: int = 5000
 
 
 @dataclass(frozen=True)
 class PSOROptions(PGSOptions):
     """Options of psor, ssor. `omega` : over-relaxation, in ]0, 2[."""
 
-    omega: float = searched(1.3, low=0.3, high=1.95)
+    omega: float = 1.3
 
 
 @dataclass(frozen=True)

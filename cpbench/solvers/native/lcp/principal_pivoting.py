@@ -27,7 +27,6 @@ from cpbench.solvers.native.lcp.claims import (
     scale,
     solve_linear,
 )
-from cpbench.solvers.options import fixed, searched
 from cpbench.solvers.shared.progress import next_stop
 
 CHUNK = 500
@@ -44,9 +43,9 @@ class PrincipalPivotingOptions:
     of the tableau up to this are zero, and `feasibility_tolerance` : values above minus this are not negative, both
     in data scaled to size one."""
 
-    max_pivots: int = fixed(0)
-    pivot_tolerance: float = searched(1e-10, low=1e-13, high=1e-8, log=True)
-    feasibility_tolerance: float = searched(1e-12, low=1e-15, high=1e-8, log=True)
+    max_pivots: int = 0
+    pivot_tolerance: float = 1e-10
+    feasibility_tolerance: float = 1e-12
 
 
 class Tableau:

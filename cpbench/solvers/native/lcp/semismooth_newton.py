@@ -32,7 +32,6 @@ from cpbench.solvers.native.lcp.claims import (
 from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run
 from cpbench.solvers.native.nonlinear.reformulation import Reformulation
 from cpbench.solvers.native.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
-from cpbench.solvers.options import fixed
 
 SHIFT = 1e-10
 """Added to the diagonal of a singular Jacobian; the largest entry of M is 1."""
@@ -42,8 +41,8 @@ SHIFT = 1e-10
 class NewtonLCPOptions(SemismoothOptions):
     """Options of Newton's methods, as for nonlinear problems."""
 
-    max_iterations: int = fixed(500)
-    restarts: int = fixed(5)
+    max_iterations: int = 500
+    restarts: int = 5
 
 
 class LCPBox(CountedBox):

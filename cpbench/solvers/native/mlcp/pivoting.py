@@ -26,7 +26,6 @@ from cpbench.solvers.base import (
 )
 from cpbench.solvers.native import linear_program
 from cpbench.solvers.native.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale
-from cpbench.solvers.options import fixed, searched
 
 SMALL = 64
 """Up to this many unknowns one compiled call does it all; beyond, A is factored by LAPACK or SuperLU."""
@@ -43,10 +42,10 @@ class LemkeMLCPOptions:
     scaled to size one, are no pivots for free unknowns. `pivot_tolerance`, `tie_tolerance` : of the ratio test, as
     for lemke."""
 
-    max_pivots: int = fixed(0)
-    rank_tolerance: float = searched(1e-10, low=1e-13, high=1e-6, log=True)
-    pivot_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
-    tie_tolerance: float = searched(1e-13, low=1e-15, high=1e-9, log=True)
+    max_pivots: int = 0
+    rank_tolerance: float = 1e-10
+    pivot_tolerance: float = 1e-11
+    tie_tolerance: float = 1e-13
 
 
 @dataclass(frozen=True, eq=False)

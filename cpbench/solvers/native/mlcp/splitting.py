@@ -19,7 +19,6 @@ from cpbench.formulations.mlcp import MLCP
 from cpbench.matrices import Vector, sparse
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale
-from cpbench.solvers.options import fixed, searched
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench.transversal import has_full_structural_rank
 
@@ -31,15 +30,15 @@ CHUNK = 256
 class PGSMLCPOptions:
     """Options of pgs-mlcp. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
-    max_iterations: int = fixed(100_000)
-    stall_window: int = fixed(5000)
+    max_iterations: int = 100_000
+    stall_window: int = 5000
 
 
 @dataclass(frozen=True)
 class PSORMLCPOptions(PGSMLCPOptions):
     """Options of psor-mlcp. `omega` : over-relaxation, in ]0, 2[."""
 
-    omega: float = searched(1.2, low=0.3, high=1.95)
+    omega: float = 1.2
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class RPGSMLCPOptions(PGSMLCPOptions):
     """Options of rpgs-mlcp. `rho` : what is added to the sizes of the diagonal entries, the data being scaled to
     size one."""
 
-    rho: float = searched(0.1, low=1e-4, high=1e2, log=True)
+    rho: float = 0.1
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from cpbench.solvers.base import Budget, Solver, SolverSpec, Trait, register, so
 from cpbench.solvers.native.lcp.box_linear import NODES, BoxLinear
 from cpbench.solvers.native.nonlinear.box_newton import DENSE_LIMIT, BoxMethod, BoxNewton, CountedBox
 from cpbench.solvers.native.nonlinear.merit_search import Descent, MeritPoint, fall_back
-from cpbench.solvers.options import fixed, searched
 
 SMALL_ENOUGH = 0.5
 """A solution of the linear problem is used when its natural residual is below this share of that of F at z."""
@@ -36,9 +35,9 @@ class JosephyNewtonOptions:
     starts that are tried in the end."""
 
     inner: str = "lemke+newton-min"
-    max_iterations: int = fixed(500)
-    memory: int = searched(5, low=1, high=20)
-    restarts: int = fixed(20)
+    max_iterations: int = 500
+    memory: int = 5
+    restarts: int = 20
 
 
 @register

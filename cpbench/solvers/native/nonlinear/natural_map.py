@@ -29,7 +29,6 @@ from cpbench.factorization import sparse_lu
 from cpbench.matrices import Matrix, Sparse, Vector, dense, identity, norm
 from cpbench.solvers.base import Budget, Claim, Record
 from cpbench.solvers.native.lcp.claims import solve_linear
-from cpbench.solvers.options import fixed
 from cpbench.solvers.shared.progress import Progress
 
 DESCENT = 1e-2
@@ -51,7 +50,7 @@ ROUNDING = 16 * float(np.finfo(float).eps)
 class NewtonOptions:
     """Options of newton-relay, newton-soclcp. `max_iterations` : steps of either kind."""
 
-    max_iterations: int = fixed(20_000)
+    max_iterations: int = 20_000
 
 
 @dataclass(frozen=True)

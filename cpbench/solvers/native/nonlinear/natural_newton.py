@@ -31,8 +31,6 @@ from cpbench.matrices import Sparse, Vector, norm
 from cpbench.product_cones import Cone
 from cpbench.solvers.native.nonlinear.projection_run import Field, ProjectionMethod, VIProjectionOptions
 from cpbench.solvers.native.nonlinear.vi_extragradient import Extragradient, ExtragradientOptions
-from cpbench.solvers.options import fixed
-from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 
 DESCENT = 1e-4
 LENGTHS = tuple(0.5**k for k in range(8))
@@ -54,8 +52,8 @@ class NaturalNewtonOptions(VIProjectionOptions):
     """Options of newton-vi, newton-qvi, newton-equation. `max_iterations` : steps of either kind. `restarts` : other
     starts that are tried where steps gain nothing."""
 
-    max_iterations: int = fixed(20_000)
-    restarts: int = fixed(5)
+    max_iterations: int = 20_000
+    restarts: int = 5
 
 
 class VIConditions(Field):

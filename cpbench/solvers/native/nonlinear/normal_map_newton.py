@@ -18,7 +18,6 @@ from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench.solvers.native.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench.solvers.native.nonlinear.merit_search import ARMIJO, SHARES, Descent, damped, fall_back
 from cpbench.solvers.native.nonlinear.normal_path import PERTURBATIONS, cell_matrix, normal_point
-from cpbench.solvers.options import fixed, searched
 
 BACKTRACKS = 12
 CONSISTENT = 0.5
@@ -30,9 +29,9 @@ class NormalMapOptions:
     """Options of newton-normal-map. `memory` : values of ‖F₊‖ that the line search compares with. `max_iterations` :
     steps. `restarts` : other starts that are tried in the end."""
 
-    memory: int = searched(5, low=1, high=20)
-    max_iterations: int = fixed(1000)
-    restarts: int = fixed(20)
+    memory: int = 5
+    max_iterations: int = 1000
+    restarts: int = 20
 
 
 @register

@@ -16,7 +16,6 @@ from cpbench.solvers.native.lcp.claims import principal
 from cpbench.solvers.native.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench.solvers.native.nonlinear.merit_search import ACCEPT, Descent, MeritPoint, fall_back
 from cpbench.solvers.native.nonlinear.normal_path import NormalPath, normal_point
-from cpbench.solvers.options import fixed, searched
 
 HALVINGS = 6
 """How often a path is cut in half before another direction is looked for."""
@@ -35,12 +34,12 @@ class PathSearchOptions:
     that may go uphill. `memory` : merits that a search compares with. `max_pivots` : of one path, 0 for 10n + 200.
     `max_iterations` : steps. `restarts` : other starts that are tried in the end."""
 
-    crash: int = searched(20, low=0, high=50)
-    watchdog: int = searched(4, low=0, high=10)
-    memory: int = searched(5, low=1, high=20)
-    max_pivots: int = fixed(0)
-    max_iterations: int = fixed(1000)
-    restarts: int = fixed(20)
+    crash: int = 20
+    watchdog: int = 4
+    memory: int = 5
+    max_pivots: int = 0
+    max_iterations: int = 1000
+    restarts: int = 20
 
 
 @register

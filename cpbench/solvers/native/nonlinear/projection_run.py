@@ -26,7 +26,6 @@ from cpbench.formulations.vi import VI
 from cpbench.matrices import Sparse, Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.native.lcp.claims import CLOSE
-from cpbench.solvers.options import fixed
 from cpbench.solvers.shared.progress import Progress
 from cpbench.solvers.shared.row_error import row_error
 
@@ -44,7 +43,7 @@ SHRINKS = 60
 class VIProjectionOptions:
     """Options. `max_iterations` : of the method, which evaluates F once or a few times in each."""
 
-    max_iterations: int = fixed(50_000)
+    max_iterations: int = 50_000
 
 
 class Field:

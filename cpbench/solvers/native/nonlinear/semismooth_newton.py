@@ -13,7 +13,6 @@ from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmei
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench.solvers.native.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench.solvers.native.nonlinear.merit_search import Descent, MeritPoint, fall_back
-from cpbench.solvers.options import fixed, searched
 
 STEEP, POWER = 1e-8, 2.1
 """A Newton direction d must have ∇θᵀd ≤ −STEEP ‖d‖^POWER (De Luca, Facchinei and Kanzow 1996)."""
@@ -25,10 +24,10 @@ class SemismoothOptions:
     compares with. `project` : whether trial points are put into the bounds. `restarts` : other starts that are tried
     in the end."""
 
-    max_iterations: int = fixed(1000)
-    memory: int = searched(5, low=1, high=20)
+    max_iterations: int = 1000
+    memory: int = 5
     project: bool = True
-    restarts: int = fixed(20)
+    restarts: int = 20
 
 
 class SemismoothNewton(BoxNewton):

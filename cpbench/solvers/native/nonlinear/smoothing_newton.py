@@ -14,7 +14,6 @@ from cpbench.ncp_functions import fischer_burmeister
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench.solvers.native.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench.solvers.native.nonlinear.merit_search import ARMIJO, Descent, MeritPoint, fall_back
-from cpbench.solvers.options import fixed, searched
 
 BACKTRACKS = 25
 LEAST = 1e-14
@@ -27,10 +26,10 @@ class SmoothingOptions:
     : merits that the line search compares with. `max_iterations` : steps. `restarts` : other starts that are tried
     in the end."""
 
-    mu: float = searched(0.5, low=1e-2, high=10.0, log=True)
-    memory: int = searched(3, low=1, high=20)
-    max_iterations: int = fixed(1000)
-    restarts: int = fixed(20)
+    mu: float = 0.5
+    memory: int = 3
+    max_iterations: int = 1000
+    restarts: int = 20
 
 
 @register

@@ -17,7 +17,6 @@ from cpbench.solvers.native.nonlinear.projection_run import (
     lipschitz,
     projection_spec,
 )
-from cpbench.solvers.options import searched
 
 
 @dataclass(frozen=True)
@@ -25,8 +24,8 @@ class ExtragradientOptions(VIProjectionOptions):
     """Options of the methods of this module. `share` : γL must be at most this, below 1. `growth` : of γ after a
     step that was much shorter than allowed."""
 
-    share: float = searched(0.9, low=0.3, high=0.98)
-    growth: float = searched(1.5, low=1.05, high=3.0)
+    share: float = 0.9
+    growth: float = 1.5
 
 
 class Extragradient(ProjectionMethod):

@@ -17,7 +17,6 @@ from cpbench.solvers.native.nonlinear.projection_run import (
     lipschitz,
     projection_spec,
 )
-from cpbench.solvers.options import searched
 
 LONGEST = 1e8
 """Longest step, relative to the first."""
@@ -28,7 +27,7 @@ class GoldenRatioOptions(VIProjectionOptions):
     """Options of golden-ratio. `phi` : φ of the paper, above 1 and at most (1 + √5)/2; 1.5 is what its experiments
     take."""
 
-    phi: float = searched(1.5, low=1.2, high=1.618)
+    phi: float = 1.5
 
 
 class _GoldenRatio(ProjectionMethod):

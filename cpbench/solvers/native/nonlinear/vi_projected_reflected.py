@@ -15,7 +15,6 @@ from cpbench.solvers.native.nonlinear.projection_run import (
     lipschitz,
     projection_spec,
 )
-from cpbench.solvers.options import searched
 
 
 @dataclass(frozen=True)
@@ -23,8 +22,8 @@ class ReflectedOptions(VIProjectionOptions):
     """Options of projected-reflected. `share` : λL is at most this, below √2 − 1. `growth` : the longest
     extrapolation τ that is tried."""
 
-    share: float = searched(0.4, low=0.1, high=0.41)
-    growth: float = searched(1.2, low=1.0, high=2.0)
+    share: float = 0.4
+    growth: float = 1.2
 
 
 class _Reflected(ProjectionMethod):

@@ -16,7 +16,6 @@ from cpbench.solvers.native.nonlinear.projection_run import (
     lipschitz,
     projection_spec,
 )
-from cpbench.solvers.options import searched
 
 SHARE = 0.9
 """A step must have γL ≤ SHARE for the L that it meets."""
@@ -29,7 +28,7 @@ WORSE = 2.0
 class VIFixedPointOptions(VIProjectionOptions):
     """Options of projection-vi. `step` : γ, 0 for one that adapts to the Lipschitz constants met."""
 
-    step: float = searched(0.0, low=0.0, high=10.0)
+    step: float = 0.0
 
 
 class _FixedPoint(ProjectionMethod):

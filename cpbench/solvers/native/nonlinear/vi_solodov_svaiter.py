@@ -16,7 +16,6 @@ from cpbench.solvers.native.nonlinear.projection_run import (
     VIProjectionOptions,
     projection_spec,
 )
-from cpbench.solvers.options import searched
 
 SHORTER, LONGER = 0.5, 1.5
 """Factors of γ: where the line search had to halve, and where it took the whole step."""
@@ -28,7 +27,7 @@ WIDENING, CLOSENESS = 16.0, 1.1
 class HyperplaneOptions(VIProjectionOptions):
     """Options of solodov-svaiter. `sigma` : share of the decrease that the line search asks for."""
 
-    sigma: float = searched(0.3, low=0.05, high=0.9)
+    sigma: float = 0.3
 
 
 class _Hyperplane(ProjectionMethod):

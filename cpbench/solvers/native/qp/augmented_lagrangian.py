@@ -24,8 +24,6 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.kkt_system import KERNELS, KKT, entries
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
-from cpbench.solvers.options import fixed, searched
-from cpbench.solvers.shared.progress import Progress
 
 STALL = 60
 """Least number of Newton steps without gain that ends a run."""
@@ -44,17 +42,17 @@ class AugmentedLagrangianOptions:
     """Options of augmented-lagrangian. `theta` : θ of inequalities at first, data scaled to size one. `fall` :
     factor by which it falls. `proximal` : ρ, relative to the size of Q. `max_iterations` : Newton steps."""
 
-    theta: float = searched(0.1, low=1e-4, high=10.0, log=True)
-    fall: float = searched(0.1, low=1e-3, high=0.5, log=True)
-    proximal: float = searched(1e-8, low=1e-10, high=1e-5, log=True)
-    max_iterations: int = fixed(2000)
+    theta: float = 0.1
+    fall: float = 0.1
+    proximal: float = 1e-8
+    max_iterations: int = 2000
 
 
 @dataclass(frozen=True)
 class ProximalPointOptions(AugmentedLagrangianOptions):
     """Options as of augmented-lagrangian, with a proximal term that counts."""
 
-    proximal: float = searched(1e-4, low=1e-7, high=1.0, log=True)
+    proximal: float = 1e-4
 
 
 class Subproblem:

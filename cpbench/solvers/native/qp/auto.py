@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -32,7 +32,6 @@ from cpbench.solvers.native.qp.kkt_system import FULL
 from cpbench.solvers.native.qp.presolve import dense_problem, presolved, sparse_data
 from cpbench.solvers.native.qp.proximal_active_set import ProximalActiveSetOptions, fits_one_call, record_ends
 from cpbench.solvers.native.stacks import solve_qp
-from cpbench.solvers.options import searched
 
 LARGE = 300
 """Unknowns beyond which conjugate gradients on faces are ahead of factorizations where there are no rows."""
@@ -56,7 +55,7 @@ class AutoQPOptions:
     """Options of auto-qp. `members` : native, or installed: after our interior point solvers of other packages are
     asked, as far as these are installed; what they say counts only where we measure it."""
 
-    members: str = searched("native", choices=("native", "installed"))
+    members: Literal["native", "installed"] = "native"
 
 
 @register

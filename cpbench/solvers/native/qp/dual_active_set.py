@@ -24,8 +24,6 @@ from cpbench.solvers.native.qp.claims import (
     infeasible,
 )
 from cpbench.solvers.native.qp.scaling import stacked
-from cpbench.solvers.options import fixed, searched
-from cpbench.solvers.shared.progress import SHARE
 
 CHUNK = 200_000_000
 """Operations between looks at the clock, a tenth of a second or two."""
@@ -36,8 +34,8 @@ class DualActiveSetOptions:
     """Options of dual-active-set. `feasibility_tolerance` : relative, on rows outside the working set. `max_passes`
     : 0 stands for 50(n + rows)."""
 
-    feasibility_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
-    max_passes: int = fixed(0)
+    feasibility_tolerance: float = 1e-11
+    max_passes: int = 0
 
 
 class ActiveSet:

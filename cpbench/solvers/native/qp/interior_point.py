@@ -19,8 +19,6 @@ from cpbench.solvers.native.qp.kkt_system import KERNELS, KKT, Entries
 from cpbench.solvers.native.qp.polish import polish
 from cpbench.solvers.native.qp.presolve import SparseQP, presolved, sparse_data
 from cpbench.solvers.native.qp.scaling import Scales, sparse_scaled
-from cpbench.solvers.options import fixed, searched
-from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 
 STALL = 12
 """Least number of iterations without gain of the judged error that ends a run."""
@@ -45,9 +43,9 @@ class QPInteriorPointOptions:
     """Options of interior-point-qp. `regularization` : of the linear systems, data scaled to size one. `to_boundary`
     : share of the step to the boundary. `max_iterations` : predictor and corrector count once."""
 
-    regularization: float = searched(1e-9, low=1e-12, high=1e-6, log=True)
-    to_boundary: float = searched(0.995, low=0.9, high=0.9999)
-    max_iterations: int = fixed(200)
+    regularization: float = 1e-9
+    to_boundary: float = 0.995
+    max_iterations: int = 200
 
 
 class Path:

@@ -25,7 +25,6 @@ from cpbench.solvers.native.qp.claims import (
 )
 from cpbench.solvers.native.qp.dual_active_set import ActiveSet
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
-from cpbench.solvers.options import fixed, searched
 
 DEPENDENT = 1e-9
 """A row whose part outside the span of the working set is shorter than this, relative to it, depends on it."""
@@ -42,8 +41,8 @@ class PrimalActiveSetOptions:
     """Options of primal-active-set. `shift` : εI added to the reduced Hessian, by the size of Q, so that a singular
     one can be solved. `max_iterations` : 0 stands for 50(n + rows)."""
 
-    shift: float = searched(1e-10, low=1e-13, high=1e-6, log=True)
-    max_iterations: int = fixed(0)
+    shift: float = 1e-10
+    max_iterations: int = 0
 
 
 class WorkingSet:

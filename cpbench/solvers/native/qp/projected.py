@@ -23,8 +23,6 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, definite_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.kkt_system import KERNELS, KKT, entries
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
-from cpbench.solvers.options import fixed, searched
-from cpbench.solvers.shared.progress import Progress
 
 STALL = 3000
 """Least number of iterations without gain that ends a run."""
@@ -44,8 +42,8 @@ class ProjectedOptions:
     """Options of nesterov-qp, projected-gradient. `step` : by 1/L. `max_iterations` : each a product with Q, or a
     solution with it and products with the rows."""
 
-    step: float = searched(1.0, low=0.3, high=1.9)
-    max_iterations: int = fixed(10_000)
+    step: float = 1.0
+    max_iterations: int = 10_000
 
 
 class ProjectedSide(ABC):

@@ -24,8 +24,6 @@ from cpbench.solvers.native.qp.claims import (
 )
 from cpbench.solvers.native.qp.dual_active_set import CHUNK, ActiveSet
 from cpbench.solvers.native.qp.scaling import scaled
-from cpbench.solvers.options import fixed, searched
-from cpbench.solvers.shared.progress import Progress
 
 STALL = 30
 """Least number of iterations without gain that ends a run."""
@@ -43,9 +41,9 @@ class ProximalActiveSetOptions:
     """Options of proximal-active-set. `proximal` : ε relative to the size of Q. `feasibility_tolerance` : as in
     dual-active-set. `max_iterations` : proximal steps and passes together, 0 stands for 50(n + rows) + 1000."""
 
-    proximal: float = searched(1e-5, low=1e-9, high=1e-2, log=True)
-    feasibility_tolerance: float = searched(1e-11, low=1e-13, high=1e-8, log=True)
-    max_iterations: int = fixed(0)
+    proximal: float = 1e-5
+    feasibility_tolerance: float = 1e-11
+    max_iterations: int = 0
 
 
 def fits_one_call(n: int, rows: int) -> bool:
