@@ -36,7 +36,7 @@ COMMANDS = {
     "import": "Judge answers that were computed elsewhere, and put them into a results file.",
     "merge": "Put the rows of several results files into one.",
     "export": "Write the rows or the answers of a results file to other formats.",
-    "bundle": "Put a run, with everything needed to repeat it, into one zip file; anonymous on request.",
+    "bundle": "Put a run, with everything needed to repeat it, into one zip file.",
     "reproduce": "Run a bundle again and compare.",
     "generate": "Write the built-in problems again from their formulas, or check them.",
     "new": "Write a plugin that works: a solver in some language, a conversion or problems.",

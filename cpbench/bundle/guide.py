@@ -97,8 +97,5 @@ def _listed(names: list[str]) -> str:
 
 
 def _duration(seconds: float) -> str:
-    """
-    Write seconds as a reader would say them.
-    ('about 12 s', 'about 122 min')
-    """
+    """Return a duration for a reader; `seconds` [s]."""
     return f"about {seconds:.0f} s" if seconds < 600 else f"about {seconds / 60:.0f} min"

@@ -17,7 +17,6 @@ from typing import Any
 
 from cpbench import toml_text
 from cpbench.bench.planning import plan_file
-from cpbench.bench.processes.launch import THREAD_VARIABLES
 from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
 from cpbench.bundle.archive import name_of
@@ -37,23 +36,17 @@ class Plugins:
     Attributes
     ----------
     loaded : names in the bundle, in the order in which they are loaded. texts : name -> text, scripts too.
-    absent : what belongs to them and is not in the bundle, in words. tables : the tables of declared solvers.
-    names : where each file was -> what it is in the bundle. folders : those the files lie in.
+    absent : what belongs to them and is not in the bundle, in words.
+    names : where each file was -> what it is in the bundle.
     """
 
     loaded: list[str] = field(default_factory=list)
     texts: dict[str, str] = field(default_factory=dict)
     absent: list[str] = field(default_factory=list)
-    tables: dict[str, dict[str, Any]] = field(default_factory=dict)
     names: dict[str, str] = field(default_factory=dict)
-    folders: list[Path] = field(default_factory=list)
-
-    @property
-    def sources(self) -> str:
-        return "\n".join(self.texts.values())
 
 
-def gather(store: Store, rows: Sequence[Row], *, anonymous: bool) -> Plugins:
+def gather(store: Store, rows: Sequence[Row]) -> Plugins:
     """Return the plugins of the solvers of the rows, of the command that ran them, and those that are loaded here."""
     sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
     needed = {row.solver for row in rows}
@@ -66,16 +59,15 @@ def gather(store: Store, rows: Sequence[Row], *, anonymous: bool) -> Plugins:
     for text in dict.fromkeys(filter(None, [*named, *in_sheets])):
         path = _located(text, store)
         if path is None:
-            found.absent.append(f"{text if not anonymous else Path(text).name}, which is not there any more")
+            found.absent.append(f"{text}, which is not there any more")
         else:
             files[path] = None
             origins.setdefault(path, []).append(text)
     for path in sorted(files, key=lambda path: (path.suffix == ".toml", str(path))):
-        found.folders.append(path.parent)
         before = len(found.loaded)
-        _add(found, path, needed, anonymous)
+        _add(found, path, needed)
         found.names |= {text: name for text in origins[path] for name in found.loaded[before:]}
-    _add_variants(found, sheets, needed, anonymous)
+    _add_variants(found, sheets, needed)
     return found
 
 
@@ -96,7 +88,7 @@ def _located(text: str, store: Store) -> Path | None:
     return None
 
 
-def _add(found: Plugins, path: Path, needed: set[str], anonymous: bool) -> None:
+def _add(found: Plugins, path: Path, needed: set[str]) -> None:
     try:
         source = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as cause:
@@ -107,9 +99,7 @@ def _add(found: Plugins, path: Path, needed: set[str], anonymous: bool) -> None:
     tables = {name: table for name, table in _tables(path, source).items() if name in needed}
     if tables:
         folder = f"{FOLDER}/{name_of(path.stem)}"
-        kept = {name: _without_variables(found, name, table, anonymous) for name, table in tables.items()}
-        _put(found, f"{folder}/{name_of(path.stem)}.toml", _text(kept))
-        found.tables |= tables
+        _put(found, f"{folder}/{name_of(path.stem)}.toml", _text(tables))
         for name, table in sorted(tables.items()):
             _add_scripts(found, name, table, path.parent, folder)
 
@@ -134,7 +124,7 @@ def _tables(path: Path, source: str) -> dict[str, dict[str, Any]]:
     return tables.get("solver", {})
 
 
-def _add_variants(found: Plugins, sheets: Mapping[str, Mapping[str, Any]], needed: set[str], anonymous: bool) -> None:
+def _add_variants(found: Plugins, sheets: Mapping[str, Mapping[str, Any]], needed: set[str]) -> None:
     """Add the variants that a command line declared, as tables: `nsgs@head={interpreter="..."}`."""
     written = {str(sheet.get("name")): str(sheet.get("written") or "") for sheet in sheets.values()}
     tables: dict[str, dict[str, Any]] = {}
@@ -143,20 +133,7 @@ def _add_variants(found: Plugins, sheets: Mapping[str, Mapping[str, Any]], neede
         if "@" in name and equals and table.strip().startswith("{"):
             tables[name] = tomllib.loads(f"table = {table}")["table"]
     if tables:
-        kept = {name: _without_variables(found, name, table, anonymous) for name, table in tables.items()}
-        _put(found, VARIANTS, _text(kept))
-        found.tables |= tables
-
-
-def _without_variables(found: Plugins, name: str, table: Mapping[str, Any], anonymous: bool) -> dict[str, Any]:
-    """Return the table; in an anonymous bundle, of its variables those that only count threads."""
-    kept = dict(table)
-    if anonymous and kept.get("env"):
-        lost = sorted(kept["env"].keys() - {*THREAD_VARIABLES})
-        kept["env"] = {key: value for key, value in kept["env"].items() if key in THREAD_VARIABLES}
-        if lost:
-            found.absent.append(f"the values of {len(lost)} variables that {name} is started with")
-    return kept
+        _put(found, VARIANTS, _text(tables))
 
 
 def _add_scripts(found: Plugins, name: str, table: Mapping[str, Any], here: Path, folder: str) -> None:

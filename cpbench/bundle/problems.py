@@ -10,7 +10,7 @@ from __future__ import annotations
 import fnmatch
 import re
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,9 +20,8 @@ from cpbench.bench.planning.run_plan import BUILTIN
 from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
 from cpbench.bundle.archive import name_of
-from cpbench.bundle.scrub import Scrub
 from cpbench.errors import CpbenchError, FormatError
-from cpbench.formulations.base import Info, Point, Problem
+from cpbench.formulations.base import Point, Problem
 from cpbench.storage.base import SEPARATOR, split_address
 from cpbench.storage.hdf5_files import write_problem
 from cpbench.storage.hdf5_points import put_guesses, put_solution
@@ -92,7 +91,6 @@ def gather(
     folder: Path,
     builtin: Mapping[str, Place],
     withhold: Sequence[str] = (),
-    scrub: Scrub | None = None,
 ) -> dict[Unit, Place]:
     """Write the problems of the rows below `folder`; where each is.
 
@@ -109,15 +107,14 @@ def gather(
         if not row.sequence and key[0] in builtin:
             found[key] = builtin[key[0]]
             continue
-        place = _place(row, scrub, used, scenes)
-        found[key] = _written(row, place, store, folder, formats.get(row.address), withhold, scrub)
+        place = _place(row, used, scenes)
+        found[key] = _written(row, place, store, folder, formats.get(row.address), withhold)
     return found
 
 
-def _place(row: Row, scrub: Scrub | None, used: set[str], scenes: dict[tuple[str, str], str]) -> Place:
+def _place(row: Row, used: set[str], scenes: dict[tuple[str, str], str]) -> Place:
     """Return a name of its own below the folder of the node; steps of a scene in a folder of their scene."""
-    rename = scrub.name if scrub is not None else str
-    node, problem, scene = row.node, rename(row.problem), rename(row.sequence or "")
+    node, problem, scene = row.node, row.problem, row.sequence or ""
     base = f"{FOLDER}/{name_of(node)}/{name_of(scene or problem)}"
     if scene:
         file, pack, _ = row.address.partition(SEPARATOR)
@@ -146,18 +143,16 @@ def _written(
     folder: Path,
     format: str | None,
     withhold: Sequence[str],
-    scrub: Scrub | None,
 ) -> Place:
     """Return the place with what is known of the problem, once its file is written or the reason is found why it is
     not."""
-    scrubbed: Callable[[str], str] = scrub.text if scrub is not None else str
     address = located(row.address, store.path)
     try:
         problem = storage.load(address, format=format)
     except CpbenchError:
         return replace(place, withheld="its file could not be read when the bundle was made")
     info, licence = problem.info, problem.info.licence or _licence_beside(address)
-    about = replace(place, licence=scrubbed(licence), source=scrubbed(info.source), citation=scrubbed(info.citation))
+    about = replace(place, licence=licence, source=info.source, citation=info.citation)
     if problem.fingerprint != place.fingerprint:
         return replace(about, withheld="its file was changed after the run")
     if FORBIDS.search(licence):
@@ -165,7 +160,7 @@ def _written(
     names = (problem.name, info.family, row.problem, row.address)
     if any(fnmatch.fnmatchcase(name, pattern) for name in names for pattern in withhold):
         return replace(about, withheld="whoever made the bundle kept it")
-    save(problem, address, folder / place.address, scrub)
+    save(problem, address, folder / place.address)
     return about
 
 
@@ -193,16 +188,15 @@ def located(address: str, results: Path) -> str:
     return f"{beside}{SEPARATOR}{member}" if member and beside.exists() else str(beside if beside.exists() else address)
 
 
-def save(problem: Problem, address: str, target: Path, scrub: Scrub | None) -> None:
+def save(problem: Problem, address: str, target: Path) -> None:
     """Write a problem with the guesses and the solution that stand beside it at `address`; raises FormatError."""
     guesses, solution = _points(address)
-    kept = problem if scrub is None else anonymous(problem, scrub)
     target.parent.mkdir(parents=True, exist_ok=True)
     with new_file() as (root, image):
-        write_problem(root, kept, compress=False)
+        write_problem(root, problem, compress=False)
         if solution is not None:
-            put_solution(root, kept, solution, {"name": kept.name})
-        put_guesses(root, kept, guesses)
+            put_solution(root, problem, solution, {"name": problem.name})
+        put_guesses(root, problem, guesses)
     target.write_bytes(image[0])
 
 
@@ -214,20 +208,6 @@ def _points(address: str) -> tuple[list[Point], Point | None]:
         return storage.guesses(address), found[0] if found is not None else None
     except FormatError:
         return [], None
-
-
-def anonymous(problem: Problem, scrub: Scrub) -> Problem:
-    """Return the same mathematics without provenance, and with texts that tell nobody."""
-    about = {name: scrub.text(getattr(problem.info, name)) for name in _TEXTS}
-    info = Info(**about, family=scrub.name(problem.info.family), properties=scrub.deep(problem.info.properties))
-    given: dict[str, Any] = {"name": scrub.name(problem.name), "info": info, "provenance": ()}
-    sequence = getattr(problem, "sequence", None)
-    if sequence is not None:
-        given["sequence"] = replace(sequence, name=scrub.name(sequence.name))
-    return replace(problem, **given)
-
-
-_TEXTS = ("title", "description", "math_info", "source", "licence", "citation")
 
 
 def adopt(candidates: Sequence[str], wanted: Mapping[str, Sequence[str]], folder: Path) -> int:
@@ -242,6 +222,6 @@ def adopt(candidates: Sequence[str], wanted: Mapping[str, Sequence[str]], folder
         except CpbenchError:
             continue
         for place in wanted.get(problem.fingerprint, ()):
-            save(problem, address, folder / place, None)
+            save(problem, address, folder / place)
             done += 1
     return done

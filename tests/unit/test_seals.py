@@ -354,7 +354,6 @@ COMMANDS = (
     ("merge", "good.sqlite", "r.sqlite", "-o", "merged.sqlite"),
     ("export", "r.sqlite", "--rows", "rows.csv"),
     ("bundle", "r.sqlite", "-o", "bundle.zip"),
-    ("history", "r.sqlite", "good.sqlite"),
 )
 
 

@@ -11,7 +11,6 @@ import hashlib
 import os
 import secrets
 import tempfile
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,14 +44,6 @@ def find() -> Key | None:
     except (OSError, ValueError):
         return None
     return Key(secret) if len(secret) == BYTES else None
-
-
-def for_one_file(content: Iterable[str]) -> Key:
-    """Return a key for an anonymous file: the same for the same content, and unlike the user's own."""
-    mixed = hashlib.blake2b(key=find_or_make().secret, digest_size=BYTES, person=b"cpbench file")
-    for text in content:
-        mixed.update(text.encode() + b"\n")
-    return Key(mixed.digest())
 
 
 def find_or_make() -> Key:
