@@ -13,24 +13,22 @@ from cpbench.errors import CpbenchError, DuplicateName, FormatError
 from cpbench.formulations import formulations
 
 
-def plugin_texts(kind: str, name: str, lang: str, node: str, guest: str | None) -> dict[str, str]:
+def plugin_texts(kind: str, name: str, lang: str, node: str) -> dict[str, str]:
     """Return the files of a plugin by name.
 
     Parameters
     ----------
     kind : solver, conversion or problem. name : of letters, digits, - and _. lang : language of a solver.
-    node : its formulation. guest : None, or what a template in that language calls.
+    node : its formulation.
 
     Raises CpbenchError where there is no such template, DuplicateName where the name is taken, UnknownName.
     """
-    if guest is not None and lang != "julia":
-        raise CpbenchError(f"--with {guest} is for --lang julia")
     if kind != "solver" and lang != "python":
         raise CpbenchError(f"a {kind} is written in Python; --lang is for solvers")
     formulations.get(node)
     words = new_templates.words(kind, name)
     _require_free(kind, words["EDGE"] if kind == "conversion" else name)
-    return new_templates.texts(kind, words, lang, node, guest)
+    return new_templates.texts(kind, words, lang, node)
 
 
 def _require_free(kind: str, name: str) -> None:

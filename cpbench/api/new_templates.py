@@ -20,7 +20,7 @@ ONLY = "lcp"
 """The formulation of the templates that have no parts."""
 
 
-def texts(kind: str, words: Mapping[str, str], lang: str, node: str, guest: str | None) -> dict[str, str]:
+def texts(kind: str, words: Mapping[str, str], lang: str, node: str) -> dict[str, str]:
     """Return the texts by name of the file, for a plugin with the names in `words`; raises CpbenchError where there is
     none."""
     folder = files("cpbench") / "templates" / kind
@@ -30,9 +30,7 @@ def texts(kind: str, words: Mapping[str, str], lang: str, node: str, guest: str 
         which = f"a {kind} in {lang}" if kind == "solver" else f"a {kind}"
         refusal = f"there is no template of {which} for '{node}', but for {', '.join(nodes)}"
         raise CpbenchError(f"{refusal}: take --node {nodes[0]}, and change it")
-    found = {
-        file.name: file for part in (own, *([folder / f"{lang}-{guest}"] if guest else [])) for file in part.iterdir()
-    }
+    found = {file.name: file for file in own.iterdir()}
     if f"{node}{PART}" in found:
         part = found[f"{node}{PART}"].read_text("utf-8").rstrip()
         words = {**_of_node(folder / "nodes.toml", node), "PART": part, **words}

@@ -33,9 +33,6 @@ CI = "ci"
     metavar="NODE",
     help="Formulation of the plugin: fc, lcp, mlcp, ncp or qp in Python or C++, lcp in other languages.",
 )
-@click.option(
-    "--with", "guest", type=click.Choice(["path"]), help="Solver that a Julia plugin calls: PATH (PATHSolver.jl)."
-)
 @click.option("--host", type=click.Choice(list(new_ci.HOSTS)), default="github", show_default=True, help="CI system.")
 @click.option("--build", default="", metavar="COMMAND", help="Command that builds the solver, for ci.")
 @click.option("-o", "--output", type=FOLDER, help="Output folder; default: NAME, for ci this one.")
@@ -45,7 +42,6 @@ def command(
     name: str | None,
     lang: str,
     node: str,
-    guest: str | None,
     host: str,
     build: str,
     output: Path | None,
@@ -64,7 +60,7 @@ def command(
     else:
         if name is None:
             raise click.UsageError(f"a name is missing: cpbench new {kind} NAME")
-        folder, texts = output or Path(name), new_plugin.plugin_texts(kind, name, lang, node, guest)
+        folder, texts = output or Path(name), new_plugin.plugin_texts(kind, name, lang, node)
         steps = new_plugin.next_steps(lang, folder, texts)
     new_plugin.write_files(folder, texts, force)
     print_lines(f"wrote {folder / file}" for file in sorted(texts))

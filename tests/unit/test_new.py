@@ -190,20 +190,18 @@ def test_the_header_refuses_files_that_are_none(cpp: Path, tmp_path: Path) -> No
         assert "q.npy" in json.loads(done.stdout)["error"], content
 
 
-@pytest.mark.parametrize("guest", [(), ("--with", "path")])
-def test_julia_passes_its_checks(tmp_path: Path, guest: tuple[str, ...]) -> None:
-    cpbench(tmp_path, "new", "solver", "demo", "--lang", "julia", *guest)
+def test_julia_passes_its_checks(tmp_path: Path) -> None:
+    cpbench(tmp_path, "new", "solver", "demo", "--lang", "julia")
     needs(shutil.which("julia"), "julia")
-    packages = 'using Pkg; Pkg.add(["JSON", "NPZ"' + (', "PATHSolver"' if guest else "") + "])"
+    packages = 'using Pkg; Pkg.add(["JSON", "NPZ"])'
     subprocess.run(["julia", "--project=.", "-e", packages], cwd=tmp_path / "demo", check=True, timeout=900)
     cpbench(tmp_path, "check", "demo/demo.toml", "--timeout", "300s")
 
 
 @pytest.mark.usefixtures("registries")
-@pytest.mark.parametrize("guest", [(), ("--with", "path")])
-def test_julia_says_what_the_protocol_says(tmp_path: Path, guest: tuple[str, ...]) -> None:
+def test_julia_says_what_the_protocol_says(tmp_path: Path) -> None:
     """What can be seen without Julia: requests, replies and claims are those of the protocol, and it is declared."""
-    said = cpbench(tmp_path, "new", "solver", "demo", "--lang", "julia", *guest).stdout
+    said = cpbench(tmp_path, "new", "solver", "demo", "--lang", "julia").stdout
     assert {line.split("/")[-1] for line in said.splitlines() if line.startswith("wrote")} == {
         "cpbench.jl",
         "demo.jl",
@@ -225,7 +223,6 @@ def test_julia_says_what_the_protocol_says(tmp_path: Path, guest: tuple[str, ...
         blocks = len(re.findall(r"^\s*(?:reply = )?(?:function|struct|module|if|for|while|try)\b", text, re.MULTILINE))
         assert blocks == len(re.findall(r"^\s*end$", text, re.MULTILINE))
         assert "@" not in text.replace("@__DIR__", "")
-    assert ("PATH_LICENSE_STRING" in mine) == bool(guest)
     (item,) = conduct.registered_by(tmp_path / "demo" / "demo.toml")
     assert (item.kind, item.name, item.nodes) == ("solver", "demo", ("lcp",))
     assert 'Pkg.add(["JSON", "NPZ"' in item.plugin.spec.install
@@ -248,7 +245,6 @@ def test_julia_says_what_the_protocol_says(tmp_path: Path, guest: tuple[str, ...
         (("solver", "lemke"), "exists already"),
         (("problem", "lcp-planted"), "exists already"),
         (("conversion", "demo", "--lang", "cpp"), "Python"),
-        (("solver", "demo", "--with", "path"), "julia"),
         (
             ("solver", "demo", "--node", "gfc"),
             "no template of a solver in python for 'gfc', but for fc, lcp, mlcp, ncp, qp",
