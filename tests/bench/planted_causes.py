@@ -276,7 +276,7 @@ def hyperstatic(rng: Random) -> Iterator[Plant]:
     nc = int(rng.integers(4, 8))
     bad = contacts(rng, nc, shared=nc - 2, mu=0.0)
     twin = replace(bad, W=bad.W + 0.5 * np.eye(3 * nc))
-    yield from each("hyperstatic", bad, twin, ["quadprog", "ecos", "pyqpmad", "dual-active-set"], tolerance=1e-8)
+    yield from each("hyperstatic", bad, twin, ["quadprog", "pyqpmad", "dual-active-set"], tolerance=1e-8)
 
 
 def free_blocks(rng: Random) -> tuple[Callable[[float], cp.MLCP], np.ndarray, np.ndarray]:
@@ -308,7 +308,7 @@ def singular(rng: Random) -> Iterator[Plant]:
         Q = basis @ np.diag([*np.linspace(1.0, 3.0, n - 1), least]) @ basis.T
         return cp.QP.build(Q, -Q @ z, A=R, b=R @ z - 1.0)
 
-    yield from each("singular", qp(0.0), qp(1.0), ["quadprog", "ecos", "pyqpmad", "dual-active-set"])
+    yield from each("singular", qp(0.0), qp(1.0), ["quadprog", "pyqpmad", "dual-active-set"])
     mixed = basis @ np.diag([*np.linspace(1.0, 3.0, n - 1), 0.0]) @ basis.T
 
     def equation(least: float) -> cp.Equation:
@@ -376,7 +376,6 @@ DEGENERATE = [
     "osqp",
     "pgs",
     "bpp",
-    "ecos",
     "cvxopt",
 ]
 

@@ -96,7 +96,7 @@ def lcp_as_qp(seed: int, n: int = 60, rank: int = 20) -> QP:
     return QP.build(Q=M, p=w - M @ z, lb=np.zeros(n))
 
 
-COMPILED = ("jaxopt-osqp", "qpax")
+COMPILED = ("qpax",)
 """Backends that compile for a second or more for each shape of a problem: their solves are for the night."""
 
 

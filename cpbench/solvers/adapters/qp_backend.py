@@ -174,8 +174,8 @@ class QPSolversBackend(QPBackend):
 
 
 def _import_qpsolvers() -> None:
-    """Import qpsolvers for the first time without what its backends warn of: they are all imported with it, jaxopt
-    says that it is no longer maintained, and where warnings are errors that would break every other backend."""
+    """Import qpsolvers for the first time without what its backends warn of: they are all imported with it,
+    and a deprecated one would break every other backend where warnings are errors."""
     if "qpsolvers" in sys.modules:
         return
     # ImportError: `probe` says what is missing

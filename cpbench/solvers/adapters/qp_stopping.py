@@ -34,10 +34,8 @@ TESTS: Mapping[str, Stopping] = {
     "copt": _of("feasibility, absolute", ABSOLUTE, FeasTol=1e-6, DualTol=1e-6),
     "cvxopt": _of("2-norms of residuals over max(1, norms of data), gap", ABSOLUTE, **_CVXOPT),
     "daqp": _of(_ACTIVE_SET, ABSOLUTE, primal_tol=1e-6, dual_tol=1e-12),
-    "ecos": _of("residuals over max(1, norms of data), gap", ABSOLUTE, feastol=1e-8, abstol=1e-8, reltol=1e-8),
     "gurobi": _of("feasibility, absolute; gap", ABSOLUTE, FeasibilityTol=1e-6, OptimalityTol=1e-6, BarConvTol=1e-8),
     "highs": _of("feasibility, absolute", ABSOLUTE, primal_feasibility_tolerance=1e-7, dual_feasibility_tolerance=1e-7),
-    "jaxopt-osqp": _of("residuals in the ∞-norm, absolute; no gap", ABSOLUTE, tolerance=1e-3),
     "kvxopt": _of("2-norms of residuals over max(1, norms of data), gap", ABSOLUTE, **_CVXOPT),
     "mosek": _of(
         "residuals over the data, gap",

@@ -82,14 +82,6 @@ def _cvxopt(budget: Budget) -> Settings:
     return {"feastol": e, "abstol": e, "reltol": e} | _limits(budget, "maxiters", 200)
 
 
-def _ecos(budget: Budget) -> Settings:
-    """Translate ε for ECOS. On the second-order cone form ‖(x, t)‖ a gap δ leaves a stationarity of order √δ: the
-    gap gets (ε/4)² (with ε² the error was up to 1.95 ε at lb = ub), not below 1e-14 where it only stalls. No time
-    limit."""
-    gap = max((0.25 * budget.tolerance) ** 2, 1e-14)
-    return {"feastol": 0.1 * budget.tolerance, "abstol": gap, "reltol": gap} | _limits(budget, "max_iters", 200)
-
-
 def _osqp(budget: Budget) -> Settings:
     """Return error ≤ eps_abs + eps_rel·scale in the ∞-norm; the scale of the dual residual is a norm of the sum
     Aᵀλ + Cᵀμ + ν: a quarter of ε. The gap is only checked when asked for. ADMM may need many cheap iterations."""
@@ -205,11 +197,6 @@ def _mosek(budget: Budget) -> Settings:
     )
 
 
-def _jaxopt_osqp(budget: Budget) -> Settings:
-    """Return absolute residuals in the ∞-norm, no gap: a tenth of ε. No time limit."""
-    return {"tolerance": 0.1 * budget.tolerance} | _limits(budget, "iterations", 20_000)
-
-
 def _qpax(budget: Budget) -> Settings:
     """Return absolute residuals and products sz in the ∞-norm: a tenth of ε. No time limit, no proofs."""
     return {"tolerance": 0.1 * budget.tolerance} | _limits(budget, "iterations", 100)
@@ -232,10 +219,8 @@ TABLE: Mapping[str, Callable[[Budget], Settings]] = {
     "copt": _copt,
     "cvxopt": _cvxopt,
     "daqp": _daqp,
-    "ecos": _ecos,
     "gurobi": _gurobi,
     "highs": _highs,
-    "jaxopt-osqp": _jaxopt_osqp,
     "kvxopt": _cvxopt,  # a fork
     "mosek": _mosek,
     "osqp": _osqp,

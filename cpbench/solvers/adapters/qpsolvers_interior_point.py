@@ -1,4 +1,4 @@
-"""Interior-point QP backends, called through qpsolvers: clarabel, cvxopt and its fork kvxopt, ecos, piqp, qtqp, sip."""
+"""Interior-point QP backends, called through qpsolvers: clarabel, cvxopt and its fork kvxopt, piqp, qtqp, sip."""
 
 from __future__ import annotations
 
@@ -86,54 +86,6 @@ class Kvxopt(Cvxopt):
         requires=("qpsolvers", "kvxopt"),
         by_default=False,  # the algorithm of cvxopt
     )
-
-
-@register
-class Ecos(QPSolversBackend):
-    spec = SolverSpec(
-        name="ecos",
-        node="qp",
-        summary="interior point on the second-order cone form of the QP, Q positive definite",
-        method="interior point",
-        citation="Domahidi, Chu and Boyd, ECOS: an SOCP solver for embedded systems, ECC 2013",
-        requires=("qpsolvers", "ecos"),
-        install="pip install cpbench[gpl]",
-        licence="GPL-3.0-only",
-        traits=frozenset({Trait.DETERMINISTIC}),
-        known_failures={
-            "tolerance-1e-08": "stops at inacc_offset with errors of 2e-8 to 4e-7: on its cone form the gap must be ε²",
-        },
-    )
-    sparse = False  # qpsolvers factors Q as a dense matrix
-    bounds_as_rows = True
-    definite = True
-    words = {
-        0: "optimal",
-        1: "primal infeasible",
-        2: "dual infeasible",
-        10: "inacc_offset",
-        11: "pinf_inacc",
-        12: "dinf_inacc",
-        -1: "maxit",
-        -2: "numerics",
-        -3: "outcone",
-    }
-    claims = {
-        "optimal": Claim.SOLVED,
-        "inacc_offset": Claim.INACCURATE,
-        "primal infeasible": Claim.INFEASIBLE,
-        "pinf_inacc": Claim.INFEASIBLE,
-        "dual infeasible": Claim.UNBOUNDED,
-        "dinf_inacc": Claim.UNBOUNDED,
-        "maxit": Claim.MAX_ITER,
-    }
-
-    def status(self, solution: Any, settings: Settings) -> str:
-        flag = int(solution.extras["exitFlag"])
-        return self.words.get(flag, f"exit flag {flag}")
-
-    def counters(self, solution: Any) -> Mapping[str, int]:
-        return {"iterations": int(solution.extras["iter"])}
 
 
 @register
