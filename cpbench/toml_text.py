@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+"""Keys that TOML takes without quotes."""
+
 
 def lines(table: Mapping[str, Any]) -> list[str]:
-    """Return keys of a table, a line each."""
-    return [f"{key} = {value(entry)}" for key, entry in table.items()]
+    """Return keys of a table, a line each; a key that may not stand bare is quoted.
+
+    >>> lines({"omega": 1.2, "a b": True, "": 3})
+    ['omega = 1.2', '"a b" = true', '"" = 3']
+    """
+    return [f"{key if _BARE.fullmatch(key) else value(key)} = {value(entry)}" for key, entry in table.items()]
 
 
 def value(entry: Any) -> str:

@@ -85,7 +85,7 @@ def _planted(name: str, bodies: int, nc: int) -> Instance:
             H[6 * body : 6 * body + 6, 3 * c : 3 * c + 3] = sign * np.vstack([np.eye(3), arm])
     states = [("stick", "slide", "open")[int(rng.integers(3))] for _ in range(nc)]
     r, u = contact_states(rng, states, MU, 3)
-    M, H = sp.csr_array(sp.block_diag(blocks)), sp.csr_array(H)
+    M, H = sp.csr_array(sp.block_diag([sp.csr_array(block) for block in blocks])), sp.csr_array(H)
     v = dyadic(rng, n, -2, 2)
     f, w = M @ v - H @ r.ravel(), u.ravel() - H.T @ v
     problem = GlobalFrictionContact(M=M, H=H, f=f, w=w, mu=np.full(nc, MU), name=name)

@@ -11,7 +11,7 @@ from cpbench import toml_text
 
 def lines(table: Mapping[str, Any]) -> list[str]:
     """Return keys of a TOML table."""
-    return [f"{key} = {value(item)}" for key, item in table.items()]
+    return toml_text.lines({key: _with_none(item) for key, item in table.items()})
 
 
 def value(item: Any) -> str:

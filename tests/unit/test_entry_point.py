@@ -1,0 +1,45 @@
+"""The program without a command: its help into a closed pipe, shell completion; one version everywhere, TOML keys."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import cpbench
+from cpbench import toml_text
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize("words", [[], ["--help"]])
+def test_help_into_a_closed_pipe_ends_without_a_traceback(words: list[str]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    command = [sys.executable, "-m", "cpbench", *words]
+    done = subprocess.run(command, stdout=writer, stderr=subprocess.PIPE, timeout=100)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_shells_get_a_completion_script(shell: str) -> None:
+    """Click's protocol: the program without words, called by its name, and a variable that asks."""
+    call = "import sys; sys.argv = ['cpbench']; from cpbench.__main__ import main; main()"
+    asked = {**os.environ, "_CPBENCH_COMPLETE": f"{shell}_source"}
+    done = subprocess.run([sys.executable, "-c", call], env=asked, capture_output=True, text=True, timeout=100)
+    assert "_cpbench_completion" in done.stdout
+    assert "Usage" not in done.stdout
+
+
+def test_the_version_to_cite_is_that_of_the_package() -> None:
+    assert f"\nversion: {cpbench.__version__}\n" in (ROOT / "CITATION.cff").read_text("utf-8")
+
+
+def test_every_key_of_toml_is_read_as_it_was_written() -> None:
+    table = {"omega": 1, "a b": 2, "a.b": 3, "": 4, "ä": 5, 'q"': 6, "x=y": 7, "[s]": 8}
+    assert tomllib.loads("\n".join(toml_text.lines(table))) == table
