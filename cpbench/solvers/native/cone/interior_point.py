@@ -27,6 +27,8 @@ from cpbench.solvers.base import Budget, SolverSpec, Trait, register, solvers
 from cpbench.solvers.native.cone.lorentz_scaling import GroupScaling, LorentzCones
 from cpbench.solvers.native.cone.run import ConicSolver, Iterates
 from cpbench.solvers.native.cone.scaled_form import ConicForm
+from cpbench.solvers.shared.lorentz_rows import lorentz_rows
+from cpbench.solvers.shared.polish import polish
 
 FRACTION = 0.99
 """How much of the way to the boundary a step goes at most."""

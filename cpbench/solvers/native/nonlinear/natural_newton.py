@@ -31,6 +31,7 @@ from cpbench.matrices import Sparse, Vector, norm
 from cpbench.product_cones import Cone
 from cpbench.solvers.native.nonlinear.projection_run import Field, ProjectionMethod, VIProjectionOptions
 from cpbench.solvers.native.nonlinear.vi_extragradient import Extragradient, ExtragradientOptions
+from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 
 DESCENT = 1e-4
 LENGTHS = tuple(0.5**k for k in range(8))

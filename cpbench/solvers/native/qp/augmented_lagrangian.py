@@ -24,6 +24,7 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.native.qp.claims import ErrorMeasure, convex_obstacle, infeasible, unbounded
 from cpbench.solvers.native.qp.kkt_system import KERNELS, KKT, entries
 from cpbench.solvers.native.qp.scaling import ScaledQP, scaled
+from cpbench.solvers.shared.progress import Progress
 
 STALL = 60
 """Least number of Newton steps without gain that ends a run."""

@@ -24,6 +24,7 @@ from cpbench.solvers.native.qp.claims import (
     infeasible,
 )
 from cpbench.solvers.native.qp.scaling import stacked
+from cpbench.solvers.shared.progress import SHARE
 
 CHUNK = 200_000_000
 """Operations between looks at the clock, a tenth of a second or two."""

@@ -19,6 +19,7 @@ from cpbench.solvers.native.qp.kkt_system import KERNELS, KKT, Entries
 from cpbench.solvers.native.qp.polish import polish
 from cpbench.solvers.native.qp.presolve import SparseQP, presolved, sparse_data
 from cpbench.solvers.native.qp.scaling import Scales, sparse_scaled
+from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 
 STALL = 12
 """Least number of iterations without gain of the judged error that ends a run."""

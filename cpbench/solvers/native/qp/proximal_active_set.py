@@ -24,6 +24,7 @@ from cpbench.solvers.native.qp.claims import (
 )
 from cpbench.solvers.native.qp.dual_active_set import CHUNK, ActiveSet
 from cpbench.solvers.native.qp.scaling import scaled
+from cpbench.solvers.shared.progress import Progress
 
 STALL = 30
 """Least number of iterations without gain that ends a run."""
