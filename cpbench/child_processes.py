@@ -17,6 +17,16 @@ import traceback
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn
 
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "RAYON_NUM_THREADS",
+)
+"""What sets the number of threads of a numerical library, before it is imported."""
 LOOK = 0.001
 """Seconds between two looks at a process, where the system does not report its end."""
 
@@ -42,11 +52,13 @@ def start(command: Sequence[str], env: Mapping[str, str] | None = None, **option
     return popen(list(command), env={**os.environ, **(env or {})}, **options)
 
 
-def start_python(code: str, *arguments: str, **options: Any) -> subprocess.Popen[bytes]:
+def start_python(code: str, *arguments: str, threads: int = 0, **options: Any) -> subprocess.Popen[bytes]:
     """Start this interpreter with a piece of code and the modules that this process finds; those in the current folder
-    are not found unless this process names it. Raises OSError."""
-    path = os.pathsep.join(filter(None, sys.path))
-    return start([sys.executable, "-P", "-c", code, *arguments], {"PYTHONPATH": path}, **options)
+    are not found unless this process names it. `threads` : of its numerical libraries, 0 for their own number. Raises
+    OSError."""
+    variables = dict.fromkeys(THREAD_VARIABLES, str(threads)) if threads else {}
+    variables["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
+    return start([sys.executable, "-P", "-c", code, *arguments], variables, **options)
 
 
 def wait(process: subprocess.Popen[bytes], seconds: float) -> int | None:

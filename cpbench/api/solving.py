@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from cpbench import brackets, verification
+from cpbench import brackets, graph, verification
 from cpbench.api.solution import Solution
 from cpbench.bench.judging import judge_answer, look_for_proof
+from cpbench.bench.planning.nearest import AUTO, nearest_automatic
+from cpbench.conversions.base import Conversion
 from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
+from cpbench.graph import EXACT
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, parse_options, solvers
 from cpbench.solvers.stopping import second_tolerance
@@ -20,6 +23,8 @@ from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, Status
 
 PROOF_SHARE = 0.5
 """The part of the time limit within which a proof is looked for that there is no solution."""
+SOLVE, JUDGE = "solve", "judge"
+"""Phases of `solve_there`."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +53,8 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
     Parameters
     ----------
     problem : of any formulation; where the solver is for another one, exact conversions lead there and back.
-    solver : a name, with options where wanted: ``"nsgs[omega=1.2]"``. None: the automatic choice of cpbench's own
-        solvers for this formulation, or for the nearest one that has such a choice and takes the problem.
+    solver : a name, with options where wanted: ``"nsgs[omega=1.2]"``. None or ``"auto"``: the automatic choice of
+        cpbench's own solvers for this formulation, or for the nearest one that has such a choice and takes the problem.
     tolerance : the largest error of an answer that counts as solved (see `Solution.error`).
     seconds : limit of set-up and solve [s], from after the warm-up on. It is told to the solver; one that does not look
         at the clock is not stopped, and its answer has the status `timeout`. `cpbench.run` stops whatever does not end.
@@ -75,32 +80,44 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
         )
     if not (tolerance > 0 and seconds > 0):
         raise ProblemError("tolerance" if not tolerance > 0 else "seconds", "must be positive")
-    way = _way_to(problem, solver) if solver is not None else _automatic(problem)
+    way = way_to(problem, solver)
     warming.warm_up_quickly(way.solver)
-    return _solved(problem, way, tolerance, seconds)
+    return solve_there(problem, way, tolerance, seconds)[0]
 
 
-def _way_to(problem: Problem, name: str) -> Way:
-    """Bring the problem to a named solver."""
+def way_to(
+    problem: Problem,
+    name: str | None = None,
+    via: Sequence[Conversion] = (),
+    kinds: frozenset[Kind] = EXACT,
+) -> Way:
+    """Bring the problem to a solver by its name, or to the nearest automatic choice that takes it (None, AUTO).
+
+    `via` : conversions to go through. `kinds` : the promises that others may have.
+
+    Raises UnknownName, NoRoute, NotApplicable, Unavailable.
+    """
+    if name is None or name == AUTO:
+        return _automatic(problem, via, kinds)
     base, given = brackets.read("solver", name)
     solver = solvers.get(base)
     state = solver.availability()
     if not state.ok:
         raise Unavailable(state.state, f"{base}: {state.detail}")
-    way = _brought(problem, solver, parse_options(solver.spec, given), name)
+    way = _brought(problem, solver, parse_options(solver.spec, given), name, via, kinds)
     why = solver.obstacle(way.problem)
     if why is not None:
         raise NotApplicable(name, why)
     return way
 
 
-def _automatic(problem: Problem) -> Way:
+def _automatic(problem: Problem, via: Sequence[Conversion], kinds: frozenset[Kind]) -> Way:
     """Bring the problem to the nearest automatic choice that takes it; raises NoRoute."""
     refused: list[str] = []
-    for name in nearest_automatic(problem.node):
+    for name in nearest_automatic(via[-1].target if via else problem.node):
         chosen = solvers.get(name)
         try:
-            way = _brought(problem, chosen, chosen.spec.options(), name)
+            way = _brought(problem, chosen, chosen.spec.options(), name, via, kinds)
         except NoRoute as cause:
             refused.append(str(cause))
             continue
@@ -114,31 +131,13 @@ def _automatic(problem: Problem) -> Way:
     )
 
 
-def nearest_automatic(node: str) -> Iterator[str]:
-    """Yield the automatic choices that a path of conversions reaches from a formulation, cheapest first; then our
-    other solvers of that formulation."""
-    from cpbench import graph
-    from cpbench.solvers.automatic import automatic_solver, automatic_solvers
-
-    own = automatic_solver(node)
-    if own is not None:
-        yield own
-    known = automatic_solvers()
-    # only the cheapest path of each: they come in this order
-    first = {other: next(iter(graph.candidates(node, other)), None) for other in known if other != node}
-    ordered = sorted((route.cost, known[other]) for other, route in first.items() if route is not None)
-    yield from (name for _, name in ordered)
-    ours = (one for one in solvers if one.spec.node == node and one.origin == "native")
-    yield from (one.spec.name for one in ours if one.spec.by_default and one.spec.name not in known.values())
-
-
-def _brought(problem: Problem, solver: Solver, options: Any, name: str) -> Way:
-    if solver.spec.node == problem.node:
+def _brought(
+    problem: Problem, solver: Solver, options: Any, name: str, via: Sequence[Conversion], kinds: frozenset[Kind]
+) -> Way:
+    if solver.spec.node == problem.node and not via:
         return Way(solver, options, name, problem, kind=solver.spec.kind)
-    from cpbench import graph
-
     done = graph.Memory()
-    arrival = graph.arrive(problem, solver.spec.node, apply=done)
+    arrival = graph.arrive(problem, solver.spec.node, kinds, via, apply=done)
     kind = max(arrival.kind, solver.spec.kind, key=lambda kind: kind.rank)
     return Way(
         solver,
@@ -157,25 +156,40 @@ def _clock() -> float:
     return time.perf_counter() - warming.seconds()
 
 
-def _solved(problem: Problem, way: Way, tolerance: float, seconds: float) -> Solution:
-    """Run the solver and judge what it returns; once more for a smaller tolerance where its package's claim fails."""
-    from cpbench import graph
+def solve_there(
+    problem: Problem,
+    way: Way,
+    tolerance: float,
+    seconds: float,
+    start: Any = None,
+    on_phase: Callable[[str], None] = lambda _: None,
+) -> tuple[Solution, float]:
+    """Run the solver and judge what it returns; once more for a smaller tolerance where its package's claim fails.
 
+    Returns the solution, and the error of its answer on the solver's own problem.
+
+    `start` : a point of the solver's own problem. `on_phase` : called with SOLVE and JUDGE where these begin.
+    """
+    run = partial(_judged, problem, way, tolerance, start=start, on_phase=on_phase)
     asked = graph.tolerance(way.problem, tolerance, way.steps)
-    first, missed = _judged(problem, way, tolerance, Budget(tolerance=asked, seconds=seconds))
+    first, missed = run(Budget(tolerance=asked, seconds=seconds))
     if first.status not in FALSE_CLAIMS:
-        return first
+        return first, missed
     smaller = second_tolerance(way.solver.stopping, asked, first.claim, missed)
     if smaller is None:
-        return first
-    second, _ = _judged(problem, way, tolerance, Budget(tolerance=smaller, seconds=seconds))
-    kept, other = (second, first) if second.status in MET_TOLERANCE else (first, second)
-    which = "first" if kept is second else "second"
+        return first, missed
+    second, missed_again = run(Budget(tolerance=smaller, seconds=seconds))
+    better = second.status in MET_TOLERANCE
+    kept, other = (second, first) if better else (first, second)
+    which = "first" if better else "second"
     said = f"asked twice, then for {smaller:.1e}; the {which} answer: {other.status}, error {other.error:.1e}"
-    return replace(kept, message="; ".join(filter(None, (kept.message, said))))
+    message = "; ".join(filter(None, (kept.message, said)))
+    return replace(kept, message=message), missed_again if better else missed
 
 
-def _judged(problem: Problem, way: Way, tolerance: float, budget: Budget) -> tuple[Solution, float]:
+def _judged(
+    problem: Problem, way: Way, tolerance: float, budget: Budget, *, start: Any, on_phase: Callable[[str], None]
+) -> tuple[Solution, float]:
     """Return what one run of the solver is worth, and the error of its answer on its own problem."""
     seconds = budget.seconds
     ended = partial(Solution, problem=problem, solver=way.name, tolerance=tolerance, route=way.label, kind=way.kind)
@@ -183,12 +197,14 @@ def _judged(problem: Problem, way: Way, tolerance: float, budget: Budget) -> tup
     solver = way.solver
     try:
         handed = solver.hand_over(way.problem)
+        on_phase(SOLVE)
         begun = _clock()
         prepared = solver.setup(handed, budget, way.options)
         between = _clock()
-        output = solver.solve(prepared, budget, way.options)
+        output = solver.solve(prepared, budget, way.options, start)
         spent |= {"setup": between - begun, "solve": _clock() - between}
         output = solver.collect(output)
+        on_phase(JUDGE)
     except (NotApplicable, Unavailable):
         raise
     except Exception as error:

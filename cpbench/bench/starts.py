@@ -110,6 +110,19 @@ def parse_start(text: str) -> StartPolicy:
     return StartPolicy(StartKind.PERTURBED, sigma)
 
 
+def one_start(text: str) -> StartPolicy:
+    """Return the policy in a text where there is one solve of a problem by itself; raises CpbenchError on one that
+    needs several."""
+    policy = parse_start(text)
+    if policy.kind is StartKind.PREVIOUS:
+        raise CpbenchError(
+            "--start previous: a problem by itself has no step before it; see cpbench run --start previous"
+        )
+    if policy.guess == EVERY:
+        raise CpbenchError("--start file:all: one solve has one start, as file:2; see cpbench run --start file:all")
+    return policy
+
+
 def each_start(asked: str, guesses: int) -> list[str]:
     """Return the policies that one stands for, on a problem whose file has this many guesses. Without guesses the first
     is named, so that the row reports that there is none.

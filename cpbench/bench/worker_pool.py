@@ -13,6 +13,7 @@ import cpbench.bench.referee as referee_process
 import cpbench.bench.worker as worker_process
 from cpbench import frames
 from cpbench.bench import messages
+from cpbench.bench.processes.isolation import memory_around
 from cpbench.bench.processes.launch import Context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import START, WARM_UP
@@ -25,10 +26,6 @@ memory is short Linux kills the largest process; what kills a parent ends its ch
 PROCESSES = 64
 """Processes that a solver may have at a time, beside one for each thread: so many can be killed within half a second
 after its limit, and a flood of more is stopped while it is small."""
-REFEREE_SHARE = 2
-"""The referee's memory limit as a multiple of a worker's: it holds a problem with all its conversions."""
-REFEREE_LEAST = 2 * 2**30
-"""Bytes that the referee may use at least, however low the limit of solvers is."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,7 @@ class Setting:
     @property
     def referee_memory(self) -> int:
         """Bytes that conversions and judging may take (0: no limit)."""
-        return max(REFEREE_SHARE * self.memory, REFEREE_LEAST) if self.memory > 0 else 0
+        return memory_around(self.memory)
 
     @property
     def processes(self) -> int:

@@ -114,3 +114,5 @@ def main() -> None:
         traceback.print_exc()
         click.echo("cpbench: this is a bug; please report it with the lines above", err=True)
         sys.exit(3)
+    finally:
+        ahead.end()

@@ -1,25 +1,40 @@
-"""Starts the forkserver of a command that solves, before the command itself is imported: both import side by side.
+"""Starts the processes of a command that solves, before the command itself is imported: both import side by side.
 
 What it needs to know is read off the arguments as they stand. Where a file or a plugin may say otherwise the command
-starts it, later.
+starts them, later.
 """
 
 from __future__ import annotations
 
 import itertools
 import os
+import sys
 from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cpbench.bench.processes.supervised import Supervised
 
 SOLVING = ("run", "solve")
 ELSEWHERE = ("-h", "--help", "--plugin", "--dask", "--cluster")
 """Options with which nothing is solved here, or by what is known only when they are read."""
 PLAN, NO_PLAN = "cpbench.toml", "none"
+AUTO = "auto"
 FEW = 4
 """The most solvers of which each loads what it needs, in place of all that there is once for all."""
+SOLVE_CODE = (
+    "from cpbench.imports import uncollected\n"
+    "with uncollected():\n    from cpbench.api.solve_process import main\n"
+    "main()"
+)
+"""Program of the process in which `cpbench solve` solves by a solver of cpbench."""
+_solving: list[Supervised] = []
+"""That process, where it was begun and nothing has asked for it yet."""
 
 
 def begin(arguments: Sequence[str]) -> None:
-    """Start it for a command and its arguments, unless there is nothing to solve or that is not sure."""
+    """Start them for a command and its arguments, unless there is nothing to solve or that is not sure."""
     command, *rest = arguments
     if command not in SOLVING or any(_values(rest, *ELSEWHERE)):
         return
@@ -28,12 +43,47 @@ def begin(arguments: Sequence[str]) -> None:
     names = [name for given in _values(rest, "-s", "--solver") for name in given.split(",")]
     if any(plan != NO_PLAN for plan in plans) or not threads.isdecimal() or any("@" in name for name in names):
         return
+    if command == "solve" and own_process(next(iter(names), AUTO)):
+        begin_solving(int(threads))
+        return
     from cpbench.bench.processes import launch
 
     several = (
         not names or len(names) > FEW or any({*name.partition("[")[0]} & {*"*?"} or name == "all" for name in names)
     )
     launch.begin(int(threads), few=command == "solve" or not several)
+
+
+def own_process(solver: str) -> bool:
+    """Return whether a solver of cpbench solves in one process that is limited by the system, on this one.
+
+    Others run in processes with more isolation. Only the text of modules is looked at: nothing is imported.
+    """
+    if sys.platform != "linux" or os.environ.get("CPBENCH_ISOLATION") == "spawn":
+        return False
+    name = solver.partition("[")[0]
+    native = Path(__file__).parents[1] / "solvers" / "native"
+    return name == AUTO or any(f'"{name}"' in path.read_text("utf-8") for path in native.glob("*/*.py"))
+
+
+def begin_solving(threads: int) -> None:
+    """Start the process in which `cpbench solve` solves, unless it was."""
+    from cpbench.bench.processes.supervised import Supervised
+
+    if not _solving:
+        _solving.append(Supervised(SOLVE_CODE, threads))
+
+
+def solving(threads: int) -> Supervised:
+    """Return that process, begun or started now."""
+    begin_solving(threads)
+    return _solving.pop()
+
+
+def end() -> None:
+    """End that process where no command took it."""
+    while _solving:
+        _solving.pop().close()
 
 
 def _values(arguments: Sequence[str], *names: str) -> Iterator[str]:

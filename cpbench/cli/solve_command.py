@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import click
 
-from cpbench.api.solve_apart import solve_apart
-from cpbench.bench.events import Compiling, Event
-from cpbench.bench.planning.plan import Limits
+from cpbench.bench.processes.supervised import Stopped
+from cpbench.bench.time_limits import GRACE, REFEREE, START, WARM_UP
+from cpbench.cli import ahead
 from cpbench.cli.options import (
     Command,
     facets_option,
@@ -22,15 +25,21 @@ from cpbench.cli.options import (
     tolerance_option,
     via_option,
 )
-from cpbench.cli.progress import compiling
-from cpbench.cli.terminal import print_lines
-from cpbench.cli.types import ADDRESS, PATH
-from cpbench.storage.base import require_new
+from cpbench.cli.types import PATH
+from cpbench.errors import CpbenchError
+from cpbench.registry import PLUGIN_FILES
 
 
 @click.command(cls=Command)
-@click.argument("problem", type=ADDRESS)
-@click.option("-s", "--solver", required=True, metavar="NAME[opt=value]", help="Solver (cpbench list solvers).")
+@click.argument("problem")
+@click.option(
+    "-s",
+    "--solver",
+    default=ahead.AUTO,
+    show_default=True,
+    metavar="NAME[opt=value]",
+    help="Solver (cpbench list solvers); auto: cpbench chooses among its own, as cpbench.solve does.",
+)
 @via_option
 @facets_option
 @click.option(
@@ -46,6 +55,7 @@ from cpbench.storage.base import require_new
 @tolerance_option
 @limit_options
 @click.option("-o", "--output", type=PATH, help="Output file of the answer (.h5, .npy, .csv).")
+@click.option("-v", "--verbose", is_flag=True, help="Show all numbers of the answer, its route, times and measures.")
 @json_option
 @format_option
 @force_option
@@ -61,41 +71,120 @@ def command(
     memory: int,
     threads: int,
     output: Path | None,
+    verbose: bool,
     as_json: bool,
     file_format: str | None,
     force: bool,
 ) -> None:
-    """Solve one problem by one solver, in a process of its own, and say what the answer is worth.
+    """Solve one problem, and print the answer and what it is worth.
+
+    The answer is measured on the problem itself, whatever the solver says of it. Of a problem with contacts a table
+    tells what each of them does. The solver runs in a process of its own, which is stopped at the limits.
 
     The exit code is 1 unless the answer is verified, or it is proved that there is none, so that `solve ... && lift
     ...` lifts no wrong answer. The answer is written in either case.
     """
-    if output is not None:
-        require_new(output, force)
     require_with_via(via)
-    solved = solve_apart(
-        problem,
-        solver,
-        via=via,
-        facets=facets,
-        routes=routes,
-        start=start,
-        tolerance=tolerance,
-        limits=Limits(timeout, memory, threads, repeats=1),
-        format=file_format,
-        on_event=_on_event,
-    )
-    print_lines([json.dumps(solved.record())] if as_json else solved.lines())
-    if output is not None and solved.outcome.answer is None:
+    asked = {
+        "solver": solver,
+        "via": via,
+        "facets": facets,
+        "routes": routes,
+        "start": start,
+        "tolerance": tolerance,
+        "seconds": timeout,
+        "memory": memory,
+        "threads": threads,
+        "output": None if output is None else str(output),
+        "force": force,
+        "format": file_format,
+        "verbose": verbose,
+    }
+    own = not os.environ.get(PLUGIN_FILES) and ahead.own_process(solver)
+    found = (_in_own_process if own else _apart)(problem, asked)
+    for line in [json.dumps(found["record"])] if as_json else found["lines"]:
+        click.echo(line)
+    if output is not None and not found["written"]:
         click.echo("no answer to write", err=True)
         sys.exit(1)
     if output is not None:
-        solved.save(output, format=file_format, force=force)
         click.echo(f"answer: {output}", err=as_json)
-    if not solved:
+    if not found["good"]:
         sys.exit(1)
 
 
-def _on_event(event: Event) -> None:
-    if isinstance(event, Compiling):
-        click.echo(compiling(event.solver), err=True)
+def _in_own_process(problem: str, asked: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Solve by a solver of cpbench, in one process; raises CpbenchError where there is nothing to solve."""
+    seconds, known = asked["seconds"], {"problem": "", "node": "?"}
+    around = REFEREE.limit(seconds)
+    limits = {"read": START.limit(seconds) + around, "warm-up": WARM_UP.limit(seconds), "judge": around}
+
+    def note(told: Mapping[str, Any]) -> None:
+        known.update(told)
+        if "compiling" in told:
+            _say_compiling(told["compiling"])
+
+    with ahead.solving(asked["threads"]) as process:
+        try:
+            found = process.ask({**asked, "address": problem}, "read", {**limits, "solve": seconds + GRACE}, note)
+        except Stopped as stopped:
+            found = _stopped(stopped, seconds, limits)
+    if "refused" in found:
+        raise CpbenchError(found["refused"])
+    if "others" in found:
+        return _apart(problem, asked)
+    return _without_answer(known, asked, found) if "status" in found else found
+
+
+def _stopped(stopped: Stopped, seconds: float, limits: Mapping[str, float]) -> dict[str, Any]:
+    """Return status and message of a process that gave no answer."""
+    if stopped.code is not None:
+        cause = f"killed by signal {-stopped.code}" if stopped.code < 0 else f"exited with code {stopped.code}"
+        return {"status": "crash", "message": f"{stopped.phase}: {cause}"}
+    if stopped.phase == "solve":
+        return {"status": "timeout", "message": f"killed after {seconds:g} s", "solve": seconds}
+    return {"status": "error", "message": f"{stopped.phase}: not over after {limits[stopped.phase]:g} s"}
+
+
+def _without_answer(known: Mapping[str, Any], asked: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
+    from cpbench.api.answered import Answered
+    from cpbench.bench.results.rows import Outcome
+
+    answered = Answered(known["problem"], known["node"], asked["solver"], asked["tolerance"], Outcome(**found))
+    lines = list(answered.lines(verbose=asked["verbose"]))
+    return {"lines": lines, "record": answered.record(), "good": False, "written": False}
+
+
+def _apart(problem: str, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """Solve by a solver of others, in processes of its own."""
+    from cpbench.api.solve_apart import solve_apart
+    from cpbench.bench.events import Compiling
+    from cpbench.bench.planning.plan import Limits
+    from cpbench.cli.types import ADDRESS
+    from cpbench.storage.base import require_new
+
+    if asked["output"] is not None:
+        require_new(Path(asked["output"]), asked["force"])
+    answered = solve_apart(
+        ADDRESS.convert(problem, None, None),
+        asked["solver"],
+        via=asked["via"],
+        facets=asked["facets"],
+        routes=asked["routes"],
+        start=asked["start"],
+        tolerance=asked["tolerance"],
+        limits=Limits(asked["seconds"], asked["memory"], asked["threads"], repeats=1),
+        format=asked["format"],
+        on_event=lambda event: _say_compiling(event.solver) if isinstance(event, Compiling) else None,
+    )
+    written = asked["output"] is not None and answered.point is not None
+    if written:
+        answered.save(Path(asked["output"]), force=asked["force"])
+    lines = list(answered.lines(verbose=asked["verbose"]))
+    return {"lines": lines, "record": answered.record(), "good": bool(answered), "written": written}
+
+
+def _say_compiling(solver: str) -> None:
+    from cpbench.cli.progress import compiling
+
+    click.echo(compiling(solver), err=True)

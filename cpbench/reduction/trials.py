@@ -11,8 +11,8 @@ from types import TracebackType
 from typing import Any, Self
 
 from cpbench import storage
-from cpbench.api.solving import nearest_automatic
 from cpbench.bench.planning import plan
+from cpbench.bench.planning.nearest import nearest_automatic
 from cpbench.bench.results import answers
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.slot import Slot

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 
 from cpbench.solvers.base import Solver, solvers
 
@@ -15,6 +15,7 @@ _warm: set[str] = set()
 """Solvers that have warmed up completely in this process."""
 _begun: set[str] = set()
 """Solvers that have warmed up as far as every solve needs."""
+_listeners: list[Callable[[bool], None]] = []
 _depth = 0
 _seconds = 0.0
 
@@ -25,12 +26,25 @@ def off_the_clock() -> Generator[None]:
     global _depth, _seconds
     _depth += 1
     begun = time.perf_counter()
+    if _depth == 1:
+        _tell(True)
     try:
         yield
     finally:
         _depth -= 1
         if not _depth:
             _seconds += time.perf_counter() - begun
+            _tell(False)
+
+
+def listen(listener: Callable[[bool], None]) -> None:
+    """Have this called with True where something begins that is off the clock, and with False where it has ended."""
+    _listeners.append(listener)
+
+
+def _tell(begins: bool) -> None:
+    for listener in _listeners:
+        listener(begins)
 
 
 def seconds() -> float:

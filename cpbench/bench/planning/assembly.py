@@ -58,7 +58,9 @@ class Assembly:
     def idle(self) -> list[str]:
         """Solvers that were asked for by name and that no route leads to from any problem."""
         busy = {pair.entry.solver for part in self.parts for pair in part.pairs}
-        asked = [entry.solver for part in self.parts if part.asked.chosen for entry in part.entries]
+        asked = [
+            entry.solver for part in self.parts if part.asked.chosen for entry in part.entries if not entry.nearest
+        ]
         return [name for name in dict.fromkeys(asked) if name not in busy]
 
     def require_pairs(self) -> None:

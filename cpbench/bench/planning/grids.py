@@ -2,6 +2,7 @@
 
     nsgs                                      one entry
     newton-*                                  every solver of that name
+    auto                                      the automatic choice for each problem, whatever its formulation
     all                                       every solver, those too that a run takes only when they are named
     nsgs[omega=0.8:1.4:0.2,shuffle=true|false]   4 x 2 entries: a range with its end and step, a list
     nsgs@head={interpreter="/opt/head/bin/python"}   a variant, declared by this text: the same solver, another build
@@ -18,6 +19,7 @@ from dataclasses import fields
 from decimal import Decimal
 
 from cpbench import brackets
+from cpbench.bench.planning.nearest import AUTO, all_automatic
 from cpbench.bench.planning.plan import Entry, entry_of
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.solvers.base import solvers
@@ -39,13 +41,15 @@ def by_default() -> list[Entry]:
 def named(texts: Iterable[str]) -> set[str]:
     """Return the solvers that texts name, rather than match by a glob: such a solver has a row even where it cannot
     run."""
-    exact = (text for text in texts if text.strip() != ALL and not set(text.partition("[")[0]) & set("*?"))
+    exact = (text for text in texts if text.strip() not in (ALL, AUTO) and not set(text.partition("[")[0]) & set("*?"))
     return {entry.solver for text in exact for entry in grid(text)}
 
 
 def entries(texts: Iterable[str]) -> list[Entry]:
     """Return all entries of the texts, each once, in their order; raises UnknownName and CpbenchError."""
-    return list({entry.label: entry for text in texts for entry in grid(text)}.values())
+    found = [entry for text in texts for entry in grid(text)]
+    # a solver that is named as well takes every problem, not only those whose automatic choice it is
+    return list({entry.label: entry for entry in sorted(found, key=lambda entry: not entry.nearest)}.values())
 
 
 def grid(text: str) -> list[Entry]:
@@ -58,6 +62,10 @@ def grid(text: str) -> list[Entry]:
     if variant is not None:
         return [Entry(variant)]
     pattern, written = brackets.read("solver", text)
+    if pattern == AUTO:
+        if written:
+            raise CpbenchError(f"solver '{text}': the automatic choice has no options; name one, as auto-qp")
+        return [Entry(name, nearest=True) for name in all_automatic()]
     return [entry for name in _names(pattern) for entry in _entries(name, written, text)]
 
 

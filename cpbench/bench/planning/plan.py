@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench import brackets
+from cpbench.bench.planning.nearest import nearest_reached
 from cpbench.conversions.base import Conversion, find_via, make
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Kind
@@ -69,10 +70,14 @@ class Request:
 
 @dataclass(frozen=True)
 class Entry:
-    """A solver with its options, and its label in tables."""
+    """A solver with its options, and its label in tables.
+
+    `nearest` : whether it takes only the problems of which it is the automatic choice.
+    """
 
     solver: str
     options: Mapping[str, Any] = field(default_factory=dict)
+    nearest: bool = False
 
     @property
     def label(self) -> str:
@@ -259,6 +264,8 @@ def pairs(
             for entry in entries:
                 spec = solvers.get(entry.solver).spec
                 if spec.node not in nodes or (spec.kind == Kind.RELAXATION and not relaxations):
+                    continue
+                if entry.nearest and entry.solver != nearest_reached(survey.node, frozenset(nodes)):
                     continue
                 pair = Pair(
                     address=survey.address,

@@ -24,6 +24,10 @@ from cpbench.errors import CpbenchError, UnknownName
 
 VARIABLE = "CPBENCH_ISOLATION"
 CHOICES = ("", "group", "open", "spawn")
+AROUND_SHARE = 2
+"""Memory limit of the work around solves as a multiple of a solve's: it holds a problem with all its conversions."""
+AROUND_LEAST = 2 * 2**30
+"""Bytes that this work may use at least, however low the limit of solvers is."""
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 
 
@@ -154,6 +158,15 @@ def address_space() -> int:
         return int(os.read(descriptor, 64).split()[0]) * os.sysconf("SC_PAGE_SIZE")
     finally:
         os.close(descriptor)
+
+
+def memory_around(memory: int) -> int:
+    """Return the limit of the work around solves, conversions and judging, where a solve has `memory` bytes (0: none).
+
+    >>> memory_around(4 * 2**30) == 8 * 2**30, memory_around(2**20) == 2 * 2**30, memory_around(0)
+    (True, True, 0)
+    """
+    return max(AROUND_SHARE * memory, AROUND_LEAST) if memory > 0 else 0
 
 
 def limit_address_space(growth: int) -> None:

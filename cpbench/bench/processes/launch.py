@@ -24,17 +24,9 @@ from typing import Any
 from cpbench.bench.processes import cgroup, confinement, guard, isolation
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.isolation import Isolation
+from cpbench.child_processes import THREAD_VARIABLES as THREAD_VARIABLES
 from cpbench.registry import DECLARED, PLUGIN_FILES
 
-THREAD_VARIABLES = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMBA_NUM_THREADS",
-    "RAYON_NUM_THREADS",
-)
 SAFE_PATH = "PYTHONSAFEPATH"
 WARNINGS = "PYTHONWARNINGS"
 RESTARTS, PAUSE = 8, 1.0
