@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Generator, Sequence
+from contextlib import AbstractContextManager
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -77,6 +78,19 @@ def load(module: str) -> ModuleType:
     cache."""
     if _is_loaded(module):
         return sys.modules[module]
+    with _around[-1]():
+        return _load(module)
+
+
+def load_within(context: Callable[[], AbstractContextManager[None]]) -> None:
+    """Have modules loaded within such a context from here on, in which what loads them counts the time."""
+    _around.append(context)
+
+
+_around: list[Callable[[], AbstractContextManager[None]]] = [contextlib.nullcontext]
+
+
+def _load(module: str) -> ModuleType:
     directory = ensure_cache_dir()
     with uncollected():
         importlib.import_module("numba")  # slow, and needs no lock

@@ -114,7 +114,8 @@ def contact_lines(table: ContactTable, most: int | None) -> Iterator[str]:
     columns += [table.moment, table.rolling] if rolling else []
     shown = total if most is None else min(total, most)
     for c in range(shown):
-        rows.append([str(table.id[c]), *(_short(column[c]) for column in columns), str(table.state[c])])
+        numbers = (_short(column[c], 5 if column is table.normal else 3) for column in columns)
+        rows.append([str(table.id[c]), *numbers, str(table.state[c])])
     yield from _aligned(rows)
     if shown < total:
         yield f"  and {counted(total - shown, 'more contact')}: --verbose shows them"
@@ -128,15 +129,15 @@ def _load_lines(table: ContactTable, most: int | None) -> Iterator[str]:
     rows = [["body", "contacts", *(["load x", "load y", "load z"] if framed else [])]]
     shown = table.bodies.size if most is None else min(table.bodies.size, most)
     for b in range(shown):
-        load = [_short(value) for value in table.load[b]] if framed else []
+        load = [_short(value, 5) for value in table.load[b]] if framed else []
         rows.append([str(table.bodies[b]), str(table.touched[b]), *load])
     yield from _aligned(rows)
     if shown < table.bodies.size:
         yield f"  and {counted(table.bodies.size - shown, 'more body')}: --verbose shows them"
 
 
-def _short(value: float) -> str:
-    return f"{float(value):.5g}"
+def _short(value: float, digits: int) -> str:
+    return f"{float(value):.{digits}g}"
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterator[str]:

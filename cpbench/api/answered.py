@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,13 +11,14 @@ from typing import Any
 
 from cpbench import storage
 from cpbench.api.answer_text import answer_lines, objective_of, status_text
+from cpbench.api.next_command import line, near
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.schema import MEASURED
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Point, Problem
 from cpbench.plain_text import printable
 from cpbench.storage.vectors import save_vector
-from cpbench.verification import MET_TOLERANCE, PROVEN, error_text
+from cpbench.verification import MET_TOLERANCE, PROVEN, REFUSED, error_text
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +27,12 @@ class Answered:
 
     Attributes
     ----------
-    name, node : of the problem. label : of the solver. tolerance : what was asked for. outcome : what was measured.
+    address, name, node : of the problem. label : of the solver. tolerance : what was asked for.
+    outcome : what was measured.
     problem, point : the problem and the answer to it, None where there is no answer.
     """
 
+    address: str
     name: str
     node: str
     label: str
@@ -58,11 +62,13 @@ class Answered:
         words = status_text(row.status, row.error, self.tolerance, self._objective())
         spent = [seconds for seconds in (row.setup, row.solve) if seconds is not None]
         took = f" in {_duration(sum(spent))}" if spent else ""
-        yield f"{self.name or 'problem'} ({self.node}): {words}; by {self.label}{took}"
+        yield f"{self.name or Path(self.address).stem} ({self.node}): {words}; by {self.label}{took}"
         # of what did not solve it, what the solver says; of a proof, what was proved
         if row.message and row.status not in MET_TOLERANCE and not verbose:
             yield f"  {printable(row.message)}"
-        if row.flags and not verbose:
+        if not self and row.status not in REFUSED:
+            yield f"  why, and what else to try: {line('explain', near(self.address), '-s', self.label)}"
+        if row.flags and row.error is not None and math.isfinite(row.error) and not verbose:
             yield f"  flags: {row.flags}"
         if self.problem is not None and self.point is not None and row.status not in PROVEN:
             yield from answer_lines(self.problem, self.point, self.tolerance, every=verbose)

@@ -5,11 +5,14 @@ from __future__ import annotations
 import html
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cpbench.formulations.base import Kind, Problem
 from cpbench.matrices import Vector
 from cpbench.verification import MET_TOLERANCE, Status, Verdict, error_text
+
+if TYPE_CHECKING:
+    from cpbench.analysis.contact_table import ContactTable
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -49,6 +52,24 @@ class Solution:
         import numpy as np
 
         return None if self.point is None else np.concatenate(list(self.point.arrays().values()))
+
+    @property
+    def contacts(self) -> ContactTable | None:
+        """What each contact does, and the load of each body; None of a problem without contacts, or without an answer
+        that is finite.
+
+        >>> import cpbench
+        >>> box = cpbench.FrictionContact(W=[[1.0, 0.0], [0.0, 1.0]], q=[-1.0, 0.3], mu=[0.5], dimension=2)
+        >>> table = cpbench.solve(box).contacts
+        >>> table.state.tolist(), table.normal.round(6).tolist(), table.friction.round(6).tolist()
+        (['stick'], [1.0], [0.6])
+        """
+        from cpbench.analysis.contact_table import contact_table
+        from cpbench.formulations.contact import ContactProblem
+
+        if not isinstance(self.problem, ContactProblem) or self.point is None or not self.point.finite:
+            return None
+        return contact_table(self.problem, self.point, self.tolerance)
 
     @property
     def error(self) -> float:

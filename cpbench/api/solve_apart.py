@@ -17,6 +17,7 @@ from cpbench.bench.results.rows import Outcome
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import NoRoute
+from cpbench.generators.collection import address_text
 from cpbench.solvers.base import solvers
 
 
@@ -70,7 +71,7 @@ def solve_apart(
 
 def _answered(pair: plan.Pair, outcome: Outcome) -> Answered:
     """Return the outcome with the problem and the answer to it, where there is one."""
-    known = Answered(pair.problem, pair.node, pair.label, pair.tolerance, outcome)
+    known = Answered(address_text(pair.address), pair.problem, pair.node, pair.label, pair.tolerance, outcome)
     if outcome.answer is None:
         return known
     problem = storage.load(pair.address, format=pair.format)

@@ -142,6 +142,7 @@ def _answered(asked: Mapping[str, Any], talk: _Talk) -> Answered:
     try:
         way = _way(problem, asked)
         label = way.name
+        talk.say(solver=label)
         known = known.changed(route=way.label, kind=str(way.kind), convert=way.seconds)
         known = known.changed(target_tolerance=graph.tolerance(way.problem, asked["tolerance"], way.steps))
         point = None
@@ -157,14 +158,9 @@ def _answered(asked: Mapping[str, Any], talk: _Talk) -> Answered:
             )
     except (NotApplicable, Unavailable) as refusal:
         status = Status.UNSUPPORTED if isinstance(refusal, NotApplicable) else Status.UNAVAILABLE
-        return Answered(
-            problem.name,
-            problem.node,
-            label,
-            asked["tolerance"],
-            known.changed(status=str(status), message=str(refusal)),
-        )
-    return _of(solution, there, known)
+        refused = known.changed(status=str(status), message=str(refusal))
+        return Answered(asked["address"], problem.name, problem.node, label, asked["tolerance"], refused)
+    return _of(asked["address"], solution, there, known)
 
 
 def _way(problem: Problem, asked: Mapping[str, Any]) -> Way:
@@ -189,7 +185,7 @@ def _start(policy: starts.StartPolicy, problem: Problem, way: Way, address: str,
     return begin.point, begin.description
 
 
-def _of(solution: Solution, there: float, known: Outcome) -> Answered:
+def _of(address: str, solution: Solution, there: float, known: Outcome) -> Answered:
     """Return a solution as the outcome of a solve, with `there`, its error on the solver's own problem."""
     problem, verdict, spent = solution.problem, solution.verdict, solution.seconds
     outcome = known.changed(
@@ -203,7 +199,8 @@ def _of(solution: Solution, there: float, known: Outcome) -> Answered:
         counters=json.dumps(dict(solution.counters)),
         **{name: spent[name] for name in ("setup", "solve", "lift", "verify") if name in spent},
     )
-    return Answered(problem.name, problem.node, solution.solver, solution.tolerance, outcome, problem, solution.point)
+    asked = address, problem.name, problem.node, solution.solver, solution.tolerance
+    return Answered(*asked, outcome, problem, solution.point)
 
 
 @contextlib.contextmanager

@@ -17,7 +17,7 @@ from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.graph import EXACT
 from cpbench.solvers import warming
-from cpbench.solvers.base import Budget, Solver, parse_options, solvers
+from cpbench.solvers.base import Budget, Solver, missing, parse_options, solvers
 from cpbench.solvers.stopping import second_tolerance
 from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, Status
 
@@ -125,10 +125,17 @@ def _automatic(problem: Problem, via: Sequence[Conversion], kinds: frozenset[Kin
         if why is None:
             return way
         refused.append(f"{name}: {why}")
-    raise NoRoute(
-        f"no automatic choice takes this problem ({problem.node}); name a solver (cpbench.list_solvers). "
-        f"{refused[0] if refused else ''}"
-    )
+    why = f": {refused[0]}" if refused else ""
+    raise NoRoute(f"no solver of cpbench is chosen for this problem ({problem.node}){why}; {_others(problem)}")
+
+
+def _others(problem: Problem) -> str:
+    """Say which solvers that are installed take a problem as it is."""
+    takers = (one for one in solvers if one.spec.node == problem.node and not missing(one.spec))
+    names = [one.spec.name for one in takers if one.spec.by_default and one.obstacle(problem) is None]
+    if not names:
+        return f"name a solver; cpbench list solvers {problem.node} has those that take it as it is"
+    return f"name a solver that takes it as it is: {', '.join(names)}"
 
 
 def _brought(

@@ -115,7 +115,7 @@ def command(
 
 def _in_own_process(problem: str, asked: Mapping[str, Any]) -> Mapping[str, Any]:
     """Solve by a solver of cpbench, in one process; raises CpbenchError where there is nothing to solve."""
-    seconds, known = asked["seconds"], {"problem": "", "node": "?"}
+    seconds, known = asked["seconds"], {"address": problem, "problem": "", "node": "?"}
     around = REFEREE.limit(seconds)
     limits = {"read": START.limit(seconds) + around, "warm-up": WARM_UP.limit(seconds), "judge": around}
 
@@ -150,7 +150,8 @@ def _without_answer(known: Mapping[str, Any], asked: Mapping[str, Any], found: M
     from cpbench.api.answered import Answered
     from cpbench.bench.results.rows import Outcome
 
-    answered = Answered(known["problem"], known["node"], asked["solver"], asked["tolerance"], Outcome(**found))
+    named = known["address"], known["problem"], known["node"]
+    answered = Answered(*named, known.get("solver", asked["solver"]), asked["tolerance"], Outcome(**found))
     lines = list(answered.lines(verbose=asked["verbose"]))
     return {"lines": lines, "record": answered.record(), "good": False, "written": False}
 

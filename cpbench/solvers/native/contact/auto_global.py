@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.kernel_cache import load_all
 from cpbench.matrices import EPS
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
 from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
@@ -20,6 +21,8 @@ from cpbench.solvers.shared.progress import reduced
 SWEEPS, ITERATIONS = 2_000, 1_000
 """Sweeps of Gauss–Seidel and iterations of ADMM before the other goes on: they stand still for different reasons."""
 LOCAL = "auto-fc"
+KERNELS = ("dynamics_rows", "row_errors", "equilibration", "dynamics_error")
+"""Compiled loops by which answers in velocities and reactions are measured."""
 FINER = 0.1
 """Times the tolerance is what is asked for in r at first: in v and r, part by part, the same answer has a few times its
 error."""
@@ -64,6 +67,11 @@ class AutoGlobal(AutomaticChoice):
     def warmup(self) -> None:
         super().warmup()
         solvers.get(LOCAL).warmup()
+
+    def warmup_quickly(self) -> None:
+        # almost every problem is condensed, which needs these besides what the local solver takes as it goes on
+        load_all("solvers", KERNELS)
+        solvers.get(LOCAL).warmup_quickly()
 
     def solve(
         self,
