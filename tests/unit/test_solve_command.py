@@ -1,0 +1,220 @@
+"""`cpbench solve`: the automatic choice, the answer first, limits, and what contacts do."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import cpbench as command
+from tiers import some_by_day
+
+import cpbench
+from cpbench import storage
+from cpbench.analysis.contact_table import contact_table
+from cpbench.api.answer_text import WORDS, status_text
+from cpbench.bench.planning import grids
+from cpbench.bench.planning.nearest import all_automatic, nearest_automatic
+from cpbench.cli import ahead
+from cpbench.errors import CpbenchError, NoRoute
+from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact
+from cpbench.verification import Status
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="does not apply: Linux only")
+
+
+def saved(folder: Path, problem: cpbench.LCP | QP | FrictionContact) -> str:
+    storage.save(problem, folder / f"{problem.name}.h5")
+    return f"{problem.name}.h5"
+
+
+def first_line(text: str) -> str:
+    return text.splitlines()[0]
+
+
+# --------------------------------------------------------------------------------------- the choice
+
+
+@pytest.mark.parametrize(
+    "address",
+    some_by_day(
+        [
+            "lcp/lcp-classics.h5::pang-isolated",
+            "ncp/walras.h5::cobb-douglas-4-3",
+            "afc/anisotropic.h5::planted-10",
+            "equation/equations.h5::rosenbrock",
+        ],
+        2,
+    ),
+)
+def test_without_a_solver_the_command_chooses_as_python_does(address: str, tmp_path: Path) -> None:
+    chosen = cpbench.solve(cpbench.load(f"builtin/{address}"))
+    for given in ([], ["-s", "auto"]):
+        row = json.loads(command(tmp_path, "solve", f"builtin/{address}", *given, "--json").stdout)
+        assert (row["solver"], row["status"], row["route"]) == (chosen.solver, str(chosen.status), chosen.route)
+    assert cpbench.solve(cpbench.load(f"builtin/{address}"), "auto").solver == chosen.solver
+
+
+def test_a_run_by_auto_has_one_row_a_problem_by_its_own_choice(tmp_path: Path) -> None:
+    lcp = LCP(M=np.eye(2), q=[-1.0, 1.0], name="a")
+    qp = QP.build(Q=np.eye(2), p=[-1.0, 1.0], lb=[0.0, 0.0], name="b")
+    frame = cpbench.run([lcp, qp], "auto", repeats=1).frame
+    assert dict(zip(frame["problem"], frame["solver"], strict=True)) == {"a": "auto-lcp", "b": "auto-qp"}
+    both = cpbench.run([lcp, qp], ["auto", "auto-lcp"], repeats=1).frame
+    assert sorted(zip(both["problem"], both["solver"], strict=True)) == [
+        ("a", "auto-lcp"), ("b", "auto-lcp"), ("b", "auto-qp"),
+    ]  # fmt: skip
+
+
+def test_auto_has_no_options_and_no_row_of_its_own() -> None:
+    with pytest.raises(CpbenchError, match="no options"):
+        grids.grid("auto[members=installed]")
+    assert grids.named(["auto", "lemke"]) == {"lemke"}
+    assert {entry.solver for entry in grids.grid("auto")} == {*all_automatic()}
+
+
+@pytest.mark.parametrize("node", ["lcp", "equation", "nfc"])
+def test_every_choice_of_python_is_one_of_auto(node: str) -> None:
+    own = [name for name in nearest_automatic(node) if cpbench.solvers.solvers.get(name).spec.node == node]
+    assert {*own} & {*all_automatic()}
+
+
+def test_where_nothing_is_chosen_the_solvers_that_take_it_are_named() -> None:
+    problem = cpbench.load("builtin/nlp/hock-schittkowski-nonlinear.h5::hs71")
+    with pytest.raises(NoRoute, match="scipy-slsqp"):
+        cpbench.solve(problem)
+
+
+# --------------------------------------------------------------------------------------- the answer
+
+
+def test_the_first_line_has_status_objective_and_error(tmp_path: Path) -> None:
+    """min (x − 3)²/2 − 4.5 over [0, 1]: x = 1, −2.5."""
+    qp = QP.build(Q=[[1.0]], p=[-3.0], lb=[0.0], ub=[1.0], name="bounded")
+    done = command(tmp_path, "solve", saved(tmp_path, qp))
+    found = re.fullmatch(
+        r"bounded \(qp\): solved; objective (\S+), error (\S+) \(1e-06 asked for\); by auto-qp in \S+ ms",
+        first_line(done.stdout),
+    )
+    assert found is not None, done.stdout
+    assert float(found[1]) == pytest.approx(-2.5)
+    assert float(found[2]) <= 1e-6
+    assert re.search(r"^  z\[0\] = 1$", done.stdout, re.MULTILINE)
+    assert "seconds" not in done.stdout
+    assert "seconds" in command(tmp_path, "solve", "bounded.h5", "--verbose").stdout
+
+
+def test_a_limited_number_of_unknowns_is_shown(tmp_path: Path) -> None:
+    lcp = LCP(M=np.eye(50), q=-np.arange(50.0), name="many")
+    shown = command(tmp_path, "solve", saved(tmp_path, lcp)).stdout.splitlines()
+    assert len(shown) == 22
+    assert "30 more numbers" in shown[-1]
+    whole = command(tmp_path, "solve", "many.h5", "-v", "-o", "z.csv").stdout
+    assert re.search(r"^  z\[49\] = 49 ", whole, re.MULTILINE)
+    np.testing.assert_allclose(np.loadtxt(tmp_path / "z.csv"), np.arange(50.0), atol=1e-6)
+
+
+def test_no_solution_is_said_in_words_with_the_exit_code_of_a_proof(tmp_path: Path) -> None:
+    done = command(tmp_path, "solve", saved(tmp_path, LCP(M=[[-1.0]], q=[-1.0], name="none")))
+    assert "there is no solution: infeasible, proved" in first_line(done.stdout)
+    assert done.returncode == 0
+
+
+def test_what_is_not_solved_names_the_command_that_explains_it(tmp_path: Path) -> None:
+    lcp = LCP(M=np.eye(3), q=-np.ones(3), name="stopped")
+    done = command(tmp_path, "solve", saved(tmp_path, lcp), "-s", "lemke[max_pivots=1]")
+    assert done.returncode == 1
+    assert "not solved" in first_line(done.stdout)
+    assert "cpbench explain stopped.h5 -s 'lemke[max_pivots=1]'" in done.stdout
+
+
+def test_every_status_has_words() -> None:
+    assert {*map(str, Status)} - {"not_run"} == {*map(str, WORDS)}
+    assert status_text("wrong", 0.25, 1e-6, None).endswith("error 0.25 (1e-06 asked for)")
+
+
+# --------------------------------------------------------------------------------------- contacts
+
+
+def test_a_box_pushed_on_two_feet() -> None:
+    """u = r + q: foot 0 sticks (|q_T| = 0.3 < 0.5·1), foot 1 slips (r_T = −0.5, u_T = 0.7), foot 2 opens."""
+    frame = np.broadcast_to(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (3, 3, 3))
+    contacts = Contacts(id=[7, 8, 9], bodies=[[1, 0], [1, 0], [2, 1]], frame=frame)
+    box = FrictionContact(W=np.eye(6), q=[-1.0, 0.3, -1.0, 1.2, 0.5, 0.0], mu=[0.5] * 3, dimension=2, contacts=contacts)
+    table = cpbench.solve(box, tolerance=1e-9).contacts
+    assert table is not None
+    assert table.state.tolist() == ["stick", "slip", "open"]
+    assert table.counts() == {"stick": 1, "slip": 1, "open": 1}
+    assert table.id.tolist() == [7, 8, 9]
+    np.testing.assert_allclose(table.normal, [1.0, 1.0, 0.0], atol=1e-8)
+    np.testing.assert_allclose(table.friction, [0.6, 1.0, 0.0], atol=1e-8)
+    np.testing.assert_allclose(table.opening, [0.0, 0.0, 0.5], atol=1e-8)
+    np.testing.assert_allclose(table.sliding, [0.0, 0.7, 0.0], atol=1e-8)
+    # normals are y, tangents x: on body 1 from the ground (2 up, −0.3 − 0.5 along x), nothing from body 2
+    assert (table.bodies.tolist(), table.touched.tolist()) == ([0, 1, 2], [2, 2, 0])
+    np.testing.assert_allclose(table.load, [[0.8, -2.0, 0.0], [-0.8, 2.0, 0.0], [0.0, 0.0, 0.0]], atol=1e-8)
+
+
+def test_rolling_contacts_that_turn_without_slipping_roll() -> None:
+    """The generator plants sticking, slipping, rolling and open contacts in turn."""
+    address = "builtin/rfc/rolling.h5::planted-12"
+    problem = cpbench.load(address)
+    from cpbench.bench.planning.places import located
+    from cpbench.generators.collection import builtin_folder
+
+    planted = storage.solution(located(address, builtin_folder))
+    assert planted is not None
+    table = contact_table(problem, planted[0])
+    turning = table.rolling > 0.1
+    closed = table.state != "open"
+    assert (table.state[closed & turning & (table.sliding < 0.1)] == "rolls").all()
+    assert {*table.state.tolist()} == {"stick", "slip", "open", "rolls"}
+    np.testing.assert_allclose(table.moment[table.state == "rolls"], 1.0)
+
+
+def test_a_motion_below_the_tolerance_is_none() -> None:
+    """r = (1, 0.5) at its edge, u_T a hundredth of the tolerance and a hundred times it."""
+    for speed, state in ((1e-8, "stick"), (1e-4, "slip")):
+        problem = FrictionContact(W=np.eye(2), q=[-1.0, 0.5 + speed], mu=[0.5], dimension=2)
+        assert contact_table(problem, FCPoint(r=np.array([1.0, -0.5])), 1e-6).state.tolist() == [state]
+
+
+def test_the_command_shows_the_table_of_contacts(tmp_path: Path) -> None:
+    box = FrictionContact(W=np.eye(4), q=[-1.0, 0.3, -1.0, 1.2], mu=[0.5] * 2, dimension=2, name="box")
+    lines = command(tmp_path, "solve", saved(tmp_path, box)).stdout.splitlines()
+    assert lines[1] == "  2 contacts: 1 stick, 1 slip"
+    assert lines[2].split()[:3] + lines[2].split()[-1:] == ["contact", "normal", "force", "state"]
+    assert [line.split()[-1] for line in lines[3:]] == ["stick", "slip"]
+    assert cpbench.solve(LCP(M=[[1.0]], q=[-1.0])).contacts is None
+
+
+# --------------------------------------------------------------------------------------- limits
+
+
+@linux
+def test_the_memory_of_a_solve_is_limited(tmp_path: Path) -> None:
+    """A factor of a dense 1200 × 1200 matrix has 11.5 MB, of which 4 MB are allowed."""
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((1200, 1200))
+    name = saved(tmp_path, LCP(M=A @ A.T + np.eye(1200), q=rng.standard_normal(1200), name="large"))
+    done = command(tmp_path, "solve", name, "-s", "interior-point-lcp", "--memory", "4M", "--json")
+    assert json.loads(done.stdout)["status"] == "memout", done.stdout
+    assert done.returncode == 1
+
+
+@linux
+def test_only_solvers_of_cpbench_are_in_the_process_that_judges() -> None:
+    assert all(map(ahead.own_process, ("auto", "lemke", "nsgs[omega=1.2]", "auto-qp")))
+    assert not any(map(ahead.own_process, ("siconos-fc3d-nsgs", "casadi-ipopt-nlp", "no-such-solver")))
+
+
+def test_a_solver_of_others_that_one_of_cpbench_names_is_not_run_there(tmp_path: Path) -> None:
+    """`auto-qp` has osqp among its members, by which the text of modules takes it for one of cpbench's."""
+    pytest.importorskip("osqp", reason="needs a package: osqp")
+    name = saved(tmp_path, QP.build(Q=[[1.0]], p=[-3.0], lb=[0.0], ub=[1.0], name="bounded"))
+    row = json.loads(command(tmp_path, "solve", name, "-s", "osqp", "--json").stdout)
+    assert (row["solver"], row["status"], row["repeats"]) == ("osqp", "solved", 1)
+    assert ahead.own_process("osqp")
