@@ -22,6 +22,8 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
 
     from cpbench.api.certifying import certify as certify
     from cpbench.api.diagnosing import diagnose as diagnose
+    from cpbench.api.enumerating import EverySolution as EverySolution
+    from cpbench.api.enumerating import every_solution as every_solution
     from cpbench.api.gallery import gallery as gallery
     from cpbench.api.problems import Converted as Converted
     from cpbench.api.problems import convert as convert
@@ -68,6 +70,8 @@ _HOMES = {
     "explain": "api.problems",
     "verify": "api.problems",
     "certify": "api.certifying",
+    "every_solution": "api.enumerating",
+    "EverySolution": "api.enumerating",
     "diagnose": "api.diagnosing",
     "run": "api.runs",
     "Results": "api.results",

@@ -15,7 +15,7 @@ OPTIONS = {
 }
 COMMANDS = {
     "run": "Run every reachable solver on every problem, judge the answers, write the report.",
-    "solve": "Solve one problem by one solver, and measure the answer.",
+    "solve": "Solve one problem, and print the answer and what it is worth; or all solutions of a small one.",
     "convert": "Convert a problem to another formulation; the file can lift answers back.",
     "lift": "Carry an answer to a converted problem back to its source.",
     "verify": "Measure an answer on a problem, or judge the stored answers of a results file again.",

@@ -115,6 +115,13 @@ def _answer(asked: Mapping[str, Any], talk: _Talk) -> dict[str, Any]:
     if asked["output"] is not None:
         require_new(Path(asked["output"]), asked["force"])
     talk.limit(asked["memory"])
+    if asked["all"]:
+        from cpbench.api.enumerating import reply_to, require_rows
+
+        if asked["output"] is not None:
+            require_rows(Path(asked["output"]))
+        talk.begin(JUDGE)
+        return reply_to(located(asked["address"], builtin_folder), asked)
     answered = _answered(asked, talk)
     talk.begin(JUDGE)
     lines = list(answered.lines(verbose=asked["verbose"]))

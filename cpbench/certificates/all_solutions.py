@@ -8,7 +8,7 @@ is empty, a point, or a continuum, and least-index pivots say which.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -50,28 +50,62 @@ class AllSolutions:
 @lru_cache(maxsize=1)
 def all_solutions(problem: Problem) -> AllSolutions | None:
     """Return all solutions of an LCP or MLCP; None where it is another problem, too large, or takes too long."""
-    form = mixed(problem, problem.zero_point()) if problem.node in ("lcp", "mlcp") else None
-    if form is None:
+    P = _small(problem)
+    if P is None:
         return None
-    P = form[0]
+    points = dict[tuple[Any, ...], tuple[list[Any], States]]()
+    try:
+        for x, many, states in _of_all_bases(P):
+            if many:
+                return AllSolutions([], states)
+            points.setdefault(_numbers(x), (x, states))
+    except TimeoutError:
+        return None
+    return AllSolutions(list(points.values()))
+
+
+def basic_solutions(problem: Problem) -> list[list[Any]] | None:
+    """Return the different solutions that are the only one of some complementary basis: of a continuum its ends, where
+    bases there are regular. None as of `all_solutions`."""
+    P = _small(problem)
+    if P is None:
+        return None
+    try:
+        found = {_numbers(x): x for x, many, _ in _of_all_bases(P) if not many}
+    except TimeoutError:
+        return None
+    return list(found.values())
+
+
+def _numbers(x: Sequence[Any]) -> tuple[Any, ...]:
+    return tuple((int(v.p), int(v.q)) for v in x)
+
+
+def _small(problem: Problem) -> Mixed | None:
+    """Return an LCP or MLCP of which all bases can be looked at; None for another problem."""
+    form = mixed(problem, problem.zero_point()) if problem.node in ("lcp", "mlcp") else None
+    if form is None or 2 ** min(int(np.isfinite(form[0].lo).sum()), 99) * max(form[0].c.size, 1) ** 2 > WORK:
+        return None
+    return form[0]
+
+
+def _of_all_bases(P: Mixed) -> Iterator[tuple[list[Any], bool, States]]:
+    """Yield a solution of each complementary basis that has one, whether it has infinitely many, and its states.
+
+    Raises TimeoutError after SECONDS.
+    """
     pairs = np.flatnonzero(np.isfinite(P.lo)).tolist()
     free = np.flatnonzero(~np.isfinite(P.lo)).tolist()
-    if 2 ** min(len(pairs), 99) * max(P.c.size, 1) ** 2 > WORK:
-        return None
-    table, points, began = _integers(P), dict[tuple[Any, ...], tuple[list[Any], States]](), time.perf_counter()
+    table, began = _integers(P), time.perf_counter()
     for number in range(2 ** len(pairs)):
         if time.perf_counter() - began > SECONDS:
-            return None
+            raise TimeoutError
         basic = {j for k, j in enumerate(pairs) if number >> k & 1}
         x, many = _of_basis(table, free, pairs, basic)
-        if x is None:
-            continue
-        states = np.full(P.c.size, LOWER, dtype=np.int8)
-        states[[*free, *basic]] = BASIC
-        if many:
-            return AllSolutions([], states)
-        points.setdefault(tuple((int(v.p), int(v.q)) for v in x), (x, states))
-    return AllSolutions(list(points.values()))
+        if x is not None:
+            states = np.full(P.c.size, LOWER, dtype=np.int8)
+            states[[*free, *basic]] = BASIC
+            yield x, many, states
 
 
 def _integers(P: Mixed) -> list[list[int]]:

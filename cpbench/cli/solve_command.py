@@ -55,6 +55,9 @@ from cpbench.registry import PLUGIN_FILES
 @tolerance_option
 @limit_options
 @click.option("-o", "--output", type=PATH, help="Output file of the answer (.h5, .npy, .csv).")
+@click.option(
+    "--all", "every", is_flag=True, help="List all solutions of a small LCP or MLCP, or of what is equivalent to one."
+)
 @click.option("-v", "--verbose", is_flag=True, help="Show all numbers of the answer, its route, times and measures.")
 @json_option
 @format_option
@@ -71,6 +74,7 @@ def command(
     memory: int,
     threads: int,
     output: Path | None,
+    every: bool,
     verbose: bool,
     as_json: bool,
     file_format: str | None,
@@ -79,12 +83,15 @@ def command(
     """Solve one problem, and print the answer and what it is worth.
 
     The answer is measured on the problem itself, whatever the solver says of it. Of a problem with contacts a table
-    tells what each of them does. The solver runs in a process of its own, which is stopped at the limits.
+    tells what each of them does. The solver runs in a process of its own, which is stopped at the limits. With --all
+    the command lists all solutions instead, found in exact arithmetic.
 
     The exit code is 1 unless the answer is verified, or it is proved that there is none, so that `solve ... && lift
     ...` lifts no wrong answer. The answer is written in either case.
     """
     require_with_via(via)
+    if every and (solver != ahead.AUTO or via or start != "cold"):
+        raise click.UsageError("--all looks at every complementary basis: leave out -s, --via and --start")
     asked = {
         "solver": solver,
         "via": via,
@@ -99,6 +106,7 @@ def command(
         "force": force,
         "format": file_format,
         "verbose": verbose,
+        "all": every,
     }
     own = not os.environ.get(PLUGIN_FILES) and ahead.own_process(solver)
     found = (_in_own_process if own else _apart)(problem, asked)
@@ -166,8 +174,13 @@ def _apart(problem: str, asked: Mapping[str, Any]) -> dict[str, Any]:
 
     if asked["output"] is not None:
         require_new(Path(asked["output"]), asked["force"])
+    address = ADDRESS.convert(problem, None, None)
+    if asked["all"]:
+        from cpbench.api.enumerating import reply_to
+
+        return reply_to(address, asked)
     answered = solve_apart(
-        ADDRESS.convert(problem, None, None),
+        address,
         asked["solver"],
         via=asked["via"],
         facets=asked["facets"],

@@ -150,3 +150,59 @@ def test_forged_numbers_are_caught(kind: str, tmp_path: Path, check: Callable[[P
         own.attrs["seal"] = certificate_file.seal(own)
     with pytest.raises(REFUSALS):
         check(path)
+
+
+def game(count: int) -> LCP:
+    """Costs of a bimatrix game in which both pay 1 where they choose the same of `count`, else 2: for each set of
+    choices that both take equally often there is one equilibrium, 2^count − 1 of them.
+
+    z = (x, y) without the scale of x and y: Ay ≥ 1 ⟂ x ≥ 0, Aᵀx ≥ 1 ⟂ y ≥ 0 (Lemke and Howson, 1964).
+    """
+    A, none = 2.0 - np.eye(count), np.zeros((count, count))
+    return LCP(M=np.block([[none, A], [A.T, none]]), q=-np.ones(2 * count), name=f"game-{count}")
+
+
+def equilibria(x: np.ndarray, count: int) -> set[tuple[tuple[float, ...], ...]]:
+    """The strategies of both players, as shares."""
+    return {tuple(tuple(np.round(part / part.sum(), 12).tolist()) for part in np.split(row, [count])) for row in x}
+
+
+@pytest.mark.parametrize("count", [2, 3])
+def test_all_equilibria_of_a_game_are_listed_shown_and_written(count: int, tmp_path: Path) -> None:
+    shares = [np.array([number >> k & 1 for k in range(count)], dtype=float) for number in range(1, 2**count)]
+    wanted = {(tuple(np.round(s / s.sum(), 12).tolist()),) * 2 for s in shares}
+    found = cpbench.every_solution(game(count))
+    assert (found.count, equilibria(found.x, count)) == (2**count - 1, wanted)
+    cpbench.save(game(count), tmp_path / "game.h5")
+    done = command(tmp_path, "solve", "game.h5", "--all", "-o", "z.npy")
+    assert done.stdout.startswith(f"game-{count} (lcp): {2**count - 1} solutions, all there are\n  1: z = (")
+    assert done.returncode == 0
+    np.testing.assert_array_equal(np.load(tmp_path / "z.npy"), found.x)
+    certified = command(tmp_path, "certify", "game.h5", "-s", "lemke", "--all", "z.csv")
+    assert f"all        {2**count - 1} solutions, all there are" in certified.stdout
+    np.testing.assert_array_equal(np.loadtxt(tmp_path / "z.csv", delimiter=","), found.x)
+
+
+def test_of_a_continuum_the_ends_are_listed() -> None:
+    """z₁ + z₂ = 1: a segment from (1, 0) to (0, 1)."""
+    found = cpbench.every_solution(LCP(M=np.ones((2, 2)), q=[-1.0, -1.0]))
+    assert found.endless
+    assert math.isinf(found.count)
+    assert sorted(found.x.tolist()) == [[0.0, 1.0], [1.0, 0.0]]
+
+
+def test_all_solutions_of_what_is_equivalent_are_carried_back() -> None:
+    """−x ∈ N_[−1,1](x) has the solutions −1, 0 and 1."""
+    relay = cpbench.Relay(M=[[-1.0]], q=[0.0], lb=[-1.0], ub=[1.0])
+    found = cpbench.every_solution(relay)
+    assert sorted(found.x[:, 0].tolist()) == [-1.0, 0.0, 1.0]
+    assert found.route != "direct"
+
+
+def test_what_cannot_be_counted_is_refused_in_one_line(tmp_path: Path) -> None:
+    cpbench.save(LCP(M=np.eye(30), q=-np.ones(30)), tmp_path / "large.h5")
+    done = command(tmp_path, "solve", "large.h5", "--all", "-o", "z.npy")
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert "lcp with n = 30: too large" in done.stderr
+    assert not (tmp_path / "z.npy").exists()
+    assert "all solutions are written as rows" in command(tmp_path, "solve", "large.h5", "--all", "-o", "z.h5").stderr
