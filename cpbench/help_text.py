@@ -16,6 +16,7 @@ OPTIONS = {
 COMMANDS = {
     "run": "Run every reachable solver on every problem, judge the answers, write the report.",
     "solve": "Solve one problem, and print the answer and what it is worth; or all solutions of a small one.",
+    "sweep": "Solve a problem for several values of a parameter, such as the coefficient of friction.",
     "convert": "Convert a problem to another formulation; the file can lift answers back.",
     "lift": "Carry an answer to a converted problem back to its source.",
     "verify": "Measure an answer on a problem, or judge the stored answers of a results file again.",

@@ -85,18 +85,21 @@ def _entries(name: str, written: dict[str, str], text: str) -> Iterator[Entry]:
     defaults = {f.name: f.default for f in fields(spec.options)}
     for option in written.keys() - defaults.keys():
         raise UnknownName(f"option of {name}", option, defaults)
-    axes = [list(_values(value, defaults[option], f"{name}[{option}={value}]")) for option, value in written.items()]
+    axes = [list(values(value, defaults[option], f"{name}[{option}={value}]")) for option, value in written.items()]
     count = 1
     for axis in axes:
         count *= len(axis)
     if count > LARGEST:
         raise CpbenchError(f"solver '{text}': is {count} entries, at most {LARGEST} are run")
-    for values in itertools.product(*axes):
-        yield entry_of(spec, dict(zip(written, values, strict=True)))
+    for chosen in itertools.product(*axes):
+        yield entry_of(spec, dict(zip(written, chosen, strict=True)))
 
 
-def _values(text: str, default: object, where: str) -> Iterator[str]:
-    """Yield the single values of `a|b`, where numbers may be ranges `first:last:step`."""
+def values(text: str, default: object, where: str) -> Iterator[str]:
+    """Yield the single values of `a|b`, where numbers may be ranges `first:last:step`; raises CpbenchError.
+
+    `default` : a value of the type. `where` : begins messages.
+    """
     number = isinstance(default, int | float) and not isinstance(default, bool)
     for part in text.split("|"):
         if number and ":" in part:
