@@ -56,7 +56,7 @@ def start_python(code: str, *arguments: str, threads: int = 0, **options: Any) -
     """Start this interpreter with a piece of code and the modules that this process finds; those in the current folder
     are not found unless this process names it. `threads` : of its numerical libraries, 0 for their own number. Raises
     OSError."""
-    variables = dict.fromkeys(THREAD_VARIABLES, str(threads)) if threads else {}
+    variables: dict[str, str] = {name: str(threads) for name in THREAD_VARIABLES} if threads else {}
     variables["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
     return start([sys.executable, "-P", "-c", code, *arguments], variables, **options)
 

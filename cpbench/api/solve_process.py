@@ -125,9 +125,10 @@ def _answer(asked: Mapping[str, Any], talk: _Talk) -> dict[str, Any]:
     answered = _answered(asked, talk)
     talk.begin(JUDGE)
     lines = list(answered.lines(verbose=asked["verbose"]))
-    written = asked["output"] is not None and answered.point is not None
-    if written:
-        answered.save(Path(asked["output"]), force=asked["force"])
+    output: str | None = asked["output"]
+    written = output is not None and answered.point is not None
+    if output is not None and written:
+        answered.save(Path(output), force=asked["force"])
     return {"lines": lines, "record": answered.record(), "good": bool(answered), "written": written}
 
 

@@ -50,7 +50,8 @@ def over(text: str) -> tuple[str, list[float]]:
 def with_value(problem: Problem, name: str, value: float) -> Problem:
     """Return the problem with a parameter of its maps, or with all coefficients of friction, set to a value.
 
-    Raises UnknownName where it has none of that name, ProblemError where it has none at all or the value is not allowed.
+    Raises UnknownName where it has none of that name, ProblemError where it has none at all, or for
+    a value that is not allowed.
     """
     if name in problem.parameters:
         return problem.with_parameters({name: value})

@@ -191,9 +191,10 @@ def _apart(problem: str, asked: Mapping[str, Any]) -> dict[str, Any]:
         format=asked["format"],
         on_event=lambda event: _say_compiling(event.solver) if isinstance(event, Compiling) else None,
     )
-    written = asked["output"] is not None and answered.point is not None
-    if written:
-        answered.save(Path(asked["output"]), force=asked["force"])
+    output: str | None = asked["output"]
+    written = output is not None and answered.point is not None
+    if output is not None and written:
+        answered.save(Path(output), force=asked["force"])
     lines = list(answered.lines(verbose=asked["verbose"]))
     return {"lines": lines, "record": answered.record(), "good": bool(answered), "written": written}
 
