@@ -23,7 +23,7 @@ from cpbench.verification import MET_TOLERANCE, PROVEN, REFUSED, error_text
 
 @dataclass(frozen=True, eq=False)
 class Answered:
-    """What became of one solve; true in a condition where the answer is verified, or proved that there is none.
+    """Outcome of one solve; true in a condition where the answer is verified, or proved that there is none.
 
     Attributes
     ----------

@@ -62,7 +62,7 @@ def main() -> None:
 
 
 class _Talk:
-    """What this process says of itself, and the limits of its memory that go with its phases."""
+    """Messages of this process on its phases, and the limits of its memory that go with them."""
 
     def __init__(self) -> None:
         self._out = os.fdopen(os.dup(1), "w", encoding="utf-8")

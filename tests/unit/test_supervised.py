@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -42,8 +43,18 @@ def test_a_phase_that_exceeds_its_limit_is_killed_with_all_that_it_started(tmp_p
         ended(body, solve=SHORT)
     assert (stopped.value.phase, stopped.value.code) == ("solve", None)
     ids = [int(pid) for pid in (tmp_path / "ids").read_text().split()]
-    alive = [pid for pid in ids if psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE]
-    assert (len(ids), alive) == (2, [])
+    assert len(ids) == 2
+    over = time.monotonic() + 60.0
+    while any(map(_runs, ids)):  # one that is killed may be seen for a moment more
+        assert time.monotonic() < over
+        time.sleep(0.01)
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
 
 
 def test_what_happens_between_the_parts_of_a_phase_is_not_in_its_time() -> None:
