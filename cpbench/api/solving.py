@@ -10,7 +10,7 @@ from typing import Any
 
 from cpbench import brackets, graph, verification
 from cpbench.api.solution import Solution
-from cpbench.bench.judging import judge_answer, look_for_proof
+from cpbench.bench.judging import PROOF_SECONDS, judge_answer, look_for_proof
 from cpbench.bench.planning.nearest import AUTO, nearest_automatic
 from cpbench.conversions.base import Conversion
 from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
@@ -233,7 +233,7 @@ def _judged(
             not way.steps,
             claim,
             output.certificate,
-            PROOF_SHARE * seconds,
+            min(PROOF_SHARE * seconds, PROOF_SECONDS),
         ),
     )
     # the solver was told the limit, and nobody stops it in this process

@@ -11,6 +11,9 @@ from cpbench import graph, verification
 from cpbench.errors import PointError
 from cpbench.formulations.base import Kind, Point, Problem
 
+PROOF_SECONDS = 20.0
+"""Longest search, in seconds, for a proof that the problem has no solution."""
+
 
 @dataclass(frozen=True, eq=False)
 class Judgement:

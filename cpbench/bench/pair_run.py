@@ -15,10 +15,11 @@ from typing import Any, TypeAlias
 import cpbench.bench.worker as worker_process
 from cpbench import frames
 from cpbench.bench import messages
+from cpbench.bench.judging import PROOF_SECONDS
 from cpbench.bench.outcome import iqr, marks, reason, remembered
 from cpbench.bench.planning.plan import PREVIOUS, Pair
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
-from cpbench.bench.referee import HISTORY_SECONDS, PROOF_SECONDS
+from cpbench.bench.referee import HISTORY_SECONDS
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.stacked import part_of
 from cpbench.bench.time_limits import GRACE, LOAD, REFEREE, WARM_UP

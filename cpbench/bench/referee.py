@@ -28,8 +28,6 @@ from cpbench.formulations.base import Kind, Problem
 
 HISTORY_SECONDS = 30.0
 """Seconds after which no further iterate of a history is judged; the judged ones are spread over the whole."""
-PROOF_SECONDS = 20.0
-"""Longest search, in seconds, for a proof that the problem has no solution."""
 
 
 def main(connection: Channel, scratch: str, memory: int) -> None:
