@@ -228,7 +228,7 @@ class Builder:
     constants count together with operations, in the order in which they came: `finish` puts them in order."""
 
     def __init__(self, inputs: int) -> None:
-        self._inputs = inputs
+        self.inputs = inputs
         self._known: dict[tuple[int, int, int] | bytes | str, int] = {}
         self._nodes: list[tuple[int, int, int] | float] = []
         self._named: dict[str, int] = {}
@@ -258,10 +258,22 @@ class Builder:
         node = (int(operator), left, right)
         return self._number(node, node)
 
+    def operation(self, value: int) -> tuple[int, int, int] | None:
+        """Return operator and arguments of a value, the second -1 where there is one; None for another kind of
+        value.
+        """
+        node = self._nodes[value - self.inputs] if value >= self.inputs else None
+        return node if isinstance(node, tuple) else None
+
+    def number(self, value: int) -> float | None:
+        """Return the number that a value is, None where it is a parameter or no constant."""
+        node = self._nodes[value - self.inputs] if value >= self.inputs else None
+        return node if isinstance(node, float) and value not in self._named.values() else None
+
     def _number(self, key: tuple[int, int, int] | bytes | str, node: tuple[int, int, int] | float) -> int:
         found = self._known.get(key)
         if found is None:
-            found = self._known[key] = self._inputs + len(self._nodes)
+            found = self._known[key] = self.inputs + len(self._nodes)
             self._nodes.append(node)
             if len(self._nodes) > LARGEST:
                 raise ProblemError("map", f"has more than {LARGEST} operations and constants")
@@ -271,25 +283,25 @@ class Builder:
         """Return the map to the values with these numbers, canonical."""
         ends = list(outputs)
         constants, operations = self._walk(ends)
-        place = {old: self._inputs + new for new, old in enumerate((*constants, *operations))}
+        place = {old: self.inputs + new for new, old in enumerate((*constants, *operations))}
 
         def placed(old: int) -> int:
-            return old if old < self._inputs else place[old]
+            return old if old < self.inputs else place[old]
 
-        nodes: list[Any] = [self._nodes[old - self._inputs] for old in operations]
+        nodes: list[Any] = [self._nodes[old - self.inputs] for old in operations]
         return Map(
-            self._inputs,
-            np.array([self._nodes[old - self._inputs] for old in constants], dtype=float),
+            self.inputs,
+            np.array([self._nodes[old - self.inputs] for old in constants], dtype=float),
             np.array([node[0] for node in nodes], dtype=np.int64),
             np.array([placed(node[1]) for node in nodes], dtype=np.int64),
             np.array([placed(node[2]) for node in nodes], dtype=np.int64),
             np.array([placed(end) for end in ends], dtype=np.int64),
-            {name: place[old] - self._inputs for name, old in self._named.items() if old in place},
+            {name: place[old] - self.inputs for name, old in self._named.items() if old in place},
         )
 
     def _walk(self, ends: Sequence[int]) -> tuple[list[int], list[int]]:
         """Return constants and operations that `ends` need, arguments before their users, left before right."""
-        first, nodes = self._inputs, self._nodes
+        first, nodes = self.inputs, self._nodes
         seen = bytearray(len(nodes))
         constants: list[int] = []
         operations: list[int] = []

@@ -7,7 +7,6 @@ list. No root is a bare variable or number but +(x): so JuMP writes and wants it
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -17,6 +16,7 @@ from cpbench.expressions.from_mof import Affine, Functions, Quadratic
 from cpbench.expressions.map import Map
 from cpbench.expressions.mof_operators import CHAINED, WRITTEN
 from cpbench.expressions.operators import Operator
+from cpbench.expressions.plain_rows import PlainRows
 
 DEPTH = 12
 """Terms inside each other: parsers of JSON and readers of people go that deep without trouble."""
@@ -154,70 +154,18 @@ class _Plain:
     """Rows that are affine or quadratic, and read back as the same operations."""
 
     def __init__(self, F: Map) -> None:
-        self._F = F
-        self._operations = list(zip(F.heads.tolist(), F.left.tolist(), F.right.tolist(), strict=True))
         self._reader = Functions("", {str(k): k for k in range(F.inputs)})
         build, self._number = self._reader.build, list(range(F.inputs))
-        self._named = {F.inputs + place for place in F.named.values()}
-        self._number += [build.constant(c) for c in F.constants.tolist()]
-        for head, a, b in self._operations:
+        names = {place: name for name, place in F.named.items()}
+        for place, c in enumerate(F.constants.tolist()):
+            self._number.append(build.parameter(names[place], c) if place in names else build.constant(c))
+        for head, a, b in zip(F.heads.tolist(), F.left.tolist(), F.right.tolist(), strict=True):
             self._number.append(build.apply(Operator(head), self._number[a], self._number[b] if b >= 0 else -1))
+        self._rows = PlainRows(build)
 
     def function(self, end: int) -> Affine | Quadratic | None:
         """Return the row with this value, None where it is neither affine nor quadratic, or in another order of
         operations.
         """
-        products: list[tuple[int, int, float]] = []
-        affine = Affine([], [], 0.0)
-        for sign, value in reversed(self._summands(end)):
-            factor, what = self._factor(value)
-            if what is None:
-                return None
-            if what < 0:
-                affine.constant = sign * factor
-            elif what < self._F.inputs:
-                affine.columns.append(what)
-                affine.values.append(sign * factor)
-            else:
-                _, i, j = self._operation(what)
-                products.append((i, j, sign * factor if i != j else 2.0 * sign * factor))
-                if not math.isfinite(products[-1][2]):
-                    return None
-        if affine.constant == 0.0 and math.copysign(1.0, affine.constant) < 0:
-            return None  # a side of a set has no room for the sign of a zero
-        found = Quadratic(products, affine) if products else affine
-        return found if self._reader.value(found) == self._number[end] else None
-
-    def _operation(self, value: int) -> tuple[int, int, int]:
-        first = self._F.inputs + self._F.constants.size
-        return self._operations[value - first] if value >= first else (-1, -1, -1)
-
-    def _summands(self, value: int) -> list[tuple[float, int]]:
-        """Return (sign, value), the last one first."""
-        found: list[tuple[float, int]] = []
-        while True:
-            head, a, b = self._operation(value)
-            if head not in (Operator.ADD, Operator.SUB):
-                break
-            found.append((1.0 if head == Operator.ADD else -1.0, b))
-            value = a
-        head, a, _ = self._operation(value)
-        return [*found, (-1.0, a) if head == Operator.NEG else (1.0, value)]
-
-    def _factor(self, value: int) -> tuple[float, int | None]:
-        """Return (c, x) of c·x, x the number of a variable or of a product of two; −1: the number c itself; None:
-        neither.
-        """
-        inputs, constants = self._F.inputs, self._F.constants
-        head, a, b = self._operation(value)
-        if value in self._named or a in self._named:
-            return 0.0, None
-        if inputs <= value < inputs + constants.size:
-            return float(constants[value - inputs]), -1
-        factor = 1.0
-        if head == Operator.MUL and inputs <= a < inputs + constants.size:
-            factor = float(constants[a - inputs])
-            value = b
-            head, a, b = self._operation(value)
-        single, product = value < inputs, head == Operator.MUL and max(a, b) < inputs
-        return factor, value if single or product else None
+        found = self._rows.function(self._number[end])
+        return found if found is not None and self._reader.value(found) == self._number[end] else None
