@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.matrices import Matrix, Sparse, Vector
-from cpbench.storage import mof_read
+from cpbench.storage.model_problem import offset
 from cpbench.storage.mof_write import FEASIBILITY, Written, joined, numbered, one_sided
 
 
@@ -86,7 +86,7 @@ def qp(problem: Any) -> Written:
             f'{{"coefficient": {value!r}, "variable": "{name}"}}'
             for name, value in zip(names, problem.p.tolist(), strict=True)
         )
-        yield f'], "constant": {mof_read.offset(problem.info)!r}}}}}'
+        yield f'], "constant": {offset(problem.info)!r}}}}}'
 
     def rows() -> Iterator[str]:
         for label, M, sides, kind, side in (

@@ -1,50 +1,27 @@
-"""Reading MathOptFormat: which problem a model is.
+"""Reading MathOptFormat.
 
-A model with Complements constraints is a complementarity problem: every variable stands beside one function, and
-there are no other rows. Its description says which (`cpbench lcp: ...`); without that its functions and bounds do.
-Affine functions: all in [0, ∞) lcp; free or in [0, ∞) mlcp, the free ones first; all finite relay; else avi. Others:
-all in [0, ∞) ncp, else micp. Any other model is a qp, where its rows are affine and its objective is affine or
-quadratic: its variables z, rows in the order of the file, Ax ≥ b and, with the signs turned, Ax ≤ b; else an nlp, with
-g(z) ≥ 0 in the same way. A maximum is the minimum of the opposite.
+A model with Complements constraints is a complementarity problem: every variable stands beside one function, and there
+are no other rows. Its description says which (`cpbench lcp: ...`); what a model without that is, `model_problem` says.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-import numpy as np
-import scipy.sparse as sp
-
-from cpbench import matrices
 from cpbench.errors import FormatError
-from cpbench.expressions.from_mof import Affine, Nonlinear, Quadratic
-from cpbench.expressions.mof_json import as_float, parse
-from cpbench.expressions.mof_model import Model, ModelRow, read_model
-from cpbench.formulations.avi import AVI
-from cpbench.formulations.base import Info, Problem
-from cpbench.formulations.lcp import LCP
-from cpbench.formulations.micp import MiCP
-from cpbench.formulations.mlcp import MLCP
-from cpbench.formulations.models import complementarity, program
-from cpbench.formulations.ncp import NCP
-from cpbench.formulations.nlp import NLP
-from cpbench.formulations.qp import QP
-from cpbench.formulations.relay import Relay
-from cpbench.matrices import Sparse, Vector
-from cpbench.storage.base import build, read_head
+from cpbench.expressions.mof_json import parse
+from cpbench.expressions.mof_model import read_model
+from cpbench.formulations.base import Problem
+from cpbench.storage.base import read_head
+from cpbench.storage.model_problem import problem_of
 
 MARK = "cpbench "
 """Beginning of the description of a written file, the formulation after it."""
 CONVEX = " convex"
 """Behind the formulation of an nlp that was said to be convex."""
-OFFSET = "objective_offset"
-"""The property that keeps the constant of an objective, which changes no solution."""
 LARGEST_FILE = 1 << 30
 """Bytes of a file that is looked into; one of a third of that is refused for what it would take in memory."""
-_COMPLEMENTARITY = ("lcp", "mlcp", "relay", "avi", "ncp", "micp")
 
 
 def read(path: Path) -> Problem:
@@ -54,11 +31,7 @@ def read(path: Path) -> Problem:
     formulation = description.removeprefix(MARK).partition(":")[0] if description.startswith(MARK) else ""
     node = formulation.removesuffix(CONVEX)
     name = model.name or path.name.removesuffix(".json").removesuffix(".mof")
-    if model.complementary or (node in _COMPLEMENTARITY and not model.names):
-        return _complementarity(model, path, name, node)
-    if node == "nlp" or not model.affine or isinstance(model.objective, Nonlinear):
-        return build(path, NLP, "", name=name, convex=formulation == f"nlp{CONVEX}", **program(model))
-    return _qp(model, path, name)
+    return problem_of(model, path, name, node, convex=formulation == f"nlp{CONVEX}")
 
 
 def load_json(path: Path) -> dict[str, Any]:
@@ -72,90 +45,3 @@ def _content(path: Path) -> bytes:
     if size > LARGEST_FILE:
         raise FormatError(path, "", f"has {size / 1e9:.1f} GB, at most {LARGEST_FILE / 1e9:.1f} are read")
     return path.read_bytes()
-
-
-def offset(info: Info) -> float:
-    """Return the constant of the objective."""
-    value = info.properties.get(OFFSET, 0.0)
-    return float(value) if isinstance(value, int | float) and math.isfinite(as_float(value)) else 0.0
-
-
-def _complementarity(model: Model, path: Path, name: str, node: str) -> Problem:
-    functions, lb, ub = model.beside(), model.lb, model.ub
-    free = np.isinf(lb) & np.isinf(ub)
-    half = (lb == 0) & np.isinf(ub)
-    if node in ("ncp", "micp") or not model.affine:
-        parts = complementarity(model)
-        if half.all() and node != "micp":
-            return build(path, NCP, "", name=name, F=parts["F"], start=parts["start"])
-        return build(path, MiCP, "", name=name, **parts)
-    M, _ = _matrix([ModelRow(function, 0.0) for function in functions], len(model.names))
-    q = np.array([cast("Affine", function).constant for function in functions], float)
-    fits = {
-        "lcp": half.all(),
-        "mlcp": (free | half).all() and (np.diff(free.astype(int)) <= 0).all(),
-        "relay": np.isfinite(lb).all() and np.isfinite(ub).all(),
-        "avi": True,
-    }
-    if not fits.get(node, False):
-        node = "mlcp" if (free | half).all() else "avi"
-        node = next((kind for kind in ("lcp", "relay") if fits[kind]), node)
-    if node == "mlcp":
-        first, rest = np.flatnonzero(free), np.flatnonzero(~free)
-        blocks = {"A": (first, first), "C": (first, rest), "D": (rest, first), "B": (rest, rest)}
-        parts = {part: M[rows][:, columns] for part, (rows, columns) in blocks.items()}
-        return build(path, MLCP, "", name=name, a=q[first], b=q[rest], **parts)
-    if node == "lcp":
-        return build(path, LCP, "", name=name, M=M, q=q)
-    return build(path, Relay if node == "relay" else AVI, "", name=name, M=M, q=q, lb=lb, ub=ub)
-
-
-def _qp(model: Model, path: Path, name: str) -> Problem:
-    n = len(model.names)
-    objective = model.objective or Affine([], [], 0.0)
-    products = objective.products if isinstance(objective, Quadratic) else []
-    affine = objective.affine if isinstance(objective, Quadratic) else cast("Affine", objective)
-    sign = -1.0 if model.sense == "max" else 1.0
-    A, b = _matrix(model.above, n)
-    C, d = _matrix(model.equal, n)
-    p = np.zeros(n)
-    _add(p, affine)
-    info = Info(properties={OFFSET: affine.constant} if affine.constant else {})
-    parts = {"Q": sign * _hessian(products, n), "p": sign * p, "A": A, "b": b, "C": C, "d": d}
-    return build(path, QP, "", name=name, info=info, lb=model.lb, ub=model.ub, **parts)
-
-
-def _matrix(rows: Sequence[ModelRow], n: int) -> tuple[Sparse, Vector]:
-    """Return affine rows as M and b of Mz ≥ b, or = b."""
-    turned = [cast("Affine", row.function).negative() if row.below else cast("Affine", row.function) for row in rows]
-    lengths = [len(function.columns) for function in turned]
-    columns = [column for function in turned for column in function.columns]
-    values = [value for function in turned for value in function.values]
-    where: Any = (np.array(values, float), (np.repeat(np.arange(len(rows)), lengths), np.array(columns, int)))
-    sides = [(-row.side if row.below else row.side) - f.constant for row, f in zip(rows, turned, strict=True)]
-    return sp.csr_array(where, shape=(len(rows), n)), np.array(sides, float)
-
-
-def _hessian(products: Sequence[tuple[int, int, float]], n: int) -> Sparse:
-    """Return Q from the coefficients of zᵢzⱼ and zᵢ²/2; a pair given both ways has half each, unless far from
-    symmetric.
-    """
-    terms: dict[tuple[int, int], float] = {}
-    for i, j, value in products:
-        terms[i, j] = terms.get((i, j), 0.0) + value
-    entries = {
-        pair: 2.0 * value if pair[0] != pair[1] and pair[::-1] in terms else value for pair, value in terms.items()
-    }
-    entries |= {pair[::-1]: value for pair, value in terms.items() if pair[::-1] not in terms}
-    i, j = [pair[0] for pair in entries], [pair[1] for pair in entries]
-    where: Any = (np.array(list(entries.values()), float), (np.array(i, int), np.array(j, int)))
-    Q = sp.csr_array(where, shape=(n, n))
-    return Q if matrices.is_symmetric(Q, 1e-9) else sp.csr_array(0.5 * Q + 0.5 * Q.T)
-
-
-def _add(p: Vector, affine: Affine) -> None:
-    """Add the terms of a row to a vector; the first one as it is, with the sign of its zero."""
-    seen: set[int] = set()
-    for column, value in zip(affine.columns, affine.values, strict=True):
-        p[column] = p[column] + value if column in seen else value
-        seen.add(column)
