@@ -33,8 +33,8 @@ def program(model: Model) -> dict[str, Any]:
     objective = model.objective if model.objective is not None else Affine([], [], 0.0)
     return {
         "f": functions.map([_negative(functions, objective) if model.sense == "max" else objective]),
-        "g": functions.map([_slack(functions, row) for row in model.above]),
-        "h": functions.map([_slack(functions, row) for row in model.equal]),
+        "g": functions.map([slack(functions, row) for row in model.above]),
+        "h": functions.map([slack(functions, row) for row in model.equal]),
         "lb": model.lb,
         "ub": model.ub,
         "start": model.start,
@@ -50,7 +50,7 @@ def complementarity(model: Model) -> dict[str, Any]:
     return {"F": F, "lb": model.lb, "ub": model.ub, "start": model.start}
 
 
-def _slack(functions: Functions, row: ModelRow) -> Function:
+def slack(functions: Functions, row: ModelRow) -> Function:
     """Return function − side, or side − function."""
     function, side = row.function, row.side
     if isinstance(function, Nonlinear):
