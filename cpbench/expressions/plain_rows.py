@@ -39,19 +39,18 @@ class PlainRows:
         affine = Affine([], [], 0.0)
         constants = 0
         for sign, term in self.summands(value):
-            factor, what = self._factor(term)
-            if what is None:
+            factors = self._factors(term)
+            if factors is None:
                 return None
-            if what < 0:
+            factor, columns = factors
+            if not columns:
                 affine.constant = sign * factor
                 constants += 1
-            elif what < self._build.inputs:
-                affine.columns.append(what)
+            elif len(columns) == 1:
+                affine.columns.append(columns[0])
                 affine.values.append(sign * factor)
             else:
-                operation = self._build.operation(what)
-                assert operation is not None  # a product, says `_factor`
-                _, i, j = operation
+                i, j = columns
                 products.append((i, j, sign * factor if i != j else 2.0 * sign * factor))
                 if not math.isfinite(products[-1][2]):
                     return None
@@ -61,21 +60,20 @@ class PlainRows:
             return None  # a side of a set has no room for the sign of a zero
         return Quadratic(products, affine) if products else affine
 
-    def _factor(self, value: int) -> tuple[float, int | None]:
-        """Return (c, x) of c·x, x the number of a variable or of a product of two; -1: the number c itself; None:
-        neither.
-        """
+    def _factors(self, value: int) -> tuple[float, list[int]] | None:
+        """Return (c, variables) of a product of at most one number and two variables, None for any other value."""
         build = self._build
-        alone = build.number(value)
-        if alone is not None:
-            return alone, -1
-        operation, factor = build.operation(value), 1.0
-        if operation is not None and operation[0] == Operator.MUL:
-            for number, other in ((operation[1], operation[2]), (operation[2], operation[1])):
-                coefficient = build.number(number)
-                if coefficient is not None:
-                    factor, value, operation = coefficient, other, build.operation(other)
-                    break
-        single = value < build.inputs
-        product = operation is not None and operation[0] == Operator.MUL and max(operation[1:]) < build.inputs
-        return factor, value if single or product else None
+        numbers, columns, waiting = list[float](), list[int](), [value]
+        while waiting and len(columns) <= 2 and len(numbers) <= 1:
+            value = waiting.pop()
+            number, operation = build.number(value), build.operation(value)
+            if number is not None:
+                numbers.append(number)
+            elif value < build.inputs:
+                columns.append(value)
+            elif operation is not None and operation[0] == Operator.MUL:
+                waiting += [operation[2], operation[1]]
+            else:
+                return None
+        fits = not waiting and len(columns) <= 2 and len(numbers) <= 1
+        return (numbers[0] if numbers else 1.0, columns) if fits else None
