@@ -56,7 +56,7 @@ def save(
     compress: bool = True,
     guesses: Sequence[Point] = (),
 ) -> None:
-    """Write `problem` to `path`, completely or not at all; `format` None: by suffix (.h5, .dat, .npz, .mof.json).
+    """Write `problem` to `path`, completely or not at all; `format` None: by suffix (.h5, .dat, .npz, .mof.json, .nl).
 
     `guesses` are starting points; where the format keeps none, a warning says so.
 
@@ -158,7 +158,10 @@ def _by_suffix(problem: Problem, file: Path) -> Format:
         return formats.get("qp-npz")
     if file.name.lower().endswith(".mof.json"):
         return formats.get("mof")
+    if suffix == ".nl" and problem.node in formats.get("nl").writes:
+        return formats.get("nl")
     others = {
+        ".nl": problem.node in formats.get("nl").writes,
         ".dat": problem.node in _TEXT_NODES,
         ".npz": problem.node == "qp",
         ".mof.json": problem.node in formats.get("mof").writes,

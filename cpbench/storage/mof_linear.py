@@ -44,7 +44,7 @@ def mlcp(problem: Any) -> Written:
 
 def _complements(M: Any, q: Vector, names: Sequence[str], lb: Vector, ub: Vector) -> Written:
     """Write one constraint: (Mx + q, x) in Complements."""
-    F = _kept(M)
+    F = kept(M)
 
     def rows() -> Iterator[str]:
         if not names:
@@ -70,14 +70,14 @@ def _complements(M: Any, q: Vector, names: Sequence[str], lb: Vector, ub: Vector
 
 def qp(problem: Any) -> Written:
     names = numbered("z", problem.p.size)
-    A, C = _kept(problem.A), _kept(problem.C)
+    A, C = kept(problem.A), kept(problem.C)
 
     def objective() -> Iterator[str]:
         yield '{"sense": "min", "function": {"type": "ScalarQuadraticFunction", "quadratic_terms": [\n'
         yield from joined(
             (
                 f'{{"coefficient": {value!r}, "variable_1": "{names[i]}", "variable_2": "{names[j]}"}}'
-                for i, j, value in _quadratic(problem.Q)
+                for i, j, value in quadratic(problem.Q)
             ),
             ",\n",
         )
@@ -108,7 +108,7 @@ def _terms(M: Sparse, row: int, names: Sequence[str]) -> Iterator[str]:
         yield f'{{"coefficient": {value!r}, "variable": "{names[j]}"}}'
 
 
-def _kept(M: Matrix) -> Sparse:
+def kept(M: Matrix) -> Sparse:
     """Return the entries that are not 0, by rows."""
     rows = sp.csr_array(M, copy=True)
     rows.sum_duplicates()
@@ -116,9 +116,9 @@ def _kept(M: Matrix) -> Sparse:
     return rows
 
 
-def _quadratic(Q: Matrix) -> Iterator[tuple[int, int, float]]:
+def quadratic(Q: Matrix) -> Iterator[tuple[int, int, float]]:
     """Yield (i, j, coefficient) of the terms of ½zᵀQz."""
-    coo = _kept(Q).tocoo()
+    coo = kept(Q).tocoo()
     entries = dict(zip(zip(coo.row.tolist(), coo.col.tolist(), strict=True), coo.data.tolist(), strict=True))
     for (i, j), value in entries.items():
         mirrored = entries.get((j, i), 0.0)
