@@ -73,6 +73,8 @@ class PlainRows:
                 columns.append(value)
             elif operation is not None and operation[0] == Operator.MUL:
                 waiting += [operation[2], operation[1]]
+            elif operation is not None and operation[0] == Operator.POW and build.number(operation[2]) == 2.0:
+                waiting += [operation[1], operation[1]]
             else:
                 return None
         fits = not waiting and len(columns) <= 2 and len(numbers) <= 1

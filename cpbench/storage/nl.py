@@ -82,7 +82,9 @@ def read(path: Path) -> Problem:
     model, left_out = model_of(path, segments, quadratic=node != "nlp"), ""
     if model.complementary:
         model, left_out = squared(model, f"{model.sense}imized" if model.objective is not None else "")
-    problem = problem_of(model, path, name or stem(path), node, convex=formulation == f"nlp{CONVEX}")
+    problem = problem_of(
+        model, path, stem(path) if name in ("", "unknown") else name, node, convex=formulation == f"nlp{CONVEX}"
+    )
     if not left_out:
         return problem
     logger.warning("%s: %s", path, left_out)

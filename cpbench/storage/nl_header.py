@@ -45,6 +45,8 @@ def read_header(path: Path, data: bytes) -> tuple[Header, Source]:
     )
     _check(path, header, len(data), numbers)
     if data[:1] == b"g":
+        if not data.endswith(b"\n"):  # what is left of its last number may be another number
+            raise FormatError(path, "", "ends in the middle of a line: the file is not complete")
         return header, TextSource(path, data, at)
     arithmetic = functions[2] if len(functions) > 2 else 0
     if arithmetic > 2:
