@@ -97,7 +97,7 @@ def _qp(model: Model, path: Path, name: str) -> Problem:
     C, d = _matrix(model.equal, n)
     p = np.zeros(n)
     _add(p, affine)
-    info = Info(properties={OFFSET: affine.constant} if affine.constant else {})
+    info = Info(properties={OFFSET: sign * affine.constant} if affine.constant else {})
     parts = {"Q": sign * _hessian(products, n), "p": sign * p, "A": A, "b": b, "C": C, "d": d}
     return build(path, QP, "", name=name, info=info, lb=model.lb, ub=model.ub, **parts)
 
