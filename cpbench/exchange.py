@@ -7,6 +7,7 @@ knows nothing of cpbench reads and writes. What comes back is data of somebody e
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -22,6 +23,7 @@ class Exchange(ABC):
     name : what a declaration says (``exchange = "npy-dir"``). summary : one line for tables.
     suffix : the end of a path's name, "" for a folder.
     nodes : the formulations it can carry, None for all. maps : whether it can carry nonlinear maps.
+    answer_name : the file of an answer, beside the problem, where programs name it; "" where they are given a path.
     """
 
     name: ClassVar[str]
@@ -29,6 +31,7 @@ class Exchange(ABC):
     suffix: ClassVar[str] = ""
     nodes: ClassVar[frozenset[str] | None] = None
     maps: ClassVar[bool] = False
+    answer_name: ClassVar[str] = ""
 
     def obstacle(self, problem: Problem) -> str | None:
         """Return why it cannot carry a problem, None where it can."""
@@ -37,6 +40,14 @@ class Exchange(ABC):
         if problem.maps() and not self.maps:
             return f"the exchange {self.name} carries arrays, and {problem.node} has nonlinear maps; hdf5 carries them"
         return None
+
+    def holds_answer(self, path: Path) -> bool:
+        """Return whether there is an answer in the file at `path`. Raises FormatError."""
+        return path.exists()
+
+    def claim(self, path: Path) -> Mapping[str, Any]:
+        """Return what the file of an answer says of it, as `claim.json` does: claim, message. Raises FormatError."""
+        return {}
 
     @abstractmethod
     def write_problem(self, problem: Problem, path: Path, dense: bool = False) -> None:

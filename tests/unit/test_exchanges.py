@@ -24,7 +24,7 @@ from cpbench.exchange import exchanges
 from cpbench.formulations import AVI, LCP, MLCP, QP, FrictionContact, LCPPoint
 
 CASES = {name: problem for name, problem in cases().items() if not name.endswith("-large")}
-MINE = ("hdf5", "fclib", "mtx", "mof")
+MINE = ("hdf5", "fclib", "mtx", "mof", "nl")
 PAIRS = [
     pytest.param(name, case, id=f"{name}-{case}")
     for name in MINE
@@ -47,7 +47,7 @@ def test_a_problem_comes_back(name: str, case: str, tmp_path: Path) -> None:
     assert again.fingerprint == problem.fingerprint
     assert not again.provenance
     for part, value in problem.data().items():
-        if name != "mof":  # it has no dense matrices
+        if name not in ("mof", "nl"):  # they have no dense matrices
             assert sp.issparse(again.data()[part]) == sp.issparse(value)
         if value.ndim == 1:
             assert same(again.data()[part], value), f"{part}: a sign of a zero changed"
@@ -67,7 +67,7 @@ def test_an_answer_comes_back(name: str, case: str, tmp_path: Path, rng: np.rand
 
 @pytest.mark.parametrize("name", MINE)
 def test_a_problem_replaces_the_one_before(name: str, tmp_path: Path) -> None:
-    case = "fc3" if name == "fclib" else "mlcp"
+    case = {"fclib": "fc3", "nl": "qp"}.get(name, "mlcp")
     exchange, path = exchanges.get(name), _path(tmp_path, name)
     old, new = [p for n, p in CASES.items() if n.startswith(f"{case}-")][:2]
     exchange.write_problem(old, path)
@@ -89,6 +89,8 @@ def test_an_answer_of_a_wrong_size_is_refused(name: str, tmp_path: Path) -> None
     small, large = CASES["fc3-dense-1"], CASES["fc3-dense-5"]
     if name == "mof":
         small, large = CASES["lcp-dense-2"], CASES["lcp-dense-11"]
+    if name == "nl":
+        small, large = CASES["qp-dense-1-0"], CASES["qp-dense-7-4"]
     path = _path(tmp_path, name, "answer")
     exchanges.get(name).write_answer(small.zero_point(), path)
     with pytest.raises(FormatError, match="numbers, expected") as refusal:
@@ -105,7 +107,7 @@ def test_what_is_not_there_is_refused(name: str, tmp_path: Path) -> None:
         assert str(path) in str(refusal.value)
 
 
-@pytest.mark.parametrize("name", ["fclib", "mof"])
+@pytest.mark.parametrize("name", ["fclib", "mof", "nl"])
 def test_a_problem_that_it_cannot_carry_is_refused(name: str, tmp_path: Path) -> None:
     problem = CASES["lcp-dense-2" if name == "fclib" else "fc3-dense-1"]
     with pytest.raises(FormatError, match=f"not a problem of type {problem.node}"):
@@ -319,7 +321,7 @@ def test_a_qp_of_others(tmp_path: Path) -> None:
     assert {
         k: np.round(np.asarray(v.todense() if sp.issparse(v) else v), 12).tolist() for k, v in found.data().items()
     } == {k: v.tolist() for k, v in by_hand.data().items()}
-    assert found.info.properties["objective_offset"] == 1.0
+    assert found.info.properties["objective_offset"] == -1.0  # of the minimum that the maximum becomes
 
 
 def _pair(function: dict[str, Any], variable: str) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.child_processes import kill_tree, start, wait
-from cpbench.errors import CpbenchError, Ended, Unavailable
+from cpbench.errors import CpbenchError, Ended, FormatError, Unavailable
 from cpbench.exchange import exchanges
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.external.served import ANSWERED, CLAIM, HandedOver, backstop, missing_executable, output
@@ -155,7 +155,7 @@ def _text(value: Any) -> str:
 
 
 def _claimed_output(solver: str, handed: HandedOver) -> SolverOutput:
-    """Return what a `claim.json` says, solved where there is none; raises ProgramError."""
+    """Return what a `claim.json` says, or the answer itself, else solved; raises ProgramError."""
     answer = handed.path("answer")
     for path in (answer / CLAIM, answer.parent / CLAIM):
         with contextlib.suppress(FileNotFoundError, NotADirectoryError):
@@ -169,4 +169,8 @@ def _claimed_output(solver: str, handed: HandedOver) -> SolverOutput:
             if not isinstance(claimed, dict):
                 raise ProgramError(f"{solver}: wrote a {CLAIM} that is not a JSON object: {text[:200]!r}")
             return output(solver, {"claim": "solved", **claimed}, handed)
-    return SolverOutput(claim=Claim.SOLVED, point=handed)
+    try:
+        said = handed.exchange.claim(answer)
+    except FormatError as cause:
+        raise ProgramError(f"{solver}: wrote an answer that cannot be read: {cause.field} {cause.cause}") from None
+    return output(solver, {"claim": "solved", **said}, handed)

@@ -77,6 +77,8 @@ class HandedOver:
         return handed
 
     def path(self, name: str) -> Path:
+        if name == "answer" and self.exchange.answer_name:
+            return self.place.path / self.exchange.answer_name
         return self.place.path / (name + self.exchange.suffix)
 
     def start(self, point: Any | None) -> str | None:
@@ -101,7 +103,9 @@ class HandedOver:
     def answered(self) -> bool:
         """Return whether anything was written to the path of the answer."""
         path = self.path("answer")
-        return any(entry.name != CLAIM for entry in path.iterdir()) if path.is_dir() else path.exists()
+        if path.is_dir():
+            return any(entry.name != CLAIM for entry in path.iterdir())
+        return self.exchange.holds_answer(path)
 
     def answer(self, solver: str, claim: Claim) -> Any | None:
         """Return the answer that the program wrote, None without one; raises ValueError where it does not fit the
