@@ -39,7 +39,7 @@ def declared(tmp_path: Path, node: str) -> Path:
     (tmp_path / "program.py").write_text(PROGRAM)
     plugin = tmp_path / "solver.toml"
     words = f"'{sys.executable}' '{tmp_path / 'program.py'}' {{problem}} -AMPL"
-    plugin.write_text(f'[solver.ipopt-nl]\nnode = "{node}"\ncommand = """{words}"""\nexchange = "nl"\n')
+    plugin.write_text(f'[solver.ipopt-{node}-nl]\nnode = "{node}"\ncommand = """{words}"""\nexchange = "nl"\n')
     return plugin
 
 
@@ -51,9 +51,10 @@ def test_a_program_for_ampl_is_a_solver(case: str, tmp_path: Path) -> None:
     else:
         storage.save(_program(), tmp_path / "p.h5")
     plugin = declared(tmp_path, case)
-    result = command("--plugin", plugin, "solve", tmp_path / "p.h5", "-s", "ipopt-nl")
-    assert "ipopt-nl: solved" in result.output or "ipopt-nl: stationary" in result.output, result.output
-    assert "claimed solved" in result.output
+    ended = command(tmp_path, "solve", "p.h5", "-s", f"ipopt-{case}-nl", "--plugin", str(plugin))
+    status = {"qp": "solved", "nlp": "stationary"}[case]  # of a program that is not known to be convex
+    assert f"by ipopt-{case}-nl: {status}" in ended.stdout, ended.stdout + ended.stderr
+    assert "claimed solved" in ended.stdout
 
 
 def _program() -> NLP:
