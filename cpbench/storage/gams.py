@@ -30,8 +30,8 @@ from cpbench.expressions.plain_rows import PlainRows
 from cpbench.formulations.base import Problem
 from cpbench.formulations.models import slack
 from cpbench.storage.base import Format, formats, no_member, read_text, stem
-from cpbench.storage.gams_expressions import Expressions
-from cpbench.storage.gams_statements import COMPLEMENTARY, Solve, Statements, read_statements
+from cpbench.storage.gams_expressions import GAMSExpressions
+from cpbench.storage.gams_statements import COMPLEMENTARY, GAMSSolve, Statements, read_statements
 from cpbench.storage.gams_text import Tokens
 from cpbench.storage.model_problem import problem_of
 from cpbench.storage.squares import squared
@@ -99,7 +99,7 @@ class _Row:
 class _Reader:
     """The model that a file describes."""
 
-    def __init__(self, path: Path, statements: Statements, solve: Solve) -> None:
+    def __init__(self, path: Path, statements: Statements, solve: GAMSSolve) -> None:
         self._path, self._statements, self._solve = path, statements, solve
         self._rows = statements.models[solve.model]
         self._replaced = self._objective_equation()
@@ -176,7 +176,7 @@ class _Reader:
         """Read an equation, whose sides become values of `functions`."""
         held = self._statements.definitions[equation]
         tokens = Tokens(self._path, held)
-        expressions = Expressions(tokens, functions.build, column.get)
+        expressions = GAMSExpressions(tokens, functions.build, column.get)
         line = tokens.next.line
         left = expressions.read()
         relation = tokens.next.text.lower()

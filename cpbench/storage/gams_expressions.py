@@ -57,7 +57,7 @@ _Waiting = _Open | str
 """A bracket, or the sign of an operation whose right argument is not complete; `neg` is a sign before a term."""
 
 
-class Expressions:
+class GAMSExpressions:
     """Reader of the expressions of a text. variable : the value of a name, None where it is unknown."""
 
     def __init__(self, tokens: Tokens, build: Builder, variable: Callable[[str], int | None]) -> None:

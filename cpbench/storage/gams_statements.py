@@ -42,7 +42,7 @@ class Variable:
 
 
 @dataclass
-class Solve:
+class GAMSSolve:
     """The last statement. objective : the name of a variable, "" where there is none."""
 
     model: str
@@ -63,7 +63,7 @@ class Statements:
     equations: dict[str, int] = field(default_factory=dict[str, int])
     definitions: dict[str, list[Token]] = field(default_factory=dict[str, list[Token]])
     models: dict[str, dict[str, str]] = field(default_factory=dict[str, dict[str, str]])
-    solve: Solve | None = None
+    solve: GAMSSolve | None = None
 
 
 def read_statements(path: Path, text: str) -> Statements:
@@ -238,7 +238,7 @@ class _Reader:
         if kind not in (*PROGRAMS, *COMPLEMENTARY):
             known = ", ".join((*PROGRAMS, *COMPLEMENTARY)).upper()
             tokens.refuse(f"solves {model} as {kind.upper()}, cpbench reads {known}", line)
-        found.solve = Solve(model, kind, line)
+        found.solve = GAMSSolve(model, kind, line)
         if not tokens.accept(";"):
             sense = tokens.name("minimizing or maximizing")
             if sense not in ("minimizing", "maximizing"):

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from cpbench.errors import ProblemError
 from cpbench.expressions.map import Builder
 from cpbench.storage.nl_operators import applied, arity, is_condition
-from cpbench.storage.nl_source import Source
+from cpbench.storage.nl_source import NLSource
 
 
 @dataclass(slots=True)
@@ -20,10 +20,10 @@ class _Open:
     arguments: list[int] = field(default_factory=list[int])
 
 
-class Expressions:
+class NLExpressions:
     """Reader of the expressions of a file. defined : the values of its defined variables."""
 
-    def __init__(self, source: Source, build: Builder, defined: Mapping[int, int]) -> None:
+    def __init__(self, source: NLSource, build: Builder, defined: Mapping[int, int]) -> None:
         self._source, self._build, self._defined = source, build, defined
 
     def read(self) -> int:

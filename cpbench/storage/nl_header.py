@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cpbench.errors import FormatError
-from cpbench.storage.nl_source import HEADER_LINES, BinarySource, Source, TextSource
+from cpbench.storage.nl_source import HEADER_LINES, BinarySource, NLSource, TextSource
 
 _LEAST = (1, 3, 2, 2, 3, 2, 5, 2, 2, 5)
 """How many numbers each line has at least."""
@@ -29,7 +29,7 @@ class Header:
     remark: str
 
 
-def read_header(path: Path, data: bytes) -> tuple[Header, Source]:
+def read_header(path: Path, data: bytes) -> tuple[Header, NLSource]:
     """Return the header and what follows it; raises FormatError."""
     lines, at = _lines(path, data)
     numbers = [_numbers(path, k, line) for k, line in enumerate(lines)]

@@ -12,7 +12,7 @@ from cpbench.expressions.from_mof import Affine, Function, Nonlinear, Quadratic
 from cpbench.expressions.mof_model import Model, ModelRow
 from cpbench.expressions.plain_rows import PlainRows
 from cpbench.formulations.models import slack
-from cpbench.storage.nl_segments import Segments, Terms
+from cpbench.storage.nl_segments import LinearTerms, Segments
 
 
 def model_of(path: Path, segments: Segments, quadratic: bool) -> Model:
@@ -46,7 +46,7 @@ def model_of(path: Path, segments: Segments, quadratic: bool) -> Model:
     return model
 
 
-def _function(segments: Segments, value: int, linear: Terms, quadratic: bool) -> Function:
+def _function(segments: Segments, value: int, linear: LinearTerms, quadratic: bool) -> Function:
     """Return a row: affine where its expression is a number."""
     build = segments.functions.build
     columns, values = [column for column, _ in linear], [c for _, c in linear]

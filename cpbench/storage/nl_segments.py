@@ -16,10 +16,10 @@ import numpy as np
 from cpbench.errors import FormatError
 from cpbench.expressions.from_mof import Affine, Functions
 from cpbench.expressions.operators import Operator
-from cpbench.storage.nl_expressions import Expressions
+from cpbench.storage.nl_expressions import NLExpressions
 from cpbench.storage.nl_header import read_header
 
-Terms = list[tuple[int, float]]
+LinearTerms = list[tuple[int, float]]
 """Linear terms: (number of the variable, coefficient)."""
 _REAL = 4
 """The bit in the kind of a suffix that says that its values are no whole numbers."""
@@ -49,11 +49,11 @@ class Segments:
         n, m = self.header.variables, self.header.constraints
         self.functions = Functions(path, {f"v{k}": k for k in range(n)})
         self._defined: dict[int, int] = {}
-        self._expressions = Expressions(self._source, self.functions.build, self._defined)
+        self._expressions = NLExpressions(self._source, self.functions.build, self._defined)
         self.rows: dict[int, int] = {}
-        self.linear: dict[int, Terms] = {}
+        self.linear: dict[int, LinearTerms] = {}
         self.objective: tuple[str, int] | None = None
-        self.gradient: Terms = []
+        self.gradient: LinearTerms = []
         self.sides: list[tuple[float, float]] = []
         self.beside: dict[int, tuple[int, int]] = {}
         self.bounds: list[tuple[float, float]] = []
@@ -147,9 +147,9 @@ class Segments:
             source.refuse("has a second segment G")
         self.gradient = self._read_terms(count)
 
-    def _read_terms(self, count: int) -> Terms:
+    def _read_terms(self, count: int) -> LinearTerms:
         source, n = self._source, self.header.variables
-        found: Terms = []
+        found: LinearTerms = []
         for _ in range(count):
             source.line()
             found.append((source.below(n, "variable"), source.finite()))
@@ -240,7 +240,7 @@ class Segments:
                 source.signed()
             source.end()
 
-    def sum(self, value: int, linear: Terms) -> int:
+    def sum(self, value: int, linear: LinearTerms) -> int:
         """Return an expression plus linear terms."""
         build = self.functions.build
         if not linear:

@@ -21,7 +21,7 @@ HEADER_LINES = 10
 _SHOWN = 30
 
 
-class Source(ABC):
+class NLSource(ABC):
     """The rest of a file, read from its beginning on."""
 
     def __init__(self, path: Path) -> None:
@@ -89,7 +89,7 @@ class Source(ABC):
         raise FormatError(self._path, self.where(), cause)
 
 
-class TextSource(Source):
+class TextSource(NLSource):
     """Lines."""
 
     def __init__(self, path: Path, data: bytes, at: int) -> None:
@@ -148,7 +148,7 @@ class TextSource(Source):
         return False
 
 
-class BinarySource(Source):
+class BinarySource(NLSource):
     """Bytes. order : `<` or `>`."""
 
     def __init__(self, path: Path, data: bytes, at: int, order: str) -> None:

@@ -29,7 +29,7 @@ class _Chain:
     pieces: list[bytes]
 
 
-class Terms:
+class NLTerms:
     """The values of several maps of the same unknowns."""
 
     def __init__(self, inputs: int, maps: Iterable[Map]) -> None:

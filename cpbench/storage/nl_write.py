@@ -22,7 +22,7 @@ from cpbench.storage.model_problem import offset
 from cpbench.storage.mof_linear import kept, quadratic
 from cpbench.storage.nl_encoders import Encoder
 from cpbench.storage.nl_operators import SUM, UNWRITTEN, WRITTEN
-from cpbench.storage.nl_terms import Terms
+from cpbench.storage.nl_terms import NLTerms
 
 CONVEX = " convex"
 
@@ -77,7 +77,7 @@ def encoded(problem: Any, to: Encoder) -> bytes:
 
 def _nlp(problem: Any, to: Encoder) -> _Written:
     model = _Written(problem.lb, problem.ub, problem.start)
-    terms = Terms(problem.start.size, (problem.f, problem.g, problem.h))
+    terms = NLTerms(problem.start.size, (problem.f, problem.g, problem.h))
     kinds = ["", *["2"] * problem.g.rows, *["4"] * problem.h.rows]
     model.objective, *model.rows = _rows(model, terms, kinds, to)
     return model
@@ -87,14 +87,14 @@ def _pairs(problem: Any, to: Encoder) -> _Written:
     n = problem.start.size
     lb, ub = (problem.lb, problem.ub) if problem.node == "micp" else (np.zeros(n), np.full(n, np.inf))
     model = _Written(lb, ub, problem.start, pairs=n)
-    model.rows = _rows(model, Terms(n, (problem.F,)), [""] * n, to)
+    model.rows = _rows(model, NLTerms(n, (problem.F,)), [""] * n, to)
     for k, row in enumerate(model.rows):
         flags = 1 * bool(np.isfinite(lb[k])) + 2 * bool(np.isfinite(ub[k]))
         row.sides = to.key("5 " if to.letter == "g" else "5", flags, k + 1)
     return model
 
 
-def _rows(model: _Written, terms: Terms, kinds: Sequence[str], to: Encoder) -> list[_Row]:
+def _rows(model: _Written, terms: NLTerms, kinds: Sequence[str], to: Encoder) -> list[_Row]:
     """Return the rows of maps; `kinds` are those of their sides, "" where the constant stays with the row."""
     plain = [terms.affine(end) for end in terms.ends]
     model.defined, texts = terms.written([end for end, row in zip(terms.ends, plain, strict=True) if row is None], to)
