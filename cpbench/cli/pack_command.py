@@ -9,10 +9,11 @@ import click
 
 from cpbench import storage
 from cpbench.api.problem_text import sizes_line
-from cpbench.cli.options import Command, force_option
+from cpbench.cli.options import Command, force_option, symmetric_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import PATH, POSITIVE
 from cpbench.storage.base import require_new
+from cpbench.storage.half_stored import Half
 from cpbench.storage.packing.pack import CONSTRAINTS, PARTS, pack_sequence, problem_from_files
 from cpbench.storage.packing.remarks import remarks
 
@@ -40,8 +41,11 @@ from cpbench.storage.packing.remarks import remarks
     "--ids", type=PATH, metavar="PATH", help="Number that identifies each contact from step to step, with --sequence."
 )
 @click.option("--positions", type=PATH, metavar="PATH", help="Positions of contacts, nc x 3 [m], with --sequence.")
+@symmetric_option
 @force_option
-def command(output: Path, name: str, force: bool, axes: str | None, sequence: bool, **given: Any) -> None:
+def command(
+    output: Path, name: str, force: bool, axes: str | None, sequence: bool, symmetric: Half | None, **given: Any
+) -> None:
     """Make a problem file from matrices and vectors in .npy, .npz, .mtx or .csv files.
 
     With --sequence every PATH is a folder or a glob with one file per step (in the order of the numbers in their
@@ -54,6 +58,8 @@ def command(output: Path, name: str, force: bool, axes: str | None, sequence: bo
     """
     name = name or output.stem
     kinds = [kind for kind in (*PARTS, "problems") if given[kind]]
+    if symmetric and sequence:
+        raise click.UsageError("--symmetric goes with one problem, not with --sequence")
     if sequence:
         _pack_sequence(output, name, force, axes, kinds, given)
         return
@@ -71,7 +77,7 @@ def command(output: Path, name: str, force: bool, axes: str | None, sequence: bo
     files = dict(zip(PARTS[node], given[node], strict=True))
     for option, parts in CONSTRAINTS.items():
         files |= dict(zip(parts, given[option] or (), strict=False))
-    problem = problem_from_files(node, files, axes, name)
+    problem = problem_from_files(node, files, axes, name, symmetric)
     storage.save(problem, output, force=force)
     click.echo(f"{output} ({problem.node}: {sizes_line(problem)})")
     if node in ("fc", "gfc"):

@@ -29,7 +29,7 @@ from cpbench.errors import CpbenchError
 
 SECTIONS = {
     "Plan": ["plan_path", "only_sets"],
-    "Problems": ["suite", "keyword", "family", "where", "split", "max_problems", "shard", "file_format"],
+    "Problems": ["suite", "keyword", "family", "where", "split", "max_problems", "shard", "file_format", "symmetric"],
     "Solvers and routes": ["solvers", "routes", "facets", "via", "start", "plugin_files"],
     "Accuracy": ["tolerance", "measure", "history"],
     "Limits": ["timeout", "memory", "threads", "repeats", "throughput", "isolate"],

@@ -31,7 +31,7 @@ def solution(address: str | Path) -> tuple[Any, dict[str, Any]] | None:
     shape of its problem's answers.
     """
     path, member = split_address(address)
-    if not _is_hdf5(path):
+    if path.is_dir() or not _is_hdf5(path):
         return None
     with open_tree(path) as root:
         if not members_of(root):
@@ -48,7 +48,7 @@ def solution(address: str | Path) -> tuple[Any, dict[str, Any]] | None:
 def guesses(address: str | Path) -> list[Any]:
     """Return the starting points in `/guesses`, in order; [] when the file has none. Raises FormatError."""
     path, member = split_address(address)
-    if not _is_hdf5(path):
+    if path.is_dir() or not _is_hdf5(path):
         return []
     with open_tree(path) as root:
         parent, _ = locate(root, member)

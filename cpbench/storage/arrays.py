@@ -79,7 +79,8 @@ def read_npz(path: Path, optional: frozenset[str] = frozenset()) -> dict[str, ND
 
 
 def npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
-    """Return the shapes that the arrays of an .npz declare without reading them; raises FormatError."""
+    """Return the shapes that the arrays of an .npz declare without reading them, (0,) for Python objects, which may be
+    None; raises FormatError."""
     read_head(path)
     shapes: dict[str, tuple[int, ...]] = {}
     try:
@@ -87,7 +88,8 @@ def npz_shapes(path: Path) -> dict[str, tuple[int, ...]]:
             for entry in archive.infolist():
                 name = entry.filename.removesuffix(".npy")
                 with archive.open(entry) as stream:
-                    shapes[name] = _npy_header(path, name, stream, entry.file_size)[0]
+                    shape, _, dtype = _npy_header(path, name, stream, entry.file_size)
+                    shapes[name] = (0,) if dtype.hasobject else shape
     except _ZIP_DAMAGE as cause:
         raise FormatError(path, "", f"is not a readable .npz archive ({cause})") from None
     return shapes

@@ -18,6 +18,7 @@ from typing import Any, BinaryIO, ClassVar
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Point, Problem
 from cpbench.registry import Registry
+from cpbench.storage.half_stored import Half
 
 SEPARATOR = "::"
 """Between a file and the name of a problem in it: ``pack.h5::murty-8``."""
@@ -33,7 +34,7 @@ class Format(ABC):
     suffixes : of files that may be in this format, lower case. writes : nodes it can write.
     why_not : node -> why it cannot, where there is more to say.
     keeps_provenance : whether an answer to a written file can be lifted. keeps_guesses : whether it has
-    starting points.
+    starting points. text : whether its files are text, which may also be compressed (NAME.SUFFIX.gz).
     """
 
     name: ClassVar[str]
@@ -43,6 +44,7 @@ class Format(ABC):
     why_not: ClassVar[Mapping[str, str]] = {}
     keeps_provenance: ClassVar[bool] = False
     keeps_guesses: ClassVar[bool] = False
+    text: ClassVar[bool] = False
 
     @abstractmethod
     def recognises(self, path: Path, head: bytes) -> bool:
@@ -55,6 +57,11 @@ class Format(ABC):
     @abstractmethod
     def load(self, path: Path, member: str) -> Problem:
         """Load the problem `member` of the file ("" where the file is one problem); raises FormatError."""
+
+    def load_half(self, path: Path, member: str, half: Half) -> Problem:
+        """Load a problem whose symmetric matrices are stored by one triangle; raises FormatError, also where the format
+        keeps whole ones."""
+        raise FormatError(path, "", f"--symmetric {half} is of named arrays, the format {self.name} has none")
 
     def members(self, path: Path) -> list[str]:
         """Return the names of the problems in the file; [""] when the file is one problem."""

@@ -6,9 +6,12 @@ import logging
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from cpbench.errors import FormatError
+from cpbench import brackets
+from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations.base import Point, Problem
+from cpbench.storage.array_containers import folder_files, is_array_folder
 from cpbench.storage.base import SEPARATOR, Format, formats, read_head, split_address, write_atomic
+from cpbench.storage.half_stored import Half
 
 logger = logging.getLogger("cpbench.storage")
 _TEXT_NODES = frozenset({"lcp", "avi", "mlcp", "relay", "soclcp", "fc", "gfc", "rfc", "grfc"})
@@ -21,29 +24,43 @@ _MATRICES = (".npy", ".npz", ".mtx", ".csv")
 def load(path: str | Path, *, format: str | None = None) -> Problem:
     """Load the problem at `path`, which may be ``file::member``; `format` is a name in `formats`, None: by content.
 
+    `format` may say more, in brackets: ``[symmetric=upper]``, ``cvxopt[symmetric=lower]`` (see `reading`).
+
     Raises FormatError when the file is not readable as a problem, UnknownName on a format nobody knows.
     """
     file, member = split_address(path)
-    if format is not None:
-        wanted = formats.get(format)
-        read_head(file)
-        return wanted.load(file, member)
+    wanted, half = reading(format)
+    if wanted is not None:
+        if not file.is_dir():
+            read_head(file)
+        return wanted.load(file, member) if half is None else wanted.load_half(file, member, half)
     first, *others = _candidates(file)
-    return first.load_any(others, file, member)
+    return first.load_any(others, file, member) if half is None else first.load_half(file, member, half)
+
+
+def reading(text: str | None) -> tuple[Format | None, Half | None]:
+    """Return what a text such as `NAME[symmetric=upper]` says of the reading of a file: the format, None for that of
+    its content, and which triangle it holds of symmetric matrices, None for both.
+
+    Raises UnknownName on another format, CpbenchError on another option.
+    """
+    name, options = brackets.read("format", text or "")
+    half = options.pop("symmetric", None)
+    if options or half not in (None, "upper", "lower"):
+        raise CpbenchError(f"format '{text}': expected NAME, NAME[symmetric=upper] or NAME[symmetric=lower]")
+    return formats.get(name) if name else None, half
 
 
 def members(path: str | Path, format: str | None = None) -> list[str]:
     """Return the names of the problems in a file; [""] when the file is one problem. Raises FormatError."""
     file, _ = split_address(path)
-    if format is not None:
-        return formats.get(format).members(file)
-    return _candidates(file)[0].members(file)
+    return (reading(format)[0] or _candidates(file)[0]).members(file)
 
 
 def files(path: str | Path, format: str | None = None) -> list[Path]:
     """Return all files that the problem at `path` is read from, the one that is named first. Raises FormatError."""
     file, _ = split_address(path)
-    chosen = formats.get(format) if format is not None else _candidates(file)[0]
+    chosen = reading(format)[0] or _candidates(file)[0]
     return [file, *chosen.beside(file)]
 
 
@@ -113,11 +130,20 @@ def problem_files(paths: Iterable[str | Path]) -> list[str]:
     for path in paths:
         file, member = split_address(path)
         if file.is_dir():
-            inside = sorted(p for p in file.rglob("*") if p.is_file() and not p.name.startswith("."))
-            found += [address for p in inside if _known(p) for address in _addresses(p)]
+            found += _searched(file)
         else:
             found += [str(path)] if member else _addresses(file)
     return list(dict.fromkeys(found))
+
+
+def _searched(folder: Path) -> list[str]:
+    """Return the addresses of the problems in a folder; one whose files are the arrays of a problem is one itself."""
+    inside = sorted(p for p in folder.rglob("*") if p.is_file() and not p.name.startswith("."))
+    by_folder: dict[Path, list[str]] = {}
+    for file in inside:
+        by_folder.setdefault(file.parent, []).append(file.name)
+    problems = [str(place) for place, names in by_folder.items() if is_array_folder(names)]
+    return problems + [address for p in inside if _known(p) for address in _addresses(p)]
 
 
 def _addresses(file: Path) -> list[str]:
@@ -137,6 +163,8 @@ def _known(file: Path) -> bool:
 
 
 def _candidates(file: Path) -> list[Format]:
+    if file.is_dir() and folder_files(file):
+        return [formats.get("arrays")]
     head = read_head(file)
     found = [f for f in formats if f.recognises(file, head)]
     if not found:

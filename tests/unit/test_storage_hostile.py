@@ -478,27 +478,28 @@ def test_numpy_and_matlab_files(tmp_path: Path) -> None:
     box |= {"q": q, "l": npy(np.zeros(2)), "u": npy(np.ones(2))}
     cases: dict[str, tuple[dict[str, bytes], str]] = {
         "sizes": ({"P": eye, "q": npy(np.ones(3))}, "P: is 2x2, expected 3x3 (q has 3 numbers)"),
-        "rows": ({"P": eye, "q": q, "G": eye, "h": npy(np.ones(3))}, "h: has 3 numbers, expected 2"),
+        "rows": ({"P": eye, "q": q, "G": eye, "h": npy(np.ones(3))}, "G: is 2x2, expected 3x2 (h has 3 numbers)"),
         "strings": ({"P": eye, "q": npy(np.array(["a", "b"]))}, "q: holds <U1"),
         "short": ({"P": eye, "q": header}, "q: declares|q: is not an array"),
-        "not symmetric": ({"P": npy(np.array([[1.0, 2], [0, 1]])), "q": q}, "Q: is not symmetric"),
+        "not symmetric": ({"P": npy(np.array([[1.0, 2], [1, 1]])), "q": q}, "Q: is not symmetric"),
+        "one half": ({"P": npy(np.array([[1.0, 2], [0, 1]])), "q": q}, "P: is not symmetric: the lower triangle is"),
         "bounds": ({"P": eye, "q": q, "lb": npy(np.ones(2)), "ub": npy(np.zeros(2))}, "lb: exceeds ub at 0"),
         "box index": ({**box, "indices": npy(np.array([0, 5]))}, "indices: hold 5, expected 0 to 1"),
         "box pointers": ({**box, "indptr": npy(np.array([0, 2]))}, "indptr: is not a list of 3 increasing pointers"),
         "box shape": ({**box, "shape": npy([2**40, 2**40])}, "indptr: is not a list of"),
-        "box count": ({**box, "data": npy(np.ones(1))}, "data: has 1 numbers, expected 2"),
+        "box count": ({**box, "data": npy(np.ones(1))}, "indices: has 2 numbers, expected 1 (data has 1 numbers)"),
         "contacts": ({"G": npy(np.eye(3)), "g": npy(np.ones(3)), "mus": npy(np.ones(2))}, "G: has shape (3, 3)"),
     }
     for entries, expected in cases.values():
         refused(archive(tmp_path / "a.npz", **entries), expected)
     (tmp_path / "b.npz").write_bytes(b"PK\x03\x04 broken")
-    refused(tmp_path / "b.npz", "is in no known format")
+    refused(tmp_path / "b.npz", "is not a readable .npz archive")
     refused(tmp_path / "b.npz", "is not a readable .npz archive", format="qp-npz")
     (tmp_path / "c.mat").write_bytes(b"no MATLAB file at all" * 20)
     refused(tmp_path / "c.mat", "is not a readable MATLAB file")
     good = {"P": np.eye(2), "q": np.ones(2), "r": 0.0, "A": np.eye(2), "l": np.zeros(2), "u": np.ones(2)}
     for change, expected in (
-        ({"l": np.ones(3)}, "A: is 2x2, expected 3x2 (l has 3)"),
+        ({"l": np.ones(3)}, "u: has 2 numbers, expected 3 (l has 3 numbers)"),
         ({"P": np.eye(3)}, "P: is 3x3, expected 2x2 (q has 2 numbers)"),
         ({"l": np.array([5.0, 0])}, "row 0 of A: has the limits l = 5, u = 1"),
         ({"u": np.array([np.nan, 1])}, "row 0 of A: has the limits"),
@@ -508,7 +509,7 @@ def test_numpy_and_matlab_files(tmp_path: Path) -> None:
         scipy.io.savemat(tmp_path / "d.mat", good | change)
         refused(tmp_path / "d.mat", expected)
     scipy.io.savemat(tmp_path / "d.mat", {k: v for k, v in good.items() if k != "A"})
-    refused(tmp_path / "d.mat", "A: is missing, expected the variables P, q, r, A, l, u")
+    refused(tmp_path / "d.mat", "A: is missing, expected the form OSQP (P, q, r, A, l, u)")
 
 
 def test_a_zip_bomb_is_not_unpacked(tmp_path: Path) -> None:

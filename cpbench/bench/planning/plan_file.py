@@ -36,7 +36,7 @@ from cpbench.bench.results.store import KEEP
 from cpbench.bench.starts import parse_start
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.solvers.external import declared
-from cpbench.storage import formats
+from cpbench.storage.dispatch import reading
 from cpbench.verification import CONTRADICTION, Status
 
 NAME, PROJECT = "cpbench.toml", "pyproject.toml"
@@ -266,7 +266,7 @@ def _starts(value: Any) -> tuple[str, ...]:
 
 
 def _format(value: Any) -> str:
-    formats.get(_text(value))
+    reading(_text(value))
     return value
 
 

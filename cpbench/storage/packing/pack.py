@@ -9,6 +9,7 @@ from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import Problem
 from cpbench.storage.base import require_new
+from cpbench.storage.half_stored import Half
 from cpbench.storage.hdf5_files import SUFFIXES
 from cpbench.storage.packing import parts, steps
 from cpbench.storage.packing.parts import Part
@@ -25,17 +26,20 @@ CONSTRAINTS: Mapping[str, Sequence[str]] = {"inequality": "Ab", "equality": "Cd"
 """The same for the constraints of a quadratic program."""
 
 
-def problem_from_files(node: str, files: Mapping[str, Path], axes: str | None, name: str) -> Problem:
+def problem_from_files(
+    node: str, files: Mapping[str, Path], axes: str | None, name: str, half: Half | None = None
+) -> Problem:
     """Return the problem whose matrices and vectors stand in files.
 
     Parameters
     ----------
     node : a formulation of PARTS. files : by the name of the part. axes : order of the rows of a contact (NTT, TTN, NT
-    or TN), None for the normal first. name : of the problem.
+    or TN), None for the normal first. name : of the problem. half : the triangle that the files hold of symmetric
+    matrices, None for both.
 
     Raises FormatError with the file whose shape does not fit the others.
     """
-    return parts.build(node, {part: _read(node, part, file) for part, file in files.items()}, axes, name)
+    return parts.build(node, {part: _read(node, part, file) for part, file in files.items()}, axes, name, half)
 
 
 def pack_sequence(

@@ -17,6 +17,7 @@ from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, GlobalFrictionContact, Problem
 from cpbench.formulations.contact import ContactProblem
+from cpbench.storage.half_stored import Half, whole
 
 NODES: Mapping[str, type[Problem]] = {
     "lcp": LCP,
@@ -40,13 +41,16 @@ def is_matrix(node: str, name: str) -> bool:
     return len(_symbols(node)[name]) == 2
 
 
-def build(node: str, parts: Mapping[str, Part], axes: str | None, name: str, **place: Any) -> Problem:
+def build(
+    node: str, parts: Mapping[str, Part], axes: str | None, name: str, half: Half | None = None, **place: Any
+) -> Problem:
     """Make a problem of its parts; raises FormatError with the file whose shape does not fit those of the others.
 
-    `place` goes to a contact problem: its step of a sequence, what is known of its contacts.
+    `half` is the triangle that the files hold of symmetric matrices, None for both. `place` goes to a contact problem:
+    its step of a sequence, what is known of its contacts.
     """
     _require_shapes(node, parts)
-    values = {part: given.value for part, given in parts.items()}
+    values = {part: _completed(node, part, given, half) for part, given in parts.items()}
     if node == "qp":
         return QP.build(**values, name=name)
     kind = NODES[node]
@@ -58,6 +62,14 @@ def build(node: str, parts: Mapping[str, Part], axes: str | None, name: str, **p
         if part in values and "m" in symbols:
             values[part] = _in_order(values[part], order, symbols)
     return kind(**values, dimension=d, name=name, **place)
+
+
+def _completed(node: str, name: str, part: Part, half: Half | None) -> Any:
+    """Return the value of a part, a square matrix with both triangles; raises FormatError."""
+    symbols = _symbols(node)[name]
+    if len(symbols) != 2 or symbols[0] != symbols[1]:
+        return part.value
+    return whole(part.file, name, part.value, half, symmetric=name == "Q")
 
 
 def _symbols(node: str) -> dict[str, tuple[str, ...]]:

@@ -1,0 +1,195 @@
+"""Named arrays as problems: the form is chosen by the set of their names, and every array that it does not have is
+refused."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench import matrices
+from cpbench.errors import FormatError
+from cpbench.formulations import QP, ConeQP, FrictionContact
+from cpbench.formulations.base import Info, Problem, formulations
+from cpbench.formulations.conic import cone_fields
+from cpbench.formulations.contact import ContactProblem
+from cpbench.product_cones import Cone, ProductCone
+from cpbench.storage import dialects
+from cpbench.storage.arrays import sparse_from_parts
+from cpbench.storage.base import build, stem
+from cpbench.storage.dialects import Dialect
+from cpbench.storage.half_stored import whole
+from cpbench.storage.named_arrays import SPARSE, NamedArrays, Shape, absent, require_shapes, shapes_of
+from cpbench.storage.two_sided import infinite, rows_and_bounds
+
+FORM = "form"
+"""Property of a problem that says in which form its arrays were."""
+OFFSET = "objective_offset"
+
+
+def choose(path: Path, shapes: Mapping[str, Shape | None], only: Dialect | None = None) -> tuple[Dialect, str]:
+    """Return the form of arrays of these names, and a text that says so.
+
+    `only` is the form that was asked for. Raises FormatError with each array that is too many or missing.
+    """
+    if len(shapes.keys() - {"format"} - set(SPARSE)) <= (not shapes.keys() >= set(SPARSE)):
+        raise FormatError(path, "", "holds one matrix or vector: cpbench pack makes a problem of several files")
+    fits = dialects.fitting(shapes) if only is None else [only]
+    if len(fits) > 1 and {d.node for d in fits[:2]} == {"fc", "afc"}:  # mu alone tells them apart
+        mu = shapes["mu"] or ()
+        elliptic = len(mu) == 2 and mu[1] == 2 and mu[0] > 1
+        fits = [d for d in fits if (d.node == "afc") == elliptic]
+    dialect = fits[0] if fits else dialects.nearest(shapes)
+    there = [name for name in dialect.known() if name in shapes]
+    dropped = absent(dialect, shapes)
+    if (wrong := dialects.refusal(dialect, shapes.keys() - dropped)) is not None:
+        raise FormatError(path, *wrong)
+    text = f"{dialect.name} ({', '.join(name for name in there if name in dialect.arrays)})"
+    if others := [d.name for d in fits[1:]]:
+        text += f", which {' and '.join(others)} would fit too"
+    for name in there:
+        if name in dialect.aside:
+            text += f"; {name}, {dialect.aside[name]}, is no part of it"
+    return dialect, text
+
+
+def problem(arrays: NamedArrays, dialect: Dialect, form: str, name: str = "") -> Problem:
+    """Return the problem that arrays make in a form; raises FormatError with the array that does not fit."""
+    dropped = absent(dialect, shapes_of(arrays.values))
+    values = {name: value for name, value in arrays.values.items() if name not in dropped}
+    arrays = dataclasses.replace(arrays, values=values)
+    require_shapes(arrays.path, dialect, shapes_of(values))
+    make = _MAKERS.get(dialect.name, _own)
+    cls, parts, properties = make(arrays, dialect)
+    info = Info(properties={**properties, FORM: form})
+    return build(arrays.path, cls, "", name=name or stem(arrays.path), info=info, **parts)
+
+
+Made = tuple[type[Problem], dict[str, Any], dict[str, Any]]
+"""A formulation, its data, and properties to remember."""
+
+
+def _own(arrays: NamedArrays, dialect: Dialect) -> Made:
+    cls = formulations.get(dialect.node)
+    parts: dict[str, Any] = {}
+    for name, symbols in dialect.arrays.items():
+        if name not in arrays:
+            continue
+        if len(symbols) == 2:
+            square = symbols[0] == symbols[1]
+            value = arrays.matrix(name)
+            # Q is the one matrix that formulations require to be symmetric
+            parts[name] = whole(arrays.path, name, value, arrays.half, symmetric=name == "Q") if square else value
+        else:
+            parts[name] = arrays.vector(name) if symbols else int(arrays.number(name, 0))
+    if issubclass(cls, ContactProblem) and "dimension" not in parts and len(parts["mu"]):
+        parts["dimension"] = _dimension(arrays, cls, parts)
+    return cls, _whole_qp(parts) if cls is QP else parts, {}
+
+
+def _dimension(arrays: NamedArrays, cls: type[ContactProblem], parts: Mapping[str, Any]) -> int:
+    """Return the rows of a contact; raises FormatError where there is no whole number of them."""
+    rows, nc = parts[cls.rows_of].size, len(parts["mu"])
+    if rows % nc:
+        allowed = " or ".join(map(str, cls.dimensions))
+        raise arrays.error(
+            "mu", f"has {nc} contacts, {cls.rows_of} has {rows} rows, expected {allowed} for each contact"
+        )
+    return rows // nc
+
+
+def _whole_qp(parts: dict[str, Any]) -> dict[str, Any]:
+    """Return the data of a QP, with no rows and infinite bounds for what is absent."""
+    n, Q = parts["p"].size, parts["Q"]
+    none = matrices.zeros(0, n, Q if Q.ndim == 2 else np.zeros((0, 0)))
+    absent = {"A": none, "b": np.zeros(0), "C": none, "d": np.zeros(0)}
+    return {**absent, "lb": np.full(n, -np.inf), "ub": np.full(n, np.inf), **parts}
+
+
+def _below(arrays: NamedArrays, dialect: Dialect) -> Made:
+    """Rows below a side and rows of an equation: qpsolvers, quadprog, cvxopt."""
+    Q, p, G, h, C, d = list(dialect.arrays)[:6]
+    vector = arrays.vector(p)
+    n = vector.size
+    side = infinite(arrays.vector(h))
+    kept = side != np.inf
+    parts = {
+        "Q": arrays.symmetric(Q),
+        "p": vector,
+        "A": -arrays.matrix(G, n)[kept],
+        "b": -side[kept],
+        "C": arrays.matrix(C, n),
+        "d": arrays.vector(d),
+        "lb": infinite(arrays.vector("lb", n, -np.inf)),
+        "ub": infinite(arrays.vector("ub", n, np.inf)),
+    }
+    return QP, parts, {}
+
+
+def _cvxopt(arrays: NamedArrays, dialect: Dialect) -> Made:
+    """Cones of orthants and of second order make a conic program, whose equations are rows of {0}."""
+    if "dims.s" in arrays and arrays.vector("dims.s").any():
+        raise arrays.error("dims.s", "is a cone of positive semidefinite matrices, which no formulation has")
+    sizes = arrays.vector("dims.q")
+    rows = arrays.vector("h").size
+    half = arrays.number("dims.l", rows - float(sizes.sum()))
+    if half < 0 or half != int(half) or half + sizes.sum() != rows:
+        raise arrays.error("dims.l", f"is {half:g}, with {sizes.sum():g} rows in dims.q, expected {rows} as h has")
+    if not sizes.size:
+        return _below(arrays, dialect)
+    n = arrays.vector("q").size
+    A, b = matrices.sparse(arrays.matrix("A", n)), arrays.vector("b")
+    G = matrices.sparse(arrays.matrix("G", n))
+    factors = ((Cone.ZERO, 1, b.size), (Cone.NONNEGATIVE, 1, half), *((Cone.SECOND_ORDER, 1, k, 1.0) for k in sizes))
+    parts = {
+        "Q": matrices.sparse(matrices.matrix(arrays.symmetric("P"), "P")),
+        "p": arrays.vector("q"),
+        "A": sp.csr_array(sp.vstack([A, -G])),
+        "b": np.concatenate([-b, arrays.vector("h")]),
+    }
+    return ConeQP, {**parts, **cone_fields(ProductCone.of(*(f for f in factors if f[2])))}, {}
+
+
+def _osqp(arrays: NamedArrays, dialect: Dialect) -> Made:
+    """Rows between two sides; the constant r changes no solution and is remembered."""
+    A = sp.csr_array(arrays.matrix("A"))
+    for name, size in (("n", A.shape[1]), ("m", A.shape[0])):
+        if arrays.number(name, size) != size:
+            raise arrays.error(name, f"is {arrays.number(name, size):g}, expected {size} as A has")
+    rows = rows_and_bounds(arrays.path, matrices.sparse(A), arrays.vector("l"), arrays.vector("u"))
+    offset = arrays.number("r", 0.0)
+    properties = {OFFSET: offset} if offset else {}
+    return QP, {"Q": sp.csr_array(arrays.symmetric("P")), "p": arrays.vector("q"), **rows}, properties
+
+
+def _box(arrays: NamedArrays, dialect: Dialect) -> Made:
+    """Bounds alone, and a Hessian by rows."""
+    parts = {key: arrays.values[key] for key in ("data", "indices", "indptr", "shape")}
+    Q = whole(arrays.path, "data", sparse_from_parts(arrays.path, "", parts), arrays.half)
+    bounds = {"lb": infinite(arrays.vector("l")), "ub": infinite(arrays.vector("u"))}
+    return QP, _whole_qp({"Q": Q, "p": arrays.vector("q"), **bounds}), {}
+
+
+def _contactbench(arrays: NamedArrays, dialect: Dialect) -> Made:
+    """Rows (T1, T2, N) of each contact become (N, T1, T2): W = PGPᵀ, q = Pg."""
+    G, g, mu = arrays.matrix("G"), arrays.vector("g"), arrays.vector("mus")
+    if G.shape != (3 * mu.size, 3 * mu.size):
+        text = f"has shape {G.shape} and g {g.size} numbers, expected {3 * mu.size} (3 for each of {mu.size} contacts)"
+        raise arrays.error("G", text)
+    order = (np.arange(g.size).reshape(-1, 3)[:, [2, 0, 1]]).reshape(-1)
+    W = whole(arrays.path, "G", G, arrays.half, symmetric=False)
+    return FrictionContact, {"W": W[order][:, order], "q": g[order], "mu": mu}, {}
+
+
+_MAKERS: Mapping[str, Callable[[NamedArrays, Dialect], Made]] = {
+    dialects.QPSOLVERS.name: _below,
+    dialects.QUADPROG.name: _below,
+    dialects.CVXOPT.name: _cvxopt,
+    dialects.OSQP.name: _osqp,
+    dialects.BOX.name: _box,
+    dialects.CONTACTBENCH.name: _contactbench,
+}

@@ -1,0 +1,161 @@
+"""The arrays of a file by name, and their shapes compared with a form before and after they are read."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.errors import FormatError
+from cpbench.matrices import Matrix, Vector
+from cpbench.storage.arrays import sparse_from_parts
+from cpbench.storage.dialects import Dialect, Symbols
+from cpbench.storage.half_stored import Half, whole
+
+SPARSE = ("data", "indices", "indptr", "shape")
+"""Parts of a sparse matrix NAME: NAME.data, NAME.indices, NAME.indptr, NAME.shape."""
+Shape = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class NamedArrays:
+    """What a file, or a folder of files, holds: `values` by name; `half` is what `--symmetric` says of its matrices."""
+
+    path: Path
+    values: Mapping[str, Any]
+    half: Half | None = None
+
+    def __contains__(self, name: str) -> bool:
+        return name in self.values
+
+    def matrix(self, name: str, columns: int | None = None) -> Any:
+        """Return the matrix `name`, without rows where it is absent and `columns` are given; raises FormatError."""
+        if name not in self.values and columns is not None:
+            return np.zeros((0, columns))
+        value = self.values[name]
+        if value.dtype.kind not in "biuf" or value.ndim != 2:
+            raise self.error(name, f"{_held(value)}, expected a matrix of numbers")
+        return value.astype(np.float64)
+
+    def symmetric(self, name: str) -> Matrix:
+        """Return the matrix `name`, which has to be symmetric; raises FormatError where it is one half."""
+        return whole(self.path, name, self.matrix(name), self.half)
+
+    def vector(self, name: str, size: int = 0, fill: float = 0.0) -> Vector:
+        """Return the vector `name`, which may be a row or a column; when absent, `size` times `fill`.
+
+        Raises FormatError.
+        """
+        if name not in self.values:
+            return np.full(size, fill)
+        value = self.values[name]
+        if value.dtype.kind not in "biuf" or _flat(value.shape) is None:
+            raise self.error(name, f"{_held(value)}, expected a vector of numbers")
+        return np.asarray(matrices.dense(value), np.float64).reshape(-1)
+
+    def number(self, name: str, otherwise: float) -> float:
+        """Return the one number in `name`; `otherwise` where it is absent. Raises FormatError."""
+        if name not in self.values:
+            return otherwise
+        found = self.vector(name)
+        if found.size != 1:
+            raise self.error(name, f"has {found.size} numbers, expected one")
+        return float(found[0])
+
+    def error(self, name: str, cause: str) -> FormatError:
+        return FormatError(self.path, name, cause)
+
+
+def _held(value: Any) -> str:
+    return f"holds {value.dtype} of shape {value.shape}"
+
+
+def joined(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arrays with the parts of each sparse matrix put together; raises FormatError."""
+    found = dict(values)
+    for name in sparse_names(found):
+        found[name] = sparse_from_parts(path, f"{name}.", {part: found.pop(f"{name}.{part}") for part in SPARSE})
+    return found
+
+
+def sparse_names(names: Collection[str]) -> list[str]:
+    """Return the names of sparse matrices whose parts are all there."""
+    stems = [name.removesuffix(".data") for name in names if name.endswith(".data")]
+    return [stem for stem in stems if all(f"{stem}.{part}" in names for part in SPARSE)]
+
+
+def require_shapes(path: Path, dialect: Dialect, shapes: Mapping[str, Shape | None]) -> None:
+    """Raise FormatError where the shapes of arrays do not agree with each other as the form says."""
+    known: dict[str, tuple[int, str]] = {}
+    for name, symbols, shape in sorted(_declared(dialect, shapes), key=lambda item: len(item[1])):
+        free = [symbol for symbol in symbols if not symbol[0].isdigit()]
+        if len(free) == 2 and free[0] == free[1] and shape[0] != shape[1] and free[0] not in known:
+            raise FormatError(path, name, f"is {_shown(shape)}, expected a square matrix")
+        wanted = tuple(
+            int(symbol) if symbol[0].isdigit() else known[symbol][0] if symbol in known else size
+            for symbol, size in zip(symbols, shape, strict=True)
+        )
+        if shape != wanted:
+            wrong = [s for s, size, right in zip(symbols, shape, wanted, strict=True) if size != right]
+            sources = dict.fromkeys(known[s][::-1] for s in wrong if s in known)
+            why = ", ".join(f"{source} has {size} numbers" for source, size in sources)
+            raise FormatError(
+                path, name, f"{_is(shape)}, expected {'x'.join(map(str, wanted))}{f' ({why})' if why else ''}"
+            )
+        for symbol, size in zip(symbols, shape, strict=True):
+            known.setdefault(symbol, (size, name))
+
+
+def _declared(dialect: Dialect, shapes: Mapping[str, Shape | None]) -> Iterator[tuple[str, Symbols, Shape]]:
+    """Yield each array with the dimensions of the form and its shape, vectors flat; leave out what has another rank,
+    which is refused when it is taken."""
+    dropped = absent(dialect, shapes)
+    for name, symbols in dialect.arrays.items():
+        shape = shapes.get(name)
+        if shape is None or not symbols or name in dropped:
+            continue
+        if len(symbols) == 1:
+            flat = _flat(shape)
+            shape = None if flat is None else (flat,)
+        if shape is not None and len(shape) == len(symbols):
+            yield name, symbols, shape
+
+
+def _flat(shape: Shape) -> int | None:
+    """Return the size of an array of one number, a vector, a row or a column; None for a matrix."""
+    size = int(np.prod(shape, dtype=object))
+    return size if size == max(shape, default=1) or (size == 0 and len(shape) <= 2) else None
+
+
+def _is(shape: Shape) -> str:
+    return f"is {_shown(shape)}" if len(shape) == 2 else f"has {_shown(shape)}"
+
+
+def _shown(shape: Shape) -> str:
+    return "x".join(map(str, shape)) if len(shape) == 2 else f"{shape[0]} numbers"
+
+
+def absent(dialect: Dialect, shapes: Mapping[str, Shape | None]) -> set[str]:
+    """Return the arrays without numbers, as MATLAB's [], that stand for parts that are not there: with all that belong
+    together."""
+
+    def empty(name: str) -> bool:
+        shape = shapes[name]
+        return shape is not None and 0 in shape
+
+    return {
+        name
+        for name in (shapes.keys() & set(dialect.known())) - dialect.needs
+        if all(
+            empty(n) for n in {name, *(n for group in dialect.groups if name in group for n in group)} & shapes.keys()
+        )
+    }
+
+
+def shapes_of(values: Mapping[str, Any]) -> dict[str, Shape]:
+    """Return the shape of each array."""
+    return {name: tuple(value.shape) for name, value in values.items()}
