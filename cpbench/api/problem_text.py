@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from cpbench.facts import Fact
 
 LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
+SHOWN = 8
 
 
 def sizes_line(problem: Problem) -> str:
@@ -53,13 +54,20 @@ def lines(address: str, problem: Problem, facts: Sequence[Fact]) -> Iterator[str
         if text:
             yield f"  {label:<12} {printable(text)}"
     for key, value in problem.info.properties.items():
-        yield printable(f"  property     {key} = {value}")
+        yield printable(f"  property     {key} = {_short(value)}")
     for step in problem.provenance:
         parameters = ", ".join(f"{k}={v}" for k, v in step.parameters.items())
         origin = f"from {step.source_node} {step.source}"
         yield f"  made by      {step.conversion}({parameters}), {step.kind}, {origin}"
     for fact in facts:
         yield f"  fact         {fact}"
+
+
+def _short(value: Any) -> Any:
+    """Return a list of more than SHOWN items, as the names of unknowns, by its first ones and its length."""
+    if not isinstance(value, (list, tuple)) or len(value) <= SHOWN:
+        return value
+    return f"{', '.join(map(str, value[:SHOWN]))}, ... ({len(value)})"
 
 
 def _describe(value: matrices.Matrix | matrices.Vector) -> str:

@@ -7,11 +7,13 @@ file holds before it allocates, and answers bad input with one :class:`~cpbench.
 from __future__ import annotations
 
 import contextlib
+import gzip
 import os
 import secrets
 import stat
+import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
@@ -23,6 +25,10 @@ from cpbench.storage.half_stored import Half
 SEPARATOR = "::"
 """Between a file and the name of a problem in it: ``pack.h5::murty-8``."""
 _HEAD_BYTES = 512
+_TEXT_EXPANSION = 300
+"""Text of numbers is packed to a tenth; a file that grows more is a bomb, or hardly a problem."""
+_SMALL = 1 << 25
+"""Bytes that any file may unpack to."""
 
 
 class Format(ABC):
@@ -119,7 +125,7 @@ def split_address(address: str | Path) -> tuple[Path, str]:
 
 def stem(path: Path) -> str:
     """Return the name of a problem whose file gives none: the file's without suffixes (Siconos has ``x.hdf5.dat``)."""
-    return path.stem.removesuffix(".hdf5")
+    return plain(path).stem.removesuffix(".hdf5")
 
 
 def read_head(path: Path) -> bytes:
@@ -138,15 +144,51 @@ def read_head(path: Path) -> bytes:
         raise FormatError(path, "", f"cannot be opened ({cause.strerror or cause})") from None
     if not head:
         raise FormatError(path, "", "is empty (0 bytes)")
+    if is_compressed(path):
+        return b"".join(_unpacked(path, _HEAD_BYTES))
     if head.startswith(b"version https://git-lfs"):
         raise FormatError(path, "", "is a Git-LFS pointer, not the data: run 'git lfs pull' where it came from")
     return head
 
 
+def is_compressed(path: Path) -> bool:
+    """Return whether the name says that the file is compressed by gzip."""
+    return path.suffix.lower() == ".gz"
+
+
+def plain(path: Path) -> Path:
+    """Return the path without .gz."""
+    return path.with_suffix("") if is_compressed(path) else path
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file, unpacked where it is compressed; raises FormatError where it is damaged or too large."""
+    read_head(path)
+    if not is_compressed(path):
+        return path.read_bytes()
+    return b"".join(_unpacked(path, None))
+
+
+def _unpacked(path: Path, first: int | None) -> Iterator[bytes]:
+    """Yield a compressed file piece by piece, or its `first` bytes; raises FormatError."""
+    largest = max(_SMALL, _TEXT_EXPANSION * path.stat().st_size)
+    done = 0
+    try:
+        with gzip.open(path) as file:
+            while piece := file.read(1 << 20 if first is None else first):
+                done += len(piece)
+                if done > largest:
+                    raise FormatError(path, "", f"unpacks to more than {largest / 1e6:.0f} MB, which no text does")
+                yield piece
+                if first is not None:
+                    return
+    except (OSError, EOFError, zlib.error) as cause:
+        raise FormatError(path, "", f"is no whole gzip file ({cause})") from None
+
+
 def read_text(path: Path) -> str:
     """Read the file as text; raises FormatError when it is binary. Latin-1, so that any comment is readable."""
-    read_head(path)
-    data = path.read_bytes()
+    data = read_bytes(path)
     if b"\0" in data:
         raise FormatError(path, "", f"is not a text file (byte 0 at {data.index(0)})")
     return data.decode("latin-1")

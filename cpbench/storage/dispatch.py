@@ -10,7 +10,16 @@ from cpbench import brackets
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations.base import Point, Problem
 from cpbench.storage.array_containers import folder_files, is_array_folder
-from cpbench.storage.base import SEPARATOR, Format, formats, read_head, split_address, write_atomic
+from cpbench.storage.base import (
+    SEPARATOR,
+    Format,
+    formats,
+    is_compressed,
+    plain,
+    read_head,
+    split_address,
+    write_atomic,
+)
 from cpbench.storage.half_stored import Half
 
 logger = logging.getLogger("cpbench.storage")
@@ -159,14 +168,19 @@ def _known(file: Path) -> bool:
         head = read_head(file)
     except FormatError:
         head = b""
-    return any(f.in_folder(file, head) for f in formats)
+    return any(f.in_folder(plain(file), head) for f in _possible(file))
+
+
+def _possible(file: Path) -> list[Format]:
+    """Return the formats that the file may be in by its name: those of text where it is compressed."""
+    return [f for f in formats if f.text or not is_compressed(file)]
 
 
 def _candidates(file: Path) -> list[Format]:
     if file.is_dir() and folder_files(file):
         return [formats.get("arrays")]
     head = read_head(file)
-    found = [f for f in formats if f.recognises(file, head)]
+    found = [f for f in _possible(file) if f.recognises(plain(file), head)]
     if not found:
         known = ", ".join(sorted({suffix for f in formats for suffix in f.suffixes}))
         more = "; a matrix by itself is part of a problem: cpbench pack makes one" if file.suffix in _MATRICES else ""

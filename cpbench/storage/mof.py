@@ -49,6 +49,7 @@ class MOF(Format):
     name = "mof"
     summary = "MathOptFormat 1.x (JSON), as JuMP reads it: complementarity problems, quadratic and nonlinear programs"
     suffixes = (SUFFIX,)
+    text = True
     writes = frozenset(_MODELS)
     why_not: ClassVar[Mapping[str, str]] = {
         **dict.fromkeys(

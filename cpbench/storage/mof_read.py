@@ -13,7 +13,7 @@ from cpbench.errors import FormatError
 from cpbench.expressions.mof_json import parse
 from cpbench.expressions.mof_model import read_model
 from cpbench.formulations.base import Problem
-from cpbench.storage.base import read_head
+from cpbench.storage.base import plain, read_bytes, read_head
 from cpbench.storage.model_problem import problem_of
 
 MARK = "cpbench "
@@ -30,7 +30,7 @@ def read(path: Path) -> Problem:
     description = model.description
     formulation = description.removeprefix(MARK).partition(":")[0] if description.startswith(MARK) else ""
     node = formulation.removesuffix(CONVEX)
-    name = model.name or path.name.removesuffix(".json").removesuffix(".mof")
+    name = model.name or plain(path).name.removesuffix(".json").removesuffix(".mof")
     return problem_of(model, path, name, node, convex=formulation == f"nlp{CONVEX}")
 
 
@@ -44,4 +44,4 @@ def _content(path: Path) -> bytes:
     size = path.stat().st_size
     if size > LARGEST_FILE:
         raise FormatError(path, "", f"has {size / 1e9:.1f} GB, at most {LARGEST_FILE / 1e9:.1f} are read")
-    return path.read_bytes()
+    return read_bytes(path)

@@ -52,6 +52,7 @@ class SiconosText(Format):
     """
 
     suffixes = (".dat",)
+    text = True
 
     def __init__(
         self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import faulthandler
+import math
 import os
 import resource
 import signal
@@ -14,8 +15,9 @@ from cpbench.child_processes import fork
 from cpbench.errors import FormatError
 
 
-def require_survivor(path: Path, read: Callable[[], object], reader: str) -> None:
-    """Raise FormatError when `read` kills the process that it runs in; what it raises is nobody's concern here.
+def require_survivor(path: Path, read: Callable[[], object], reader: str, seconds: float = 0.0) -> None:
+    """Raise FormatError when `read` kills the process that it runs in, or needs more than `seconds` of processor time
+    (0: no limit); what it raises is nobody's concern here.
 
     Reading twice costs less than sending the arrays over, and the process that asks reads the same bytes.
     """
@@ -23,6 +25,8 @@ def require_survivor(path: Path, read: Callable[[], object], reader: str) -> Non
     def attempt() -> None:
         faulthandler.disable()
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        if seconds:
+            resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(seconds), math.ceil(seconds)))
         with contextlib.suppress(BaseException):
             read()
 
