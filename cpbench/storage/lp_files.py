@@ -7,6 +7,7 @@ row, a coefficient below 1e-12.
 from __future__ import annotations
 
 import importlib.util
+import json
 import os
 import tempfile
 from pathlib import Path
@@ -48,66 +49,81 @@ class LP(Format):
         with tempfile.TemporaryDirectory() as folder:
             copy = Path(folder) / "problem.lp"  # HiGHS goes by the suffix
             copy.write_text(text, encoding="latin-1")
-            require_survivor(path, lambda: _model(copy), "HiGHS", _SECONDS)
-            model, complaint = _model(copy)
-        if model is None or complaint:
-            raise FormatError(path, "", f"is no program that HiGHS reads whole: {complaint}")
+            require_survivor(path, lambda: _extract(copy), "HiGHS", _SECONDS)
+            model = _found(path, copy)
         return _problem(path, model)
 
 
-def _model(path: Path) -> tuple[Any, str]:
-    """Return the model of HiGHS, None where it reads none, and what it says of it in one line."""
+def _extract(path: Path) -> None:
+    """Read a file by HiGHS and write what it finds beside it: in a process of its own, for HiGHS prints."""
     import highspy
 
+    with open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
     reader, log = highspy.Highs(), path.with_suffix(".log")
-    log.unlink(missing_ok=True)
-    reader.setOptionValue("output_flag", False)  # else it greets
     reader.setOptionValue("log_to_console", False)
     reader.setOptionValue("log_file", os.fspath(log))
-    reader.setOptionValue("output_flag", True)
     reader.setOptionValue("small_matrix_value", 1e-12)  # the least that HiGHS allows
     status = reader.readModel(os.fspath(path))
-    model = None if status == highspy.HighsStatus.kError else reader.getModel()
-    if status == highspy.HighsStatus.kOk:
-        return model, ""
     lines = [line.strip() for line in log.read_text("latin-1").splitlines()] if log.exists() else []
     told = [line for line in lines if line and not line.startswith(("Running HiGHS", "Includes third", "|", "-->"))]
-    text = " ".join(told).replace(os.fspath(path), path.name)
-    return model, printable(text[:300]) or f"status {status.name}"
-
-
-def _problem(path: Path, model: Any) -> Problem:
-    import highspy
-
-    lp = model.lp_
+    words = " ".join(told).replace(os.fspath(path), path.name)
+    model = reader.getModel()
+    lp, Q = model.lp_, model.hessian_
     names = list(lp.col_names_) or [f"x{j + 1}" for j in range(lp.num_col_)]
-    for name, kind in zip(names, lp.integrality_, strict=False):
-        if kind != highspy.HighsVarType.kContinuous:
-            what = {"kInteger": "integer", "kSemiContinuous": "semi-continuous"}.get(kind.name, kind.name)
-            raise FormatError(path, printable(name), f"is an unknown of the kind {what}: no formulation has them")
-    by_columns = lp.a_matrix_.format_ == highspy.MatrixFormat.kColwise
-    A = _compressed(lp.a_matrix_, (lp.num_row_, lp.num_col_), by_columns=by_columns)
-    n = lp.num_col_
-    L = _compressed(model.hessian_, (n, n), by_columns=True) if model.hessian_.dim_ else sp.csr_array((n, n))
-    maximize = lp.sense_ == highspy.ObjSense.kMaximize
-    parts = program(
-        path,
-        sp.csr_array(L + sp.tril(L, -1).T),
-        np.array(lp.col_cost_, float),
-        A,
-        (np.array(lp.row_lower_, float), np.array(lp.row_upper_, float)),
-        (np.array(lp.col_lower_, float), np.array(lp.col_upper_, float)),
-        maximize=maximize,
-    )
-    info = Info(properties=noted(lp.offset_, maximize, names))
+    header = {
+        "complaint": "" if status == highspy.HighsStatus.kOk else words or f"status {status.name}",
+        "names": names,
+        "kinds": [kind.name for kind in lp.integrality_],
+        "maximize": lp.sense_ == highspy.ObjSense.kMaximize,
+        "offset": lp.offset_,
+        "by_columns": lp.a_matrix_.format_ == highspy.MatrixFormat.kColwise,
+    }
+    arrays = {
+        "cost": lp.col_cost_,
+        **{f"columns.{side}": getattr(lp, f"col_{side}_") for side in ("lower", "upper")},
+        **{f"rows.{side}": getattr(lp, f"row_{side}_") for side in ("lower", "upper")},
+        **{f"A.{part}": getattr(lp.a_matrix_, f"{part}_") for part in ("value", "index", "start")},
+        **{f"Q.{part}": getattr(Q, f"{part}_") for part in ("value", "index", "start")},
+    }
+    np.savez(path.with_suffix(".npz"), **{name: np.asarray(array) for name, array in arrays.items()})
+    path.with_suffix(".json").write_text(json.dumps(header))
+
+
+def _found(path: Path, copy: Path) -> dict[str, Any]:
+    """Return what `_extract` has written; raises FormatError where that is not the whole problem."""
+    try:
+        model: dict[str, Any] = json.loads(copy.with_suffix(".json").read_text())
+        with np.load(copy.with_suffix(".npz"), allow_pickle=False) as arrays:
+            model |= {name: arrays[name] for name in arrays.files}
+    except (OSError, ValueError):
+        raise FormatError(path, "", "is no program: HiGHS stops when it reads the file") from None
+    if model["complaint"]:
+        text = printable(model["complaint"][:300])
+        raise FormatError(path, "", f"is no program that HiGHS reads whole: {text}")
+    for name, kind in zip(model["names"], model["kinds"], strict=False):
+        if kind != "kContinuous":
+            what = {"kInteger": "integer", "kSemiContinuous": "semi-continuous"}.get(kind, kind)
+            raise FormatError(path, printable(name[:60]), f"is an unknown of the kind {what}: no formulation has them")
+    return model
+
+
+def _problem(path: Path, model: dict[str, Any]) -> Problem:
+    n, m = model["cost"].size, model["rows.lower"].size
+    A = _compressed(model, "A", (m, n), by_columns=model["by_columns"])
+    L = _compressed(model, "Q", (n, n), by_columns=True) if model["Q.value"].size else sp.csr_array((n, n))
+    sides, bounds = ((model[f"{part}.lower"], model[f"{part}.upper"]) for part in ("rows", "columns"))
+    Q, maximize = sp.csr_array(L + sp.tril(L, -1).T), model["maximize"]
+    parts = program(path, Q, model["cost"], A, sides, bounds, maximize=maximize)
+    info = Info(properties=noted(model["offset"], maximize, model["names"]))
     return build(path, QP, "", name=stem(path), info=info, **parts)
 
 
-def _compressed(matrix: Any, shape: tuple[int, int], *, by_columns: bool) -> sp.csr_array:
+def _compressed(model: dict[str, Any], name: str, shape: tuple[int, int], *, by_columns: bool) -> sp.csr_array:
     """Return a matrix of HiGHS by rows."""
-    triple: Any = (np.array(matrix.value_, float), np.array(matrix.index_, int), np.array(matrix.start_, int))
-    kept = int(triple[2][-1]) if triple[2].size else 0
-    triple = (triple[0][:kept], triple[1][:kept], triple[2])
+    value, index, start = (model[f"{name}.{part}"] for part in ("value", "index", "start"))
+    kept = int(start[-1]) if start.size else 0
+    triple: Any = (value[:kept].astype(float), index[:kept].astype(int), start.astype(int))
     return sp.csr_array((sp.csc_array if by_columns else sp.csr_array)(triple, shape=shape))
 
 

@@ -282,7 +282,7 @@ class Reader:
         found = self.sections
         for name, upper in found.upper.items():
             if name not in found.lower and upper < 0:
-                text = f"has the upper bound {upper:g} and no lower one, taken for 0 or for -inf by programs: give LO or MI"
+                text = f"has the upper bound {upper:g} and no lower one, which some take for 0, some for -inf: add it"
                 raise FormatError(self.path, f"BOUNDS of {_shown(name)}", text)
 
     def _require_triangles(self) -> None:
