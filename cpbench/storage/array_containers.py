@@ -65,13 +65,13 @@ def values(path: Path, optional: Collection[str]) -> dict[str, Any]:
 
 
 def folder_files(folder: Path) -> dict[str, Path]:
-    """Return the files of a folder that are arrays, by the name of the array; {} where they are no problem.
+    """Return the files of a folder that are arrays, by the name of the array.
 
     Raises FormatError where two files have one name, or where one with the name of an array is not read.
     """
     inside = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
     arrays = [path for path in inside if path.suffix.lower() in FOLDER_SUFFIXES]
-    if not is_array_folder([path.name for path in inside]):
+    if not arrays:
         return {}
     found: dict[str, Path] = {}
     for path in arrays:

@@ -23,7 +23,7 @@ from cpbench.storage.arrays import sparse_from_parts
 from cpbench.storage.base import build, stem
 from cpbench.storage.dialects import Dialect
 from cpbench.storage.half_stored import whole
-from cpbench.storage.named_arrays import SPARSE, NamedArrays, Shape, absent, require_shapes, shapes_of
+from cpbench.storage.named_arrays import SPARSE, NamedArrays, Shape, absent, counted, require_shapes, shapes_of
 from cpbench.storage.two_sided import infinite, rows_and_bounds
 
 FORM = "form"
@@ -169,7 +169,7 @@ def _osqp(arrays: NamedArrays, dialect: Dialect) -> Made:
 def _box(arrays: NamedArrays, dialect: Dialect) -> Made:
     """Bounds alone, and a Hessian by rows."""
     parts = {key: arrays.values[key] for key in ("data", "indices", "indptr", "shape")}
-    Q = whole(arrays.path, "data", sparse_from_parts(arrays.path, "", parts), arrays.half)
+    Q = whole(arrays.path, "data", sparse_from_parts(arrays.path, "", counted(parts)), arrays.half)
     bounds = {"lb": infinite(arrays.vector("l")), "ub": infinite(arrays.vector("u"))}
     return QP, _whole_qp({"Q": Q, "p": arrays.vector("q"), **bounds}), {}
 

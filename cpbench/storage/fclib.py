@@ -13,6 +13,7 @@ of shape (1,). Without bilateral constraints their parts are left out.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any
 
 import h5py
@@ -69,6 +70,7 @@ def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
 
 def _read_local(tree: Tree, group: str, node: str, annotations: dict[str, Any]) -> Problem:
     vectors = tree.child("vectors")
+    _require_known(tree, vectors, ("W", "V", "R"), ("q", "s", "mu"))
     q, mu = vectors.array("q"), vectors.array("mu")
     parts: dict[str, Any] = {"q": q, "mu": mu, "dimension": _dimension(tree, group, q, mu, "q")}
     parts["W"] = _matrix(tree, "W", (q.size, q.size), annotations)
@@ -85,6 +87,7 @@ def _read_local(tree: Tree, group: str, node: str, annotations: dict[str, Any]) 
 
 def _read_global(tree: Tree, group: str, annotations: dict[str, Any]) -> Problem:
     vectors = tree.child("vectors")
+    _require_known(tree, vectors, ("M", "H", "G"), ("f", "w", "b", "mu", *(("mu_r",) if group == ROLLING else ())))
     f, w, mu = (vectors.array(name) for name in ("f", "w", "mu"))
     parts: dict[str, Any] = {"f": f, "w": w, "mu": mu, "dimension": _dimension(tree, group, w, mu, "w")}
     if group == ROLLING:
@@ -98,6 +101,11 @@ def _read_global(tree: Tree, group: str, annotations: dict[str, Any]) -> Problem
         parts["G"] = _empty("G", (f.size, 0), annotations)
     cls = GlobalRollingFrictionContact if group == ROLLING else GlobalFrictionContact
     return build(tree.path, cls, group, **parts, **annotations["fields"])
+
+
+def _require_known(tree: Tree, vectors: Tree, known: Collection[str], names: Collection[str]) -> None:
+    tree.require_known({*known, "vectors", "spacedim", "info"})
+    vectors.require_known(names)
 
 
 def _constrained(tree: Tree, vectors: Tree, names: tuple[str, ...], vector: str) -> bool:

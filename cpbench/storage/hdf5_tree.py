@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Collection, Generator
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
@@ -60,6 +60,12 @@ class Tree:
     @_guarded
     def names(self) -> list[str]:
         return sorted(name.decode("utf-8", "replace") for name in self.gid)
+
+    def require_known(self, known: Collection[str]) -> None:
+        """Raise FormatError where the group holds more than is read from it: the problem could be another one."""
+        for name in self.names():
+            if name not in known:
+                raise self.error(name, f"is none of {', '.join(sorted(known))}, which are read: rename or remove it")
 
     @_guarded
     def __contains__(self, name: str) -> bool:

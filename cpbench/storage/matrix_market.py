@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
 from cpbench.storage.base import Format, formats, no_member
 
@@ -24,7 +25,12 @@ class MatrixMarketFolder(Format):
         from cpbench.storage.exchanges.mtx import MatrixMarket
 
         no_member(path, member)
-        return MatrixMarket().read_problem(path.parent)
+        problem = MatrixMarket().read_problem(path.parent)
+        for file in self.beside(path):
+            if file.stem not in problem.data():
+                known = ", ".join(problem.data())
+                raise FormatError(path, file.name, f"is no array of {problem.node} ({known}): rename or remove it")
+        return problem
 
     def beside(self, path: Path) -> list[Path]:
         return sorted(path.parent.glob("*.mtx"))

@@ -78,8 +78,19 @@ def joined(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arrays with the parts of each sparse matrix put together; raises FormatError."""
     found = dict(values)
     for name in sparse_names(found):
-        found[name] = sparse_from_parts(path, f"{name}.", {part: found.pop(f"{name}.{part}") for part in SPARSE})
+        parts = {part: found.pop(f"{name}.{part}") for part in SPARSE}
+        found[name] = sparse_from_parts(path, f"{name}.", counted(parts))
     return found
+
+
+def counted(parts: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parts of a sparse matrix with indices as whole numbers, which text and MATLAB keep as any number."""
+
+    def whole(array: Any) -> Any:
+        exact = array.dtype.kind == "f" and bool((abs(array) < 2.0**53).all()) and bool((array == array.round()).all())
+        return array.astype(np.int64) if exact else array
+
+    return {part: array if part == "data" else whole(np.asarray(array)) for part, array in parts.items()}
 
 
 def sparse_names(names: Collection[str]) -> list[str]:

@@ -36,6 +36,7 @@ from cpbench.storage.hdf5_tree import Tree
 from cpbench.storage.hdf5_writer import put_array, put_attribute, put_text
 
 VERSION = 1
+_PLACE = frozenset({"sequence", "contacts"})
 _ANNOTATIONS = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 
@@ -66,12 +67,15 @@ def read(parent: Tree, name: str) -> Problem:
     attributes = own.attributes()
     node = _node(own, attributes)
     if node in fclib.GROUPS:
+        own.require_known(_PLACE)
         return fclib.read(parent, fclib.GROUPS[node], name, node)
     cls = formulations.get(node)
     vectors = own.child("vectors")
     parts: dict[str, Any] = {}
     sizes: dict[str, int] = {}
     declared = [(f.name, f.metadata["shape"]) for f in cls._data_fields()]
+    own.require_known({"vectors", "mof", *_PLACE, *(name for name, shape in declared if len(shape) == 2)})
+    vectors.require_known({name for name, shape in declared if len(shape) == 1})
     for field, shape in declared:
         if len(shape) == 1:
             parts[field] = vectors.array(field)

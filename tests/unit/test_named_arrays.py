@@ -1,0 +1,294 @@
+"""Every reader of named arrays, in every form: one array too many and one too few are refused by name."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+import scipy.sparse as sp
+from command_line import cpbench as command
+from tiers import some_by_day
+
+from cpbench import storage
+from cpbench.errors import FormatError
+from cpbench.formulations import LCP, QP, ConeQP, FrictionContact, formulations
+from cpbench.product_cones import Cone
+from cpbench.storage import dialects
+from cpbench.storage.exchanges.mtx import MatrixMarket
+
+Arrays = dict[str, Any]
+rng = np.random.default_rng(20261127)
+N, M, K = 4, 3, 2
+P = np.diag([4.0, 5.0, 6.0, 7.0]) + 0.5
+G, h, A, b = rng.standard_normal((M, N)), rng.random(M) + 1, rng.standard_normal((K, N)), rng.standard_normal(K)
+q, lb, ub = rng.standard_normal(N), -rng.random(N) - 9, rng.random(N) + 9
+CSR = sp.csr_array(P)
+W = np.eye(6) + 0.1
+FORMS: dict[str, Arrays] = {
+    "qpsolvers": {"P": P, "q": q, "G": G, "h": h, "A": A, "b": b, "lb": lb, "ub": ub},
+    "OSQP": {"P": P, "q": q, "A": G, "l": -h, "u": h, "r": np.array([3.0])},
+    "quadprog": {"H": P, "f": q, "A": G, "b": h, "Aeq": A, "beq": b, "lb": lb, "ub": ub},
+    "cvxopt": {"P": P, "q": q, "G": G, "h": h, "A": A, "b": b, "dims.l": np.array([1.0]), "dims.q": np.array([2.0])},
+    "box QP": {"data": CSR.data, "indices": CSR.indices, "indptr": CSR.indptr, "shape": np.array([N, N]), "q": q,
+               "l": lb, "u": ub},
+    "ContactBench": {"G": W, "g": -np.ones(6), "mus": np.array([0.3, 0.5])},
+    "lcp": {"M": P, "q": q},
+    "avi": {"M": P, "q": q, "A": G, "b": -h, "C": A, "d": b, "lb": lb, "ub": ub},
+    "mlcp": {"A": P, "B": np.eye(M), "C": G.T, "D": G, "a": q, "b": h},
+    "qp": {"Q": P, "p": q, "A": G, "b": -h, "C": A, "d": b, "lb": lb, "ub": ub},
+    "coneqp": {"Q": P, "p": q, "A": G, "b": h, "cone_kind": np.array([3.0]), "cone_size": np.array([3.0]),
+               "cone_mu": np.array([1.0])},
+    "soclcp": {"M": P, "q": q, "cone_kind": np.array([3.0, 2]), "cone_size": np.array([3.0, 1]),
+               "cone_mu": np.array([0.5, 0])},
+    "fc": {"W": W, "q": -np.ones(6), "mu": np.array([0.3, 0.5])},
+    "fcm": {"W": W, "V": np.ones((6, 1)), "R": np.eye(1), "q": -np.ones(6), "s": np.ones(1),
+            "mu": np.array([0.3, 0.5])},
+    "rfc": {"W": np.eye(10), "q": -np.ones(10), "mu": np.array([0.3, 0.5]), "mu_r": np.array([0.1, 0.2])},
+    "gfc": {"M": P, "H": np.ones((N, 6)), "f": q, "w": -np.ones(6), "mu": np.array([0.3, 0.5])},
+    "grfc": {"M": P, "H": np.ones((N, 10)), "f": q, "w": -np.ones(10), "mu": np.array([0.3, 0.5]),
+             "mu_r": np.array([0.1, 0.2])},
+    "afc": {"W": W, "q": -np.ones(6), "mu": np.array([[0.3, 0.5], [0.2, 0.4]])},
+}  # fmt: skip
+
+
+def npz(folder: Path, arrays: Arrays) -> Path:
+    np.savez(folder / "a.npz", **arrays)
+    return folder / "a.npz"
+
+
+def mat(folder: Path, arrays: Arrays) -> Path:
+    nested: Arrays = {name: value for name, value in arrays.items() if "." not in name}
+    if len(nested) < len(arrays):
+        nested["dims"] = {name.partition(".")[2]: value for name, value in arrays.items() if "." in name}
+    scipy.io.savemat(folder / "a.mat", nested)
+    return folder / "a.mat"
+
+
+def hdf5(folder: Path, arrays: Arrays) -> Path:
+    with h5py.File(folder / "a.h5", "w") as file:
+        for name, value in arrays.items():
+            file[name.replace(".", "/")] = value
+    return folder / "a.h5"
+
+
+def files(folder: Path, arrays: Arrays) -> Path:
+    """A folder with files of all three kinds, by turns."""
+    place = folder / "arrays"
+    place.mkdir()
+    for (name, value), kind in zip(arrays.items(), itertools.cycle(("npy", "csv", "mtx")), strict=False):
+        if kind == "npy":
+            np.save(place / f"{name}.npy", value)
+        elif kind == "csv":
+            np.savetxt(place / f"{name}.csv", value, fmt="%.17g", delimiter=",")
+        else:
+            scipy.io.mmwrite(place / f"{name}.mtx", np.atleast_2d(value), precision=17)
+    return place
+
+
+CONTAINERS: Mapping[str, Callable[[Path, Arrays], Path]] = {"npz": npz, "mat": mat, "h5": hdf5, "folder": files}
+CASES = [(form, container) for form in FORMS for container in CONTAINERS]
+
+
+def test_every_form_is_tested() -> None:
+    """The forms of packages, and those of all formulations without maps; a relay has the arrays of an avi."""
+    assert {d.name for d in dialects.dialects()} == set(FORMS)
+    assert {name for name in formulations.names() if not formulations.get(name).has_maps()} - set(FORMS) == {"relay"}
+
+
+@pytest.mark.parametrize(("form", "container"), some_by_day(CASES, 24))
+def test_right_arrays_are_read(form: str, container: str, tmp_path: Path) -> None:
+    """The problem is the same from all containers, and says its form."""
+    problem = storage.load(CONTAINERS[container](tmp_path, FORMS[form]))
+    assert problem.info.properties["form"].startswith(f"{form} (")
+    (tmp_path / "other").mkdir()
+    assert problem.fingerprint == storage.load(npz(tmp_path / "other", FORMS[form])).fingerprint
+
+
+@pytest.mark.parametrize(("form", "container"), some_by_day(CASES, 24))
+def test_one_array_too_many_is_refused_by_name(form: str, container: str, tmp_path: Path) -> None:
+    path = CONTAINERS[container](tmp_path, FORMS[form] | {"surplus": np.ones(N)})
+    with pytest.raises(
+        FormatError, match=rf"surplus: is no array of the form {'fc' if form == 'afc' else form} \("
+    ) as refusal:
+        storage.load(path)
+    assert "\n" not in str(refusal.value)
+    assert str(refusal.value).startswith(str(path))
+
+
+TOO_FEW = {
+    "qpsolvers without q": ("qpsolvers", "q", "q: is missing"),
+    "qpsolvers without h": ("qpsolvers", "h", "h: is missing beside G"),
+    "qpsolvers without A": ("qpsolvers", "A", "A: is missing beside b"),
+    "OSQP without A": ("OSQP", "A", "A: is missing"),
+    "OSQP without u": ("OSQP", "u", "u: is missing"),
+    "quadprog without f": ("quadprog", "f", "f: is missing"),
+    "quadprog without beq": ("quadprog", "beq", "beq: is missing beside Aeq"),
+    "cvxopt without G": ("cvxopt", "G", "G: is missing beside h"),
+    "box QP without u": ("box QP", "u", "u: is missing"),
+    "ContactBench without mus": ("ContactBench", "mus", "mus: is missing"),
+    "avi without d": ("avi", "d", "d: is missing beside C"),
+    "mlcp without D": ("mlcp", "D", "D: is missing"),
+    "qp without p": ("qp", "p", "p: is missing"),
+    "qp without b": ("qp", "b", "b: is missing beside A"),
+    "coneqp without cone_mu": ("coneqp", "cone_mu", "cone_mu: is missing"),
+    "fc without mu": ("fc", "mu", "mu: is missing"),
+    "rfc without W": ("rfc", "W", "W: is missing"),
+    "gfc without w": ("gfc", "w", "w: is missing"),
+    "grfc without H": ("grfc", "H", "H: is missing"),
+}
+
+
+@pytest.mark.parametrize(("case", "container"), some_by_day(itertools.product(TOO_FEW, CONTAINERS), 30))
+def test_one_array_too_few_is_refused_by_name(case: str, container: str, tmp_path: Path) -> None:
+    form, left_out, expected = TOO_FEW[case]
+    path = CONTAINERS[container](tmp_path, {name: value for name, value in FORMS[form].items() if name != left_out})
+    with pytest.raises(FormatError, match=expected) as refusal:
+        storage.load(path)
+    assert "\n" not in str(refusal.value)
+
+
+def test_bounds_by_other_names_are_refused_with_the_right_ones(tmp_path: Path) -> None:
+    """These files were problems without bounds once: OSQP's l and u, and other names, beside qpsolvers' arrays."""
+    program = {name: FORMS["qpsolvers"][name] for name in ("P", "q", "G", "h")}
+    for lower, upper in (("l", "u"), ("lower", "upper"), ("xl", "xu"), ("lo", "hi")):
+        for number, write in enumerate((npz, mat, hdf5, files)):
+            folder = tmp_path / f"{lower}-{number}"
+            folder.mkdir()
+            with pytest.raises(FormatError, match=r"the nearest is (lb, ub|ub, lb): rename or remove them"):
+                storage.load(write(folder, program | {lower: lb, upper: ub}))
+    both = FORMS["OSQP"] | {"lb": lb, "ub": ub}
+    with pytest.raises(FormatError, match="lb, ub: are no arrays of the form OSQP"):
+        storage.load(mat(tmp_path, both))
+    with pytest.raises(FormatError, match="G, h: are no arrays of the form box QP"):
+        storage.load(npz(tmp_path, FORMS["box QP"] | {"G": G, "h": h}))
+
+
+def test_forms_of_packages_are_the_program_that_they_say(tmp_path: Path) -> None:
+    """min ½xᵀPx + qᵀx, Gx ≤ h, Ax = b, lb ≤ x ≤ ub, by four sets of names and with a sparse P."""
+    wanted = QP(Q=P, p=q, A=-G, b=-h, C=A, d=b, lb=lb, ub=ub)
+    rows = np.vstack([G, A, np.eye(N)])
+    minus, plus = np.r_[np.full(M, -np.inf), b, lb], np.r_[h, b, ub]
+    sparse = {f"P.{part}": getattr(CSR, part) for part in ("data", "indices", "indptr")}
+    same: Mapping[str, Arrays] = {
+        "qpsolvers": FORMS["qpsolvers"],
+        "quadprog": FORMS["quadprog"],
+        "OSQP": {"P": P, "q": q, "A": rows, "l": minus, "u": plus},
+        "sparse": {name: value for name, value in FORMS["qpsolvers"].items() if name != "P"} | sparse
+        | {"P.shape": np.array([N, N])},
+    }  # fmt: skip
+    for name, arrays in same.items():
+        assert storage.load(npz(tmp_path, arrays)).fingerprint == wanted.fingerprint, name
+    cone = storage.load(npz(tmp_path, FORMS["cvxopt"]))
+    assert isinstance(cone, ConeQP)
+    x = rng.standard_normal(N)
+    assert np.array_equal(cone.A @ x + cone.b, np.r_[A @ x - b, h - G @ x])
+    assert cone.cone_kind.tolist() == [Cone.ZERO, Cone.NONNEGATIVE, Cone.SECOND_ORDER]
+    with pytest.raises(FormatError, match=r"dims\.s: is a cone of positive semidefinite matrices"):
+        storage.load(npz(tmp_path, FORMS["cvxopt"] | {"dims.s": np.array([2.0])}))
+    with pytest.raises(FormatError, match=r"dims\.l: is 2, with 2 rows in dims\.q, expected 3"):
+        storage.load(npz(tmp_path, FORMS["cvxopt"] | {"dims.l": np.array([2.0])}))
+
+
+def test_absent_parts_and_starting_points(tmp_path: Path) -> None:
+    """MATLAB's [] and NumPy's None stand for no rows; what is no part of the problem is said to be none."""
+    empty = np.zeros((0, 0))
+    absent = {"A": empty, "b": empty, "lb": empty, "ub": empty, "x0": np.ones(N)}
+    problem: Any = storage.load(mat(tmp_path, {"H": P, "f": q, "Aeq": A, "beq": b, **absent}))
+    assert (problem.sizes(), problem.has_bounds) == ({"n": N, "m": 0, "k": K}, False)
+    form = "quadprog (H, f, A, b, Aeq, beq, lb, ub); x0, a starting point, is no part of it"
+    assert problem.info.properties["form"] == form
+    none = np.array(None, dtype=object)
+    np.savez(tmp_path / "n.npz", P=P, q=q, G=none, h=none, A=A, b=b)
+    assert storage.load(tmp_path / "n.npz").sizes() == {"n": N, "m": 0, "k": K}
+    with pytest.raises(FormatError, match="A: is 0x0, expected 2x4"):
+        storage.load(mat(tmp_path, {"H": P, "f": q, "A": empty, "b": b}))
+    for name, size in (("n", N + 1), ("m", M - 1)):
+        with pytest.raises(FormatError, match=f"{name}: is {size}, expected {size - 1 if name == 'n' else size + 1}"):
+            storage.load(mat(tmp_path, FORMS["OSQP"] | {name: float(size)}))
+
+
+def test_lcp_names_are_an_lcp_and_bounds_make_it_an_avi(tmp_path: Path) -> None:
+    """{M, q} would fit an avi too, whose solution without bounds is another: the text says so."""
+    problem = storage.load(npz(tmp_path, FORMS["lcp"]))
+    assert (problem.node, problem.info.properties["form"]) == ("lcp", "lcp (M, q), which avi would fit too")
+    assert storage.load(npz(tmp_path, FORMS["lcp"] | {"lb": lb, "ub": np.full(N, np.inf)})).node == "avi"
+
+
+def test_a_folder_with_a_second_file_of_one_array_is_refused(tmp_path: Path) -> None:
+    place = files(tmp_path, FORMS["lcp"])
+    assert storage.problem_files([tmp_path]) == [str(place)]
+    np.savetxt(place / "M.csv", P)
+    with pytest.raises(FormatError, match=r"M: is there twice, as M\.csv and M\.npy"):
+        storage.load(place)
+    (place / "M.csv").rename(place / "lb.txt")
+    with pytest.raises(FormatError, match=r"lb\.txt: has the name of an array and is not read"):
+        storage.load(place)
+
+
+def test_surplus_arrays_of_cpbench_s_own_files_are_refused(tmp_path: Path) -> None:
+    """The native format, FCLIB's and the folder of Matrix Market files."""
+    problems = (LCP(M=P, q=q), FrictionContact(W=W, q=-np.ones(6), mu=[0.3, 0.5]))
+    for number, (problem, groups) in enumerate(zip(problems, (("cpbench",), ("cpbench", "fclib_local")), strict=True)):
+        for group in (*groups, *(f"{name}/vectors" for name in groups[-1:])):
+            path = tmp_path / f"{number}-{group.replace('/', '-')}.h5"
+            storage.save(problem, path)
+            with h5py.File(path, "r+") as file:
+                file[f"{group}/surplus"] = np.ones(4)
+            with pytest.raises(FormatError, match=f"{group}/surplus: is none of "):
+                storage.load(path)
+    folder = tmp_path / "folder"
+    MatrixMarket().write_problem(problems[0], folder)
+    assert storage.load(folder / "problem.json").fingerprint == problems[0].fingerprint
+    scipy.io.mmwrite(folder / "lb.mtx", np.ones((N, 1)))
+    with pytest.raises(FormatError, match=r"lb\.mtx: is no array of lcp \(M, q\)"):
+        storage.load(folder / "problem.json")
+
+
+@pytest.mark.parametrize("half", ["upper", "lower"])
+def test_half_stored_matrices_are_refused_or_completed(
+    half: str, tmp_path: Path, capsys: Any, monkeypatch: Any
+) -> None:
+    """By the reader, by the commands, and by pack; another triangle than the named one is refused."""
+    triangle, other = (np.triu, "lower") if half == "upper" else (np.tril, "upper")
+    arrays = FORMS["qpsolvers"] | {"P": triangle(P)}
+    whole = storage.load(npz(tmp_path, FORMS["qpsolvers"])).fingerprint
+    for number, write in enumerate((npz, mat, hdf5, files)):
+        (tmp_path / str(number)).mkdir()
+        path = write(tmp_path / str(number), arrays)
+        with pytest.raises(
+            FormatError, match=f"P: is not symmetric: the {other} triangle is empty; --symmetric {half}"
+        ):
+            storage.load(path)
+        assert storage.load(path, format=f"[symmetric={half}]").fingerprint == whole
+        with pytest.raises(FormatError, match=f"P: has an empty {other} triangle: --symmetric {half} completes it"):
+            storage.load(path, format=f"[symmetric={other}]")
+    np.save(tmp_path / "Q.npy", triangle(P))
+    np.save(tmp_path / "p.npy", q)
+    asked = ("--qp", "Q.npy", "p.npy")
+    refused = command(tmp_path, "pack", "x.h5", *asked)
+    assert refused.returncode == 2
+    assert f"the {other} triangle is empty; --symmetric {half} completes it" in refused.stderr
+    assert command(tmp_path, "pack", "x.h5", *asked, "--symmetric", half).returncode == 0
+    assert np.array_equal(storage.load(tmp_path / "x.h5").data()["Q"], P)
+    assert command(tmp_path, "convert", str(path), "y.h5", "--symmetric", half).returncode == 0
+    assert storage.load(tmp_path / "y.h5").fingerprint == whole
+    shown = command(tmp_path, "info", str(path), "--symmetric", half, "--no-facts")
+    assert f"fingerprint  {whole}" in shown.stdout
+    planned = command(tmp_path, "run", str(path), "-s", "osqp", "--dry-run", "--symmetric", half)
+    assert (planned.returncode, "1 pair" in planned.stdout) == (0, True), planned.stderr
+    assert "is of named arrays, the format" in command(tmp_path, "info", "x.h5", "--symmetric", half).stderr
+
+
+def test_a_whole_matrix_is_not_completed_twice(tmp_path: Path) -> None:
+    whole = npz(tmp_path, FORMS["qpsolvers"])
+    assert storage.load(whole, format="[symmetric=upper]").fingerprint == storage.load(whole).fingerprint
+    skew = P.copy()
+    skew[0, 1] += 1
+    with pytest.raises(FormatError, match="has entries in both triangles and is not symmetric"):
+        storage.load(npz(tmp_path, FORMS["qpsolvers"] | {"P": skew}), format="[symmetric=upper]")
