@@ -1,0 +1,373 @@
+"""MPS, QPS, SIF and LP files: published files and HiGHS agree with what is read, and what cannot be kept is refused."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from tiers import some_by_day
+
+import cpbench as cp
+from cpbench import matrices, storage
+from cpbench.errors import FormatError
+
+highspy = pytest.importorskip("highspy", reason="needs HiGHS: pip install highspy")
+
+TWINS = ("DUALC2", "HS118", "HS35", "HS76", "QAFIRO", "QBORE3D", "QPCBLEND", "QSC205", "QSHARE2B", "TAME")
+SIZES = {"GENHS28": (10, 0, 8), "HS21": (2, 1, 0), "LOTSCHD": (12, 0, 7)}
+"""n, m, k of the files without a twin: HS21 and GENHS28 by Hock and Schittkowski, LOTSCHD by its classification."""
+
+
+def rows_and_bounds(problem: Any) -> dict[str, Any]:
+    """The rows, sorted, with those of one variable and coefficient ±1 as bounds, for OSQP keeps bounds as rows."""
+    found: dict[str, Any] = {"lb": problem.lb.copy(), "ub": problem.ub.copy(), "A": [], "C": []}
+    for name, M, side in (("A", problem.A, problem.b), ("C", problem.C, problem.d)):
+        dense = matrices.dense(M)
+        for row, value in zip(dense, side, strict=True):
+            at = np.flatnonzero(row)
+            if at.size == 1 and abs(row[at[0]]) == 1.0:
+                j, bound = at[0], value * row[at[0]]
+                if name == "C" or row[j] > 0:
+                    found["lb"][j] = max(found["lb"][j], bound)
+                if name == "C" or row[j] < 0:
+                    found["ub"][j] = min(found["ub"][j], bound)
+            else:
+                found[name].append([*map(float, row), float(value)])
+    return {name: sorted(value) if name in "AC" else value for name, value in found.items()}
+
+
+@pytest.mark.parametrize("name", some_by_day(TWINS, 4))
+def test_published_files_are_their_twins(name: str, shared_data: Path) -> None:
+    """Maros and Meszaros by QPS and by OSQP's .mat: right sides there are differences, 1e-12 for QPS's 0."""
+    ours, twin = (storage.load(shared_data / f"{kind}/{name}.{end}") for kind, end in (("qps", "SIF"), ("qp", "mat")))
+    assert abs(matrices.sparse(ours.Q) - matrices.sparse(twin.Q)).max() == 0.0
+    assert np.allclose(ours.p, twin.p, rtol=2e-13, atol=2e-12)
+    mine, theirs = rows_and_bounds(ours), rows_and_bounds(twin)
+    for part in ("lb", "ub", "A", "C"):
+        assert np.allclose(mine[part], theirs[part], rtol=2e-13, atol=2e-12), part
+    offsets = [problem.info.properties.get("objective_offset", 0.0) for problem in (ours, twin)]
+    assert offsets[0] == offsets[1]
+
+
+def test_the_other_published_files_are_read(shared_data: Path) -> None:
+    files = sorted(path.stem for path in (shared_data / "qps").glob("*.SIF"))
+    assert files == sorted({*TWINS, *SIZES})
+    for name, sizes in SIZES.items():
+        assert tuple(storage.load(shared_data / f"qps/{name}.SIF").sizes().values()) == sizes
+
+
+# ------------------------------------------------------------------------------------------ against HiGHS
+
+
+def random_model(seed: int) -> Any:
+    """A convex quadratic or linear program of HiGHS with all kinds of rows, bounds and a constant."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(1, 8)), int(rng.integers(0, 7))
+    at = rng.standard_normal(n)
+    A = np.where(rng.random((m, n)) < 0.7, rng.standard_normal((m, n)), 0.0)
+    value = A @ at
+    kind = rng.integers(0, 4, m)
+    below, above = value - rng.random(m), value + rng.random(m)
+    model = highspy.HighsModel()
+    lp = model.lp_
+    lp.num_col_, lp.num_row_ = n, m
+    factor = rng.standard_normal((n, n))
+    quadratic, maximize = seed % 3 > 0, seed % 2 == 1
+    sign = -1.0 if maximize else 1.0
+    Q = factor @ factor.T + 0.1 * np.eye(n)
+    lp.sense_ = highspy.ObjSense.kMaximize if maximize else highspy.ObjSense.kMinimize
+    lp.offset_ = float(rng.standard_normal())
+    lp.col_cost_ = sign * rng.standard_normal(n)
+    free = rng.random(n) < (0.4 if quadratic else 0.0)
+    lp.col_lower_ = np.where(free, -np.inf, at - rng.random(n))
+    lp.col_upper_ = np.where(rng.random(n) < (0.4 if quadratic else 0.0), np.inf, at + rng.random(n))
+    lp.row_lower_ = np.where(kind == 0, -np.inf, np.where(kind == 3, value, below))
+    lp.row_upper_ = np.where(kind == 1, np.inf, np.where(kind == 3, value, above))
+    columns = sp.csc_array(A)
+    lp.a_matrix_.format_ = highspy.MatrixFormat.kColwise
+    lp.a_matrix_.start_, lp.a_matrix_.index_, lp.a_matrix_.value_ = columns.indptr, columns.indices, columns.data
+    lp.col_names_, lp.row_names_ = [f"x_{j}" for j in range(n)], [f"row_{i}" for i in range(m)]
+    if quadratic:
+        lower = sp.csc_array(np.tril(sign * Q))
+        hessian = model.hessian_
+        hessian.dim_, hessian.format_ = n, highspy.HessianFormat.kTriangular
+        hessian.start_, hessian.index_, hessian.value_ = lower.indptr, lower.indices, lower.data
+    return model
+
+
+def solver_with(model: Any = None) -> Any:
+    solver = highspy.Highs()
+    solver.setOptionValue("output_flag", False)
+    if model is not None:
+        assert solver.passModel(model) != highspy.HighsStatus.kError
+    return solver
+
+
+def objective(problem: Any, z: Any) -> float:
+    """The objective of the file at z."""
+    known = problem.info.properties
+    value = problem.objective(z) + known.get("objective_offset", 0.0)
+    return -value if known.get("objective_sense") == "max" else value
+
+
+@pytest.mark.parametrize(("seed", "suffix"), some_by_day([(s, e) for s in range(20) for e in (".mps", ".lp")], 12))
+def test_files_of_highs_have_its_optimum(seed: int, suffix: str, tmp_path: Path) -> None:
+    """HiGHS writes and solves; we read, solve by our own method and have its objective, which at its own point is the
+    same number."""
+    solver = solver_with(random_model(seed))
+    path = tmp_path / f"model{suffix}"
+    assert solver.writeModel(str(path)) != highspy.HighsStatus.kError
+    again = solver_with()
+    assert again.readModel(str(path)) == highspy.HighsStatus.kOk
+    again.run()
+    assert again.getModelStatus() == highspy.HighsModelStatus.kOptimal
+    problem: Any = storage.load(path)
+    assert list(problem.info.properties["unknowns"]) == [f"x_{j}" for j in range(problem.p.size)]
+    theirs, z = again.getInfo().objective_function_value, np.array(again.getSolution().col_value)
+    assert objective(problem, z) == pytest.approx(theirs, rel=1e-9, abs=1e-9)
+    solved = cp.solve(problem, tolerance=1e-9)
+    assert solved, (solved.status, solved.message)
+    assert objective(problem, solved.point.z) == pytest.approx(theirs, rel=1e-6, abs=1e-6)
+
+
+def test_a_file_packed_by_gzip_is_the_same(tmp_path: Path) -> None:
+    solver = solver_with(random_model(5))
+    for suffix in (".mps", ".lp"):
+        path = tmp_path / f"model{suffix}"
+        solver.writeModel(str(path))
+        packed = tmp_path / f"model{suffix}.gz"
+        packed.write_bytes(gzip.compress(path.read_bytes()))
+        assert storage.load(packed).fingerprint == storage.load(path).fingerprint
+        assert storage.load(packed).name == storage.load(path).name
+        assert str(packed) in storage.problem_files([tmp_path])
+        packed.write_bytes(gzip.compress(path.read_bytes())[:-9])
+        with pytest.raises(FormatError, match="is no whole gzip file"):
+            storage.load(packed)
+
+
+# ------------------------------------------------------------------------------------------ by hand
+
+HEAD = """* comment
+NAME          HAND
+ROWS
+ N  COST
+ G  LOW
+ L  UP
+ E  EQ
+COLUMNS
+    X  COST  1.0  LOW  1.0
+    X  UP  1.0
+    Y  COST  -2.0D0  LOW  1.0
+    Y  EQ  -1.0
+    Z  UP  2.0  EQ  1.0
+RHS
+    RHS  COST  -3.0  LOW  1.0
+    RHS  UP  8.0  EQ  0.5
+"""
+Z = np.array([0.3, -0.7, 1.9])
+HAND: dict[str, tuple[str, float]] = {
+    "plain": ("", 0.3 + 1.4 + 3.0),
+    "max": ("OBJSENSE\n    MAX\n", 4.7),
+    "QUADOBJ": ("QUADOBJ\n    Y X 0.5\n    X X 2.0\n", 4.7 + 0.5 * (2 * 0.09 + 2 * 0.5 * -0.21)),
+    "QUADOBJ, upper": ("QUADOBJ\n    X X 2.0\n    X Y 0.5\n", 4.7 + 0.5 * (2 * 0.09 + 2 * 0.5 * -0.21)),
+    "QSECTION": ("QSECTION      COST\n    X Y 0.5\n", 4.7 - 0.5 * 0.21),
+    "QMATRIX": ("QMATRIX\n    X Y 0.5\n    Y X 0.5\n    Z Z 3\n", 4.7 - 0.105 + 1.5 * 3.61),
+}
+
+
+@pytest.mark.parametrize("name", HAND)
+def test_objectives_by_hand(name: str, tmp_path: Path) -> None:
+    """cᵀz minus the right side of the objective, and ½zᵀQz, at a point; HiGHS has the same."""
+    sections, value = HAND[name]
+    (tmp_path / "a.mps").write_text(f"{HEAD}{sections}ENDATA\n")
+    problem: Any = storage.load(tmp_path / "a.mps")
+    assert objective(problem, Z) == pytest.approx(value, rel=1e-15)
+    assert (problem.name, list(problem.info.properties["unknowns"])) == ("HAND", ["X", "Y", "Z"])
+    solver = solver_with()
+    assert solver.readModel(str(tmp_path / "a.mps")) == highspy.HighsStatus.kOk
+    model = solver.getModel()
+    Q = np.zeros((3, 3))
+    for j in range(model.hessian_.dim_):
+        for at in range(model.hessian_.start_[j], model.hessian_.start_[j + 1]):
+            i = model.hessian_.index_[at]
+            Q[i, j] = Q[j, i] = model.hessian_.value_[at]
+    assert model.lp_.offset_ + model.lp_.col_cost_ @ Z + 0.5 * Z @ Q @ Z == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize(("width", "expected"), [(4.0, (0.5, 4.5)), (-4.0, (-3.5, 0.5))])
+def test_ranges_and_bounds_by_hand(width: float, expected: tuple[float, float], tmp_path: Path) -> None:
+    """R of G and L counts by its size, of E by its sign: [b, b + R] or [b + R, b]."""
+    text = f"""{HEAD}RANGES
+    RNG  LOW  {width}  UP  5.0
+    RNG  EQ  {width}
+BOUNDS
+ UP BND  X  -1
+ MI BND  X
+ FX BND  Y  2.5
+ UP Z  inf
+ENDATA
+"""
+    (tmp_path / "a.qps").write_text(text)
+    problem: Any = storage.load(tmp_path / "a.qps")
+    assert problem.C.shape == (0, 3)
+    between = dict(zip(("LOW", "UP", "EQ"), ((1.0, 5.0), (3.0, 8.0), expected), strict=True))
+    A = np.array([[1.0, 1, 0], [1, 0, 2], [0, -1, 1]])
+    assert np.array_equal(matrices.dense(problem.A), np.vstack([A, -A]))
+    assert problem.b.tolist() == [b for b, _ in between.values()] + [-u for _, u in between.values()]
+    assert (problem.lb.tolist(), problem.ub.tolist()) == ([-np.inf, 2.5, 0.0], [-1.0, 2.5, np.inf])
+    solver = solver_with()
+    assert solver.readModel(str(tmp_path / "a.qps").replace(".qps", ".mps")) == highspy.HighsStatus.kError
+    (tmp_path / "a.mps").write_text(text.replace(" UP Z  inf\n", ""))
+    assert solver.readModel(str(tmp_path / "a.mps")) == highspy.HighsStatus.kOk
+    lp = solver.getLp()
+    assert list(zip(lp.row_lower_, lp.row_upper_, strict=True)) == list(between.values())
+
+
+REFUSED = {
+    "no number": ("RHS\n", "    X  EQ\nRHS\n", r"line 14 \(COLUMNS\): has 2 words"),
+    "half a number": ("Z  UP  2.0", "Z  UP  2.0x", r"line 13 \(COLUMNS\): has '2\.0x', expected a number"),
+    "hexadecimal": ("Z  UP  2.0", "Z  UP  0x10", "has '0x10', expected a number"),
+    "underscore": ("Z  UP  2.0", "Z  UP  1_0", "has '1_0', expected a number"),
+    "NaN": ("Z  UP  2.0", "Z  UP  nan", "has 'nan', expected a number"),
+    "infinite": ("Z  UP  2.0", "Z  UP  1e999", "has '1e999', expected a number"),
+    "six words": ("Z  UP  2.0  EQ  1.0", "Z  UP  2.0  EQ  1.0  LOW  1", "has 7 words"),
+    "entry twice": ("Z  UP  2.0", "Z  EQ  2.0", "has the entry of Z in EQ twice"),
+    "column apart": ("RHS\n", "    X  EQ  1\nRHS\n", "returns to the column X"),
+    "row twice": (" E  EQ", " E  UP\n E  EQ", "has the row UP twice"),
+    "unknown row": ("Z  UP  2.0", "Z  UPP  2.0", "has the row UPP, which is not in ROWS"),
+    "row of RHS": ("UP  8.0", "UPP  8.0", r"line 16 \(RHS\): has the row UPP"),
+    "side twice": ("UP  8.0  EQ  0.5", "UP  8.0  UP  0.5", "has a right side of UP twice"),
+    "constant twice": ("RHS  UP  8.0", "RHS  COST  8.0", "has a right side of COST twice"),
+    "second set": ("    RHS  UP  8.0", "    OTHER  UP  8.0", "has the set OTHER beside RHS"),
+    "integers": ("    X  COST", "    M  'MARKER'  'INTORG'\n    X  COST", "has a MARKER of integer unknowns"),
+    "binary": ("ENDATA", "BOUNDS\n BV B X\nENDATA", r"makes X a binary unknown \(BV\)"),
+    "integer": ("ENDATA", "BOUNDS\n LI B X 2\nENDATA", r"makes 2 an integer|makes X an integer"),
+    "semi-continuous": ("ENDATA", "BOUNDS\n SC B X 2\nENDATA", "a semi-continuous unknown"),
+    "bound twice": ("ENDATA", "BOUNDS\n UP B X 2\n FX B X 2\nENDATA", "has an upper bound of X twice"),
+    "two sets of bounds": ("ENDATA", "BOUNDS\n UP B X 2\n LO C X 1\nENDATA", "has the set C beside B"),
+    "column of a bound": ("ENDATA", "BOUNDS\n UP B W 2\nENDATA", "has the column W, which is not in COLUMNS"),
+    "doubtful bound": ("ENDATA", "BOUNDS\n UP B X -2\nENDATA", "BOUNDS of X: has the upper bound -2 and no lower one"),
+    "crossed": ("ENDATA", "BOUNDS\n LO B X 3\n UP B X 2\nENDATA", "lb: exceeds ub at 0"),
+    "range of the objective": ("ENDATA", "RANGES\n    R  COST  2\nENDATA", "has the row COST, which is no constraint"),
+    "sets": ("ENDATA", "SOS\n S1 SOS A\nENDATA", "SOS.: holds special ordered sets"),
+    "quadratic constraint": ("ENDATA", "QCMATRIX LOW\n    X X 1\nENDATA", "holds quadratic constraints"),
+    "section of a row": ("ENDATA", "QSECTION LOW\n    X X 1\nENDATA", "is of the row LOW"),
+    "indicators": ("ENDATA", "INDICATORS\n IF LOW X 1\nENDATA", "holds indicator constraints"),
+    "unknown section": ("ENDATA", "EXTRA\n    X X 1\nENDATA", "'EXTRA' is no section"),
+    "both triangles": ("ENDATA", "QUADOBJ\n    X Y 1\n    Y X 1\nENDATA", "has X and Y in both triangles"),
+    "one triangle": ("ENDATA", "QMATRIX\n    X Y 1\nENDATA", "is not symmetric at X and Y: 1 and 0"),
+    "product twice": ("ENDATA", "QUADOBJ\n    X X 1\n    X X 1\nENDATA", "has the product of X and X twice"),
+    "two quadratic": ("ENDATA", "QUADOBJ\n    X X 1\nQMATRIX\n    Y Y 1\nENDATA", "is a second section"),
+    "section twice": ("ENDATA", "ROWS\n G  LATE\nENDATA", "is there twice"),
+    "no end": ("ENDATA\n", "", "is the last line, expected ENDATA"),
+    "after the end": ("ENDATA\n", "ENDATA\nNAME B\n", "'NAME' stands after ENDATA"),
+    "no objective": (" N  COST\n", "", "has the row COST, which is not in ROWS"),
+    "no program": (HEAD, "once upon a time\n", "'once' is no section"),
+    "SIF": ("ROWS\n", "GROUPS\n", "holds groups of SIF"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_not_kept_is_refused_with_its_line(name: str, tmp_path: Path) -> None:
+    """HiGHS 1.16 reads on after most of these, without a word after some: no number, half a number, a third pair."""
+    old, new, expected = REFUSED[name]
+    whole = f"{HEAD}ENDATA\n"
+    assert old in whole
+    (tmp_path / "a.mps").write_text(whole.replace(old, new, 1))
+    with pytest.raises(FormatError, match=expected) as refusal:
+        storage.load(tmp_path / "a.mps")
+    assert "\n" not in str(refusal.value)
+    assert str(refusal.value).startswith(str(tmp_path / "a.mps"))
+
+
+def test_free_rows_are_left_out_and_said(tmp_path: Path) -> None:
+    (tmp_path / "a.mps").write_text(
+        f"{HEAD}ENDATA\n".replace(" E  EQ", " N  OTHER\n E  EQ").replace("X  UP  1.0", "X  OTHER  1.0")
+    )
+    assert storage.load(tmp_path / "a.mps").info.properties["free_rows"] == ["OTHER"]
+
+
+LP = (
+    "min\n obj: 2 x - y + [ x^2 + 2 x * y + 3 y^2 ] / 2 + 7\nst\n c: x + y >= 1\n d: x - y <= 3\nbounds\n x free\nend\n"
+)
+REFUSED_LP = {
+    "integer": ("end\n", "general\n x\nend\n", "x: is an unknown of the kind integer"),
+    "binary": ("end\n", "binary\n y\nend\n", "y: is an unknown of the kind integer"),
+    "semi-continuous": ("end\n", "semi-continuous\n y\nend\n", "semi-continuous"),
+    "sets": ("end\n", "sos\n s: S1:: x:1 y:2\nend\n", "SOS"),
+    "quadratic constraint": ("c: x + y", "c: [ x^2 ] + y", "quadratic"),
+    "constant": ("c: x + y", "c: x + y + 3", "ignored"),
+    "tiny": ("c: x + y", "c: 1e-13 x + y", "ignored"),
+    "no end": ("end\n", "", "end"),
+    "no program": (LP, "once upon a time\n", "expected a section keyword"),
+}
+
+
+def test_lp_by_hand(tmp_path: Path) -> None:
+    (tmp_path / "a.lp").write_text(LP)
+    problem: Any = storage.load(tmp_path / "a.lp")
+    assert objective(problem, np.array([2.0, -1.0])) == 4 + 1 + 0.5 * (4 - 4 + 3) + 7
+    assert (matrices.dense(problem.A).tolist(), problem.b.tolist()) == ([[1, 1], [-1, 1]], [1, -3])
+    assert (problem.lb.tolist(), problem.ub.tolist()) == ([-np.inf, 0], [np.inf, np.inf])
+
+
+@pytest.mark.parametrize("name", some_by_day(REFUSED_LP, 5))
+def test_lp_files_are_refused_in_the_words_of_highs(name: str, tmp_path: Path, capfd: Any) -> None:
+    old, new, expected = REFUSED_LP[name]
+    (tmp_path / "a.lp").write_text(LP.replace(old, new, 1))
+    with pytest.raises(FormatError, match=expected) as refusal:
+        storage.load(tmp_path / "a.lp")
+    assert "\n" not in str(refusal.value)
+    assert capfd.readouterr().out == ""
+
+
+# ------------------------------------------------------------------------------------------ damage
+
+
+@pytest.mark.parametrize(
+    ("suffix", "tries"),
+    [
+        (".mps", 150),
+        (".lp", 20),
+        *(pytest.param(s, t, marks=pytest.mark.nightly) for s, t in ((".mps", 20000), (".lp", 1500))),
+    ],
+)
+def test_random_damage_is_a_problem_or_one_line(suffix: str, tries: int, tmp_path: Path) -> None:
+    """Words exchanged, left out, doubled, and bytes overwritten (seeded)."""
+    rng = np.random.default_rng(tries)
+    whole = f"{HEAD}QUADOBJ\n    Y X 0.5\n    X X 2.0\nENDATA\n" if suffix == ".mps" else LP
+    outcomes = set()
+    for _ in range(tries):
+        words = whole.replace("\n", " \n ").split(" ")
+        for _ in range(int(rng.integers(1, 4))):
+            i, j = rng.integers(0, len(words), 2)
+            change = rng.integers(0, 4)
+            if change == 0:
+                words[i], words[j] = words[j], words[i]
+            elif change == 1:
+                words[i] = ""
+            elif change == 2:
+                words.insert(i, words[j])
+            elif words[i]:
+                k = int(rng.integers(0, len(words[i])))
+                words[i] = words[i][:k] + chr(int(rng.integers(1, 256))) + words[i][k + 1 :]
+        path = tmp_path / f"a{suffix}"
+        path.write_text(" ".join(words).replace(" \n ", "\n"), encoding="latin-1")
+        try:
+            storage.load(path)
+            outcomes.add("read")
+        except FormatError as refusal:
+            outcomes.add("refused" if "\n" not in str(refusal) else f"more than a line: {refusal}")
+    assert outcomes == {"read", "refused"}
+
+
+def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
+    """A gigabyte of blanks in a megabyte."""
+    bomb = gzip.compress(b" " * (1 << 27))
+    (tmp_path / "a.mps.gz").write_bytes(bomb)
+    with pytest.raises(FormatError, match="unpacks to more than"):
+        storage.load(tmp_path / "a.mps.gz")
