@@ -12,7 +12,7 @@ from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.qp import QP
 from cpbench.storage import two_sided
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
-from cpbench.storage.mps_sections import Reader, Sections
+from cpbench.storage.mps_sections import ProgramText, Reader
 from cpbench.storage.two_sided import infinite, require_order
 
 OFFSET, SENSE, UNKNOWNS = "objective_offset", "objective_sense", "unknowns"
@@ -65,7 +65,7 @@ def noted(constant: float, maximize: bool, names: list[str]) -> dict[str, Any]:
     return properties | ({SENSE: "max"} if maximize else {}) | {UNKNOWNS: names}
 
 
-def _sides(found: Sections) -> tuple[Any, Any]:
+def _sides(found: ProgramText) -> tuple[Any, Any]:
     """Return the two sides of each row. A range R makes [b, b + |R|] of G, [b − |R|, b] of L, and of E the interval
     between b and b + R."""
     lower, upper = np.full(len(found.rows), -np.inf), np.full(len(found.rows), np.inf)
@@ -83,7 +83,7 @@ def _sides(found: Sections) -> tuple[Any, Any]:
     return lower, upper
 
 
-def _hessian(found: Sections) -> sp.csr_array:
+def _hessian(found: ProgramText) -> sp.csr_array:
     """Return Q of ½zᵀQz: a triangle is mirrored, a whole matrix stands as it is."""
     terms = [(found.columns[i], found.columns[j], x) for (i, j), x in found.quadratic.items()]
     if not found.full:

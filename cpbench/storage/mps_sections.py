@@ -42,8 +42,8 @@ _REFUSED = {
 
 
 @dataclass
-class Sections:
-    """What the lines of a file say.
+class ProgramText:
+    """Names and numbers of a file, by section.
 
     Attributes
     ----------
@@ -75,7 +75,7 @@ class Reader:
 
     def __init__(self, path: Path) -> None:
         self.path, self.line, self.section = path, 0, ""
-        self.sections = Sections()
+        self.sections = ProgramText()
         self._sets: dict[str, str] = {}
         self._last = ""
         self._seen: set[str] = set()
@@ -91,7 +91,7 @@ class Reader:
             "QSECTION": self._product,
         }
 
-    def read(self, text: str) -> Sections:
+    def read(self, text: str) -> ProgramText:
         """Read all lines; raises FormatError with the number of the line."""
         ended = False
         for self.line, line in enumerate(text.splitlines(), 1):

@@ -23,6 +23,7 @@ NODES = {
     "fc2d_global": "gfc",
     "fc3d_global": "gfc",
     "qp": "qp",
+    "qps": "qp",
     "box_qp": "qp",
     "relay": "relay",
     "rolling_local": "rfc",
@@ -39,6 +40,7 @@ COUNTS = {
     "fc2d_global": 2,
     "fc3d_global": 20,
     "qp": 104,
+    "qps": 13,
     "box_qp": 23,
     "relay": 5,
     "rolling_local": 5,
@@ -71,7 +73,7 @@ def test_folder(folder: str, shared_data: Path) -> None:
 
 
 def test_every_folder_is_in_the_table(shared_data: Path) -> None:
-    """Folders without a problem file hold the sources of problems in formats that are not read: GAMS, SIF."""
+    """Folders without a problem file hold the sources of problems in formats that are not read: GAMS."""
     folders = {folder.name for folder in shared_data.iterdir() if folder.is_dir()}
     assert {name for name in folders if storage.problem_files([shared_data / name])} == set(NODES)
 
