@@ -7,28 +7,23 @@ file holds before it allocates, and answers bad input with one :class:`~cpbench.
 from __future__ import annotations
 
 import contextlib
-import gzip
 import os
 import secrets
 import stat
-import zlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Point, Problem
 from cpbench.registry import Registry
+from cpbench.storage.compressed import is_compressed, plain, unpacked
 from cpbench.storage.half_stored import Half
 
 SEPARATOR = "::"
 """Between a file and the name of a problem in it: ``pack.h5::murty-8``."""
 _HEAD_BYTES = 512
-_TEXT_EXPANSION = 300
-"""Text of numbers is packed to a tenth; a file that grows more is a bomb, or hardly a problem."""
-_SMALL = 1 << 25
-"""Bytes that any file may unpack to."""
 
 
 class Format(ABC):
@@ -145,20 +140,10 @@ def read_head(path: Path) -> bytes:
     if not head:
         raise FormatError(path, "", "is empty (0 bytes)")
     if is_compressed(path):
-        return b"".join(_unpacked(path, _HEAD_BYTES))
+        return b"".join(unpacked(path, _HEAD_BYTES))
     if head.startswith(b"version https://git-lfs"):
         raise FormatError(path, "", "is a Git-LFS pointer, not the data: run 'git lfs pull' where it came from")
     return head
-
-
-def is_compressed(path: Path) -> bool:
-    """Return whether the name says that the file is compressed by gzip."""
-    return path.suffix.lower() == ".gz"
-
-
-def plain(path: Path) -> Path:
-    """Return the path without .gz."""
-    return path.with_suffix("") if is_compressed(path) else path
 
 
 def read_bytes(path: Path) -> bytes:
@@ -166,24 +151,7 @@ def read_bytes(path: Path) -> bytes:
     read_head(path)
     if not is_compressed(path):
         return path.read_bytes()
-    return b"".join(_unpacked(path, None))
-
-
-def _unpacked(path: Path, first: int | None) -> Iterator[bytes]:
-    """Yield a compressed file piece by piece, or its `first` bytes; raises FormatError."""
-    largest = max(_SMALL, _TEXT_EXPANSION * path.stat().st_size)
-    done = 0
-    try:
-        with gzip.open(path) as file:
-            while piece := file.read(1 << 20 if first is None else first):
-                done += len(piece)
-                if done > largest:
-                    raise FormatError(path, "", f"unpacks to more than {largest / 1e6:.0f} MB, which no text does")
-                yield piece
-                if first is not None:
-                    return
-    except (OSError, EOFError, zlib.error) as cause:
-        raise FormatError(path, "", f"is no whole gzip file ({cause})") from None
+    return b"".join(unpacked(path, None))
 
 
 def read_text(path: Path) -> str:

@@ -14,12 +14,11 @@ from cpbench.storage.base import (
     SEPARATOR,
     Format,
     formats,
-    is_compressed,
-    plain,
     read_head,
     split_address,
     write_atomic,
 )
+from cpbench.storage.compressed import is_compressed, plain
 from cpbench.storage.half_stored import Half
 
 logger = logging.getLogger("cpbench.storage")

@@ -13,7 +13,8 @@ from cpbench.errors import FormatError
 from cpbench.expressions.mof_json import parse
 from cpbench.expressions.mof_model import read_model
 from cpbench.formulations.base import Problem
-from cpbench.storage.base import plain, read_bytes, read_head
+from cpbench.storage.base import read_bytes, read_head
+from cpbench.storage.compressed import plain
 from cpbench.storage.model_problem import problem_of
 
 MARK = "cpbench "

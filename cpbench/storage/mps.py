@@ -12,7 +12,8 @@ from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.qp import QP
 from cpbench.storage import two_sided
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
-from cpbench.storage.mps_sections import ProgramText, Reader
+from cpbench.storage.mps_sections import Reader
+from cpbench.storage.program_text import ProgramText
 from cpbench.storage.two_sided import infinite, require_order
 
 OFFSET, SENSE, UNKNOWNS = "objective_offset", "objective_sense", "unknowns"

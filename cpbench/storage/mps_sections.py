@@ -11,63 +11,18 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from cpbench.errors import FormatError
 from cpbench.plain_text import printable
+from cpbench.storage.program_text import REFUSED, ProgramText
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?\Z")
 _INFINITY = re.compile(r"[+-]?inf(inity)?\Z", re.IGNORECASE)
 _ROW_TYPES = ("N", "G", "L", "E")
 _WHOLE = {"BV": "a binary", "LI": "an integer", "UI": "an integer", "SC": "a semi-continuous", "SI": "a semi-integer"}
 _BOUNDS = ("UP", "LO", "FX", "FR", "MI", "PL")
-_REFUSED = {
-    "SOS": "special ordered sets",
-    "SOS1": "special ordered sets",
-    "SOS2": "special ordered sets",
-    "SETS": "special ordered sets",
-    "QCMATRIX": "quadratic constraints",
-    "CSECTION": "cones",
-    "INDICATORS": "indicator constraints",
-    "GENCONS": "general constraints",
-    "PWLOBJ": "a piecewise linear objective",
-    "LAZYCONS": "lazy constraints",
-    "USERCUTS": "user cuts",
-    "GROUPS": "groups of SIF, which is more than QPS",
-    "VARIABLES": "variables of SIF, which is more than QPS",
-}
-"""Sections that no quadratic program has."""
-
-
-@dataclass
-class ProgramText:
-    """Names and numbers of a file, by section.
-
-    Attributes
-    ----------
-    rows : name -> G, L or E. free : N rows beside the objective. columns : names, in order. cost : by column.
-    entries, quadratic : (row, column) and (column, column) -> number. sides, ranges : by row. lower, upper : by column,
-    where given. maximize : the sense of the objective. constant : of the objective. full : whether `quadratic` holds
-    both triangles.
-    """
-
-    name: str = ""
-    objective: str = ""
-    rows: dict[str, str] = field(default_factory=dict)
-    free: list[str] = field(default_factory=list)
-    columns: dict[str, int] = field(default_factory=dict)
-    cost: dict[str, float] = field(default_factory=dict)
-    entries: dict[tuple[str, str], float] = field(default_factory=dict)
-    quadratic: dict[tuple[str, str], float] = field(default_factory=dict)
-    sides: dict[str, float] = field(default_factory=dict)
-    ranges: dict[str, float] = field(default_factory=dict)
-    lower: dict[str, float] = field(default_factory=dict)
-    upper: dict[str, float] = field(default_factory=dict)
-    maximize: bool = False
-    constant: float = 0.0
-    full: bool = False
 
 
 class Reader:
@@ -127,8 +82,8 @@ class Reader:
             return True
         if self.section == "NAME":
             self.sections.name = " ".join(words[1:2])
-        elif self.section in _REFUSED:
-            raise self.error(f"holds {_REFUSED[self.section]}: no formulation has them")
+        elif self.section in REFUSED:
+            raise self.error(f"holds {REFUSED[self.section]}: no formulation has them")
         elif self.section not in self._lines:
             self.section = ""
             raise self.error(f"'{_shown(words[0])}' is no section, expected one of {', '.join(self._lines)}")

@@ -23,7 +23,7 @@ Shape = tuple[int, ...]
 
 @dataclass(frozen=True)
 class NamedArrays:
-    """Arrays of a file, or of a folder of files: `values` by name; `half` is what `--symmetric` says of its matrices."""
+    """Arrays of a file or folder: `values` by name; `half` is what `--symmetric` says of its matrices."""
 
     path: Path
     values: Mapping[str, Any]
