@@ -26,6 +26,8 @@ FOLDER_SUFFIXES = (".npy", ".csv", ".mtx")
 _ALSO = (".npz", ".txt", ".mat", ".dat", ".tsv")
 
 
+_SECONDS = 20.0
+"""Processor time for a .mat: a damaged struct can declare more fields than SciPy ends with."""
 Headers = dict[str, Shape | None]
 """Names with shapes; None where a shape is known only when the numbers are read."""
 
@@ -101,8 +103,18 @@ def is_array_folder(names: Collection[str]) -> bool:
 def _mat_headers(path: Path) -> Headers:
     import scipy.io
 
+    def attempt() -> None:  # all that this process reads after it, in its order
+        _mat_names(path)
+        scipy.io.loadmat(path)
+
     read_head(path)
-    require_survivor(path, lambda: (scipy.io.whosmat(path), scipy.io.loadmat(path)), "SciPy's reader")
+    require_survivor(path, attempt, "SciPy's reader", _SECONDS)
+    return _mat_names(path)
+
+
+def _mat_names(path: Path) -> Headers:
+    import scipy.io
+
     found: Headers = {}
     for name, shape, kind in _guarded(path, scipy.io.whosmat):
         if kind == "struct":
