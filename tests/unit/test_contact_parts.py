@@ -11,9 +11,11 @@ from test_page import contact_error, of_contact
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.solvers.base import Budget, Claim, solvers
-from cpbench.solvers.native.contact.parts import ContactPart, connected_parts
+from cpbench.solvers.native.contact.parts import ContactPart, connected_parts, worst_part
 from cpbench.solvers.native.contact.sweeps import block_rows
+from cpbench.testing import planted_contact
 from cpbench.verification import judge
 
 METHODS = (
@@ -43,6 +45,20 @@ def glued(rng: np.random.Generator, count: int, *, sparse: bool = True) -> Frict
     matrix: Any = sp.csr_array(blocks[rows][:, rows])
     matrix = matrix if sparse else matrix.toarray()
     return FrictionContact(W=matrix, q=np.concatenate(q)[rows], mu=np.concatenate(mu)[order], dimension=3)
+
+
+def glued_rolling(rng: np.random.Generator, count: int) -> RollingFrictionContact:
+    """Put as many scenes with rolling friction side by side, loads and masses of each a million times apart."""
+    W, q, mu, mu_r = [], [], [], []
+    for _ in range(count):
+        nc, load, mass = int(rng.integers(1, 6)), *10.0 ** rng.uniform(-6, 6, 2)
+        H = rng.standard_normal((5 * nc, 5 * nc + 6))
+        W.append(H @ H.T / mass)
+        q.append(load * (rng.standard_normal(5 * nc) - 0.5 * np.tile([1.0, 0.0, 0.0, 0.0, 0.0], nc)))
+        mu.append(rng.uniform(0.1, 0.9, nc))
+        mu_r.append(rng.uniform(0.01, 0.5, nc))
+    law = {"mu": np.concatenate(mu), "mu_r": np.concatenate(mu_r)}
+    return RollingFrictionContact(W=sp.block_diag(W, format="csr"), q=np.concatenate(q), **law)
 
 
 def test_the_error_of_a_part_is_that_of_the_definition() -> None:
@@ -80,6 +96,28 @@ def test_no_claim_fails_on_parts_of_their_own_sizes(name: str, seed: int) -> Non
         assert error <= tolerance or output.claim is not Claim.SOLVED, f"{tolerance}: {error:.1e}"
         if name == "auto-fc":
             assert output.claim is Claim.SOLVED, output.message
+
+
+@pytest.mark.parametrize("name", ["auto-rfc", "nsgs-rfc", "admm-rfc"])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(2, 6))])
+def test_no_claim_fails_on_parts_with_rolling_friction(name: str, seed: int) -> None:
+    problem = glued_rolling(np.random.default_rng(seed), 12)
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        output = solvers.get(name).run(problem, Budget(tolerance=tolerance, seconds=10.0))
+        error = judge(problem, output.point, tolerance).error
+        assert error <= tolerance or output.claim is not Claim.SOLVED, f"{tolerance}: {error:.1e}"
+        if name == "auto-rfc":
+            assert output.claim is Claim.SOLVED, output.message
+
+
+@pytest.mark.parametrize("dimension", [3, 5])
+def test_the_error_of_a_part_with_rolling_friction_is_that_of_the_verdict(dimension: int) -> None:
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        problem, point = planted_contact.rfc(rng, int(rng.integers(1, 9)), dimension)
+        r = point.r * (1.0 + 10.0 ** rng.uniform(-8, -1) * rng.standard_normal(point.r.size))
+        expected = judge(problem, FCPoint(r), 1e-6).error
+        assert worst_part(problem, r) == pytest.approx(expected, rel=3e-3, abs=1e-13), seed
 
 
 def test_parts_are_found_by_entries_that_are_not_0() -> None:

@@ -167,10 +167,11 @@ def test_the_natural_step_projects_like_the_reference(rng: np.random.Generator, 
         expected = L * cones.project_rolling_cone(step, np.array([mu]), np.array([mu_r / L[-1]]))[0]
         kernel = kernel_cache.load("cpbench.solvers.kernels.rolling_gauss_seidel")
         solver = solvers.get(SOLVER)
-        prepared = solver.setup(problem, Budget(), solver.spec.options())
+        prepared = solver.setup(problem, Budget(), solver.spec.options()).prepared
+        data = *prepared.matrix, *prepared.law, *prepared.local
         own = r / L
         state, iterate = np.zeros(4, np.int64), (own, own.copy(), np.zeros((1, 2)), np.arange(1), 1.0, False)
-        kernel.sweeps(*prepared.kernel, *iterate, 0.0, 1, state, np.zeros(2), False)
+        kernel.sweeps(*data, *iterate, 0.0, 1, state, np.zeros(2), False)
         assert (state[kernel.ITERATION], state[kernel.HARD]) == (1, 1)
         np.testing.assert_allclose(L * own, expected, rtol=1e-12, atol=1e-13)
 
@@ -182,10 +183,10 @@ def test_the_compiled_error_is_that_of_the_residuals(rng: np.random.Generator, d
     solver = solvers.get(SOLVER)
     for nc in (1, 2, 7):
         problem, point = planted_contact.rfc(rng, nc, d, sparse=sparse)
-        prepared = solver.setup(problem, Budget(), solver.spec.options())
+        prepared = solver.setup(problem, Budget(), solver.spec.options()).prepared
         for size in (0.0, 1e-6, 1.0, 1e3):
             r = point.r + size * rng.standard_normal(nc * d)
-            measured = kernel.judged(*prepared.kernel[:10], r / prepared.lengths)
+            measured = kernel.judged(*prepared.matrix, *prepared.law, r / prepared.lengths)
             assert measured == pytest.approx(problem.residuals(FCPoint(r)).error, rel=1e-9, abs=1e-14)
 
 
@@ -232,8 +233,10 @@ def test_the_layout_is_that_of_plain_numpy(rng: np.random.Generator, d: int, spa
         mu_r=rng.uniform(0.1, 1.0, nc),
         dimension=d,
     )
-    prepared = solver.setup(problem, Budget(), solver.spec.options())
-    start, column, blocks, diagonal, q, _, mu_r, rho, unit, _, schur, to_tangent, to_normal, scalars = prepared.kernel
+    prepared = solver.prepare(problem, Budget(), solver.spec.options())
+    start, column, blocks, diagonal = prepared.matrix
+    q, _, mu_r, rho, unit = prepared.law
+    schur, to_tangent, to_normal, scalars = prepared.local
     L = problem.lengths.ravel()
     np.testing.assert_allclose(prepared.lengths, L, rtol=1e-14)
     np.testing.assert_allclose(rho, problem.rho, rtol=1e-13)
@@ -241,7 +244,7 @@ def test_the_layout_is_that_of_plain_numpy(rng: np.random.Generator, d: int, spa
     np.testing.assert_allclose(mu_r * unit, problem.mu_r, rtol=1e-14)
     expected = (L[:, None] * W * L).reshape(nc, d, nc, d).swapaxes(1, 2)
     found = np.zeros_like(expected)
-    rows = np.repeat(np.arange(nc), np.diff(start))
+    rows = np.repeat(np.arange(nc), np.diff(start).astype(int))
     found[rows, column] = blocks.reshape(-1, d, d)
     found[np.arange(nc), np.arange(nc)] = diagonal.reshape(nc, d, d)
     np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-15)

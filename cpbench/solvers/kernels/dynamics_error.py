@@ -5,9 +5,9 @@ import numpy as np
 from numba import boolean, float64, njit, types
 
 from cpbench.solvers.kernels.array_types import COMPILED, DATA, DATA_2D, INDEX
+from cpbench.solvers.kernels.contact_law import miss
 from cpbench.solvers.kernels.dynamics_rows import felt_units
-from cpbench.solvers.kernels.one_contact import natural_step
-from cpbench.solvers.kernels.rolling_gauss_seidel import defect, square
+from cpbench.solvers.kernels.vectors import square
 
 ROUNDING = 16.0 * np.finfo(np.float64).eps
 """Share of the sum of the sizes of its terms by which rounding may change a row."""
@@ -19,16 +19,6 @@ LAW = types.Tuple((DATA, DATA, DATA_2D, DATA))
 """μ, μ_r (nothing without rolling friction), the lengths of moments, ρ."""
 ROWS = types.Tuple((INDEX, INDEX, DATA, DATA, INDEX, DATA))
 """The first arguments of `felt_units`."""
-
-
-@njit(error_model="numpy")
-def _miss(r, u, mu, mu_r, rolling, rho, x):
-    """Return ‖r − P_K(r − ρ û)‖²; x is room."""
-    if rolling:
-        return defect(r, u, mu, mu_r, rho, x)
-    r2, u2 = (r[2], u[2]) if r.size == 3 else (0.0, 0.0)
-    p0, p1, p2 = natural_step(r[0], r[1], r2, u[0], u[1], u2, mu, rho)
-    return (r[0] - p0) ** 2 + (r[1] - p1) ** 2 + (r2 - p2) ** 2
 
 
 @njit(error_model="numpy")
@@ -97,7 +87,7 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
     for c in range(nc):
         own, moved, free = r[d * c : d * c + d], u[d * c : d * c + d], q[d * c : d * c + d]
         roll = mu_r[c] if rolling else 0.0
-        natural += _miss(own, moved, mu[c], roll, rolling, 1.0, x)
+        natural += miss(own, moved, mu[c], roll, rolling, 1.0, x)
         rr += square(own)
         uu += square(moved)
         qq += square(free)
@@ -106,8 +96,8 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
             R[c, i], U[c, i] = own[i] / lengths[c, i], moved[i] * lengths[c, i]
             size += (free[i] * lengths[c, i]) ** 2
         roll /= lengths[c, d - 1]
-        energy += _miss(R[c], U[c], mu[c], roll, rolling, rho[c], x) / rho[c]
-        closing[c] = np.sqrt(_miss(zero, U[c], mu[c], roll, rolling, 1.0, x))
+        energy += miss(R[c], U[c], mu[c], roll, rolling, rho[c], x) / rho[c]
+        closing[c] = np.sqrt(miss(zero, U[c], mu[c], roll, rolling, 1.0, x))
         opening += rho[c] * closing[c] ** 2
         carried[c] = np.sqrt(square(R[c]))
         rr_e += carried[c] ** 2 / rho[c]
@@ -135,7 +125,7 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
                 U[i, k] *= per_row[i]
             roll = mu_r[i] / lengths[i, d - 1] if rolling else 0.0
             off = closing[i]
-            squares[part[i]] += _miss(R[i], U[i], mu[i], roll, rolling, 1.0, x)
+            squares[part[i]] += miss(R[i], U[i], mu[i], roll, rolling, 1.0, x)
         else:
             off = abs(force[i - nc]) if i < nc + n else abs(joint[i - nc - n])
             squares[part[i]] += (off * per_row[i]) ** 2

@@ -11,7 +11,8 @@ from numba import int64, njit, void
 
 from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, INDEX, START, VECTOR
 from cpbench.solvers.kernels.contact_error import velocity_2d, velocity_3d
-from cpbench.solvers.kernels.one_contact import natural_step, projected
+from cpbench.solvers.kernels.contact_law import miss, velocity
+from cpbench.solvers.kernels.vectors import square
 
 SWEEPS = 100
 ENOUGH = 1e-3
@@ -69,72 +70,73 @@ def weights(start, column, blocks, diagonal, dimension, sizes, own, D, reach):
             reach[j] = max(reach[j], D[i] * sizes[k])
 
 
+@njit(error_model="numpy")
+def _velocity(start, column, blocks, diagonal, q, r, c, rolling, u):
+    """Set u to row c of Wr + q."""
+    d = u.size
+    if rolling:
+        velocity(start, column, blocks, q, r, c, u)
+    elif d == 3:
+        u[0], u[1], u[2] = velocity_3d(start, column, blocks, q, r, c)
+    else:
+        u[0], u[1] = velocity_2d(start, column, blocks, q, r, c)
+    for a in range(d):
+        for b in range(d):
+            u[a] += diagonal[c, d * a + b] * r[d * c + b]
+
+
 @njit(
-    void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, int64, DATA, DATA, DATA, DATA, INDEX, VECTOR),
+    void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, int64, DATA, DATA, DATA, DATA, INDEX, VECTOR),
     cache=True,
     error_model="numpy",
 )
-def part_energy(start, column, blocks, diagonal, q, mu, r, dimension, sizes, own, D, reach, part, errors):
+def part_energy(start, column, blocks, diagonal, q, mu, mu_r, r, dimension, sizes, own, D, reach, part, errors):
     """Write the error of r in every part; NaN when anything is. Parts without constants are measured in units of D.
 
-    part : (nc,), the number of the part of each contact. errors : as many as there are parts.
+    Parameters
+    ----------
+    blocks : by columns for contacts in space, else by rows. mu_r : (nc,), none without rolling friction. q, r : with
+    moments in units of a length of the contact. part : (nc,), the number of the part of each contact. errors : as many
+    as there are parts.
     """
-    nc, d, many = mu.size, dimension, errors.size
-    u, lengths = np.zeros((nc, 3)), np.empty(nc)
+    nc, d, many, rolling = mu.size, dimension, errors.size, mu_r.size > 0
+    u, lengths = np.empty((nc, d)), np.empty(nc)
+    zero, x = np.zeros(d), np.empty(d - 1)
     for i in range(nc):
-        total = 0.0
-        for a in range(d):
-            total += r[d * i + a] ** 2
-        lengths[i] = np.sqrt(total)
+        lengths[i] = np.sqrt(square(r[d * i : d * i + d]))
     with_terms, with_all, constants = np.zeros(many), np.zeros(many), np.zeros(many)
     closing, counted = np.zeros(many), np.zeros(many, np.bool_)
     for i in range(nc):
-        p = part[i]
-        if d == 3:
-            u[i, 0], u[i, 1], u[i, 2] = velocity_3d(start, column, blocks, q, r, i)
-        else:
-            u[i, 0], u[i, 1] = velocity_2d(start, column, blocks, q, r, i)
-        free = 0.0
-        for a in range(d):
-            for b in range(d):
-                u[i, a] += diagonal[i, d * a + b] * r[d * i + b]
-            free += q[d * i + a] ** 2
-        free = np.sqrt(free)
-        slide = np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
+        p, roll = part[i], mu_r[i] if rolling else 0.0
+        _velocity(start, column, blocks, diagonal, q, r, i, rolling, u[i])
+        free = np.sqrt(square(q[d * i : d * i + d]))
         terms = own[i] * lengths[i]
         for k in range(start[i], start[i + 1]):
             terms += sizes[k] * lengths[column[k]]
-        if terms > BALANCED * free or (u[i, 0] == 0.0 and slide == 0.0):
+        if terms > BALANCED * free or square(u[i]) == 0.0:
             counted[p] = counted[p] or free > 0.0
             with_terms[p] += (D[i] * max(terms, free)) ** 2
         else:
             with_terms[p] += (D[i] * terms) ** 2
         with_all[p] += (D[i] * max(terms, free)) ** 2
         constants[p] += (D[i] * free) ** 2
-        lacks = 0.0
-        if u[i, 0] < 0.0:
-            p0, p1, p2 = projected(-u[i, 0] - mu[i] * slide, -u[i, 1], -u[i, 2], mu[i])
-            lacks = np.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
-            if mu[i] > 1.0:
-                lacks = max(lacks, -u[i, 0])
+        lacks = np.sqrt(miss(zero, u[i], mu[i], roll, rolling, 1.0, x))
+        if mu[i] > 1.0:  # a steep cone hides how fast the contact closes
+            lacks = max(lacks, -u[i, 0])
         closing[p] = max(closing[p], D[i] * lacks)
     errors[:] = 0.0
     for i in range(nc):
-        r0, r1 = r[d * i], r[d * i + 1]
-        r2 = r[d * i + 2] if d == 3 else 0.0
+        roll, reaction = mu_r[i] if rolling else 0.0, r[d * i : d * i + d]
         weight = reach[i]
         rho = D[i] / weight if weight > 0.0 else 1.0
-        p0, p1, p2 = natural_step(r0, r1, r2, u[i, 0], u[i, 1], u[i, 2], mu[i], rho)
-        law = weight * np.sqrt((r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2)
-        if mu[i] > 0.0:
-            p0, p1, p2 = projected(r0, r1, r2, mu[i])
-            sticks = weight * np.sqrt((r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2)
-            sticks += D[i] * np.sqrt(u[i, 0] ** 2 + u[i, 1] ** 2 + u[i, 2] ** 2)
-            law = min(law, sticks)
+        law = weight * np.sqrt(miss(reaction, u[i], mu[i], roll, rolling, rho, x))
+        if mu[i] + roll > 0.0:  # what sticks is off by no more than its distance from the cone and its velocity
+            sticks = weight * np.sqrt(miss(reaction, zero, mu[i], roll, rolling, 1.0, x))
+            law = min(law, sticks + D[i] * np.sqrt(square(u[i])))
         errors[part[i]] += law * law
     for p in range(many):
-        square = with_terms[p] if counted[p] else with_all[p]
-        error = np.sqrt(errors[p] / (square if square > 0.0 else 1.0))
+        size = with_terms[p] if counted[p] else with_all[p]
+        error = np.sqrt(errors[p] / (size if size > 0.0 else 1.0))
         grown = min(closing[p] / np.sqrt(constants[p]), 1.0) if constants[p] > 0.0 else 0.0
         errors[p] = error if not error < grown * grown else grown * grown
 

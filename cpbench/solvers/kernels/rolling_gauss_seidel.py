@@ -6,10 +6,11 @@ Moments are in units of a length of the contact: r and u are (N, T, M/ℓ) and (
 import numpy as np
 from numba import boolean, float64, int64, njit, void
 
-from cpbench.solvers.kernels.array_types import DATA, DATA_2D, INDEX, VECTOR
+from cpbench.solvers.kernels.array_types import COLUMN, DATA, DATA_2D, START, VECTOR
+from cpbench.solvers.kernels.contact_law import defect, velocity
 from cpbench.solvers.kernels.rolling_local import natural_step, one_contact
 from cpbench.solvers.kernels.sweep_progress import ITERATION, NEXT_CHECK, shuffled
-from cpbench.solvers.kernels.vectors import put
+from cpbench.solvers.kernels.vectors import put, square
 
 HARD, RISKED = 2, 4
 """Places in `state`: contacts that the last sweep solved without Newton, and as many since the caller put it to 0."""
@@ -22,19 +23,6 @@ SHARE = 8
 
 
 @njit(error_model="numpy")
-def _velocity(start, column, blocks, q, r, c, v):
-    """Set v = q_c + Σ W_cb r_b over the other contacts."""
-    d = v.size
-    for i in range(d):
-        v[i] = q[d * c + i]
-    for e in range(start[c], start[c + 1]):
-        other = d * column[e]
-        for i in range(d):
-            for j in range(d):
-                v[i] += blocks[(e * d + i) * d + j] * r[other + j]
-
-
-@njit(error_model="numpy")
 def _add_own(diagonal, c, own, v, u):
     """Set u = v + W_cc r_c."""
     d = v.size
@@ -44,46 +32,27 @@ def _add_own(diagonal, c, own, v, u):
             u[i] += diagonal[c, d * i + j] * own[j]
 
 
-@njit(error_model="numpy")
-def defect(r, u, mu, mu_r, rho, x):
-    """Return ‖r − P_K(r − ρ û)‖²; x is room."""
-    total = (r[0] - natural_step(r, u, mu, mu_r, rho, x)) ** 2
-    for i in range(x.size):
-        total += (r[1 + i] - x[i]) ** 2
-    return total
-
-
-@njit(error_model="numpy")
-def square(x):
-    """Return ‖x‖²."""
-    total = 0.0
-    for i in range(x.size):
-        total += x[i] * x[i]
-    return total
-
-
-_LAW = (INDEX, INDEX, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, INDEX)
+_LAW = (START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA)
 
 
 @njit(float64(*_LAW, DATA), cache=True, error_model="numpy")
-def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, part, r):
-    """Return max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`, or `energy` of a
-    connected part by itself; NaN when anything is. part : (nc,), its number."""
+def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r):
+    """Return max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`; NaN when anything
+    is."""
     d = q.size // mu.size
     v, u, zero, x = np.empty(d), np.empty(d), np.zeros(d), np.empty(d - 1)
     plain_r, plain_u, plain_q = np.empty(d), np.empty(d), np.empty(d)
-    natural = opening = 0.0
-    rr = uu = qq = 0.0
-    sums, sizes = np.zeros(mu.size), np.zeros((3, mu.size))
+    natural = energy = opening = 0.0
+    rr = uu = qq = rr_e = uu_e = qq_e = 0.0
     for c in range(mu.size):
         own, free = r[d * c : d * c + d], q[d * c : d * c + d]
-        _velocity(start, column, blocks, q, r, c, v)
+        velocity(start, column, blocks, q, r, c, v)
         _add_own(diagonal, c, own, v, u)
-        sums[part[c]] += defect(own, u, mu[c], mu_r[c], rho[c], x) / rho[c]
+        energy += defect(own, u, mu[c], mu_r[c], rho[c], x) / rho[c]
         opening += rho[c] * defect(zero, u, mu[c], mu_r[c], 1.0, x)
-        sizes[0, part[c]] += square(own) / rho[c]
-        sizes[1, part[c]] += square(u) * rho[c]
-        sizes[2, part[c]] += square(free) * rho[c]
+        rr_e += square(own) / rho[c]
+        uu_e += square(u) * rho[c]
+        qq_e += square(free) * rho[c]
         for i in range(d):  # with moments as such
             unit = lengths[c] if i > (d - 1) // 2 else 1.0
             plain_r[i], plain_u[i], plain_q[i] = own[i] * unit, u[i] / unit, free[i] / unit
@@ -91,14 +60,10 @@ def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, part, r):
         rr += square(plain_r)
         uu += square(plain_u)
         qq += square(plain_q)
-    energy = sums.sum()
     if qq > 0.0:
         natural /= max(qq, max(rr, uu))
-        energy /= max(sizes[0].sum(), max(sizes[1].sum(), sizes[2].sum()))
-        opening /= sizes[2].sum()
-        for p in range(mu.size):
-            if sizes[2, p] > 0.0:
-                energy = max(energy, sums[p] / max(sizes[0, p], max(sizes[1, p], sizes[2, p])))
+        energy /= max(qq_e, max(rr_e, uu_e))
+        opening /= qq_e
     worst = np.sqrt(natural) if not natural < energy else np.sqrt(energy)
     return worst if not worst < opening else opening
 
@@ -112,7 +77,7 @@ def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, part, r):
     error_model="numpy",
 )  # fmt: skip
 def sweeps(
-    start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, part, schur, to_tangent, to_normal, scalars,
+    start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, schur, to_tangent, to_normal, scalars,
     r, best, warm, order, omega, shuffle, tolerance, until, state, measured, watched,
 ):  # fmt: skip
     """Return sweep, in place on r, until its judged error is at most `tolerance`, no number, or `until` sweeps are
@@ -121,7 +86,7 @@ def sweeps(
     Parameters
     ----------
     start, column, blocks : block-CSR of W without its diagonal blocks. diagonal : (nc, d²).
-    q, r, best : (nc·d,). mu, mu_r, rho, lengths, part : (nc,).
+    q, r, best : (nc·d,). mu, mu_r, rho, lengths : (nc,).
     schur : (nc, (d−1)²). to_tangent, to_normal : (nc, d−1), W_XN/W_NN and W_NX/W_NN.
     scalars : (nc, 3), the shift that makes S safely invertible; 1/W_NN, 0 where it is not positive; whether the
     block is monotone, which is when there is something to bracket.
@@ -132,7 +97,7 @@ def sweeps(
     u, v, x, dx, b = np.empty(d), np.empty(d), np.empty(n), np.empty(n), np.empty(n)
     A, pivots = np.empty((n, n)), np.empty(n, np.int64)
     if state[NEXT_CHECK] == 0:
-        measured[ERROR] = measured[LEAST] = judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, part, r)
+        measured[ERROR] = measured[LEAST] = judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r)
         put(best, r)
         state[NEXT_CHECK] = 1
         if watched or measured[ERROR] <= tolerance or not np.isfinite(measured[ERROR]):
@@ -144,7 +109,7 @@ def sweeps(
         for place in range(order.size):
             c = order[place]
             own = r[d * c : d * c + d]
-            _velocity(start, column, blocks, q, r, c, v)
+            velocity(start, column, blocks, q, r, c, v)
             found, easy, rn = False, False, 0.0
             inverse = scalars[c, 1]
             if v[0] >= 0.0:
@@ -170,7 +135,7 @@ def sweeps(
         it = state[ITERATION]
         if it >= state[NEXT_CHECK] or it == until:
             state[NEXT_CHECK] = it + 1 + it // SHARE
-            error = judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, part, r)
+            error = judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r)
             measured[ERROR] = error
             if error < measured[LEAST]:
                 measured[LEAST] = error

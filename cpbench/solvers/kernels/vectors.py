@@ -19,3 +19,12 @@ def finite(x):
     for value in x:
         odd += not math.isfinite(value)
     return odd == 0
+
+
+@njit(error_model="numpy")
+def square(x):
+    """Return ‖x‖²."""
+    total = 0.0
+    for value in x:
+        total += value * value
+    return total

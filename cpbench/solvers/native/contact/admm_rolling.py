@@ -10,8 +10,9 @@ from cpbench.factorization import Factorization
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.matrices import Vector, identity, scaled_both
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.native.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
+from cpbench.solvers.native.contact.by_parts import SolverByParts
 from cpbench.solvers.native.contact.run import iterate_on
 
 
@@ -33,7 +34,7 @@ class _Local(Delassus):
 
 
 @register
-class RollingADMM(Solver):
+class RollingADMM(SolverByParts):
     """(W′ + ρI) x = −q′ − (μ‖u_T‖ + μ_r‖ω‖)e_N + ρ(z − ξ), z = P_K(x + ξ), ξ ← ξ + x − z.
 
     Converges for a shift held fixed and W ⪰ 0; with the moving one in practice, also where contacts are hyperstatic.
@@ -50,10 +51,10 @@ class RollingADMM(Solver):
         options=ConicADMMOptions,
     )
 
-    def setup(self, problem: RollingFrictionContact, budget: Budget, options: ConicADMMOptions) -> _Local:
+    def prepare(self, problem: RollingFrictionContact, budget: Budget, options: ConicADMMOptions) -> _Local:
         return _Local(problem)
 
-    def solve(
+    def solve_part(
         self,
         prepared: _Local,
         budget: Budget,

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 from functools import cache
 from typing import ClassVar
 
+from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.solvers.base import SolverSpec, register
 from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
+from cpbench.solvers.native.contact.parts import worst_part
 
 ITERATIONS = 200, 800
 """Iterations of ADMM in the first turns; the last ones have the solvers' own limits."""
@@ -24,6 +26,9 @@ class AutoRolling(AutomaticChoice):
 
     spec: ClassVar[SolverSpec] = automatic_spec("rfc", "auto-rfc", "Gauss-Seidel and ADMM by turns")
     members: ClassVar[tuple[str, ...]] = ("nsgs-rfc", "admm-rfc")
+
+    def error(self, problem: RollingFrictionContact, point: FCPoint, tolerance: float) -> float:
+        return max(super().error(problem, point, tolerance), worst_part(problem, point.r))
 
     def phases(self, problem: RollingFrictionContact) -> Sequence[SolverPhase]:
         return _turns(*self.members, problem.nc)

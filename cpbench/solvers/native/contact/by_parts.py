@@ -20,10 +20,10 @@ import numpy as np
 
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved
 from cpbench.solvers.native.contact.parts import (
+    Contact,
     ContactPart,
     ContactParts,
     Index,
@@ -31,8 +31,9 @@ from cpbench.solvers.native.contact.parts import (
     connected_parts,
     part_of,
     rows_of,
+    rows_of_blocks,
 )
-from cpbench.solvers.native.contact.sweeps import BlockRows, block_rows
+from cpbench.solvers.native.contact.sweeps import BlockRows
 
 ROUNDS = 6
 """Times that a method goes on to a smaller error of its own."""
@@ -50,7 +51,7 @@ class SolverByParts(Solver):
     """
 
     @abstractmethod
-    def prepare(self, problem: FrictionContact, budget: Budget, options: Any) -> Any:
+    def prepare(self, problem: Contact, budget: Budget, options: Any) -> Any:
         """Do what `setup` of a solver does, for one part."""
 
     @abstractmethod
@@ -66,7 +67,7 @@ class SolverByParts(Solver):
         """
         return None
 
-    def setup(self, problem: FrictionContact, budget: Budget, options: Any) -> ContactPart | ContactParts:
+    def setup(self, problem: Contact, budget: Budget, options: Any) -> ContactPart | ContactParts:
         found = connected_parts(problem)
         if len(found) == 1:
             rows = np.arange(problem.q.size)
@@ -82,7 +83,7 @@ class SolverByParts(Solver):
             part = part_of(problem, contacts, rows, place)
             return ContactPart.of(rows, part, self.prepare(part, budget, options))
 
-        whole = MeasuredParts.of(block_rows(problem), label, len(found))
+        whole = MeasuredParts.of(rows_of_blocks(problem), label, len(found))
         return ContactParts(whole, tuple(found), make)
 
     def solve(

@@ -11,8 +11,9 @@ import numpy as np
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.kernel_cache import compiled
-from cpbench.matrices import Vector, entries
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.native.contact.by_parts import SolverByParts
+from cpbench.solvers.native.contact.rolling_blocks import RollingBlocks, rolling_blocks
 from cpbench.solvers.native.contact.sweeps import conclude, kernel
 from cpbench.solvers.shared.progress import Progress
 
@@ -31,17 +32,8 @@ class NSGSRollingOptions:
     stall_window: int = 10_000
 
 
-@dataclass(frozen=True)
-class RollingBlocks:
-    """The problem with moments in units of `lengths`, W by rows of blocks; `kernel` are the data of `sweeps`."""
-
-    problem: RollingFrictionContact
-    lengths: Vector
-    kernel: tuple[Any, ...]
-
-
 @register
-class NSGSRolling(Solver):
+class NSGSRolling(SolverByParts):
     """Block Gauss–Seidel with exact one-contact solves; W may be nonsymmetric, its diagonal blocks singular.
 
     Converges in practice for most W ⪰ 0, linearly and slowly where contacts are hyperstatic.
@@ -57,30 +49,15 @@ class NSGSRolling(Solver):
         options=NSGSRollingOptions,
     )
 
-    def setup(self, problem: RollingFrictionContact, budget: Budget, options: NSGSRollingOptions) -> RollingBlocks:
-        d, nc = problem.dimension, problem.nc
-        if nc == 0:
-            return RollingBlocks(problem, np.zeros(0), ())
-        rows, start = entries(problem.W), np.zeros(nc + 1, np.uint64)
-        kernel("block_layout").count(*rows[:2], d, True, start)
-        column = np.empty(int(start[nc]), np.uint32)
-        blocks, D, n = np.zeros(column.size * d * d), np.zeros((nc, d, d)), d - 1
-        lengths, rho = np.empty((nc, d)), np.empty(nc)
-        local = np.empty((nc, n * n)), np.empty((nc, n)), np.empty((nc, n)), np.empty((nc, 3))
-        compiled(kernel("rolling_layout").from_rows)(*rows, start, column, blocks, D, lengths, rho, *local)
-        matrix = (start.astype(np.int64), column.astype(np.int64), blocks, D.reshape(nc, d * d))
-        unit, every = lengths[:, n].copy(), lengths.ravel()
-        part = np.empty(nc, np.int64)
-        kernel("row_errors").label_sparse(*matrix[:2], np.ones(column.size), part)
-        law = (every * problem.q, problem.mu, problem.mu_r / unit, rho, unit, part)
-        return RollingBlocks(problem, every, (*matrix, *law, *local))
+    def prepare(self, problem: RollingFrictionContact, budget: Budget, options: NSGSRollingOptions) -> RollingBlocks:
+        return rolling_blocks(problem)
 
     def warmup(self) -> None:
         for d in (3, 5):
             q = -np.eye(d)[0]
             self.run(RollingFrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), mu_r=np.array([0.1]), dimension=d))
 
-    def solve(
+    def solve_part(
         self,
         prepared: RollingBlocks,
         budget: Budget,
@@ -93,18 +70,18 @@ class NSGSRolling(Solver):
         if problem.nc == 0:
             return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
         rolling = kernel("rolling_gauss_seidel")
-        sweeps = compiled(rolling.sweeps)
+        sweeps, data = compiled(rolling.sweeps), (*prepared.matrix, *prepared.law, *prepared.local)
         limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
         best, state, measured = r.copy(), np.array([0, 0, 0, budget.seed, 0]), np.full(2, np.inf)
         iterate = (r, best, np.zeros((problem.nc, 2)), np.arange(problem.nc), options.omega, options.shuffle)
         progress, done, error = Progress(options.stall_window), 0, np.inf
-        piece = max(50, BLOCKS_A_CALL // (prepared.kernel[1].size + 10 * problem.nc))
+        piece = max(50, BLOCKS_A_CALL // (prepared.matrix[1].size + 10 * problem.nc))
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         while True:
             until, state[rolling.RISKED] = min(limit, done + piece), 0
             going = True
             while going:  # who watches sees every evaluation, and changes nothing
-                sweeps(*prepared.kernel, *iterate, budget.tolerance, until, state, measured, record is not None)
+                sweeps(*data, *iterate, budget.tolerance, until, state, measured, record is not None)
                 done, error = int(state[rolling.ITERATION]), float(measured[rolling.ERROR])
                 ended = error <= budget.tolerance or not np.isfinite(error)
                 going = not ended and done < until and state[rolling.RISKED] < rolling.HARD_A_CALL

@@ -13,12 +13,16 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.kernel_cache import compiled
 from cpbench.matrices import Vector
+from cpbench.solvers.native.contact.rolling_blocks import RollingBlocks, rolling_blocks
 from cpbench.solvers.native.contact.sweeps import BlockRows, ScaledContacts, block_rows, kernel
 
 Index = NDArray[np.int64]
+Contact = FrictionContact | RollingFrictionContact
 
+NO_ROLLING = np.zeros(0)
 DENSE = 100
 """Parts of at most so many rows are full matrices: sparse ones take longer to make than to solve."""
 
@@ -33,25 +37,28 @@ class MeasuredParts:
     kernel `part_energy` takes them.
     """
 
-    blocks: BlockRows
+    blocks: BlockRows | RollingBlocks
     label: Index
     count: int
     weights: tuple[Vector, ...]
 
     @classmethod
-    def of(cls, blocks: BlockRows, label: Index, count: int) -> MeasuredParts:
+    def of(cls, blocks: BlockRows | RollingBlocks, label: Index, count: int) -> MeasuredParts:
         """Equilibrate the blocks of a problem."""
-        nc = blocks.problem.nc
-        weights = np.empty(blocks.column.size), np.empty(nc), np.empty(nc), np.empty(nc)
-        compiled(kernel("part_energy").weights)(*blocks.law[:4], blocks.problem.dimension, *weights)
+        nc, matrix = blocks.problem.nc, blocks.matrix
+        weights = np.empty(matrix[1].size), np.empty(nc), np.empty(nc), np.empty(nc)
+        compiled(kernel("part_energy").weights)(*matrix, blocks.problem.dimension, *weights)
         return cls(blocks, label, count, weights)
 
     def errors(self, r: Vector) -> Vector:
         """Return the error of the reactions r, shape (nc·d,), in every part."""
         blocks, problem, found = self.blocks, self.blocks.problem, np.empty(self.count)
-        *matrix, _, q, mu, _ = blocks.law
-        law = q, mu, r, problem.dimension
-        compiled(kernel("part_energy").part_energy)(*matrix, *law, *self.weights, self.label, found)
+        if isinstance(blocks, RollingBlocks):
+            law = *blocks.law[:3], r / blocks.lengths
+        else:
+            law = problem.q, problem.mu, NO_ROLLING, r
+        measured = compiled(kernel("part_energy").part_energy)
+        measured(*blocks.matrix, *law, problem.dimension, *self.weights, self.label, found)
         return found
 
 
@@ -64,15 +71,15 @@ class ContactPart:
     prepared: Any
 
     @classmethod
-    def of(cls, rows: Index, problem: FrictionContact, prepared: Any) -> ContactPart:
+    def of(cls, rows: Index, problem: Contact, prepared: Any) -> ContactPart:
         """Take the part with these rows, a problem by itself."""
         blocks = prepared.rows if isinstance(prepared, ScaledContacts) else prepared
-        if not isinstance(blocks, BlockRows):
-            blocks = block_rows(problem)
+        if not isinstance(blocks, BlockRows | RollingBlocks):
+            blocks = rows_of_blocks(problem)
         return cls(rows, MeasuredParts.of(blocks, np.zeros(problem.nc, np.int64), 1), prepared)
 
     @property
-    def problem(self) -> FrictionContact:
+    def problem(self) -> Contact:
         """The part as a problem."""
         return self.measured.blocks.problem
 
@@ -100,7 +107,21 @@ class ContactParts:
         return {}
 
 
-def connected_parts(problem: FrictionContact) -> list[Index]:
+def rows_of_blocks(problem: Contact) -> BlockRows | RollingBlocks:
+    """Return W by rows of blocks."""
+    return rolling_blocks(problem) if isinstance(problem, RollingFrictionContact) else block_rows(problem)
+
+
+def worst_part(problem: Contact, r: Vector) -> float:
+    """Return the error of the reactions r, shape (nc·d,), in the connected part where it is largest."""
+    contacts = connected_parts(problem)
+    label = np.empty(problem.nc, np.int64)
+    for k, some in enumerate(contacts):
+        label[some] = k
+    return float(MeasuredParts.of(rows_of_blocks(problem), label, len(contacts)).errors(r).max(initial=0.0))
+
+
+def connected_parts(problem: Contact) -> list[Index]:
     """Return the contacts of every connected part of W, largest part first."""
     W, nc, d = problem.W, problem.nc, problem.dimension
     if nc < 2:
@@ -127,7 +148,7 @@ def rows_of(contacts: Index, d: int) -> Index:
     return (d * contacts[:, None] + np.arange(d)).ravel()
 
 
-def part_of(problem: FrictionContact, contacts: Index, rows: Index, place: Index) -> FrictionContact:
+def part_of(problem: Contact, contacts: Index, rows: Index, place: Index) -> Contact:
     """Return the part with these contacts as a problem; `place` : of the contacts in it."""
     W, d = problem.W, problem.dimension
     if isinstance(W, np.ndarray):
@@ -145,4 +166,7 @@ def part_of(problem: FrictionContact, contacts: Index, rows: Index, place: Index
             block[row, column] = W.data[at]
         else:
             block = sp.csr_array((W.data[at], (row, column)), shape=(rows.size, rows.size))
-    return FrictionContact(W=block, q=problem.q[rows], mu=problem.mu[contacts], dimension=d)
+    data: dict[str, Any] = {"W": block, "q": problem.q[rows], "mu": problem.mu[contacts], "dimension": d}
+    if isinstance(problem, RollingFrictionContact):
+        return RollingFrictionContact(**data, mu_r=problem.mu_r[contacts])
+    return FrictionContact(**data)

@@ -68,12 +68,16 @@ class BlockRows:
     local: Dense
     rho: Vector
 
+    @property
+    def matrix(self) -> tuple[Any, ...]:
+        """W as kernels take it."""
+        return self.start, self.column, self.blocks, self.diagonal
+
     @cached_property
     def law(self) -> tuple[Any, ...]:
         """First arguments of every kernel of sweeps: the data of the problem."""
         problem = self.problem
-        matrix = (self.start, self.column, self.blocks, self.diagonal, self.local)
-        return (*matrix, problem.q, problem.mu, self.rho)
+        return (*self.matrix, self.local, problem.q, problem.mu, self.rho)
 
     @cached_property
     def order(self) -> NDArray[np.int64]:
