@@ -8,6 +8,7 @@ from numba import float64, int64, njit, types, void
 from cpbench.solvers.kernels.array_types import DATA
 from cpbench.solvers.kernels.lcp_error import error_dense
 from cpbench.solvers.kernels.pivoting import lemke
+from cpbench.solvers.kernels.row_errors import label_dense, shares_dense
 
 MATRIX = float64[:, ::1]
 
@@ -21,7 +22,10 @@ def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
     """Return (what `lemke` returns, the judged error of z, NaN where it is not finite); z_unit : of the LCP."""
     w = q.copy()  # the pivots end in it
     code = lemke(M, w, z, max_pivots, pivot_tolerance, tie_tolerance)
-    return code, error_dense(M, q, z, z_unit, np.zeros(q.size, np.int64), np.ones(q.size))
+    part, share = np.empty(q.size, np.int64), np.empty(q.size)
+    label_dense(M, part)
+    shares_dense(M, share)
+    return code, error_dense(M, q, z, z_unit, part, share)
 
 
 @njit(float64(MATRIX), cache=True, nogil=True)

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.global_contact import GFCPoint
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import EPS
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
@@ -49,6 +50,9 @@ class AutoGlobal(AutomaticChoice):
         "gfc", "auto-gfc", "auto-fc on the condensed problem, or Gauss-Seidel on the bodies and ADMM by turns"
     )
     members: ClassVar[tuple[str, ...]] = ("nsgs-gfc", "admm-gfc")
+
+    def error(self, problem: GlobalFrictionContact, point: GFCPoint, tolerance: float) -> float:
+        return DynamicsError.of(problem)(point)
 
     def phases(self, problem: GlobalFrictionContact) -> Sequence[SolverPhase]:
         if problem.b.size:

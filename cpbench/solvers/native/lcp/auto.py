@@ -8,11 +8,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP
+from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import is_sparse, nnz
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, SolverSpec, StackCall, register
 from cpbench.solvers.native.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
+from cpbench.solvers.native.lcp.claims import error_of
 from cpbench.solvers.native.stacks import solve_lcp
 
 SMALL = 200
@@ -60,6 +61,9 @@ class AutoLCP(AutomaticChoice):
         "splitting",
         "complementary_bases",
     )
+
+    def error(self, problem: LCP, point: LCPPoint, tolerance: float) -> float:
+        return error_of(problem, point.z)
 
     def setup(self, problem: LCP, budget: Budget, options: Any) -> Plan:
         if not 0 < problem.q.size <= SMALL:
