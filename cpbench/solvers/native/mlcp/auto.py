@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
-from cpbench.formulations.mlcp import MLCP
+import numpy as np
+
+from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.matrices import is_sparse
 from cpbench.solvers.base import SolverSpec, StackCall, register
 from cpbench.solvers.native.automatic import AutomaticChoice, SolverPhase, automatic_spec
+from cpbench.solvers.native.mlcp.claims import scale
 from cpbench.solvers.native.stacks import solve_mlcp
 
 LARGE = 2000
@@ -32,6 +35,10 @@ class AutoMLCP(AutomaticChoice):
         "enumeration-mlcp",
     )
     kernels: ClassVar[tuple[str, ...]] = ("mlcp_pivoting", "mlcp_judged", "mlcp_scaling", "complementary_bases")
+
+    def error(self, problem: MLCP, point: MLCPPoint, tolerance: float) -> float:
+        scaled = scale(problem, keep_sparse=True)
+        return scaled.error(np.concatenate([point.u, point.v]) / scaled.unit)
 
     def phases(self, problem: MLCP) -> Sequence[SolverPhase]:
         newton = [SolverPhase("newton-min-mlcp"), SolverPhase("newton-fb-mlcp")]

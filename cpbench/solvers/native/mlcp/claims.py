@@ -61,8 +61,11 @@ class ScaledMLCP:
         K: Any = self.K
         if matrices.is_sparse(K):
             kernel, N = load("cpbench.solvers.kernels.row_errors"), self.k.size
-            rows, (w, size) = (K.indptr, K.indices, K.data, self.k, x, self.free), np.empty((2, N))
-            kernel.rows_sparse(*rows, np.zeros(N, np.int64), np.ones(N), w, size)
+            matrix, part, (share, w, size) = (K.indptr, K.indices, K.data), np.empty(N, np.int64), np.empty((3, N))
+            kernel.label_sparse(*matrix, part)
+            kernel.shares_sparse(*matrix, share)
+            rows = *matrix, self.k, x, self.free
+            kernel.rows_sparse(*rows, part, share, w, size)
             return kernel.largest_sparse(*rows, w, size, self.problem.residuals(self.point(x)).error)
         kernel = load("cpbench.solvers.kernels.mlcp_judged")
         # compiled, since small problems spend more time on measuring than on solving
