@@ -57,7 +57,7 @@ def glued_rolling(rng: np.random.Generator, count: int) -> RollingFrictionContac
         q.append(load * (rng.standard_normal(5 * nc) - 0.5 * np.tile([1.0, 0.0, 0.0, 0.0, 0.0], nc)))
         mu.append(rng.uniform(0.1, 0.9, nc))
         mu_r.append(rng.uniform(0.01, 0.5, nc))
-    law = {"mu": np.concatenate(mu), "mu_r": np.concatenate(mu_r)}
+    law: dict[str, Any] = {"mu": np.concatenate(mu), "mu_r": np.concatenate(mu_r)}
     return RollingFrictionContact(W=sp.block_diag(W, format="csr"), q=np.concatenate(q), **law)
 
 
@@ -115,6 +115,7 @@ def test_the_error_of_a_part_with_rolling_friction_is_that_of_the_verdict(dimens
     for seed in range(20):
         rng = np.random.default_rng(seed)
         problem, point = planted_contact.rfc(rng, int(rng.integers(1, 9)), dimension)
+        assert point is not None
         r = point.r * (1.0 + 10.0 ** rng.uniform(-8, -1) * rng.standard_normal(point.r.size))
         expected = judge(problem, FCPoint(r), 1e-6).error
         assert worst_part(problem, r) == pytest.approx(expected, rel=3e-3, abs=1e-13), seed

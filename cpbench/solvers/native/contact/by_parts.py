@@ -44,14 +44,14 @@ SAFE = 0.5
 
 
 class SolverByParts(Solver):
-    """A solver of local contact problems that solves connected parts by themselves.
+    """A solver of local contact problems, with or without rolling friction, that solves connected parts by themselves.
 
     A subclass says what it prepares for one part and how it solves that. The answer claims to be solved where every
     part does. A limit of iterations is one of each part, that of time is one of all.
     """
 
     @abstractmethod
-    def prepare(self, problem: Contact, budget: Budget, options: Any) -> Any:
+    def prepare(self, problem: Any, budget: Budget, options: Any) -> Any:
         """Do what `setup` of a solver does, for one part."""
 
     @abstractmethod
