@@ -61,8 +61,8 @@ def refused(addresses: Sequence[tuple[str, str]]) -> Iterator[str]:
 def removed(store: Store) -> Iterator[str]:
     """Yield the rows of an earlier run that cannot be trusted, and what could not be checked."""
     yield from (f"removed, to be run again where it is planned: {row}" for row in store.opened.broken)
-    if store.opened.note:
-        yield store.opened.note
+    yield from (f"{store.path}: {what}, by another program; reports keep this remark" for what in store.opened.changed)
+    yield from store.opened.notes
 
 
 def absent(store: Store) -> Iterator[str]:
@@ -113,5 +113,6 @@ def ending(
     broken = len(store.opened.broken)
     if broken:
         failures.append(f"{plan.results}: removed {counted(broken, 'row')} that could not be trusted")
+    failures += [f"{plan.results}: {what}, by another program" for what in store.opened.changed]
     empty = not counts and plan.shard == (1, 1)
     return Ending(tuple(lines), tuple(failures), bool(failures) or empty)

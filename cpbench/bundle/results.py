@@ -82,13 +82,10 @@ def write(
         target_store.note_files([], store.meta()["refused"])
         target_store.add_references(store.references())
         target_store.add(new)
-        target_store.add_kept(
-            sorted((keys[key], blob) for key, blob in store.answers()),
-            sorted((keys[key], blob) for key, blob in store.histories()),
-            sorted((keys[key], kind, proof) for key, kind, proof in store.certificates()),
-        )
+        target_store.add_kept(sorted((keys[key], *kept) for key, *kept in store.kept()))  # type: ignore[misc]
         inside = {row.fingerprint for row in rows if not places[unit(row)].withheld}
         target_store.note_proved_problems(item for item in store.proved_problems() if item[0] in inside)
+        target_store.end()
         target_store.settle()
     return new
 

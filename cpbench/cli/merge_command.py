@@ -32,7 +32,7 @@ def command(results: tuple[Path, ...], output: Path, mixed: bool, prefer: str | 
     with Store(output, create=True) as store:
         found = cross_examine(store, say=lambda line: click.echo(line, err=True))
         counts, notes = store.counts(), store.meta().get("seals", [])
-    print_lines((f"{line}; they are sealed anew as they are" for line in notes), err=True)
+    print_lines((f"{line}; reports of the merged file keep this remark" for line in notes), err=True)
     print_lines(contradiction_lines(found))
     click.echo(f"{counted(sum(counts.values()), 'pair')} of {counted(len(results), 'file')}: {summary(counts)}")
     click.echo(f"results: {output}")

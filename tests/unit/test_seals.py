@@ -259,7 +259,7 @@ def test_what_is_written_into_a_row_that_waits_is_not_sealed(tmp_path: Path) -> 
         _change(path, ("INSERT INTO answers VALUES (?, 1, 'x')", (PAIRS[1].key,)))
         store.finish(PAIRS[1].key, Outcome(**_result(1)))
         with pytest.raises(
-            SealError, match="1 of its rows cannot be believed: lemke on p0: was changed by something else"
+            SealError, match="1 of its rows cannot be believed: lemke on p0: its plan changed after it was sealed"
         ):
             store.require_unchanged()
         assert PAIRS[1].key not in {key for key, _ in store.answers()}
@@ -273,12 +273,13 @@ def test_rows_that_contradict_themselves_are_found_without_seals(honest: Path, t
         ("DROP TABLE seals", ()),
         ("DROP TABLE certificates", ()),
         ("DROP TABLE proved_problems", ()),
+        ("DROP TABLE file_seal", ()),
         ("PRAGMA user_version = 3", ()),
     )
     with Store(path) as store:
         found = store.audit()
     assert not found.broken
-    assert "made by an older cpbench" in found.note
+    assert "made by an older cpbench" in found.notes[0]
     _change(path, ("UPDATE rows SET status = 'solved' WHERE key = ?", (PAIRS[2].key,)))
     with (
         Store(path) as store,
@@ -303,7 +304,7 @@ def test_honest_files_pass_and_go_on(honest: Path, tmp_path: Path) -> None:
         with Store(file) as store:
             found = store.audit()
         assert not found.broken
-        assert not found.note
+        assert not found.notes
 
 
 def test_a_file_of_another_user_is_named_and_sealed_by_who_goes_on(
@@ -316,11 +317,11 @@ def test_a_file_of_another_user_is_named_and_sealed_by_who_goes_on(
         with Store(path) as store:
             found = store.audit()
         assert not found.broken
-        assert f"its {len(PAIRS)} rows are sealed by the key" in found.note
+        assert f"its {len(PAIRS)} rows are sealed by the key" in found.notes[0]
     with Store(path, create=True) as store:
-        assert store.opened.note == found.note
+        assert store.opened.notes == found.notes
     with Store(path) as store:
-        assert not store.audit().note
+        assert not store.audit().notes
 
 
 def test_where_no_key_can_be_kept_a_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -328,7 +329,7 @@ def test_where_no_key_can_be_kept_a_run_goes_on(tmp_path: Path, monkeypatch: pyt
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))
     path = tmp_path / "r.sqlite"
     with Store(path, create=True) as store:
-        assert "the key of the seals could not be kept" in store.opened.note
+        assert "the key of the seals could not be kept" in store.opened.notes[0]
         store.plan(PAIRS)
         store.finish(OURS, Outcome(**_result(0)))
         store.require_unchanged()

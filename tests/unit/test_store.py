@@ -236,7 +236,9 @@ def test_an_old_file_is_migrated(schema1: Path, tmp_path: Path) -> None:
             assert (after[key].seconds, after[key].memory, after[key].repeats_asked) == (5.0, 4 * 2**30, 3)
             assert (after[key].attempts, after[key].started, after[key].jobs) == (1, "cold", 1)
         assert list(store.answers()) == answers
-        assert store.meta() == {**meta, "refused": refused, "references": []}
+        read = store.meta()
+        assert [line.partition(" it was ")[2] for line in read.pop("seals")] == ["made by an older cpbench"]
+        assert read == {**meta, "refused": refused, "references": []}
         layout = "SELECT type, name, sql FROM sqlite_master ORDER BY name"
         with Store(tmp_path / "new.sqlite", create=True) as new:
             assert store._database.read(layout) == new._database.read(layout)
@@ -256,7 +258,7 @@ def test_a_file_of_schema_2_is_migrated(tmp_path: Path) -> None:
     with Store(path) as reading:
         assert reading.features() == {}
     with Store(path, create=True) as store, Store(tmp_path / "new.sqlite", create=True) as new:
-        assert store._database.read(everything) == [(*row, *[None] * 7) for row in rows]
+        assert store._database.read(everything) == [(*row, *[None] * 7, "none") for row in rows]
         assert [list(store.answers()), list(store.histories())] == [[(a, c) for a, _, c in kept[0]], kept[1]]
         told = store.meta()
         assert {name: told[name] for name in meta} == meta

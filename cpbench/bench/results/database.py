@@ -18,7 +18,7 @@ from typing import Any
 
 from cpbench.bench.results import schema
 from cpbench.bench.results.schema import SCHEMA
-from cpbench.errors import StoreError
+from cpbench.errors import SealError, StoreError
 from cpbench.locks import Held, Lock
 
 PATIENCE = 30.0
@@ -34,7 +34,8 @@ class Database:
     one is migrated in memory. May be used from several threads.
 
     Raises StoreError when the file is no results file, is of a newer version, is being written by another process or
-    cannot be written; from every method, when SQLite fails.
+    cannot be written; SealError when it has a trigger, a view, a table or an index that no run makes; from every
+    method StoreError, when SQLite fails.
     """
 
     def __init__(self, path: Path, *, create: bool = False) -> None:
@@ -47,6 +48,8 @@ class Database:
         self._copy: tempfile.TemporaryDirectory[str] | None = None
         self.found = 0
         """The version of the tables when the file was opened, 0 where there were none."""
+        self._layout = -1
+        """SQLite's number of the layout of the tables that was checked last; it goes up with every change of that."""
         self._examine(create)
         try:
             if create:
@@ -71,6 +74,11 @@ class Database:
             self._copy.cleanup()
 
     @property
+    def closed(self) -> bool:
+        """Whether the file was closed."""
+        return self._db is None
+
+    @property
     def connection(self) -> sqlite3.Connection:
         """The connection of SQLite; raises StoreError when the file was closed."""
         if self._db is None:
@@ -85,11 +93,12 @@ class Database:
 
     @contextmanager
     def transaction(self) -> Generator[sqlite3.Connection]:
-        """Write within this context all or nothing."""
+        """Write within this context all or nothing; raises SealError where the tables are not those of a run."""
         db = self.connection
         with self._guard, self._errors_explained():
             db.execute("BEGIN IMMEDIATE")
             try:
+                self._require_layout(db)
                 yield db
                 db.execute("COMMIT")
             except BaseException:
@@ -130,11 +139,23 @@ class Database:
         if state != "ok":
             raise _explained(self._path, sqlite3.DatabaseError(state), sqlite3.SQLITE_CORRUPT)
 
+    def _require_layout(self, db: sqlite3.Connection) -> None:
+        """Check the tables where another program may have changed them since they were checked last."""
+        (layout,) = db.execute("PRAGMA schema_version").fetchone()
+        if layout != self._layout:
+            schema.require_exact(db)
+            self._layout = layout
+
     @contextmanager
     def _errors_explained(self) -> Generator[None]:
         """Turn exceptions of SQLite, and of values that it cannot store, into a StoreError with the cause."""
         try:
             yield
+        except schema.Unexpected as cause:
+            raise SealError(
+                f"{self._path}: {cause}: another program changed the file, so that none of its rows is believed; "
+                "remove what was added, or use another file with -o"
+            ) from None
         except UnicodeDecodeError as cause:  # of a name in the schema, as sqlite3 hands it on
             raise _explained(self._path, sqlite3.DatabaseError(str(cause)), sqlite3.SQLITE_CORRUPT) from cause
         except (sqlite3.Error, OverflowError) as cause:
@@ -184,10 +205,13 @@ class Database:
             db.execute("PRAGMA temp_store=MEMORY")
             db.execute("PRAGMA wal_autocheckpoint=4000")  # 16 MB: a page that several rows share is moved once
             if version == 0:
-                with self.transaction():
-                    schema.create(db)
+                db.execute("BEGIN IMMEDIATE")
+                schema.create(db)
+                db.execute("COMMIT")
             elif version < SCHEMA:
+                schema.require_known(db)
                 schema.migrate(db, version)
+            self._require_layout(db)
 
     def _open_to_read(self) -> None:
         """Open as for writing, but only read: SQLite then uses the log of a killed run, and leaves no helper files."""
@@ -205,10 +229,12 @@ class Database:
             if version == 0:
                 raise StoreError(f"{self._path}: is empty, not a results file")
             if version < SCHEMA:
+                schema.require_known(self.connection)
                 old, self._db = self.connection, sqlite3.connect("", isolation_level=None, check_same_thread=False)
                 old.backup(self._db)
                 old.close()
                 schema.migrate(self._db, version)
+            self._require_layout(self.connection)
 
     def _open_unwritable(self) -> None:
         """Open the file unchanged where SQLite cannot make helper files (a read-only folder, a full disk), or a copy of

@@ -29,7 +29,7 @@ _TABLES = {"refused", "references"}
 """Facts of a run that have tables of their own."""
 _OF_ALL_ROWS = {"contradictions"}
 """Facts of all rows together, which have to be found again."""
-_measured = attrgetter(*MEASURED)
+_measured = attrgetter(*(name for name in MEASURED if name != "sealed_by"))
 _PASSING = {"load"}
 """Momentary entries of a machine's description."""
 
@@ -77,9 +77,8 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
             raise StoreError(f"{path}: exists; merge into a file that is not there yet, or remove it")
     with ExitStack() as opened:
         stores = [opened.enter_context(Store(path)) for path in inputs]
-        audits = [store.audit() for store in stores]
-        for audit in audits:
-            audit.require()
+        for store in stores:
+            store.audit().require()
         facts = [_facts(store) for store in stores]
         differences = [
             d for pair in itertools.combinations(range(len(stores)), 2) for d in _between(stores, facts, *pair)
@@ -95,15 +94,11 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
             with Store(partial, create=True) as merged:
                 merged.add(_rows(stores, chosen, differences))
                 for index, store in enumerate(stores):
-                    merged.add_kept(
-                        (item for item in store.answers() if chosen[item[0]] == index),
-                        (item for item in store.histories() if chosen[item[0]] == index),
-                        (item for item in store.certificates() if chosen[item[0]] == index),
-                    )
+                    merged.add_kept(item for item in store.kept() if chosen[item[0]] == index)
                     merged.note_proved_problems(store.proved_problems())
                 leading = sorted(range(len(stores)), key=lambda i: not facts[i].machines)
                 _merge_facts(merged, [stores[i] for i in leading], kinds)
-                merged.set_meta(seals=[audit.note for audit in audits if audit.note])
+                merged.end()
                 merged.settle()
             _sync(partial)
             partial.replace(target)
@@ -233,6 +228,11 @@ def _merge_facts(target: Store, stores: Sequence[Store], differences: Sequence[s
     plans = [meta["plan"] for meta in metas if meta.get("plan")]
     if plans and all(_whole(plan) == _whole(plans[0]) for plan in plans):
         merged["plan"] = _whole(plans[0])
+    merged["seals"] = [
+        line if str(store.path) in line else f"{store.path.name}: {line}"
+        for store, meta in zip(stores, metas, strict=True)
+        for line in meta.get("seals", [])
+    ]
     merged["jobs"] = max((meta.get("jobs") or 1 for meta in metas), default=1)
     names = ("command", "date", "cpbench", "seed", "jobs", "machine", "versions", "plan")
     merged["merged"] = [

@@ -32,8 +32,8 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
     with Store(path) as store:
         audit = store.audit()
         yield from (f"not as a run wrote it: {row}" for row in audit.broken)
-        if audit.note:
-            yield audit.note
+        yield from (f"{path}: {what}, by another program" for what in audit.changed)
+        yield from store.meta().get("seals", [])
         proofs = {key: (kind, data) for key, kind, data in store.certificates()}
         formats = store.meta().get("formats", {})
         rows = sorted(store.rows(), key=lambda row: row.address)  # each problem is read once
@@ -69,6 +69,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
         yield f"{counted(total, 'answer')} judged again{f' by {measure}' if measure else ''}: {listed}"
         faults = {
             f"{len(audit.broken)} rows are not as a run wrote them": len(audit.broken),
+            "; ".join(audit.changed): len(audit.changed),
             f"{unreadable} answers cannot be read": unreadable,
             f"{contradicted} statuses change by the row's own measure and tolerance": contradicted,
         }

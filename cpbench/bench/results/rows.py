@@ -92,7 +92,8 @@ class Measured:
     distance : a bound on its distance from a solution, over the size of that. certificate : what else it says.
     batch : of a set that asks for throughput, by how many problems the call was shared whose time is divided here.
     trip : round trip of an empty request [s] to the process of a served solver, None of a solver that runs in its
-    worker. solve is the time of its method, solve_wall [s] what passed in the worker meanwhile.
+    worker. solve is the time of its method, solve_wall [s] what passed in the worker meanwhile. sealed_by : the name of
+    the key that sealed the row before the file was continued with another key, 'none' where it had no seal.
     """
 
     status: str = "not_run"
@@ -136,6 +137,7 @@ class Measured:
     batch: int | None = None
     trip: float | None = None
     solve_wall: float | None = None
+    sealed_by: str | None = None
 
 
 @dataclass(frozen=True)
@@ -161,3 +163,23 @@ def columns(kind: type[Planned | Measured]) -> dict[str, str]:
     """
     types = get_type_hints(kind)
     return {f.name: _SQL[(get_args(types[f.name]) or (types[f.name],))[0]] for f in fields(kind)}
+
+
+def stored(value: Any, kind: str) -> Any:
+    r"""Return a value as SQLite hands it back from a column of this type.
+
+    Halves of characters, as broken file names have them, are escaped, for SQLite stores no such text.
+
+    >>> stored(3, "REAL"), stored(float("nan"), "REAL"), stored(2.0, "INTEGER"), stored("a\ud800", "TEXT")
+    (3.0, None, 2, 'a\\ud800')
+    """
+    if isinstance(value, str):
+        return value if value.isascii() else value.encode("utf-8", "backslashreplace").decode()
+    if value is None or value != value:
+        return None
+    if kind == "REAL" and isinstance(value, (int, float)):
+        return float(value) + 0.0  # SQLite knows no -0.0
+    if kind == "INTEGER" and isinstance(value, (int, float)):
+        whole = isinstance(value, int) or (value.is_integer() and abs(value) < 2**63)
+        return int(value) if whole else value
+    return str(int(value)) if kind == "TEXT" and isinstance(value, int) else value

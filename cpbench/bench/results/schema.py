@@ -4,18 +4,23 @@ Version 1 had one set of limits a file, in `meta`; since version 2 they are colu
 reference solves and machines have tables of their own. Version 3 keeps the features of the problems, version 4
 certificates of what has no solution, seals of the rows, and the tolerance that a solver was asked for, version 5 how
 certain the answers are, version 6 how many problems a call solved, version 7 the data of problems of which answers have
-a proof, version 8 the clocks of served solvers.
+a proof, version 8 the clocks of served solvers, version 9 a seal over the whole file, and whose key sealed a row first.
 """
 
 from __future__ import annotations
 
 import json
 import sqlite3
+from contextlib import closing
+from functools import cache
 
 from cpbench.bench.results.rows import Measured, Planned, columns
+from cpbench.plain_text import printable
 
-SCHEMA = 8
+SCHEMA = 9
 SEALED_SINCE = 4
+WHOLE_SINCE = 9
+"""The first version with a seal over the whole file."""
 
 PLANNED, MEASURED = columns(Planned), columns(Measured)
 """Columns of a row that the plan fixes, and those that the run fills, with their SQL types."""
@@ -42,12 +47,47 @@ _NEW_IN_4 = (
     "CREATE TABLE seals (key TEXT PRIMARY KEY REFERENCES rows(key), seal TEXT NOT NULL)",
 )
 _NEW_IN_7 = ("CREATE TABLE proved_problems (fingerprint TEXT PRIMARY KEY, data BLOB NOT NULL)",)
+_NEW_IN_9 = ("CREATE TABLE file_seal (one INTEGER PRIMARY KEY, seal TEXT NOT NULL)",)
+_LAYOUT = "SELECT type, name, tbl_name, coalesce(sql, '') FROM sqlite_master"
 
 
 def create(db: sqlite3.Connection) -> None:
     """Make the tables of this version, within the caller's transaction."""
-    for statement in (*_SHARED_WITH_1, *_NEW_IN_2, *_NEW_IN_3, *_NEW_IN_4, *_NEW_IN_7, f"PRAGMA user_version={SCHEMA}"):
+    made = (*_SHARED_WITH_1, *_NEW_IN_2, *_NEW_IN_3, *_NEW_IN_4, *_NEW_IN_7, *_NEW_IN_9)
+    for statement in (*made, f"PRAGMA user_version={SCHEMA}"):
         db.execute(statement)
+
+
+@cache
+def _expected() -> frozenset[tuple[str, str, str, str]]:
+    """Return type, name, table and statement of everything that is in a results file of this version."""
+    with closing(sqlite3.connect(":memory:", isolation_level=None)) as db:
+        create(db)
+        return frozenset(db.execute(_LAYOUT))
+
+
+class Unexpected(Exception):
+    """Something in a file that no run makes: a trigger or a view could hand back other values than were written."""
+
+
+def require_known(db: sqlite3.Connection) -> None:
+    """Raise Unexpected where a file of any version has something that no version makes, judged by type and name."""
+    known = {one[:2] for one in _expected()}
+    _require(frozenset(one for one in db.execute(_LAYOUT) if one[:2] not in known))
+
+
+def require_exact(db: sqlite3.Connection) -> None:
+    """Raise Unexpected where a file of this version has not exactly the tables and indexes that a run makes."""
+    _require(frozenset(db.execute(_LAYOUT)) ^ _expected())
+
+
+def _require(differing: frozenset[tuple[str, str, str, str]]) -> None:
+    """Raise Unexpected with the first of the differences."""
+    names = {one[:2] for one in _expected()}
+    # what was added explains more than what was changed
+    for kind, name in sorted({one[:2] for one in differing}, key=lambda one: (one in names, one)):
+        how = "is not as a run makes it" if (kind, name) in names else "is made by no run"
+        raise Unexpected(f"its {kind} {printable(name)} {how}")
 
 
 def version(db: sqlite3.Connection) -> int | None:
@@ -65,6 +105,7 @@ def migrate(db: sqlite3.Connection, found: int) -> None:
     try:
         for step in _STEPS[found - 1 :]:
             step(db)
+        require_exact(db)
         db.execute(f"PRAGMA user_version={SCHEMA}")
     except BaseException:
         db.execute("ROLLBACK")
@@ -137,5 +178,14 @@ def _from_7(db: sqlite3.Connection) -> None:
             db.execute(f'ALTER TABLE rows ADD COLUMN "{name}" REAL')
 
 
-_STEPS = (_from_1, _from_2, _from_3, _from_4, _from_5, _from_6, _from_7)
+def _from_8(db: sqlite3.Connection) -> None:
+    """Add the seal over the whole file, which older files do not have, as readers report. Older rows do not tell whose
+    key sealed them before the present one."""
+    for statement in _NEW_IN_9:
+        db.execute(statement)
+    if "sealed_by" not in {name for _, name, *_ in db.execute("PRAGMA table_info(rows)")}:
+        db.execute('ALTER TABLE rows ADD COLUMN "sealed_by" TEXT')
+
+
+_STEPS = (_from_1, _from_2, _from_3, _from_4, _from_5, _from_6, _from_7, _from_8)
 """From version 1 to 2, from 2 to 3, ..."""

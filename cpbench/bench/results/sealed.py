@@ -14,11 +14,10 @@ def sealed(path: Path) -> Store:
     """Open a file for reading and check its seals; warn of what could not be checked. Raises SealError."""
     store = Store(path)
     try:
-        found = store.audit()
-        found.require()
+        store.audit().require()
+        for note in store.meta().get("seals", []):
+            logger.warning("%s", note if str(path) in note else f"{path}: {note}")
     except BaseException:
         store.close()
         raise
-    if found.note:
-        logger.warning("%s", found.note)
     return store

@@ -12,14 +12,17 @@ import hashlib
 import hmac
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import compress
 from typing import Any
 
+from cpbench.bench.results import file_seal
 from cpbench.bench.results.database import Database
-from cpbench.bench.results.schema import MEASURED, PLANNED
+from cpbench.bench.results.file_seal import Contents
+from cpbench.bench.results.rows import stored
+from cpbench.bench.results.schema import MEASURED, PLANNED, SCHEMA, SEALED_SINCE, WHOLE_SINCE
 from cpbench.bench.results.seal_key import Key
 from cpbench.errors import SealError
 
@@ -34,12 +37,17 @@ READ = (
     " LEFT JOIN seals USING (key)"
 )
 """Query of all that is sealed, and the seal."""
+NONE = "none"
+"""In place of the name of a key, of a row without a seal."""
+OWNERS = ("you", "key of another user", NONE)
+"""Whose key sealed a row, for a reader."""
 BROKEN = "broken"
 """In place of a seal where the run found that something else had written the row."""
 NAMED = 20
 """Most rows that a message names."""
 _encode = json.JSONEncoder(separators=(",", ":"), check_circular=False).encode
 _FIRST, _LAST = len(PLANNED), len(COLUMNS)
+_KINDS = tuple({**PLANNED, **MEASURED}.values())
 _PLACE = {name: place for place, name in enumerate(COLUMNS)}
 
 
@@ -57,33 +65,82 @@ class Broken:
 
 @dataclass(frozen=True)
 class Audit:
-    """The result of checking all seals of a file: the rows that cannot be believed, and what could not be checked."""
+    """The result of checking all seals of a file: the rows that cannot be believed, what else was changed in it, and
+    what could not be checked. `whose` : name of the key of its seals, NONE where rows have none, '' without rows."""
 
     path: str
     broken: Sequence[Broken] = ()
-    note: str = ""
+    changed: Sequence[str] = ()
+    notes: Sequence[str] = ()
+    whose: str = ""
 
     def require(self) -> None:
-        """Raise SealError when there is a row that cannot be believed."""
-        if not self.broken:
-            return
-        listed = "; ".join(map(str, self.broken[:NAMED]))
-        more = f"; and {len(self.broken) - NAMED} more" if len(self.broken) > NAMED else ""
-        raise SealError(
-            f"{self.path}: {len(self.broken)} of its rows cannot be believed: {listed}{more}. The same cpbench run "
-            "removes them and runs their pairs again"
-        )
+        """Raise SealError when there is something that cannot be believed."""
+        if self.broken:
+            listed = "; ".join(map(str, self.broken[:NAMED]))
+            more = f"; and {len(self.broken) - NAMED} more" if len(self.broken) > NAMED else ""
+            raise SealError(
+                f"{self.path}: {len(self.broken)} of its rows cannot be believed: {listed}{more}. The same cpbench run "
+                "removes them and runs their pairs again"
+            )
+        if self.changed:
+            raise SealError(
+                f"{self.path}: {'; '.join(self.changed)}: by another program. The same cpbench run goes on with it, "
+                "and its reports keep this remark"
+            )
+
+
+def stored_part(values: Sequence[Any], part: slice) -> list[Any]:
+    """Return the values of some columns, from those of the whole row, as SQLite hands them back."""
+    return [stored(value, kind) for value, kind in zip(values, _KINDS[part], strict=True)]
 
 
 def sealed(values: Sequence[Any], key: Key) -> str:
     """Return the seal of a row with the values that `READ` selects."""
-    digests = ".".join(_digests(values, key.name))
-    return f"{key.name}.{digests}.{_signed(digests, key)}"
+    return assembled(_digests(values, key.name), key)
 
 
-def same_plan(one: str, other: str) -> bool:
-    """Return whether two seals are of rows with the same planned columns."""
-    return one.split(".")[1:2] == other.split(".")[1:2]
+def assembled(digests: Iterable[str], key: Key) -> str:
+    """Return the seal of a row with the digests of what was planned, measured and kept."""
+    text = ".".join(digests)
+    return f"{key.name}.{text}.{_signed(text, key)}"
+
+
+def digests_of(seal: str) -> list[str]:
+    """Return the digests of what was planned, measured and kept."""
+    return seal.split(".")[1:-1]
+
+
+def planned_digest(values: Sequence[Any], key: Key) -> str:
+    """Return the digest of the planned columns, given in their order."""
+    return _digest(0, stored_part(values, slice(0, _FIRST)), key.name.encode())
+
+
+def measured_digest(values: Sequence[Any], key: Key) -> str:
+    """Return the digest of the measured columns, given in their order."""
+    return _digest(_FIRST, stored_part(values, slice(_FIRST, _LAST)), key.name.encode())
+
+
+def kept_digest(parts: Sequence[Any], key: Key) -> str:
+    """Return the digest of answer, history, kind of proof, and proof; None for each that is not kept."""
+    kept = hashlib.blake2b(digest_size=SIZE, person=key.name.encode())
+    _mix(kept, parts)
+    return kept.hexdigest()
+
+
+def origin(sealed_by: str | None, whose: str, own: str) -> str | None:
+    """Return whose key sealed a row first, as a file that is sealed by the key `own` says it: None for that key.
+
+    sealed_by : what the row says. whose : the key of the file that it is in.
+    """
+    if whose in ("", own) or sealed_by == NONE:
+        return sealed_by
+    return whose
+
+
+def owner(first: str | None) -> str:
+    """Return for a reader whose key sealed a row, from its `origin`."""
+    return OWNERS[0] if first is None else NONE if first == NONE else OWNERS[1]
 
 
 def _digests(values: Sequence[Any], name: str) -> tuple[str, str, str]:
@@ -91,15 +148,20 @@ def _digests(values: Sequence[Any], name: str) -> tuple[str, str, str]:
     exchanged alone."""
     person = name.encode()
     kept = hashlib.blake2b(digest_size=SIZE, person=person)
-    for part in values[_LAST:-1]:
+    _mix(kept, values[_LAST:-1])
+    return _digest(0, values[:_FIRST], person), _digest(_FIRST, values[_FIRST:_LAST], person), kept.hexdigest()
+
+
+def _mix(digest: hashlib.blake2b, parts: Sequence[Any]) -> None:
+    """Mix what is kept of a row into a digest."""
+    for part in parts:
         if part is None:
-            kept.update(b"-")
+            digest.update(b"-")
         else:
             raw = part if isinstance(part, bytes) else str(part).encode("utf-8", "backslashreplace")
             # with its length: else bytes could move from one part to the next
-            kept.update(b"%d:" % len(raw))
-            kept.update(raw)
-    return _digest(0, values[:_FIRST], person), _digest(_FIRST, values[_FIRST:_LAST], person), kept.hexdigest()
+            digest.update(b"%d:" % len(raw))
+            digest.update(raw)
 
 
 def _digest(first: int, values: Sequence[Any], person: bytes) -> str:
@@ -125,14 +187,23 @@ def _signed(digests: str, key: Key) -> str:
 # ------------------------------------------------------------------------------------------------------- check
 
 
-def audit(
-    database: Database, path: str, key: Key | None, written: Mapping[str, str] | None = None, *, unsealed: bool = False
-) -> Audit:
-    """Check every row of a file against its seal, and against what `written` remembers of this run by key.
+@dataclass(frozen=True)
+class Written:
+    """What the process that writes a file knows of it: the seal of each row by key, and the rest."""
 
-    unsealed : the file is older than seals; only contradictions within its rows are found.
+    seals: dict[str, str]
+    contents: Contents
+
+
+def audit(
+    database: Database, path: str, key: Key | None, written: Written | None = None, version: int = SCHEMA
+) -> Audit:
+    """Check a file against its seals, and against what the process that writes it knows.
+
+    version : of the tables of the file; of one that is older than seals only contradictions within its rows are found.
     """
     database.require_whole()
+    unsealed = version < SEALED_SINCE
     broken: list[Broken] = []
     names: Counter[str] = Counter()
     others: dict[str, list[Broken]] = {}
@@ -140,7 +211,7 @@ def audit(
     for values in database.stream(READ):
         why = contradiction(values)
         if not (why or unsealed):
-            why = unfit(values, key, written)
+            why = unfit(values, key, None if written is None else written.seals)
             name = str(values[-1]).partition(".")[0]
             if not why:
                 # rows of one file have one key; which one is only known when all were counted
@@ -153,23 +224,39 @@ def audit(
             broken.append(_named(values, why))
         seen.add(values[0])
     if not unsealed:
-        broken += _lost(database, written or {}, seen)
+        broken += _lost(database, {} if written is None else written.seals, seen)
     whose = key.name if key is not None and names[key.name] else next((name for name, _ in names.most_common(1)), "")
     for name, rows in others.items():
         if name != whose:
             broken += rows
-    return Audit(path, broken, _note(path, unsealed, key, whose, names[whose]))
+    changed: list[str] = []
+    if version >= WHOLE_SINCE:
+        changed = list(file_seal.changed(database, key, whose, None if written is None else written.contents))
+    notes = _notes(path, version, key, whose, names[whose], written is not None or file_seal.ended(database))
+    return Audit(path, broken, changed, notes, NONE if unsealed and seen else whose)
 
 
-def _note(path: str, unsealed: bool, key: Key | None, whose: str, count: int) -> str:
-    if unsealed:
-        return f"{path}: was made by an older cpbench, and its rows have no seals: changes cannot be found"
+def _notes(path: str, version: int, key: Key | None, whose: str, count: int, ended: bool) -> list[str]:
+    """Return what could not be checked."""
+    notes: list[str] = []
+    if version < SEALED_SINCE:
+        notes.append(f"{path}: was made by an older cpbench, and its rows have no seals: changes cannot be found")
+    elif version < WHOLE_SINCE:
+        notes.append(
+            f"{path}: was made by an older cpbench, and only its rows have seals: changes of its other facts, rows "
+            "that were removed and older versions of rows cannot be found"
+        )
+    elif not ended:
+        notes.append(
+            f"{path}: the run that writes it did not end: rows that were removed and older versions of rows cannot be "
+            "found"
+        )
     if whose and (key is None or whose != key.name):
-        return (
+        notes.append(
             f"{path}: its {count} rows are sealed by the key {whose} of another user or machine: of changes only "
             "flipped bits can be found here"
         )
-    return ""
+    return notes
 
 
 def unfit(values: Sequence[Any], key: Key | None, written: Mapping[str, str] | None) -> str:

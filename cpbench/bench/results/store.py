@@ -2,7 +2,8 @@
 
 `kill -9` of the runner loses at most the pair in flight: planned rows are there from the start as `not_run`,
 and a row is filled together with its answer or not at all. One process writes, any number read (`database`).
-Whatever is written of a row is sealed in the same transaction (`seals`).
+Whatever is written of a row is sealed in the same transaction (`seals`), and so is what the file says beside its rows
+(`file_seal`): from the values in memory, never from what SQLite hands back.
 """
 
 from __future__ import annotations
@@ -10,22 +11,24 @@ from __future__ import annotations
 import json
 import sqlite3
 import time
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.bench.planning.plan import Pair
-from cpbench.bench.results import seal_key, seals
+from cpbench.bench.results import file_seal, seal_key, seals
 from cpbench.bench.results.database import Database
 from cpbench.bench.results.limits import LIMITS, agree, difference, limits_of
-from cpbench.bench.results.rows import Outcome, Planned, Row
-from cpbench.bench.results.schema import MEASURED, PLANNED, SEALED_SINCE
+from cpbench.bench.results.rows import Measured, Outcome, Planned, Row, stored
+from cpbench.bench.results.schema import MEASURED, PLANNED, SCHEMA, SEALED_SINCE, WHOLE_SINCE
 from cpbench.bench.results.seal_key import Key
-from cpbench.bench.results.seals import Audit
+from cpbench.bench.results.seals import Audit, Written
 from cpbench.bench.results.whole import whole_table
-from cpbench.errors import StoreError
+from cpbench.errors import SealError, StoreError
+from cpbench.plurals import counted
 from cpbench.solvers.renamed import current_label
 from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, Status
 
@@ -43,9 +46,10 @@ class Store:
     For running, this process alone may write it, and an older file is migrated; for reading, the file is left as it
     is, whoever writes it meanwhile. May be used from several threads.
 
-    For running, the seals of the rows that are there are checked: those that do not fit are refused, or with `expel`
-    removed, so that they are planned and run again; all others are sealed anew by this user's key, or by `key`.
-    `opened` says what was found. For reading, `audit` checks them.
+    For running, the seals are checked: rows that do not fit are refused, or with `expel` removed, so that they are
+    planned and run again; all others are sealed by this user's key, or by `key`, and say whose key it was before
+    (`sealed_by`). `opened` says what was found. For reading, `audit` checks them. A file that was left without an
+    exception has a seal over the whole (`end`).
 
     Raises StoreError when the file is not a results file, is of a newer version, is being written by another process or
     cannot be written; SealError; from every method StoreError, when SQLite fails.
@@ -56,12 +60,13 @@ class Store:
     ) -> None:
         self.path = Path(path)
         self._keep = keep
-        self._written: dict[str, str] | None = None
-        """Seals by key as this process knows them, None where it only reads."""
+        self._state: _State | None = None
+        self._notes: Sequence[str] = ()
         self._database = Database(self.path, create=create)
         try:  # whatever fails from here on, the lock must not stay
             self._key = key or (seal_key.find_or_make() if create else seal_key.find())
-            self.opened = self._take_over(expel) if create else Audit(str(self.path))
+            self.opened = self._take_over(self._key, expel) if create and self._key else Audit(str(self.path))
+            self._whose = "" if create else self._whose_seals()
             self._kept = int(self._database.read("SELECT coalesce(sum(bytes), 0) FROM answers")[0][0])
         except BaseException:
             self._database.close()
@@ -70,8 +75,12 @@ class Store:
     def __enter__(self) -> Store:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        try:
+            if kind is None and self._state is not None and not self._database.closed:
+                self.end()
+        finally:
+            self.close()
 
     def close(self) -> None:
         """Close the file and let others write it; harmless when done before."""
@@ -85,86 +94,141 @@ class Store:
     # ------------------------------------------------------------------------------------------- seals
 
     def audit(self) -> Audit:
-        """Check the seals of all rows; of a file that this process writes also against what it has written."""
-        unsealed = self._written is None and 0 < self._database.found < SEALED_SINCE
-        return seals.audit(self._database, str(self.path), self._key, self._written, unsealed=unsealed)
+        """Check all seals; of a file that this process writes also against what it has written."""
+        version = SCHEMA if self._state is not None else self._database.found
+        written = None if self._state is None else self._state.written
+        result = seals.audit(self._database, str(self.path), self._key, written, version)
+        self._notes = result.notes
+        return result
 
     def require_unchanged(self) -> None:
         """Raise SealError when something else wrote into the file that this process writes; the rows concerned are
         marked, so that later commands find them."""
         result = self.audit()
-        if not result.broken:
-            return
-        with self._database.transaction() as db:
-            db.executemany(
-                "INSERT OR REPLACE INTO seals VALUES (?, ?)", [(one.key, seals.BROKEN) for one in result.broken]
-            )
+        if result.broken:
+            with self._database.transaction() as db:
+                marks = [(one.key, seals.BROKEN) for one in result.broken]
+                db.executemany("INSERT OR REPLACE INTO seals VALUES (?, ?)", marks)
         result.require()
 
-    def _take_over(self, expel: bool) -> Audit:
-        """Check the existing rows, and seal them by this user's key."""
-        result = self.audit()
-        if not expel:
-            result.require()
-        self._written = {}
-        if result.broken or result.note:
+    def end(self) -> None:
+        """Seal the file as a whole: rows that are removed, or replaced by older versions, are found from now on."""
+        state = self._writing
+        if state.rows == file_seal.OPEN:
             with self._database.transaction() as db:
-                for table in ("answers", "histories", "certificates", "seals", "rows"):
-                    db.executemany(f"DELETE FROM {table} WHERE key = ?", [(one.key,) for one in result.broken])
-                if result.note:
-                    self._seal(db, [key for (key,) in db.execute("SELECT key FROM rows")])
-        self._written.update(self._database.read("SELECT key, seal FROM seals"))
-        if self._key is not None and not self._key.kept:
+                state.rows = file_seal.digest_of_rows(sorted(state.written.seals.items()))
+                file_seal.write(db, state.file_seal())
+
+    @property
+    def _writing(self) -> _State:
+        assert self._state is not None, "only the process that writes a file seals"
+        return self._state
+
+    def _whose_seals(self) -> str:
+        """Return the name of the key of the seals, NONE where rows have none; '' where there is no row."""
+        if self._database.found < SEALED_SINCE:
+            return seals.NONE
+        found = self._database.read("SELECT seal FROM seals WHERE seal <> ? LIMIT 1", (seals.BROKEN,))
+        return str(found[0][0]).partition(".")[0] if found else ""
+
+    def _take_over(self, key: Key, expel: bool) -> Audit:
+        """Check what is there, note what cannot be believed, and seal the rest by this user's key."""
+        with self._database.transaction() as db:
+            result = seals.audit(self._database, str(self.path), key, None, self._database.found or SCHEMA)
+            new = not self._database.found
+            if not (expel or new):
+                result.require()
+            for table in (*_KEPT, "seals", "rows"):
+                db.executemany(f"DELETE FROM {table} WHERE key = ?", [(one.key,) for one in result.broken])
+            if result.whose not in ("", key.name):
+                self._seal_as_own(db, key, result.whose)
+            there: list[tuple[str, str]] = self._database.read("SELECT key, seal FROM seals")  # type: ignore[assignment]
+            attempts = db.execute("SELECT key, attempts FROM rows WHERE attempts IS NOT NULL")
+            written = Written(dict(there), file_seal.contents(self._database))
+            ended = self._database.found >= WHOLE_SINCE and file_seal.ended(self._database) and not result.broken
+            self._state = _State(key, written, dict(attempts))
+            if not new and (remarks := _lasting(result, self._database.found, key)):
+                self._put_meta(db, seals=[*self._stored_meta().get("seals", []), *remarks])
+            if ended:
+                self._state.rows = file_seal.digest_of_rows(sorted(written.seals.items()))
+            file_seal.write(db, self._state.file_seal())
+        if not key.kept:
             warning = (
                 f"the key of the seals could not be kept in {seal_key.folder()}: later commands find flipped bits only"
             )
-            return replace(result, note="; ".join(filter(None, (result.note, warning))))
-        return result
+            return replace(result, changed=() if new else result.changed, notes=[*result.notes, warning])
+        return replace(result, changed=()) if new else result
 
-    def _changed(self, db: sqlite3.Connection, keys: Iterable[str]) -> set[str]:
-        """Return which of the rows are not as this process wrote them: what is written into them is never sealed
-        again."""
-        assert self._written is not None, "only the process that writes a file seals"
-        rows = ((key, db.execute(_ONE, (key,)).fetchone()) for key in keys)
-        return {key for key, row in rows if row and seals.unfit(row, self._key, self._written)}
+    def _seal_as_own(self, db: sqlite3.Connection, key: Key, whose: str) -> None:
+        """Seal all rows by the key, and note in them whose key they had, within the transaction that checked them."""
+        for values in db.execute(seals.READ).fetchall():
+            row = list(values)
+            row[_SEALED_BY] = seals.origin(row[_SEALED_BY], whose, key.name)
+            db.execute("UPDATE rows SET sealed_by = ? WHERE key = ?", (row[_SEALED_BY], row[0]))
+            db.execute("INSERT OR REPLACE INTO seals VALUES (?, ?)", (row[0], seals.sealed(row, key)))
 
-    def _seal(self, db: sqlite3.Connection, keys: Iterable[str], changed: Collection[str] = ()) -> None:
-        """Seal rows as SQLite has stored them, but those that somebody else had changed before, or whose plan is
-        another than this process knows; part of the transaction that wrote them."""
-        assert self._key is not None, "only the process that writes a file seals"
-        assert self._written is not None, "only the process that writes a file seals"
-        fresh = {key: seals.sealed(db.execute(_ONE, (key,)).fetchone(), self._key) for key in keys}
-        for key, seal in fresh.items():
-            if key in changed or not seals.same_plan(self._written.get(key, seal), seal):
-                fresh[key] = seals.BROKEN
-        db.executemany("INSERT OR REPLACE INTO seals VALUES (?, ?)", fresh.items())
-        self._written |= fresh
+    @contextmanager
+    def _rows_written(self) -> Generator[sqlite3.Connection]:
+        """Write rows within this context, all or nothing; the run has then not ended."""
+        state = self._writing
+        with self._database.transaction() as db:
+            if state.rows != file_seal.OPEN:
+                state.rows = file_seal.OPEN
+                file_seal.write(db, state.file_seal())
+            yield db
+
+    @contextmanager
+    def _facts_written(self) -> Generator[tuple[sqlite3.Connection, file_seal.Contents]]:
+        """Write tables beside the rows within this context, all or nothing, and seal what was noted of them."""
+        state = self._writing
+        with self._database.transaction() as db:
+            yield db, state.written.contents
+            file_seal.write(db, state.file_seal())
+
+    def _seal(self, db: sqlite3.Connection, key: str, planned: str, measured: str, kept: str) -> None:
+        """Seal a row by the digests of what was planned, measured and kept; part of the transaction that wrote it."""
+        state = self._writing
+        seal = seals.assembled((planned, measured, kept), state.key)
+        db.execute("INSERT OR REPLACE INTO seals VALUES (?, ?)", (key, seal))
+        state.written.seals[key] = seal
 
     # ------------------------------------------------------------------------------------------- write
 
     def set_meta(self, **values: Any) -> None:
         with self._database.transaction() as db:
-            db.executemany(
-                "INSERT INTO meta VALUES (?, ?) ON CONFLICT(name) DO UPDATE SET value = excluded.value",
-                [(name, json.dumps(value)) for name, value in values.items()],
-            )
+            self._put_meta(db, **values)
+            file_seal.write(db, self._writing.file_seal())
+
+    def _put_meta(self, db: sqlite3.Connection, **values: Any) -> None:
+        for name, value in values.items():
+            text = json.dumps(value)
+            db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (name, text))
+            self._writing.written.contents.put("meta", name, text)
 
     def note_files(self, loaded: Iterable[str], refused: Iterable[tuple[str, str]]) -> None:
         """Note which files could not be read, and why; those that are read now are refused no longer."""
-        with self._database.transaction() as db:
-            db.executemany("DELETE FROM refused WHERE address = ?", [(_text(address),) for address in loaded])
-            db.executemany("INSERT OR REPLACE INTO refused VALUES (?, ?)", [(_text(a), _text(r)) for a, r in refused])
+        with self._facts_written() as (db, contents):
+            for address in map(_text, loaded):
+                db.execute("DELETE FROM refused WHERE address = ?", (address,))
+                contents.remove("refused", address)
+            for address, reason in refused:
+                db.execute("INSERT OR REPLACE INTO refused VALUES (?, ?)", (_text(address), _text(reason)))
+                contents.put("refused", _text(address), reason)
 
     def note_machine(self, host: str, description: Mapping[str, Any]) -> None:
         """Store the description of a machine that solves."""
-        with self._database.transaction() as db:
-            db.execute("INSERT OR REPLACE INTO machines VALUES (?, ?)", (host, json.dumps(dict(description))))
+        with self._facts_written() as (db, contents):
+            text = json.dumps(dict(description))
+            db.execute("INSERT OR REPLACE INTO machines VALUES (?, ?)", (host, text))
+            contents.put("machines", host, text)
 
     def note_features(self, features: Mapping[str, Mapping[str, Any]]) -> None:
         """Note the features of problems by fingerprint, in place of what was noted of them."""
-        noted = [(fingerprint, json.dumps(dict(facts))) for fingerprint, facts in features.items()]
-        with self._database.transaction() as db:
-            db.executemany("INSERT OR REPLACE INTO problems VALUES (?, ?)", noted)
+        with self._facts_written() as (db, contents):
+            for fingerprint, facts in features.items():
+                text = json.dumps(dict(facts))
+                db.execute("INSERT OR REPLACE INTO problems VALUES (?, ?)", (fingerprint, text))
+                contents.put("problems", fingerprint, text)
 
     def add_reference(self, pairs: int, seconds: float, loadavg: float | None = None) -> None:
         """Add a reference solve of this moment: pairs run before, its time [s] (NaN if it failed), and the load of the
@@ -174,57 +238,56 @@ class Store:
 
     def add_references(self, solves: Iterable[Mapping[str, Any]]) -> None:
         """Add reference solves as `references` returns them."""
-        with self._database.transaction() as db:
-            db.executemany("INSERT INTO reference VALUES (:at, :pairs, :seconds, :loadavg)", map(dict, solves))
+        with self._facts_written() as (db, contents):
+            for solve in solves:
+                values = [solve[name] for name in ("at", "pairs", "seconds", "loadavg")]
+                db.execute("INSERT INTO reference VALUES (?, ?, ?, ?)", values)
+                contents.put("reference", *values)
 
     def add(self, rows: Iterable[Row]) -> None:
         """Add rows as `rows` yields them, in one transaction."""
-        keys: list[str] = []
+        with self._rows_written() as db:
+            for row in rows:
+                self._add(db, "INSERT", _row_values(row), (None, None, None, None))
 
-        def values(row: Row) -> tuple[Any, ...]:
-            keys.append(row.key)
-            return _row_values(row)
-
-        with self._database.transaction() as db:
-            db.executemany(f"INSERT INTO rows {_WHOLE}", map(values, rows))
-            self._seal(db, keys)
+    def _add(self, db: sqlite3.Connection, how: str, values: Sequence[Any], kept: Sequence[Any]) -> None:
+        """Add a whole row and seal it with what is kept of it."""
+        values = [_text(value) for value in values]
+        db.execute(f"{how} INTO rows {_WHOLE}", values)
+        state = self._writing
+        planned, measured = values[: len(PLANNED)], values[len(PLANNED) :]
+        digests = seals.planned_digest(planned, state.key), seals.measured_digest(measured, state.key)
+        self._seal(db, values[0], *digests, seals.kept_digest(kept, state.key))
+        state.count(values[0], measured[_ATTEMPTS])
 
     def put(self, row: Planned, outcome: Outcome) -> None:
         """Put a whole row with its answer in place of the one of its key."""
         answer = outcome.answer
-        keep = answer is not None and self._kept + len(answer) <= KEEP_LIMIT
-        with self._database.transaction() as db:
+        if answer is not None and self._kept + len(answer) > KEEP_LIMIT:
+            answer = None
+        with self._rows_written() as db:
             for table in _KEPT:
                 db.execute(f"DELETE FROM {table} WHERE key = ?", (row.key,))
             values = (*_planned_values(row), *_measured_values(outcome))
-            db.execute(f"INSERT OR REPLACE INTO rows {_WHOLE}", [*map(_text, values)])
-            if answer is not None and keep:
+            self._add(db, "INSERT OR REPLACE", values, (answer, None, None, None))
+            if answer is not None:
                 db.execute("INSERT INTO answers VALUES (?, ?, ?)", (row.key, len(answer), answer))
                 self._kept += len(answer)
-            assert self._written is not None, "only the process that writes a file seals"
-            self._written.pop(row.key, None)  # its plan may be another one
-            self._seal(db, [row.key])
 
-    def add_kept(
-        self,
-        answers: Iterable[tuple[str, bytes]],
-        histories: Iterable[tuple[str, bytes]],
-        certificates: Iterable[tuple[str, str, bytes]],
-    ) -> None:
-        """Add answers, histories and certificates of existing rows, as the methods of these names yield them."""
-        keys: dict[str, None] = {}  # in their order: equal files have equal bytes
-
-        def noted(items: Iterable[Any]) -> Iterator[Any]:
-            for item in items:
-                keys[item[0]] = None
-                yield item
-
-        with self._database.transaction() as db:
-            kept = ((key, len(blob), blob) for key, blob in noted(answers))
-            db.executemany("INSERT INTO answers VALUES (?, ?, ?)", kept)
-            db.executemany("INSERT INTO histories VALUES (?, ?)", noted(histories))
-            db.executemany("INSERT INTO certificates VALUES (?, ?, ?)", noted(certificates))
-            self._seal(db, keys)
+    def add_kept(self, kept: Iterable[tuple[str, bytes | None, bytes | None, str | None, bytes | None]]) -> None:
+        """Add what is kept of existing rows, as `kept` yields it."""
+        state = self._writing
+        with self._rows_written() as db:
+            for key, answer, history, kind, proof in kept:
+                if answer is not None:
+                    db.execute("INSERT INTO answers VALUES (?, ?, ?)", (key, len(answer), answer))
+                if history is not None:
+                    db.execute("INSERT INTO histories VALUES (?, ?)", (key, history))
+                if proof is not None:
+                    db.execute("INSERT INTO certificates VALUES (?, ?, ?)", (key, kind, proof))
+                planned, measured, _ = seals.digests_of(state.written.seals[key])
+                digest = seals.kept_digest((answer, history, kind, proof), state.key)
+                self._seal(db, key, planned, measured, digest)
 
     def plan(self, pairs: Iterable[Pair]) -> None:
         """Add the rows of a plan as `not_run`; those that are there already stay as they are.
@@ -234,12 +297,14 @@ class Store:
         """
         pairs = list(pairs)
         rows = [Planned.of(pair) for pair in pairs]
-        with self._database.transaction() as db:
-            self._require_same_limits(rows)
-            self._require_same_calls(pairs)
-            values = ([*map(_text, _planned_values(row)), "not_run"] for row in rows)
-            db.executemany(f"INSERT OR IGNORE INTO rows {_into((*PLANNED, 'status'))}", values)
-            self._seal(db, [row.key for row in rows if row.key not in (self._written or {})])
+        there = self._writing.written.seals
+        new = {row.key: row for row in rows if row.key not in there}
+        self._require_same_limits(rows)
+        self._require_same_calls(pairs)
+        if new:
+            with self._rows_written() as db:
+                for row in new.values():
+                    self._add(db, "INSERT", (*_planned_values(row), *_UNMEASURED), (None, None, None, None))
 
     def _require_same_limits(self, rows: Sequence[Planned]) -> None:
         columns = ", ".join(LIMITS)
@@ -274,36 +339,55 @@ class Store:
         if answer is not None and self._kept + len(answer) > KEEP_LIMIT:
             message = f"{outcome.message or ''} (answer not kept: over {KEEP_LIMIT} bytes)".strip()
             outcome, answer = replace(outcome, message=message), None
-        with self._database.transaction() as db:
-            done = db.execute(_FINISH, (*map(_text, _finish_values(outcome)), key))
-            if done.rowcount != 1:
+        state = self._writing
+        attempts = state.attempts.get(key, 0) + 1 if outcome.attempts is None else outcome.attempts
+        measured = [_text(value) for value in _measured_values(outcome)]
+        measured[_ATTEMPTS] = attempts
+        kind = outcome.status if outcome.proof is not None else None
+        with self._rows_written() as db:
+            if db.execute(_FINISH, (*measured, key)).rowcount != 1:
                 raise StoreError(f"{self.path}: no row {key} was planned")
             for table in _KEPT:
                 db.execute(f"DELETE FROM {table} WHERE key = ?", (key,))
             if answer is not None:
-                db.execute("INSERT OR REPLACE INTO answers VALUES (?, ?, ?)", (key, len(answer), answer))
+                db.execute("INSERT INTO answers VALUES (?, ?, ?)", (key, len(answer), answer))
             if outcome.history is not None:
-                db.execute("INSERT OR REPLACE INTO histories VALUES (?, ?)", (key, outcome.history))
+                db.execute("INSERT INTO histories VALUES (?, ?)", (key, outcome.history))
             if outcome.proof is not None:
-                kept = (key, outcome.status, outcome.proof)
-                db.execute("INSERT OR REPLACE INTO certificates VALUES (?, ?, ?)", kept)
-            self._seal(db, [key])
+                db.execute("INSERT INTO certificates VALUES (?, ?, ?)", (key, kind, outcome.proof))
+            planned, *_ = seals.digests_of(state.written.seals[key])
+            kept = seals.kept_digest((answer, outcome.history, kind, outcome.proof), state.key)
+            self._seal(db, key, planned, seals.measured_digest(measured, state.key), kept)
+            state.count(key, attempts)
         if answer is not None:
             self._kept += len(answer)
 
     def note_certificate(
         self, key: str, certainty: str, distance: float | None, words: str, proof: bytes | None = None
     ) -> None:
-        """Put down how certain the answer of a row is, with the proof; a proof that there is no solution stays."""
-        with self._database.transaction() as db:
-            values = (certainty, distance, _text(words), key)
-            done = db.execute("UPDATE rows SET certainty = ?, distance = ?, certificate = ? WHERE key = ?", values)
-            if done.rowcount != 1:
+        """Put down how certain the answer of a row is, with the proof; a proof that there is no solution stays.
+
+        Raises SealError where the row is not as this process knows it.
+        """
+        state = self._writing
+        with self._rows_written() as db:
+            row = db.execute(f"{seals.READ} WHERE rows.key = ?", (key,)).fetchone()
+            if row is None:
                 raise StoreError(f"{self.path}: no row {key}")
-            db.execute("DELETE FROM certificates WHERE key = ? AND kind = ?", (key, OF_AN_ANSWER))
-            if proof is not None:
-                db.execute("INSERT OR IGNORE INTO certificates VALUES (?, ?, ?)", (key, OF_AN_ANSWER, proof))
-            self._seal(db, [key])
+            if why := seals.unfit(row, state.key, state.written.seals):
+                raise SealError(f"{self.path}: row {key} {why}: by another program")
+            measured, (answer, history, kind, old) = list(row[len(PLANNED) : -5]), row[-5:-1]
+            for name, value in (("certainty", certainty), ("distance", distance), ("certificate", _text(words))):
+                measured[_PLACE[name]] = value
+            if kind in (None, OF_AN_ANSWER):
+                kind, old = (None, None) if proof is None else (OF_AN_ANSWER, proof)
+            db.execute(_FINISH, (*measured, key))
+            db.execute("DELETE FROM certificates WHERE key = ?", (key,))
+            if kind is not None:
+                db.execute("INSERT INTO certificates VALUES (?, ?, ?)", (key, kind, old))
+            kept = seals.kept_digest((answer, history, kind, old), state.key)
+            planned, *_ = seals.digests_of(state.written.seals[key])
+            self._seal(db, key, planned, seals.measured_digest(measured, state.key), kept)
 
     def note_proved_problems(self, data: Iterable[tuple[str, bytes]]) -> None:
         """Keep the data of problems by fingerprint, for whoever checks the proofs of answers."""
@@ -337,45 +421,61 @@ class Store:
             chosen.append("coalesce(attempts, 0) <= ?")
             given.append(attempts)
         cleared = ", ".join(f'"{c}" = NULL' for c in MEASURED if c not in ("status", "attempts"))
-        with self._database.transaction() as db:
+        with self._rows_written() as db:
             db.execute("CREATE TEMP TABLE asked (key TEXT PRIMARY KEY)")
             db.execute("CREATE TEMP TABLE chosen (key TEXT PRIMARY KEY)")
             db.executemany("INSERT OR IGNORE INTO temp.asked VALUES (?)", [(key,) for key in keys or ()])
             db.execute(f"INSERT INTO temp.chosen SELECT key FROM rows WHERE {' AND '.join(chosen)}", given)
             among = "key IN (SELECT key FROM temp.chosen)"
             again = [key for (key,) in db.execute("SELECT key FROM temp.chosen")]
-            changed = self._changed(db, again)
             count = db.execute(f"UPDATE rows SET {cleared}, status = 'not_run' WHERE {among}").rowcount
             freed = db.execute(f"SELECT coalesce(sum(bytes), 0) FROM answers WHERE {among}").fetchone()[0]
             for table in _KEPT:
                 db.execute(f"DELETE FROM {table} WHERE {among}")
-            self._seal(db, again, changed)
+            self._seal_as_planned(db, again)
             db.execute("DROP TABLE temp.asked")
             db.execute("DROP TABLE temp.chosen")
         self._kept -= freed
         return count
 
+    def _seal_as_planned(self, db: sqlite3.Connection, keys: Iterable[str]) -> None:
+        """Seal rows that wait to be run again."""
+        state = self._writing
+        kept = seals.kept_digest((None, None, None, None), state.key)
+        for key in keys:
+            measured = list(_UNMEASURED)
+            measured[_ATTEMPTS] = state.attempts.get(key)
+            if key in state.written.seals:
+                planned, *_ = seals.digests_of(state.written.seals[key])
+                self._seal(db, key, planned, seals.measured_digest(measured, state.key), kept)
+
     def withdraw(self, keys: Iterable[str]) -> None:
         """Take rows out of the results, with all that is kept of them."""
-        assert self._written is not None, "only the process that writes a file seals"
         gone = [(key,) for key in keys]
-        with self._database.transaction() as db:
+        if not gone:
+            return
+        with self._rows_written() as db:
             for table in (*_KEPT, "seals", "rows"):
                 db.executemany(f"DELETE FROM {table} WHERE key = ?", gone)
         for (key,) in gone:
-            self._written.pop(key, None)
+            self._writing.written.seals.pop(key, None)
 
     # -------------------------------------------------------------------------------------------- read
 
     def meta(self) -> dict[str, Any]:
         """Return facts of the run by name, with the refused files under `refused`, the solves that tell the machine's
-        drift under `references`."""
-        values = {name: json.loads(value) for name, value in self._database.read("SELECT name, value FROM meta")}
+        drift under `references`, and under `seals` what its readers have to know of its seals, if anything."""
+        values = self._stored_meta()
+        if values.get("seals") or self._notes:
+            values["seals"] = [*values.get("seals", []), *self._notes]
         if "solvers" in values:
             values["solvers"] = {current_label(label): sheet for label, sheet in values["solvers"].items()}
         values["refused"] = self._database.read("SELECT address, reason FROM refused ORDER BY address")
         values["references"] = self.references()
         return values
+
+    def _stored_meta(self) -> dict[str, Any]:
+        return {name: json.loads(value) for name, value in self._database.read("SELECT name, value FROM meta")}
 
     def machines(self) -> dict[str, dict[str, Any]]:
         """Return what the machines are that solved, by host."""
@@ -409,12 +509,12 @@ class Store:
         rows = self._database.read(f"SELECT {_ALL} FROM rows WHERE key = ?", (key,))
         if not rows:
             raise StoreError(f"{self.path}: no row {key}")
-        return _row(rows[0])
+        return self._row(rows[0])
 
     def rows(self) -> Iterator[Row]:
         """Yield every row, in the order in which they were planned."""
         for values in self._database.stream(f"SELECT {_ALL} FROM rows ORDER BY rowid"):
-            yield _row(values)
+            yield self._row(values)
 
     def ending(self, key: str) -> tuple[str, bytes | None]:
         """Return how a row ended: its status, and its compressed answer where one is kept."""
@@ -424,6 +524,22 @@ class Store:
         if not rows:
             raise StoreError(f"{self.path}: no row {key}")
         return rows[0][0], rows[0][1]
+
+    def _row(self, values: Sequence[Any]) -> Row:
+        """Return the row of values that were read, under the name that its solver has now, with whose key sealed it."""
+        row = Row(*values)
+        solver, label = (name and current_label(name) for name in (row.solver, row.label))
+        first = self._first_seal(row.sealed_by)
+        same = (solver, label, first) == (row.solver, row.label, row.sealed_by)
+        return row if same else replace(row, solver=solver, label=label, sealed_by=first)
+
+    def _first_seal(self, sealed_by: str | None) -> str | None:
+        """Return whose key sealed a row first: None for this user's."""
+        return seals.origin(sealed_by, self._whose, "" if self._key is None else self._key.name)
+
+    def kept(self) -> Iterator[tuple[str, bytes | None, bytes | None, str | None, bytes | None]]:
+        """Yield (key, compressed answer, history, kind of proof, proof) of every row of which something is kept."""
+        yield from self._database.stream(_READ_KEPT)  # type: ignore[misc]
 
     def answers(self) -> Iterator[tuple[str, bytes]]:
         """Yield (key, compressed answer) of every kept answer."""
@@ -446,15 +562,44 @@ class Store:
             yield from self._database.stream("SELECT fingerprint, data FROM proved_problems ORDER BY fingerprint")
 
     def table(self) -> pd.DataFrame:
-        """Return all rows, in the order problem, label."""
-        return whole_table(self._database)
+        """Return all rows, in the order problem, label, with whose key sealed them as `seals.OWNERS`."""
+        return whole_table(self._database, lambda sealed_by: seals.owner(self._first_seal(sealed_by)))
 
 
-def _row(values: Sequence[Any]) -> Row:
-    """Return the row of values that were read, under the name that its solver has now."""
-    row = Row(*values)
-    solver, label = (name and current_label(name) for name in (row.solver, row.label))
-    return row if (solver, label) == (row.solver, row.label) else replace(row, solver=solver, label=label)
+@dataclass
+class _State:
+    """What the process that writes a file knows of it: its key, what it has written, how often rows were run, and the
+    digest of all rows."""
+
+    key: Key
+    written: Written
+    attempts: dict[str, int]
+    rows: str = file_seal.OPEN
+
+    def file_seal(self) -> str:
+        """Return the seal over the whole file."""
+        return file_seal.sealed(self.written.contents.digests(), self.rows, self.key)
+
+    def count(self, key: str, attempts: int | None) -> None:
+        """Note how often a row was run."""
+        if attempts is None:
+            self.attempts.pop(key, None)
+        else:
+            self.attempts[key] = attempts
+
+
+def _lasting(found: Audit, version: int, key: Key) -> list[str]:
+    """Return what was found of a file that all its later readers have to know, in a sentence each."""
+    today = time.strftime("%Y-%m-%d")
+    remarks = [f"on {today}: {one}, by another program" for one in found.changed]
+    remarks += [f"on {today}: removed {counted(len(found.broken), 'row')} that could not be believed"] * bool(
+        found.broken
+    )
+    if 0 < version < WHOLE_SINCE:
+        remarks.append(f"until {today} its facts beside the rows had no seal: it was made by an older cpbench")
+    elif found.whose not in ("", key.name):
+        remarks.append(f"until {today} it was sealed by the key of another user or machine")
+    return remarks
 
 
 def _into(names: Sequence[str]) -> str:
@@ -468,15 +613,18 @@ _KEPT = ("answers", "histories", "certificates")
 """Tables of what is kept of single rows."""
 _ALL = ", ".join(f'"{c}"' for c in (*PLANNED, *MEASURED))
 _WHOLE = _into((*PLANNED, *MEASURED))
-_FILLED = [name for name in MEASURED if name != "attempts"]
-_FINISH = (
-    f"UPDATE rows SET {', '.join(f'{chr(34)}{name}{chr(34)} = ?' for name in _FILLED)},"
-    " attempts = coalesce(?, coalesce(attempts, 0) + 1) WHERE key = ?"
+_FINISH = f"UPDATE rows SET {', '.join(f'{chr(34)}{name}{chr(34)} = ?' for name in MEASURED)} WHERE key = ?"
+_READ_KEPT = (
+    "SELECT key, answer, history, certificates.kind, proof FROM rows LEFT JOIN answers USING (key) LEFT JOIN histories USING (key)"
+    " LEFT JOIN certificates USING (key)"
+    " WHERE coalesce(answer, history, proof) IS NOT NULL ORDER BY key"
 )
 _planned_values, _measured_values = attrgetter(*PLANNED), attrgetter(*MEASURED)
 _row_values = attrgetter(*PLANNED, *MEASURED)
-_finish_values = attrgetter(*_FILLED, "attempts")
-_ONE = f"{seals.READ} WHERE rows.key = ?"
+_PLACE = {name: place for place, name in enumerate(MEASURED)}
+_ATTEMPTS = _PLACE["attempts"]
+_SEALED_BY = len(PLANNED) + _PLACE["sealed_by"]
+_UNMEASURED = _measured_values(Measured())
 
 
 def read_results(path: str | Path) -> pd.DataFrame:
@@ -488,6 +636,4 @@ def read_results(path: str | Path) -> pd.DataFrame:
 def _text(value: Any) -> Any:
     """Return `value` as SQLite can store it: text with halves of characters, as broken file names have them, is
     escaped."""
-    if isinstance(value, str) and not value.isascii():
-        return value.encode("utf-8", "backslashreplace").decode()
-    return value
+    return stored(value, "TEXT") if isinstance(value, str) else value

@@ -32,7 +32,7 @@ OF_SOLVER = (
 )  # fmt: skip
 OF_ENDING = (
     "status", "route", "kind", "claim", "flags", "started", "host", "origin", "signal", "code", "attempts", "jobs",
-    "repeats", "certainty", "batch",
+    "repeats", "certainty", "batch", "sealed_by",
 )  # fmt: skip
 SHARED = (OF_PROBLEM, OF_SOLVER, OF_ENDING)
 """Text and whole numbers that repeat together; other numbers would lose digits in JSON."""
@@ -58,12 +58,13 @@ class Rows(NamedTuple):
     columns: list[Values]
 
 
-def whole_table(database: Database) -> pd.DataFrame:
-    """Return all rows in the order problem, label, key, with `error` ∞ where none was measured."""
+def whole_table(database: Database, owner: Callable[[str | None], str]) -> pd.DataFrame:
+    """Return all rows in the order problem, label, key, with `error` ∞ where none was measured, and `sealed_by` as
+    `owner` says it."""
     import pandas as pd
 
     with pd.option_context("mode.string_storage", "python"):  # where pyarrow is, each cell would be a text of its own
-        frame, ranks = _joined(_read_rows(database))
+        frame, ranks = _joined(_read_rows(database), owner)
     frame["error"] = frame["error"].fillna(float("inf"))
     order = _order(ranks["problem"], ranks["label"], frame["key"])
     if order is not None:
@@ -84,7 +85,7 @@ def _read_rows(database: Database) -> Rows:
     return Rows([list(texts) for texts in seen], [np.concatenate(parts) for parts in columns])
 
 
-def _joined(rows: Rows) -> tuple[pd.DataFrame, dict[str, Values]]:
+def _joined(rows: Rows, owner: Callable[[str | None], str]) -> tuple[pd.DataFrame, dict[str, Values]]:
     """Return the table of what was read, and the ranks of problem and label; `rows` are emptied on the way."""
     import pandas as pd
 
@@ -92,6 +93,8 @@ def _joined(rows: Rows) -> tuple[pd.DataFrame, dict[str, Values]]:
     ranks: dict[str, Values] = {}
     for names, texts in zip(SHARED, rows.texts, strict=True):
         distinct, place = _distinct(names, texts), rows.columns.pop(0)
+        if "sealed_by" in names:
+            distinct["sealed_by"] = [owner(value) for value in distinct["sealed_by"]]
         columns |= {name: distinct[name].array.take(place) for name in names}
         ranks |= {n: pd.factorize(distinct[n], sort=True)[0][place] for n in ("problem", "label") if n in names}
     for name in SINGLE:
