@@ -6,13 +6,16 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import replace
 
-from cpbench.bench.messages import Declined, Failure, Late, Message, OutOfMemory, Result
+from cpbench.bench.messages import Declined, Failure, Late, Message, OutOfMemory, Result, Seconds
 from cpbench.bench.results.rows import Outcome
 from cpbench.errors import FormatError
 from cpbench.verification import MET_TOLERANCE, PROVEN
 
 LATE, LATE_SHARE = 0.25, 1.5
 """Seconds, and multiple of the time that the worker reports, after which an answer carries the flag `clock`."""
+
+CLOCK = "clock"
+"""Flag of an answer that came much later than the clock of its process says: the time is the runner's."""
 
 TWICE = "twice"
 """Flag of a pair whose solver was asked once more because its first claim failed."""
@@ -31,9 +34,14 @@ def marks(result: Result, waited: float, threads: int) -> list[str]:
         ("children", result.children > 0),
         ("wrote", result.wrote),
         ("threads", result.threads > threads),
-        ("clock", late(waited, result.setup + (result.solve if result.solve_wall is None else result.solve_wall))),
+        (CLOCK, late(waited, result.setup + (result.solve if result.solve_wall is None else result.solve_wall))),
     )
     return [flag for flag, holds in found if holds]
+
+
+def runners_time(result: Result, waited: float) -> Result:
+    """Return a result with the seconds that the runner waited in place of those by a clock that is not believed."""
+    return replace(result, setup=Seconds(0.0), solve=Seconds(waited))
 
 
 def late(waited: float, seconds: float) -> bool:

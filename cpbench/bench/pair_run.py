@@ -16,7 +16,7 @@ import cpbench.bench.worker as worker_process
 from cpbench import frames
 from cpbench.bench import messages
 from cpbench.bench.judging import PROOF_SECONDS
-from cpbench.bench.outcome import iqr, marks, reason, remembered
+from cpbench.bench.outcome import CLOCK, iqr, late, marks, reason, remembered, runners_time
 from cpbench.bench.planning.plan import PREVIOUS, Pair
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
 from cpbench.bench.referee import HISTORY_SECONDS
@@ -112,6 +112,8 @@ class PairRun:
             trail, times = self.read_history(worker, times)
             self.drop_changed(result)
             flags = self.flags(result, times, waited)
+            if CLOCK in flags:
+                result, times = runners_time(result, waited), Times([0.0], [waited], [waited], times.lost)
             if not self.stacked:
                 return [self.judge(self.pair, result, times, flags, trail)]
             return [self.judge(pair, *self.share(result, times, i), flags) for i, pair in enumerate(self.pairs)]
@@ -238,12 +240,19 @@ class PairRun:
         limits, more = self.pair.limits, self.pair.limits.repeats - 1
         if more < 1 or result.wrote or result.setup + result.solve >= worker_process.SHORT:
             return first
+        begun = time.perf_counter()
         repeats, lost = self._next(worker, messages.Repeats, more * (limits.seconds + GRACE), "repeat")
+        waited = time.perf_counter() - begun
         if repeats is None:
             return replace(first, lost=lost)
         if len(repeats.times) > more:
             self.workers.drop(self.name)
             return replace(first, lost=f"a repeat failed: {len(repeats.times)} repeats, {more} were asked for")
+        shown = sum(setup + wall for setup, _, wall in repeats.times)
+        # a request to another process may take long outside of any clock; a repeat may have to load the problem again
+        if result.trip is None and late(waited, shown + more * (self.row.load or 0.0)):
+            why = f"the repeats took {waited:.3g} s, of which the solver's process shows {shown:.3g} s"
+            return replace(first, lost=f"a repeat failed: {why}")
         setup, solve, wall = ([seconds[k] for seconds in repeats.times] for k in range(3))
         return Times([*first.setup, *setup], [*first.solve, *solve], [*first.wall, *wall])
 

@@ -118,6 +118,7 @@ def run_pending(
         skipped.settle(store, planned, absent or {})
         store.set_meta(solvers=_sheets(store.meta().get("solvers", {}), planned, versions))
     store.require_unchanged()
+    store.end()
 
 
 def _reset_followers(store: Store, planned: Sequence[Pair]) -> None:

@@ -48,6 +48,7 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> No
         from cpbench.api.certifying import certify_rows
 
         print_lines(certify_rows(store), err=True)
+        store.end()
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):
         print_lines(run_text.absent(store), err=True)

@@ -60,9 +60,9 @@ answer, which stands. *remembered*: the repeats were so much faster than the fir
 it was asked once more, for a smaller tolerance. The row has the run that it reports, with the time of this run alone:
 the second where that answer is right, else the first.
 *children*: the solver left processes behind; *threads*: it used more threads than it was given; *wrote*: it wrote to
-the problem's data; *clock*: its answer came much later than its own clock says. After the first three its process
-was replaced. *history*: not run, but read off the iterates of a run at a tighter tolerance. *mixed*: merged from runs
-with other limits, machines or versions.
+the problem's data; *clock*: its answer came much later than its own clock says, and the time is the runner's, with all
+that passed until the answer was there. After the first three its process was replaced. *history*: not run, but read
+off the iterates of a run at a tighter tolerance. *mixed*: merged from runs with other limits, machines or versions.
 
 **Claim and verdict.** What a solver says of its answer (the claim) is recorded and never believed. Claimed and not
 within the tolerance is *inaccurate* up to {INACCURATE_FACTOR:g} times the tolerance, *wrong* beyond; both are claims

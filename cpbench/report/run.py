@@ -71,8 +71,9 @@ class Run:
 
     @cached_property
     def remarks(self) -> list[str]:
-        """`remarks.remarks` of all rows: what the first lines say."""
-        return [*([SENTENCE] if self.reached else []), *remarks.remarks(self.read)]
+        """`remarks.remarks` of all rows and of the seals of their file: what the first lines say."""
+        seals = [str(line) for line in self.meta.get("seals") or []]
+        return [*([SENTENCE] if self.reached else []), *remarks.remarks(self.read), *seals]
 
     @property
     def all_rows(self) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis import participation
+from cpbench.analysis import participation, remarks
 from cpbench.analysis.comparison import gates
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.pairs import Matched
@@ -22,6 +22,14 @@ def on_publishing(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, A
     for table, meta in zip(tables, metas, strict=True):
         terms |= participation.restricted(table, meta.get("solvers") or {})
     return [f"publishing figures of {name} is restricted: {term}" for name, term in sorted(terms.items())]
+
+
+def on_seals(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Note what is known of the seals of both sides: rows of other users or without a seal, files that were changed."""
+    sides = zip(("base", "new results"), tables, metas, strict=True)
+    return [
+        f"{name}: {line}" for name, table, meta in sides for line in [*remarks.seals(table), *(meta.get("seals") or [])]
+    ]
 
 
 def on_pairs(judged: pd.DataFrame, found: Matched, idle: int) -> list[str]:

@@ -614,11 +614,11 @@ _KEPT = ("answers", "histories", "certificates")
 _ALL = ", ".join(f'"{c}"' for c in (*PLANNED, *MEASURED))
 _WHOLE = _into((*PLANNED, *MEASURED))
 _FINISH = f"UPDATE rows SET {', '.join(f'{chr(34)}{name}{chr(34)} = ?' for name in MEASURED)} WHERE key = ?"
-_READ_KEPT = (
-    "SELECT key, answer, history, certificates.kind, proof FROM rows LEFT JOIN answers USING (key) LEFT JOIN histories USING (key)"
-    " LEFT JOIN certificates USING (key)"
-    " WHERE coalesce(answer, history, proof) IS NOT NULL ORDER BY key"
-)
+_READ_KEPT = """
+    SELECT key, answer, history, certificates.kind, proof FROM rows LEFT JOIN answers USING (key)
+    LEFT JOIN histories USING (key) LEFT JOIN certificates USING (key)
+    WHERE coalesce(answer, history, proof) IS NOT NULL ORDER BY key
+"""
 _planned_values, _measured_values = attrgetter(*PLANNED), attrgetter(*MEASURED)
 _row_values = attrgetter(*PLANNED, *MEASURED)
 _PLACE = {name: place for place, name in enumerate(MEASURED)}

@@ -94,7 +94,7 @@ def _joined(rows: Rows, owner: Callable[[str | None], str]) -> tuple[pd.DataFram
     for names, texts in zip(SHARED, rows.texts, strict=True):
         distinct, place = _distinct(names, texts), rows.columns.pop(0)
         if "sealed_by" in names:
-            distinct["sealed_by"] = [owner(value) for value in distinct["sealed_by"]]
+            distinct["sealed_by"] = [owner(v if isinstance(v, str) else None) for v in distinct["sealed_by"]]
         columns |= {name: distinct[name].array.take(place) for name in names}
         ranks |= {n: pd.factorize(distinct[n], sort=True)[0][place] for n in ("problem", "label") if n in names}
     for name in SINGLE:
