@@ -20,13 +20,22 @@ def printable(text: str) -> str:
     return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode("ascii"), text)
 
 
+def on_one_line(text: str) -> str:
+    r"""Return the text as `printable` does, with line feeds spelled out too, as names of files may have them.
+
+    >>> on_one_line("a\nb.h5")
+    'a\\nb.h5'
+    """
+    return printable(text).replace("\n", "\\n")
+
+
 def cell(text: str) -> str:
     """Make a text safe for a cell of a table: no formula to a spreadsheet, no control sequence to a terminal.
 
     >>> cell("=1+1"), cell("a-b")
     ("'=1+1", 'a-b')
     """
-    return f"'{printable(text)}" if text.startswith(_FORMULA) else printable(text)
+    return f"'{on_one_line(text)}" if text.startswith(_FORMULA) else on_one_line(text)
 
 
 def columns(rows: Iterable[Sequence[str]], last: int = 0) -> Iterator[str]:

@@ -11,9 +11,10 @@ from cpbench.bench import planned_run
 from cpbench.bench.planning import dry_run, quantities
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
+from cpbench.bench.processes.isolation import address_space, address_space_allowed
 from cpbench.bench.results.store import Store
-from cpbench.plain_text import printable
-from cpbench.plurals import counted, summary
+from cpbench.plain_text import on_one_line, printable
+from cpbench.plurals import counted, some_of, summary
 from cpbench.verification import CONTRADICTION, Status
 
 if TYPE_CHECKING:
@@ -38,7 +39,13 @@ class Ending:
 
 def planned(assembly: Assembly) -> Iterator[str]:
     """Yield what a reader of the results should know before they are there."""
-    yield from (f"same problem, run once: {address} is {twin}" for address, twin in assembly.twins)
+    allowed = address_space_allowed()
+    if any(allowed < (pair.limits.memory or 0) + address_space() for pair in assembly.pairs):
+        yield (
+            f"the system allows a process {allowed / 2**30:.3g} GiB of address space (ulimit -v), less than the memory "
+            "limit of a solve: solvers get what is left of it"
+        )
+    yield from (on_one_line(f"same problem, run once: {address} is {twin}") for address, twin in assembly.twins)
     if assembly.pairs and assembly.idle:
         yield f"no route leads to {', '.join(assembly.idle)}: no row"
 
@@ -55,7 +62,13 @@ def duration(plan: RunPlan, assembly: Assembly) -> Iterator[str]:
 def refused(addresses: Sequence[tuple[str, str]]) -> Iterator[str]:
     """Yield the problems that could not be read, with the reasons."""
     for address, reason in addresses:
-        yield printable(f"refused: {reason if address in reason else f'{address}: {reason}'}")
+        yield on_one_line(f"refused: {reason if address in reason else f'{address}: {reason}'}")
+
+
+def named(plan: RunPlan, refused: Sequence[tuple[str, str]]) -> list[str]:
+    """Return the refused problems that the plan names, and does not only find in a folder or by a pattern."""
+    asked = {str(text) for part in plan.sets for text in part.problems}
+    return [on_one_line(address) for address, _ in refused if {address, address.partition("::")[0]} & asked]
 
 
 def removed(store: Store) -> Iterator[str]:
@@ -100,11 +113,14 @@ def ending(
     wrong = table["label"][table["status"] == str(Status.WRONG)].value_counts()
     if len(wrong):
         lines.append(f"wrong answers by {', '.join(f'{label} ({count})' for label, count in wrong.items())}")
-    lines += [*map(printable, remarks(table)), f"results: {plan.results}"]
+    lines += [*map(on_one_line, remarks(table)), f"results: {plan.results}"]
     failures: list[str] = []
     gaps = planned_run.gaps(store, assembly)
     if gaps:
         failures.append(f"rows are missing: {', '.join(gaps)}; the same command goes on")
+    unreadable = named(plan, assembly.refused)
+    if unreadable:
+        failures.append(f"named and not read: {some_of(unreadable, ABSENT)}")
     listed = planned_run.failures(store, plan, assembly.pairs)
     if CONTRADICTION in plan.fail_on:
         listed += Counter({CONTRADICTION: len(involving(found, (pair.key for pair in assembly.pairs)))})

@@ -326,7 +326,7 @@ def _checked(output: Any, problem: Problem) -> tuple[dict[str, Vector], dict[str
 
 
 def _counters(reported: Mapping[Any, Any]) -> tuple[dict[str, int], list[str]]:
-    """Return the first counters, each a 64-bit integer with a short name, and remarks on what is left out.
+    """Return the first counters, each a 64-bit integer >= 0 with a short name, and remarks on what is left out.
 
     To send and store a million of them would take seconds, after a solve that kept its limit.
     """
@@ -339,7 +339,9 @@ def _counters(reported: Mapping[Any, Any]) -> tuple[dict[str, int], list[str]]:
         except TypeError:
             notes.append(f"the counter {name} is no integer: {value!r:.50}")
             continue
-        if number.bit_length() > 63:
+        if number < 0:
+            notes.append(f"the counter {name} is negative, and not kept")
+        elif number.bit_length() > 63:
             notes.append(f"the counter {name} has {number.bit_length()} bits, 63 are kept")
         else:
             counters[name] = number

@@ -30,7 +30,7 @@ def parse(text: bytes, source: str | Path) -> dict[str, Any]:
             source, "", f"would take about {size / 1e9:.1f} GB as parsed JSON, at most {LARGEST / 1e9:.1f}"
         )
     try:
-        found: Any = json.loads(text)
+        found: Any = json.loads(text, object_pairs_hook=_without_twins)
     except RecursionError:
         raise FormatError(source, "", "is nested too deep: put inner terms into a node_list") from None
     except (ValueError, MemoryError) as cause:
@@ -38,6 +38,15 @@ def parse(text: bytes, source: str | Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise FormatError(source, "", f"holds a JSON {type(found).__name__}, expected an object")
     return cast("dict[str, Any]", found)
+
+
+def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of a JSON text; raises ValueError where a key stands twice, of which only one could count."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        twin = next(key for place, (key, _) in enumerate(pairs) if key in dict(pairs[:place]))
+        raise ValueError(f"has the key {shown(twin)} twice")
+    return found
 
 
 def as_float(value: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import pickletools
 import struct
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -25,7 +26,11 @@ _EXPANSION = 1100
 """Deflate cannot expand by more than 1032."""
 _ZIP_DAMAGE = (zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError, ValueError, LookupError, struct.error)
 """Exceptions of zipfile on damaged archives (NotImplementedError and UnicodeDecodeError are among them)."""
-_HEADER_DAMAGE = (ValueError, TypeError, SyntaxError, LookupError, OverflowError, RecursionError, MemoryError)
+_HEADER_DAMAGE = (
+    ValueError, TypeError, SyntaxError, LookupError, ArithmeticError, AttributeError, RecursionError, MemoryError,
+    EOFError, struct.error, tokenize.TokenError,
+)  # fmt: skip
+"""Exceptions of NumPy on damaged headers, which it takes for Python and cuts into tokens."""
 
 
 def read_matrix(path: str | Path) -> Matrix:

@@ -237,5 +237,9 @@ def _unopened(path: Path, cause: BaseException) -> str:
         signed = file.read(8) == SIGNATURE
     if not signed:
         return "is not an HDF5 file (its first bytes are not the HDF5 signature)"
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        return "has a name that is not UTF-8, which h5py cannot open; rename the file"
     text = _first_line(cause)
     return f"is a truncated HDF5 file ({text})" if "truncated" in text else f"is a damaged HDF5 file ({text})"

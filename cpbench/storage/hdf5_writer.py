@@ -28,9 +28,10 @@ def new_file() -> Generator[tuple[h5py.Group, list[bytes]]]:
 
 
 def put_array(group: h5py.Group, name: str, value: NDArray[Any], *, compress: bool) -> None:
-    """Write an array, compressed when it is large."""
+    """Write an array, compressed when it is large, with a checksum (Fletcher-32) for each of its blocks."""
     packed = compress and value.nbytes > COMPRESS_ABOVE
-    group.create_dataset(name, data=value, **({"compression": "gzip", "shuffle": True} if packed else {}))
+    how = {"compression": "gzip", "shuffle": True, "fletcher32": True} if packed else {}
+    group.create_dataset(name, data=value, **how)
 
 
 def put_integer(group: h5py.Group, name: str, value: int) -> None:

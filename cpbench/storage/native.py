@@ -1,6 +1,7 @@
 """The native schema: any node whose data are matrices and vectors, under the group `cpbench` of a problem.
 
-    <problem>/cpbench            attributes format_version = 1, node, name (and `fields`: further scalars, JSON)
+    <problem>/cpbench            attributes format_version = 1, node, name (and `fields`: further scalars, JSON), and
+                                 fingerprint: that of the problem, with which a reader compares what it has read
     <problem>/cpbench/<M>        sparse: a group as in FCLIB; dense: a 2-D float64 data set
     <problem>/cpbench/vectors/*  float64 data sets
     <problem>/cpbench/mof        nonlinear maps: a string, MathOptFormat 1.9, each map a constraint of its name in Reals
@@ -45,6 +46,7 @@ def write(parent: h5py.Group, problem: Problem, *, compress: bool) -> None:
     own = parent.create_group("cpbench")
     put_attribute(own, "format_version", VERSION)
     put_attribute(own, "node", problem.node)
+    put_attribute(own, "fingerprint", problem.fingerprint)
     if problem.name:
         put_attribute(own, "name", problem.name)
     contact = problem.node in fclib.GROUPS
@@ -65,6 +67,18 @@ def read(parent: Tree, name: str) -> Problem:
     """Read the problem whose `cpbench` group stands in `parent`; `name` when none is stored. Raises FormatError."""
     own = parent.child("cpbench")
     attributes = own.attributes()
+    problem = _read(parent, own, attributes, name)
+    written = attributes.get("fingerprint")
+    if written is not None and written != problem.fingerprint:
+        raise own.error(
+            "@fingerprint",
+            f"is {str(written)[:16]}…, its numbers have {problem.fingerprint[:16]}…: the file is damaged, or was "
+            "changed by another program, which has to remove this attribute",
+        )
+    return problem
+
+
+def _read(parent: Tree, own: Tree, attributes: dict[str, Any], name: str) -> Problem:
     node = _node(own, attributes)
     if node in fclib.GROUPS:
         own.require_known(_PLACE)

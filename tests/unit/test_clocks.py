@@ -47,6 +47,7 @@ def test_an_older_file_gets_columns_for_the_clocks(tmp_path: Path) -> None:
     with sqlite3.connect(path) as db:
         for name in ("trip", "solve_wall"):
             db.execute(f"ALTER TABLE rows DROP COLUMN {name}")
+        db.execute("DROP TABLE file_seal")
         db.execute("PRAGMA user_version=7")
     db.close()
     with Store(path, create=True) as store:

@@ -169,17 +169,29 @@ def memory_around(memory: int) -> int:
     return max(AROUND_SHARE * memory, AROUND_LEAST) if memory > 0 else 0
 
 
-def limit_address_space(growth: int) -> None:
-    """Limit further growth of the address space to `growth` bytes, that of child processes too."""
+def address_space_allowed() -> int:
+    """Return the address space that the system allows a process (the hard limit of `ulimit -v`) [bytes]."""
+    if os.name != "posix":
+        return sys.maxsize
     import resource
 
-    limit = address_space() + growth
+    hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+    return sys.maxsize if hard == resource.RLIM_INFINITY else hard
+
+
+def limit_address_space(growth: int) -> None:
+    """Limit further growth of the address space to `growth` bytes, that of child processes too; to less where the
+    system allows less."""
+    import resource
+
+    hard = address_space_allowed()
+    limit = min(address_space() + growth, hard)
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     if sys.platform == "linux":
         # a limit is inherited at a fork only: what runs already (the program of a solver) has its own
         for child in psutil.Process().children(recursive=True):
             with contextlib.suppress(psutil.Error):
-                most = child.memory_info().vms + growth
+                most = min(child.memory_info().vms + growth, hard)
                 child.rlimit(psutil.RLIMIT_AS, (most, most))
 
 
