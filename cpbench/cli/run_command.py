@@ -14,7 +14,7 @@ from cpbench.bench.execution import open_run
 from cpbench.bench.planning import run_plan, suites
 from cpbench.cli.options import Sections
 from cpbench.cli.progress import Display
-from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from, run_options
+from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from, require_near, run_options
 from cpbench.cli.run_output import announce, finish, print_removed
 from cpbench.errors import StoreError
 from cpbench.generators.collection import builtin_folder, quick_problems
@@ -54,6 +54,8 @@ def command(
         raise click.UsageError("--report and --no-report: one of them")
     if no_resume and "rerun" in given:
         raise click.UsageError("--rerun runs rows of an old file again, --no-resume refuses one: one of them")
+    if file is not None:
+        require_near(file, {**given, "report": None} if no_report else given)
     if no_report:
         given["report"] = None
     if certify:

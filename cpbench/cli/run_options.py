@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -168,6 +169,22 @@ def plan_from(path: str | None, quiet: bool) -> plan_file.PlanFile | None:
     if not quiet:
         click.echo(f"plan: {place}", err=True)
     return file
+
+
+def require_near(file: plan_file.PlanFile, given: Mapping[str, Any]) -> None:
+    """Raise CpbenchError where a plan decides to write outside its own folder and the current one: a plan of somebody
+    else must not choose where files go."""
+    folders = (file.path.resolve().parent, Path.cwd().resolve())
+    for key, flag in (("output", "-o"), ("report", "--report")):
+        value = file.top.get(key)
+        if not value or key in given:
+            continue
+        target = Path(str(value)).resolve()
+        if not any(target.is_relative_to(folder) for folder in folders):
+            raise CpbenchError(
+                f"{file.path}: {key} = '{value}' is outside the folder of the plan and the current one; if that is "
+                f"meant, say it on the command line: {flag} {value}"
+            )
 
 
 def given_options(context: click.Context) -> dict[str, Any]:

@@ -66,7 +66,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[in
 
 
 def fenced(lines: Iterable[str]) -> str:
-    """Write lines as they are, in a code block that none of them can close, as text of HTML where they may be markup."""
+    """Write lines as they are, in a code block that none can close; as text of HTML where they may be markup."""
     body = list(lines)
     if any("<" in line for line in body):
         return "\n".join(["<pre>", *(html.escape(line, quote=False) or " " for line in body), "</pre>"])

@@ -137,7 +137,8 @@ class Database:
         """Check the file; raises StoreError when its pages are inconsistent."""
         (state,) = self.read("PRAGMA quick_check(1)")[0]
         if state != "ok":
-            raise _explained(self._path, sqlite3.DatabaseError(state), sqlite3.SQLITE_CORRUPT)
+            one_line = " ".join(str(state).split())
+            raise _explained(self._path, sqlite3.DatabaseError(one_line), sqlite3.SQLITE_CORRUPT)
 
     def _require_layout(self, db: sqlite3.Connection) -> None:
         """Check the tables where another program may have changed them since they were checked last."""

@@ -14,7 +14,7 @@ from cpbench.bench.results import answers
 from cpbench.bench.results.answer_files import ENDINGS
 from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
-from cpbench.errors import CpbenchError, PointError, SealError
+from cpbench.errors import CpbenchError, FormatError, PointError, SealError
 from cpbench.formulations.base import Kind, Problem
 from cpbench.plurals import counted
 
@@ -38,16 +38,27 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
         formats = store.meta().get("formats", {})
         rows = sorted(store.rows(), key=lambda row: row.address)  # each problem is read once
         changes: Counter[str] = Counter()
-        total = unknown = contradicted = unreadable = 0
+        total = unknown = contradicted = unreadable = gone = 0
         for address, group in itertools.groupby(rows, key=lambda row: row.address):
-            problem: Problem | None = None
-            for row in group:
+            own = list(group)
+            try:
+                problem = storage.load(address, format=formats.get(address))
+            except FormatError as cause:
+                why = str(cause)
+            else:
+                why = "its numbers changed" if problem.fingerprint not in {row.fingerprint for row in own} else ""
+            if why:
+                gone += 1
+                yield f"{address}: is not the problem that was solved ({why}): its {counted(len(own), 'row')} stay"
+                continue
+            for row in own:
+                if problem.fingerprint != row.fingerprint:  # the file held another problem when this row was made
+                    continue
                 blob = store.ending(row.key)[1]
                 if row.status in ENDINGS:  # it came too late, or was reported to: its quality does not matter
                     continue
                 if blob is None and row.status not in verification.PROVEN:
                     continue
-                problem = problem or storage.load(address, format=formats.get(address))
                 try:
                     status, error = _judge(problem, row, blob, proofs.get(row.key), measure, tolerance)
                 except (zlib.error, ValueError, PointError) as cause:
@@ -71,6 +82,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
             f"{len(audit.broken)} rows are not as a run wrote them": len(audit.broken),
             "; ".join(audit.changed): len(audit.changed),
             f"{unreadable} answers cannot be read": unreadable,
+            f"{counted(gone, 'problem')} could not be judged again": gone,
             f"{contradicted} statuses change by the row's own measure and tolerance": contradicted,
         }
         if any(faults.values()):

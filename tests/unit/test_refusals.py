@@ -1,0 +1,151 @@
+"""Refusals and exit codes: files that were named, headers that NumPy cannot read, twin keys, plans that write away."""
+
+from __future__ import annotations
+
+import resource
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+from command_line import cpbench
+
+import cpbench as cp
+from cpbench.analysis.remarks import clocks
+from cpbench.bench.messages import Result, Seconds
+from cpbench.bench.outcome import LATE, LATE_SHARE, marks, runners_time
+from cpbench.bench.worker import _counters
+from cpbench.errors import CpbenchError, FormatError
+from cpbench.plain_text import cell, on_one_line
+from cpbench.report.text import code, fenced
+from cpbench.storage import arrays
+
+
+def _lcp(path: Path, shift: float = 0.0) -> Path:
+    cp.save(cp.LCP(M=[[3.0, 1.0], [0.0, 2.0]], q=[-4.0 - shift, -6.0]), path)
+    return path
+
+
+# damage inside the header's text: brackets, quotes, keywords, numbers
+HEADERS = [
+    b"{'descr': '<f8', (((",
+    b"{'descr': '",
+    b"{'descr': 1//0}",
+    b"x",
+    b"{'shape': (9**",
+    b"\\",
+    b"'''",
+    b"(" * 90,
+]
+
+
+@pytest.mark.parametrize("text", HEADERS)
+def test_every_damaged_header_is_refused_in_one_line(text: bytes, tmp_path: Path) -> None:
+    header = text + b" " * (117 - len(text)) + b"\n"
+    path = tmp_path / "damaged.npz"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("M.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(32))
+        file.writestr("q.npy", b"")
+    with pytest.raises(FormatError) as refusal:
+        cp.load(path)
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("kind", arrays._HEADER_DAMAGE)
+def test_each_exception_class_of_a_header_is_a_refusal(
+    kind: type[Exception], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    np.savez(tmp_path / "m.npz", M=np.eye(2), q=np.ones(2))
+
+    def damaged(_: object) -> None:
+        raise kind("damaged\nin two lines")
+
+    monkeypatch.setattr(arrays.npy, "read_magic", damaged)
+    with pytest.raises(FormatError):
+        cp.load(tmp_path / "m.npz")
+
+
+def test_a_file_that_was_named_and_refused_ends_with_1(tmp_path: Path) -> None:
+    _lcp(tmp_path / "good.h5")
+    (tmp_path / "broken.h5").write_bytes(b"no numbers")
+    args = ["run", "good.h5", "-s", "lemke", "-o", "r.sqlite", "--no-report", "-q", "--repeats", "1"]
+    assert cpbench(tmp_path, *args).returncode == 0
+    done = cpbench(tmp_path, *args[:2], "broken.h5", *args[2:])
+    assert done.returncode == 1
+    assert "named and not read: broken.h5" in done.stderr
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="does not apply: limits of the address space are Linux's")
+def test_a_hard_limit_of_the_address_space_is_kept_to() -> None:
+    """The limit of a worker is the smaller one; the program has a hard limit of 6 GiB and asks for 9 more."""
+    program = (
+        "import resource; resource.setrlimit(resource.RLIMIT_AS, (6 << 30, 6 << 30));"
+        "resource.getrlimit(resource.RLIMIT_AS);"
+        "from cpbench.bench.processes.isolation import limit_address_space as limit; limit(9 << 30);"
+        "print(resource.getrlimit(resource.RLIMIT_AS)[0])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=120)
+    assert int(done.stdout) == 6 << 30
+    assert resource.RLIMIT_AS
+
+
+def test_a_fingerprint_that_does_not_fit_is_refused(tmp_path: Path) -> None:
+    path = _lcp(tmp_path / "own.h5")
+    with h5py.File(path, "a") as file:
+        found: list[str] = []
+        file.visit(lambda name: found.append(name) if name.endswith("/q") else None)
+        file[found[0]][1] = -6.5
+    with pytest.raises(FormatError, match="@fingerprint"):
+        cp.load(path)
+
+
+def test_twin_keys_of_json_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "twin.mof.json"
+    path.write_text('{"name": "a", "version": {"major": 1, "minor": 7}, "name": "b"}')
+    with pytest.raises(FormatError, match="has the key name twice"):
+        cp.load(path)
+
+
+def test_negative_counters_are_not_kept() -> None:
+    kept, notes = _counters({"pivots": -7, "sweeps": 0, "steps": 12})
+    assert kept == {"sweeps": 0, "steps": 12}
+    assert notes == ["the counter pivots is negative, and not kept"]
+
+
+def test_markup_and_new_lines_are_text() -> None:
+    assert code("<b>|x") == "<code>&lt;b&gt;\\|x</code>"
+    assert fenced(["a", "<script>"]) == "<pre>\na\n&lt;script&gt;\n</pre>"
+    assert cell("a\nb") == on_one_line("a\nb") == "a\\nb"
+
+
+def test_a_plan_does_not_decide_to_write_elsewhere(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    _lcp(tmp_path / "in" / "p.h5")
+    away = tmp_path / "away.sqlite"
+    plan = tmp_path / "in" / "cpbench.toml"
+    plan.write_text(f"output = '{away}'\n[[set]]\nproblems = ['p.h5']\nsolvers = ['lemke']\n")
+    done = cpbench(tmp_path / "in", "run", "--no-report", "-q")
+    assert done.returncode == 2
+    assert "is outside the folder of the plan" in done.stderr
+    assert not away.exists()
+    assert cpbench(tmp_path / "in", "run", "--no-report", "-q", "-o", str(away)).returncode == 0
+
+
+def test_a_clock_that_is_not_believed_gives_the_runners_time() -> None:
+    """From both sides of the flag; the time is what the runner waited, and the last lines count it."""
+    own = Seconds(0.02)
+    result = Result(
+        claim="solved", answered=True, message="", counters={}, setup=Seconds(0.0), solve=own, cpu=Seconds(0.01),
+        wrote=False, vectors={}, children=0, threads=1, grown=0, peak=None,
+    )  # fmt: skip
+    most = LATE + LATE_SHARE * own
+    assert marks(result, 0.999 * most, 1) == []
+    assert marks(result, 1.001 * most, 1) == ["clock"]
+    assert (runners_time(result, 0.7).solve, runners_time(result, 0.7).setup) == (0.7, 0.0)
+    [line] = clocks(pd.DataFrame({"label": ["a", "b", "b"], "flags": ["", "clock", None]}))
+    assert line.startswith("1 time is the runner's")
+    assert issubclass(FormatError, CpbenchError)
