@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import math
 import re
 import shlex
@@ -28,16 +27,14 @@ def plain(value: Any) -> str:
 
 
 def code(value: Any) -> str:
-    """Write `value` as a code span on one line; — for nothing. What may be markup is written as text of HTML.
+    """Write `value` as a code span on one line; — for nothing.
 
-    >>> code("lemke@inner8"), code("a`b"), code("n<5"), code("")
-    ('`lemke@inner8`', '`` a`b ``', '<code>n&lt;5</code>', '—')
+    >>> code("lemke@inner8"), code("a`b"), code("")
+    ('`lemke@inner8`', '`` a`b ``', '—')
     """
     line = one_line(value)
     if not line:
         return "—"
-    if "<" in line:
-        return f"<code>{plain(line)}</code>"
     longest = max((len(run) for run in re.findall(r"`+", line)), default=0)
     return f"{'`' * (longest + 1)} {line} {'`' * (longest + 1)}" if longest else f"`{line}`"
 
@@ -66,10 +63,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], right: Iterable[in
 
 
 def fenced(lines: Iterable[str]) -> str:
-    """Write lines as they are, in a code block that none can close; as text of HTML where they may be markup."""
+    """Write lines as they are, in a code block that none of them can close."""
     body = list(lines)
-    if any("<" in line for line in body):
-        return "\n".join(["<pre>", *(html.escape(line, quote=False) or " " for line in body), "</pre>"])
     longest = max((len(run) for line in body for run in re.findall(r"`+", line)), default=0)
     fence = "`" * max(3, longest + 1)
     return "\n".join([f"{fence}text", *body, fence])

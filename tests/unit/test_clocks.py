@@ -45,7 +45,7 @@ def test_what_a_program_of_others_reports_is_its_claim() -> None:
 def test_an_older_file_gets_columns_for_the_clocks(tmp_path: Path) -> None:
     path = results_file(tmp_path / "old.sqlite", table(row("p", "s", "solved", 1.0)))
     with sqlite3.connect(path) as db:
-        for name in ("trip", "solve_wall"):
+        for name in ("trip", "solve_wall", "sealed_by"):
             db.execute(f"ALTER TABLE rows DROP COLUMN {name}")
         db.execute("DROP TABLE file_seal")
         db.execute("PRAGMA user_version=7")

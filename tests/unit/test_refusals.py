@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import resource
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import h5py
-import numpy as np
 import pandas as pd
 import pytest
 from command_line import cpbench
@@ -19,10 +17,8 @@ from cpbench.analysis.remarks import clocks
 from cpbench.bench.messages import Result, Seconds
 from cpbench.bench.outcome import LATE, LATE_SHARE, marks, runners_time
 from cpbench.bench.worker import _counters
-from cpbench.errors import CpbenchError, FormatError
+from cpbench.errors import FormatError
 from cpbench.plain_text import cell, on_one_line
-from cpbench.report.text import code, fenced
-from cpbench.storage import arrays
 
 
 def _lcp(path: Path, shift: float = 0.0) -> Path:
@@ -55,20 +51,6 @@ def test_every_damaged_header_is_refused_in_one_line(text: bytes, tmp_path: Path
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("kind", arrays._HEADER_DAMAGE)
-def test_each_exception_class_of_a_header_is_a_refusal(
-    kind: type[Exception], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    np.savez(tmp_path / "m.npz", M=np.eye(2), q=np.ones(2))
-
-    def damaged(_: object) -> None:
-        raise kind("damaged\nin two lines")
-
-    monkeypatch.setattr(arrays.npy, "read_magic", damaged)
-    with pytest.raises(FormatError):
-        cp.load(tmp_path / "m.npz")
-
-
 def test_a_file_that_was_named_and_refused_ends_with_1(tmp_path: Path) -> None:
     _lcp(tmp_path / "good.h5")
     (tmp_path / "broken.h5").write_bytes(b"no numbers")
@@ -90,7 +72,6 @@ def test_a_hard_limit_of_the_address_space_is_kept_to() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=120)
     assert int(done.stdout) == 6 << 30
-    assert resource.RLIMIT_AS
 
 
 def test_a_fingerprint_that_does_not_fit_is_refused(tmp_path: Path) -> None:
@@ -116,9 +97,7 @@ def test_negative_counters_are_not_kept() -> None:
     assert notes == ["the counter pivots is negative, and not kept"]
 
 
-def test_markup_and_new_lines_are_text() -> None:
-    assert code("<b>|x") == "<code>&lt;b&gt;\\|x</code>"
-    assert fenced(["a", "<script>"]) == "<pre>\na\n&lt;script&gt;\n</pre>"
+def test_new_lines_in_names_are_text() -> None:
     assert cell("a\nb") == on_one_line("a\nb") == "a\\nb"
 
 
@@ -148,4 +127,3 @@ def test_a_clock_that_is_not_believed_gives_the_runners_time() -> None:
     assert (runners_time(result, 0.7).solve, runners_time(result, 0.7).setup) == (0.7, 0.0)
     [line] = clocks(pd.DataFrame({"label": ["a", "b", "b"], "flags": ["", "clock", None]}))
     assert line.startswith("1 time is the runner's")
-    assert issubclass(FormatError, CpbenchError)

@@ -13,7 +13,7 @@ import sqlite3
 import time
 from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -116,8 +116,9 @@ class Store:
         state = self._writing
         if state.rows == file_seal.OPEN:
             with self._database.transaction() as db:
-                state.rows = file_seal.digest_of_rows(sorted(state.written.seals.items()))
-                file_seal.write(db, state.file_seal())
+                rows = file_seal.digest_of_rows(sorted(state.written.seals.items()))
+                file_seal.write(db, replace(state, rows=rows).file_seal())
+            state.rows = rows
 
     @property
     def _writing(self) -> _State:
@@ -173,9 +174,11 @@ class Store:
         state = self._writing
         with self._database.transaction() as db:
             if state.rows != file_seal.OPEN:
-                state.rows = file_seal.OPEN
-                file_seal.write(db, state.file_seal())
+                file_seal.write(db, replace(state, rows=file_seal.OPEN).file_seal())
+            state.sealing.clear()  # of a transaction that failed
             yield db
+        state.rows = file_seal.OPEN
+        state.written.seals.update(state.sealing)
 
     @contextmanager
     def _facts_written(self) -> Generator[tuple[sqlite3.Connection, file_seal.Contents]]:
@@ -190,7 +193,7 @@ class Store:
         state = self._writing
         seal = seals.assembled((planned, measured, kept), state.key)
         db.execute("INSERT OR REPLACE INTO seals VALUES (?, ?)", (key, seal))
-        state.written.seals[key] = seal
+        state.sealing[key] = seal
 
     # ------------------------------------------------------------------------------------------- write
 
@@ -575,6 +578,8 @@ class _State:
     written: Written
     attempts: dict[str, int]
     rows: str = file_seal.OPEN
+    sealing: dict[str, str] = field(default_factory=dict)
+    """Seals of the transaction that is under way."""
 
     def file_seal(self) -> str:
         """Return the seal over the whole file."""
