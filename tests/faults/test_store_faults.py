@@ -291,8 +291,8 @@ def test_another_program_that_holds_the_database(tmp_path: Path, monkeypatch: py
     with Store(path, create=True) as store:
         store.plan(PLANNED)
     other = sqlite3.connect(path, isolation_level=None)
-    other.execute("BEGIN IMMEDIATE")
     with Store(path, create=True) as store:
+        other.execute("BEGIN IMMEDIATE")
         with pytest.raises(StoreError, match="held by another program"):
             store.finish(PLANNED[0].key, Outcome(**ROW))
         other.execute("ROLLBACK")

@@ -80,7 +80,10 @@ def test_a_file_of_the_version_before_gets_the_columns_and_keeps_its_seals(resul
     with sqlite3.connect(results) as db:
         for name in ("certainty", "distance", "certificate"):
             db.execute(f"ALTER TABLE rows DROP COLUMN {name}")
+        for name in ("batch", "trip", "solve_wall", "sealed_by"):
+            db.execute(f"ALTER TABLE rows DROP COLUMN {name}")
         db.execute("DROP TABLE proved_problems")
+        db.execute("DROP TABLE file_seal")
         db.execute("PRAGMA user_version = 4")
     with Store(results) as reading:
         assert {row.certainty for row in reading.rows()} == {None}

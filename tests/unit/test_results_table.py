@@ -37,7 +37,8 @@ def asked_directly(path: Path) -> pd.DataFrame:
         found = pd.DataFrame(db.execute(f"SELECT {names} FROM rows ORDER BY problem, label, key"), columns=list(KINDS))
     for name in (name for name, kind in KINDS.items() if kind == "REAL"):
         found[name] = pd.to_numeric(found[name]).astype(float)
-    return found.assign(error=found["error"].fillna(math.inf))
+    whose = pd.Series("you", index=found.index, dtype=found["status"].dtype)
+    return found.assign(error=found["error"].fillna(math.inf), sealed_by=whose)
 
 
 def mixed(count: int, seed: int = 1) -> list[dict[str, Any]]:
