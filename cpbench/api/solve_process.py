@@ -16,6 +16,7 @@ import signal
 import sys
 import time
 from collections.abc import Generator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -144,19 +145,19 @@ def _answered(asked: Mapping[str, Any], talk: _Talk) -> Answered:
     address, known = located(asked["address"], builtin_folder), Outcome()
     policy = starts.one_start(asked["start"])
     problem = storage.load(address, format=asked["format"])
-    known = known.changed(load=time.perf_counter() - begun)
+    known = replace(known, load=time.perf_counter() - begun)
     talk.say(problem=problem.name, node=problem.node)
     label = asked["solver"]
     try:
         way = _way(problem, asked)
         label = way.name
         talk.say(solver=label)
-        known = known.changed(route=way.label, kind=str(way.kind), convert=way.seconds)
-        known = known.changed(target_tolerance=graph.tolerance(way.problem, asked["tolerance"], way.steps))
+        known = replace(known, route=way.label, kind=str(way.kind), convert=way.seconds)
+        known = replace(known, target_tolerance=graph.tolerance(way.problem, asked["tolerance"], way.steps))
         point = None
         if policy.warm:
             point, started = _start(policy, problem, way, address, asked["tolerance"])
-            known = known.changed(started=started)
+            known = replace(known, started=started)
         talk.begin(WARM_UP)
         with _compiling_reported(way.name, talk):
             warming.warm_up_quickly(way.solver)
@@ -166,7 +167,7 @@ def _answered(asked: Mapping[str, Any], talk: _Talk) -> Answered:
             )
     except (NotApplicable, Unavailable) as refusal:
         status = Status.UNSUPPORTED if isinstance(refusal, NotApplicable) else Status.UNAVAILABLE
-        refused = known.changed(status=str(status), message=str(refusal))
+        refused = replace(known, status=str(status), message=str(refusal))
         return Answered(asked["address"], problem.name, problem.node, label, asked["tolerance"], refused)
     return _of(asked["address"], solution, there, known)
 
@@ -196,7 +197,8 @@ def _start(policy: starts.StartPolicy, problem: Problem, way: Way, address: str,
 def _of(address: str, solution: Solution, there: float, known: Outcome) -> Answered:
     """Return a solution as the outcome of a solve, with `there`, its error on the solver's own problem."""
     problem, verdict, spent = solution.problem, solution.verdict, solution.seconds
-    outcome = known.changed(
+    outcome = replace(
+        known,
         status=str(solution.status),
         claim=solution.claim or None,
         error=verdict.error,

@@ -40,14 +40,12 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
         changes: Counter[str] = Counter()
         total = unknown = contradicted = unreadable = gone = 0
         for address, group in itertools.groupby(rows, key=lambda row: row.address):
-            own = list(group)
+            own, problem, why = list(group), None, "its numbers changed"
             try:
                 problem = storage.load(address, format=formats.get(address))
             except FormatError as cause:
                 why = str(cause)
-            else:
-                why = "its numbers changed" if problem.fingerprint not in {row.fingerprint for row in own} else ""
-            if why:
+            if problem is None or problem.fingerprint not in {row.fingerprint for row in own}:
                 gone += 1
                 yield f"{address}: is not the problem that was solved ({why}): its {counted(len(own), 'row')} stay"
                 continue
