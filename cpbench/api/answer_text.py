@@ -11,6 +11,8 @@ from cpbench.analysis.contact_table import ContactTable, contact_table
 from cpbench.errors import PointError
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
+from cpbench.matrices import Vector
+from cpbench.plain_text import printable
 from cpbench.plurals import counted
 from cpbench.verification import Status, error_text
 
@@ -57,12 +59,15 @@ def status_text(status: str, error: float | None, tolerance: float, objective: f
 
 
 def objective_of(problem: Problem, point: Point) -> float | None:
-    """Return the value of the objective at an answer; None of a problem without one."""
+    """Return the value of the objective at an answer, as its file has it: with its constant, and the value of the
+    maximum where it was to be maximized; None of a problem without one."""
     value = getattr(problem, "objective", None)
     if value is None or not point.finite:
         return None
+    properties = problem.info.properties
     with np.errstate(all="ignore"):
-        return float(value(next(iter(point.arrays().values()))))
+        least = float(value(next(iter(point.arrays().values())))) + float(properties.get("objective_offset", 0.0))
+    return -least if properties.get("objective_sense") == "max" else least
 
 
 def answer_lines(problem: Problem, point: Point, tolerance: float, *, every: bool = False) -> Iterator[str]:
@@ -85,6 +90,11 @@ def unknown_lines(problem: Problem, point: Point, most: int | None) -> Iterator[
     parts, slacks = point.arrays(), problem.slacks(point) if point.finite else {}
     total = sum(part.size for part in parts.values())
     left = total if most is None else most
+    columns = problem.info.properties.get("unknowns") or []
+    if len(columns) == next(iter(parts.values())).size:
+        yield from _named_lines([printable(str(column)) for column in columns], next(iter(parts.values())), left)
+        left -= min(left, len(columns))
+        parts = dict(list(parts.items())[1:])
     for name, values in parts.items():
         beside = next((f"{other}[{{}}] = {{:.6g}}" for other, w in slacks.items() if w.size == values.size), "")
         against = next((w for w in slacks.values() if w.size == values.size), np.zeros(0))
@@ -97,6 +107,13 @@ def unknown_lines(problem: Problem, point: Point, most: int | None) -> Iterator[
     shown = min(total, total if most is None else most)
     if shown < total:
         yield f"  and {counted(total - shown, 'more number')}: --verbose shows them, -o FILE writes them"
+
+
+def _named_lines(names: Sequence[str], values: Vector, most: int) -> Iterator[str]:
+    """Yield the first unknowns by the names that they have in their file."""
+    label = max(map(len, names[:most]), default=0)
+    for name, value in zip(names[:most], values[:most].tolist(), strict=True):
+        yield f"  {name:<{label}} = {value:.9g}"
 
 
 def contact_lines(table: ContactTable, most: int | None) -> Iterator[str]:

@@ -218,3 +218,15 @@ def test_a_solver_of_others_that_one_of_cpbench_names_is_not_run_there(tmp_path:
     row = json.loads(command(tmp_path, "solve", name, "-s", "osqp", "--json").stdout)
     assert (row["solver"], row["status"], row["repeats"]) == ("osqp", "solved", 1)
     assert ahead.own_process("osqp")
+
+
+def test_the_objective_is_that_of_the_file(tmp_path: Path) -> None:
+    """max 3 + x + 2 y over x + y ≤ 4, x ≤ 3, y ≤ 2: x = 2, y = 2 and 9; the unknowns have the names of the file."""
+    path = tmp_path / "best.mps"
+    path.write_text(
+        "NAME best\nOBJSENSE\n  MAX\nROWS\n N gain\n L room\nCOLUMNS\n east gain 1 room 1\n west gain 2 room 1\n"
+        "RHS\n rhs room 4 gain -3\nBOUNDS\n UP b east 3\n UP b west 2\nENDATA\n"
+    )
+    first, *rest = command(tmp_path, "solve", path.name).stdout.splitlines()
+    assert first.startswith("best (qp): solved; objective 9, ")
+    assert [line.split() for line in rest[:2]] == [["east", "=", "2"], ["west", "=", "2"]]
