@@ -37,7 +37,7 @@ FULL = 0.25
 """Share of the memory limit that a worker may keep after a solve; with more, the next solve gets a fresh worker."""
 
 
-class Stopped(Exception):
+class RunStopped(Exception):
     """End of a run without an answer to be judged; `columns` of its row say why."""
 
     def __init__(self, status: str, message: str, **columns: Any) -> None:
@@ -117,7 +117,7 @@ class PairRun:
             if not self.stacked:
                 return [self.judge(self.pair, result, times, flags, trail)]
             return [self.judge(pair, *self.share(result, times, i), flags) for i, pair in enumerate(self.pairs)]
-        except Stopped as end:
+        except RunStopped as end:
             ended = replace(self.row, **end.columns)
         except Exception as noise:  # a worker may send anything, and fail in ways that are not known
             self.workers.drop(self.name)
@@ -134,10 +134,10 @@ class PairRun:
         else:
             if Trait.WARM_START not in self.spec.traits:
                 message = f"{self.name} takes no starting point, and a cold start is not what was asked for"
-                raise Stopped("unsupported", message)
+                raise RunStopped("unsupported", message)
             if pair.start == PREVIOUS and pair.scene is None:
                 message = "start previous: the problem is no step of a sequence (cpbench pack --sequence makes one)"
-                raise Stopped("unsupported", message)
+                raise RunStopped("unsupported", message)
             if pair.start == PREVIOUS and before is None:
                 started = "cold: first step"
             elif pair.start == PREVIOUS and before is not None and _verified(before) is None:
@@ -158,16 +158,16 @@ class PairRun:
         if isinstance(reply, messages.StartFound):
             return reply.vectors, reply.description
         if isinstance(reply, messages.Declined) and reply.cause == NotApplicable.__name__:
-            raise Stopped("unsupported", reply.message)
+            raise RunStopped("unsupported", reply.message)
         status = "memout" if isinstance(reply, messages.OutOfMemory) else "error"
-        raise Stopped(status, f"start: {reason(reply)}")
+        raise RunStopped(status, f"start: {reason(reply)}")
 
     def find_worker(self) -> Child:
         """Return a warm worker of the solver."""
         worker = self.workers.get(self.name, self.pair.limits.memory, self.pair.limits.seconds)
         if worker is None:
             why = self.workers.unavailable[self.name]
-            raise Stopped("unavailable", f"{why.state}: {why.message}")
+            raise RunStopped("unavailable", f"{why.state}: {why.message}")
         self.row = replace(self.row, version=self.workers.versions[self.name])
         return worker
 
@@ -209,15 +209,15 @@ class PairRun:
             self.workers.drop(self.name)
             if loaded:
                 calls = f", the limits of {self.count} problems in one call" if self.stacked else ""
-                raise Stopped("timeout", f"killed after {whole:g} s{calls}", solve=limits.seconds) from None
-            raise Stopped("error", f"loading: not over after {loading.limit(whole):g} s ({loading.what})") from None
+                raise RunStopped("timeout", f"killed after {whole:g} s{calls}", solve=limits.seconds) from None
+            raise RunStopped("error", f"loading: not over after {loading.limit(whole):g} s ({loading.what})") from None
         except Died as death:
             self.workers.drop(self.name)
             status = "memout" if death.out_of_memory else "crash"
-            raise Stopped(status, describe_exit(death), signal=death.signal, code=death.code) from None
+            raise RunStopped(status, describe_exit(death), signal=death.signal, code=death.code) from None
         raise self._without_answer(reply)
 
-    def _without_answer(self, reply: messages.Message) -> Stopped:
+    def _without_answer(self, reply: messages.Message) -> RunStopped:
         """Return the end of a run whose worker sent no answer, but why."""
         if isinstance(reply, messages.ProblemUnsupported):
             status = "unsupported"
@@ -226,9 +226,9 @@ class PairRun:
         else:
             self.workers.drop(self.name)  # its state is not known: neither after an error, nor with its memory full
             if isinstance(reply, messages.OutOfMemory):
-                return Stopped("memout", f"over {self.pair.limits.memory} bytes")
+                return RunStopped("memout", f"over {self.pair.limits.memory} bytes")
             status = "error"
-        return Stopped(status, reason(reply)[: worker_process.WORDS])
+        return RunStopped(status, reason(reply)[: worker_process.WORDS])
 
     def repeat(self, worker: Child, result: messages.Result) -> Times:
         """Return the times of the first solve and its repeats.

@@ -19,9 +19,10 @@ from cpbench import storage
 from cpbench.analysis import reliability
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.tolerances import judged_at
+from cpbench.bench.judging import PROOF_SECONDS
 from cpbench.bench.messages import Judge, Judged, RefereeCase
 from cpbench.bench.planning import plan
-from cpbench.bench.referee import PROOF_SECONDS, Referee
+from cpbench.bench.referee import Referee
 from cpbench.bench.results.rejudge import rejudge_file
 from cpbench.bench.results.rows import Outcome, Planned
 from cpbench.bench.results.store import Store

@@ -140,7 +140,6 @@ def test_both_ways_plan_both_rows(monkeypatch, problem, once, twice, column, exp
         (["run", "p.h5", "-s", "psor[omega=1,omega=1.5]"], "omega is given twice, as 1 and 1.5"),
         (["solve", "p.h5", "-s", "lemke", "--facets", "8,16"], "write one"),
         (["convert", "p.h5", "x.h5", "--set", "s=1", "--set", "s=2"], "s is 1 and 2: give it once"),
-        (["bundle", "r.sqlite", "-o", "x.zip", "--rename", "a=b", "--rename", "a=c"], "a: becomes b and c"),
     ],
 )
 def test_two_values_within_one_option(monkeypatch, capsys, problem, words, said) -> None:

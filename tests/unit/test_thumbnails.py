@@ -119,7 +119,7 @@ def asked(folder: Path, *given: dict[str, Any], answers: dict[str, bytes] | None
     path = results_file(folder / "results.sqlite", table(*given), meta())
     if answers:
         with Store(path, create=True) as store:
-            store.add_kept(answers.items(), [], [])
+            store.add_kept((key, answer, None, None, None) for key, answer in answers.items())
     with Store(path) as store:
         return dict(thumbnails.Thumbnails(store, store.table())())
 

@@ -35,7 +35,7 @@ ROWS = "which rows it has, or their seals"
 
 
 class Contents:
-    """What is in the tables beside the rows: a digest of every line, by table and key."""
+    """Contents of the tables beside the rows: a digest of every line, by table and key."""
 
     def __init__(self) -> None:
         self._lines: dict[str, dict[Any, bytes]] = {table: {} for table in TABLES}

@@ -188,15 +188,15 @@ def _signed(digests: str, key: Key) -> str:
 
 
 @dataclass(frozen=True)
-class Written:
-    """What the process that writes a file knows of it: the seal of each row by key, and the rest."""
+class WrittenSeals:
+    """Seals as the process that writes a file knows them: of each row by key, and the contents beside the rows."""
 
     seals: dict[str, str]
     contents: Contents
 
 
 def audit(
-    database: Database, path: str, key: Key | None, written: Written | None = None, version: int = SCHEMA
+    database: Database, path: str, key: Key | None, written: WrittenSeals | None = None, version: int = SCHEMA
 ) -> Audit:
     """Check a file against its seals, and against what the process that writes it knows.
 

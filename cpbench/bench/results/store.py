@@ -25,7 +25,7 @@ from cpbench.bench.results.limits import LIMITS, agree, difference, limits_of
 from cpbench.bench.results.rows import Measured, Outcome, Planned, Row, stored
 from cpbench.bench.results.schema import MEASURED, PLANNED, SCHEMA, SEALED_SINCE, WHOLE_SINCE
 from cpbench.bench.results.seal_key import Key
-from cpbench.bench.results.seals import Audit, Written
+from cpbench.bench.results.seals import Audit, WrittenSeals
 from cpbench.bench.results.whole import whole_table
 from cpbench.errors import SealError, StoreError
 from cpbench.plurals import counted
@@ -145,7 +145,7 @@ class Store:
                 self._seal_as_own(db, key, result.whose)
             there: list[tuple[str, str]] = self._database.read("SELECT key, seal FROM seals")  # type: ignore[assignment]
             attempts = db.execute("SELECT key, attempts FROM rows WHERE attempts IS NOT NULL")
-            written = Written(dict(there), file_seal.contents(self._database))
+            written = WrittenSeals(dict(there), file_seal.contents(self._database))
             ended = self._database.found >= WHOLE_SINCE and file_seal.ended(self._database) and not result.broken
             self._state = _State(key, written, dict(attempts))
             if not new and (remarks := _lasting(result, self._database.found, key)):
@@ -571,11 +571,11 @@ class Store:
 
 @dataclass
 class _State:
-    """What the process that writes a file knows of it: its key, what it has written, how often rows were run, and the
+    """State of the process that writes a file: its key, what it has written, how often rows were run, and the
     digest of all rows."""
 
     key: Key
-    written: Written
+    written: WrittenSeals
     attempts: dict[str, int]
     rows: str = file_seal.OPEN
     sealing: dict[str, str] = field(default_factory=dict)
