@@ -123,6 +123,25 @@ def load_all(package: str, names: Sequence[str]) -> None:
             side.wait()
 
 
+@contextlib.contextmanager
+def compiling_reported(report: Callable[[], object]) -> Generator[None]:
+    """Call `report`, once, when a kernel has to be compiled within this context: that takes seconds."""
+    reported: list[str] = []
+
+    def seen(record: logging.LogRecord) -> bool:
+        if not reported:
+            report()
+        reported.append(record.getMessage())
+        return True
+
+    LOG.setLevel(logging.INFO)
+    LOG.addFilter(seen)
+    try:
+        yield
+    finally:
+        LOG.removeFilter(seen)
+
+
 @cache
 def compiled(kernel: Any) -> Callable[..., Any]:
     """Return the compiled code of a kernel of one explicit signature, without numba's search by the arguments'

@@ -1,4 +1,4 @@
-"""What every contact of an answer does, in the numbers that a person asks for, and the load that each body gets."""
+"""State, forces and velocities of every contact of an answer, and the load on each body."""
 
 from __future__ import annotations
 

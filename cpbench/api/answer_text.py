@@ -14,6 +14,7 @@ from cpbench.formulations.contact import ContactProblem
 from cpbench.matrices import Vector
 from cpbench.plain_text import printable
 from cpbench.plurals import counted
+from cpbench.storage.program_properties import SENSE, offset, unknowns
 from cpbench.verification import Status, error_text
 
 MOST = 20
@@ -37,7 +38,7 @@ WORDS: Mapping[str, str] = {
     Status.UNSUPPORTED: "not solved, unsupported: the solver does not take this problem",
     Status.UNAVAILABLE: "not solved, unavailable: the solver cannot run here",
 }
-"""What a status says of an answer."""
+"""Words for the status of an answer."""
 
 
 def status_text(status: str, error: float | None, tolerance: float, objective: float | None) -> str:
@@ -64,10 +65,9 @@ def objective_of(problem: Problem, point: Point) -> float | None:
     value = getattr(problem, "objective", None)
     if value is None or not point.finite:
         return None
-    properties = problem.info.properties
     with np.errstate(all="ignore"):
-        least = float(value(next(iter(point.arrays().values())))) + float(properties.get("objective_offset", 0.0))
-    return -least if properties.get("objective_sense") == "max" else least
+        least = float(value(next(iter(point.arrays().values())))) + offset(problem.info)
+    return -least if problem.info.properties.get(SENSE) == "max" else least
 
 
 def answer_lines(problem: Problem, point: Point, tolerance: float, *, every: bool = False) -> Iterator[str]:
@@ -90,9 +90,9 @@ def unknown_lines(problem: Problem, point: Point, most: int | None) -> Iterator[
     parts, slacks = point.arrays(), problem.slacks(point) if point.finite else {}
     total = sum(part.size for part in parts.values())
     left = total if most is None else most
-    columns = problem.info.properties.get("unknowns") or []
+    columns = unknowns(problem.info)
     if len(columns) == next(iter(parts.values())).size:
-        yield from _named_lines([printable(str(column)) for column in columns], next(iter(parts.values())), left)
+        yield from _named_lines([printable(column) for column in columns], next(iter(parts.values())), left)
         left -= min(left, len(columns))
         parts = dict(list(parts.items())[1:])
     for name, values in parts.items():

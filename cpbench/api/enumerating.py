@@ -43,7 +43,7 @@ class EverySolution:
 
     @property
     def count(self) -> float:
-        """How many there are, infinity for a continuum."""
+        """The number of solutions, infinity for a continuum."""
         return math.inf if self.endless else float(len(self.points))
 
     @property

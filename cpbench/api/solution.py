@@ -55,8 +55,8 @@ class Solution:
 
     @property
     def contacts(self) -> ContactTable | None:
-        """What each contact does, and the load of each body; None of a problem without contacts, or without an answer
-        that is finite.
+        """The state of each contact, and the load of each body; None of a problem without contacts, or without a finite
+        answer.
 
         >>> import cpbench
         >>> box = cpbench.FrictionContact(W=[[1.0, 0.0], [0.0, 1.0]], q=[-1.0, 0.3], mu=[0.5], dimension=2)

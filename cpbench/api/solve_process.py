@@ -7,15 +7,13 @@ system, from after its imports on; what a solve loads or compiles is off the clo
 
 from __future__ import annotations
 
-import contextlib
 import json
-import logging
 import os
 import resource
 import signal
 import sys
 import time
-from collections.abc import Generator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -159,7 +157,7 @@ def _answered(asked: Mapping[str, Any], talk: _Talk) -> Answered:
             point, started = _start(policy, problem, way, address, asked["tolerance"])
             known = replace(known, started=started)
         talk.begin(WARM_UP)
-        with _compiling_reported(way.name, talk):
+        with kernel_cache.compiling_reported(lambda: talk.say(compiling=way.name)):
             warming.warm_up_quickly(way.solver)
             warming.listen(talk.off_the_clock)
             solution, there = solve_there(
@@ -211,22 +209,3 @@ def _of(address: str, solution: Solution, there: float, known: Outcome) -> Answe
     )
     asked = address, problem.name, problem.node, solution.solver, solution.tolerance
     return Answered(*asked, outcome, problem, solution.point)
-
-
-@contextlib.contextmanager
-def _compiling_reported(solver: str, talk: _Talk) -> Generator[None]:
-    """Say, once, that loops have to be compiled: nothing else is said for seconds."""
-    said: list[str] = []
-
-    def report(record: logging.LogRecord) -> bool:
-        if not said:
-            talk.say(compiling=solver)
-        said.append(record.getMessage())
-        return True
-
-    kernel_cache.LOG.setLevel(logging.INFO)
-    kernel_cache.LOG.addFilter(report)
-    try:
-        yield
-    finally:
-        kernel_cache.LOG.removeFilter(report)

@@ -9,16 +9,14 @@ from `ProblemLoaded`; what goes before has its own (`time_limits`).
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import gc
 import itertools
-import logging
 import operator
 import os
 import time
 import traceback
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -63,7 +61,7 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
         connection.send_bytes(messages.pack(messages.SolverUnavailable(available.detail[-WORDS:], available.state)))
         return
     connection.send_bytes(messages.pack(messages.WarmingUp()))
-    with _compilation_reported(connection):
+    with kernel_cache.compiling_reported(lambda: connection.send_bytes(messages.pack(messages.CompilingKernels()))):
         solver.warmup()
         if formulations.get(solver.spec.node).has_maps():
             interpreter.load()
@@ -84,25 +82,6 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
         runner.serve(asked, run_forked if forked else _here)
         if fresh and not forked:
             return
-
-
-@contextlib.contextmanager
-def _compilation_reported(connection: Channel) -> Generator[None]:
-    """Send `CompilingKernels`, once, where the cache of kernels lacks some: no other message comes for seconds."""
-    reported: list[str] = []
-
-    def report(record: logging.LogRecord) -> bool:
-        if not reported:
-            connection.send_bytes(messages.pack(messages.CompilingKernels()))
-        reported.append(record.getMessage())
-        return True
-
-    kernel_cache.LOG.setLevel(logging.INFO)
-    kernel_cache.LOG.addFilter(report)
-    try:
-        yield
-    finally:
-        kernel_cache.LOG.removeFilter(report)
 
 
 class SolverRunner:

@@ -24,11 +24,11 @@ from cpbench.storage.base import build, stem
 from cpbench.storage.dialects import Dialect
 from cpbench.storage.half_stored import whole
 from cpbench.storage.named_arrays import SPARSE, NamedArrays, Shape, absent, counted, require_shapes, shapes_of
+from cpbench.storage.program_properties import OFFSET
 from cpbench.storage.two_sided import infinite, rows_and_bounds
 
 FORM = "form"
 """Property of a problem that says in which form its arrays were."""
-OFFSET = "objective_offset"
 
 
 def choose(path: Path, shapes: Mapping[str, Shape | None], only: Dialect | None = None) -> tuple[Dialect, str]:

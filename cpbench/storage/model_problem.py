@@ -9,7 +9,6 @@ the signs turned, Ax ≤ b; else an nlp, with g(z) ≥ 0 in the same way. A maxi
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -19,7 +18,6 @@ import scipy.sparse as sp
 
 from cpbench import matrices
 from cpbench.expressions.from_mof import Affine, Nonlinear, Quadratic
-from cpbench.expressions.mof_json import as_float
 from cpbench.expressions.mof_model import Model, ModelRow
 from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Info, Problem
@@ -33,9 +31,8 @@ from cpbench.formulations.qp import QP
 from cpbench.formulations.relay import Relay
 from cpbench.matrices import Sparse, Vector
 from cpbench.storage.base import build
+from cpbench.storage.program_properties import OFFSET
 
-OFFSET = "objective_offset"
-"""The property that keeps the constant of an objective, which changes no solution."""
 _COMPLEMENTARITY = ("lcp", "mlcp", "relay", "avi", "ncp", "micp")
 
 
@@ -49,12 +46,6 @@ def problem_of(model: Model, path: Path, name: str, node: str = "", convex: bool
     if node == "nlp" or not model.affine or isinstance(model.objective, Nonlinear):
         return build(path, NLP, "", name=name, convex=convex, **program(model))
     return _qp(model, path, name)
-
-
-def offset(info: Info) -> float:
-    """Return the constant of the objective."""
-    value = info.properties.get(OFFSET, 0.0)
-    return float(value) if isinstance(value, int | float) and math.isfinite(as_float(value)) else 0.0
 
 
 def _complementarity(model: Model, path: Path, name: str, node: str) -> Problem:

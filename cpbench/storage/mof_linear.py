@@ -11,8 +11,8 @@ import scipy.sparse as sp
 from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.matrices import Matrix, Sparse, Vector
-from cpbench.storage.model_problem import offset
 from cpbench.storage.mof_write import FEASIBILITY, Written, joined, numbered, one_sided
+from cpbench.storage.program_properties import offset
 
 
 def obstacle(problem: Any) -> str | None:

@@ -13,12 +13,9 @@ from cpbench.formulations.qp import QP
 from cpbench.storage import two_sided
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
 from cpbench.storage.mps_sections import Reader
+from cpbench.storage.program_properties import OFFSET, SENSE, UNKNOWNS
 from cpbench.storage.program_text import ProgramText
 from cpbench.storage.two_sided import infinite, require_order
-
-OFFSET, SENSE, UNKNOWNS = "objective_offset", "objective_sense", "unknowns"
-"""Properties of a program: the constant of ½zᵀQz + pᵀz, `max` where that is the opposite of the objective of the file,
-and the names of z."""
 
 
 class MPS(Format):

@@ -18,11 +18,11 @@ from cpbench.errors import FormatError
 from cpbench.expressions.from_mof import Affine
 from cpbench.expressions.operators import Operator
 from cpbench.matrices import Vector
-from cpbench.storage.model_problem import offset
 from cpbench.storage.mof_linear import kept, quadratic
 from cpbench.storage.nl_encoders import Encoder
 from cpbench.storage.nl_operators import SUM, UNWRITTEN, WRITTEN
 from cpbench.storage.nl_terms import NLTerms
+from cpbench.storage.program_properties import offset
 
 CONVEX = " convex"
 

@@ -47,7 +47,7 @@ class Store:
     is, whoever writes it meanwhile. May be used from several threads.
 
     For running, the seals are checked: rows that do not fit are refused, or with `expel` removed, so that they are
-    planned and run again; all others are sealed by this user's key, or by `key`, and say whose key it was before
+    planned and run again; all others are sealed by this user's key, and say whose key it was before
     (`sealed_by`). `opened` says what was found. For reading, `audit` checks them. A file that was left without an
     exception has a seal over the whole (`end`).
 
@@ -55,16 +55,14 @@ class Store:
     cannot be written; SealError; from every method StoreError, when SQLite fails.
     """
 
-    def __init__(
-        self, path: str | Path, *, create: bool = False, keep: str = "all", expel: bool = False, key: Key | None = None
-    ) -> None:
+    def __init__(self, path: str | Path, *, create: bool = False, keep: str = "all", expel: bool = False) -> None:
         self.path = Path(path)
         self._keep = keep
         self._state: _State | None = None
         self._notes: Sequence[str] = ()
         self._database = Database(self.path, create=create)
         try:  # whatever fails from here on, the lock must not stay
-            self._key = key or (seal_key.find_or_make() if create else seal_key.find())
+            self._key = seal_key.find_or_make() if create else seal_key.find()
             self.opened = self._take_over(self._key, expel) if create and self._key else Audit(str(self.path))
             self._whose = "" if create else self._whose_seals()
             self._kept = int(self._database.read("SELECT coalesce(sum(bytes), 0) FROM answers")[0][0])
