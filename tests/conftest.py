@@ -79,7 +79,7 @@ def pytest_configure(config: pytest.Config) -> None:
     would wait for each other. One process alone compiles what its tests need."""
     if not getattr(config.option, "tx", None) or hasattr(config, "workerinput"):
         return
-    modules = kernel_cache.modules("expressions", "conversions", "solvers")
+    modules = kernel_cache.modules()
     kept = [name for name in modules if kernel_cache.is_kept(name)]
     if not all(map(kernel_cache.is_compiled, kept)):
         print("compiling the kernels", file=sys.stderr, flush=True)

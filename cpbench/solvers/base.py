@@ -336,12 +336,12 @@ def _typed(solver: str, key: str, raw: str, default: Any) -> Any:
         raise UnknownName(f"value of {solver}[{key}] ({type(default).__name__})", raw, [str(default)]) from None
 
 
-ORIGINS = {"cpbench.solvers.native.": "native", "cpbench.solvers.adapters.": "adapter"}
+ORIGINS = {"cpbench_solvers.": "native", "cpbench.solvers.adapters.": "adapter"}
 """Packages of solvers that come with cpbench."""
 NODE_GROUPS = ("lcp", "mlcp", "qp", "avi", "cone", "contact", "nonlinear")
 """Packages of `solvers.native`: nodes that share their mathematics."""
 solvers: Registry[Solver] = Registry(
-    "solver", *(f"cpbench.solvers.native.{group}" for group in NODE_GROUPS), "cpbench.solvers.adapters", renamed=RENAMED
+    "solver", *(f"cpbench_solvers.{group}" for group in NODE_GROUPS), "cpbench.solvers.adapters", renamed=RENAMED
 )
 
 

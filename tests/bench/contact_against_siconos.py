@@ -276,8 +276,8 @@ def call_on(problem: Any, tolerance: float) -> Side:
     import numpy as np
 
     from cpbench.formulations import FCPoint
-    from cpbench.solvers.native.contact.auto import AutoContactOptions
-    from cpbench.solvers.native.contact.sweeps import block_rows
+    from cpbench_solvers.contact.auto import AutoContactOptions
+    from cpbench_solvers.contact.sweeps import block_rows
     from cpbench.verification import judge
 
     way, sweeps = block_rows(problem).accelerated, AutoContactOptions().sweeps
@@ -329,7 +329,7 @@ def sweep_row(name: str, problem: Any, label: str, siconos: Siconos) -> Row | No
     """Seconds a sweep from two runs of different length; None where a side has soon nothing left to sweep."""
     import numpy as np
 
-    from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows
+    from cpbench_solvers.contact.sweeps import Sweeps, block_rows
 
     rows = block_rows(problem)
 

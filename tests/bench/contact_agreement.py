@@ -32,7 +32,7 @@ def converted(problem: FrictionContact, node: str, **knobs: str) -> Iterator[tup
     """Every solver of ours that answers for a node, with the problem that it gets."""
     target = make(f"fc-{node}", knobs).step(problem)
     for solver in solvers:
-        ours = type(solver).__module__.startswith("cpbench.solvers.native")
+        ours = type(solver).__module__.startswith("cpbench_solvers.")
         if ours and solver.spec.node in REACHED[node]:
             yield solver, graph.arrive(target, solver.spec.node).problem
 

@@ -37,7 +37,7 @@ def main(names: list[str], tolerance: float, pairs: int) -> None:
         for solver in solvers
         if solver.spec.node == "fc"
         and Trait.WARM_START in solver.spec.traits
-        and (solver.spec.name in names if names else type(solver).__module__.startswith("cpbench.solvers.native"))
+        and (solver.spec.name in names if names else type(solver).__module__.startswith("cpbench_solvers."))
         and solver.obstacle(steps[0]) is None
     ]
     budget = Budget(tolerance=tolerance, seconds=SECONDS)

@@ -45,7 +45,7 @@ def chosen(names: list[str]) -> list[Any]:
 
     if names:
         return [solvers.get(name) for name in names]
-    native = "cpbench.solvers.native."
+    native = "cpbench_solvers."
     return [s for s in solvers if type(s).__module__.startswith(native) and s.spec.by_default]
 
 

@@ -29,9 +29,9 @@ from sphere_lattice import lattice
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import sparse
 from cpbench.solvers import Budget, solvers
-from cpbench.solvers.native.contact.nsgs_coloured import Coloured, ColouredSweeps, helpers
-from cpbench.solvers.native.contact.nsgs_global import Bodies, VelocitySweeps
-from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows
+from cpbench_solvers.contact.nsgs_coloured import Coloured, ColouredSweeps, helpers
+from cpbench_solvers.contact.nsgs_global import Bodies, VelocitySweeps
+from cpbench_solvers.contact.sweeps import Sweeps, block_rows
 
 MB = 1e6
 

@@ -287,7 +287,7 @@ def kernel(problems: list) -> Side:
 
     from cpbench.kernel_cache import load
 
-    pivot = load("cpbench.solvers.kernels.pivoting").lemke
+    pivot = load("cpbench_solvers.kernels.pivoting").lemke
     limit = 50 * problems[0].q.size + 1000
     data = [(np.array(p.M), np.array(p.q), np.zeros(p.q.size)) for p in problems]
 
@@ -302,7 +302,7 @@ def batch(problems: list, threads: int = 1) -> Side:
     """All problems in one call; on several threads MANY times over, for threads take time to start, in wall time."""
     import numpy as np
 
-    from cpbench.solvers.native.lcp import lemke_batch
+    from cpbench_solvers.lcp import lemke_batch
 
     many = 1 if threads == 1 else MANY
     M, q = np.array([p.M for p in problems] * many), np.array([p.q for p in problems] * many)

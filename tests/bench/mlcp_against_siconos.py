@@ -238,7 +238,7 @@ def kernel(problems: list) -> MixedSide:
 
     solver = solvers.get("lemke-mlcp")
     budget, options = Budget(tolerance=TOLERANCE), solver.spec.options()
-    pivot = load("cpbench.solvers.kernels.mlcp_pivoting").lemke_mixed
+    pivot = load("cpbench_solvers.kernels.mlcp_pivoting").lemke_mixed
     every = [solver.setup(p, budget, options) for p in problems]
     calls = [(s.data, np.zeros(s.scaled.k.size), s.limit, TOLERANCE) for s in every]
 

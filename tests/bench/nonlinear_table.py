@@ -73,7 +73,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0)
     chosen = parser.parse_args()
     free = [s for s in solvers if s.spec.node == "micp" and not s.spec.requires]
-    native = {s.spec.name for s in free if type(s).__module__.startswith("cpbench.solvers.native")}
+    native = {s.spec.name for s in free if type(s).__module__.startswith("cpbench_solvers.")}
     names = chosen.solver or [s.spec.name for s in free if s.availability().ok]
     if chosen.solver is None and path_by_gams.usable():
         names.append(PATH)

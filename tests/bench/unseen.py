@@ -193,7 +193,7 @@ def regrets(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _is_native(name: str) -> bool:
-    return type(solvers.get(name)).__module__.startswith("cpbench.solvers.native")
+    return type(solvers.get(name)).__module__.startswith("cpbench_solvers.")
 
 
 def _fastest(rows: pd.DataFrame) -> tuple[float, str]:

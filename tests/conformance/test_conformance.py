@@ -102,7 +102,7 @@ def _solvers() -> list:
     modules = {type(solver).__module__ for solver in solvers if solver.spec.name in SAMPLED}
     for solver in solvers:
         name, module = solver.spec.name, type(solver).__module__
-        kind = "native" if module.startswith("cpbench.solvers.native.") else "foreign"
+        kind = "native" if module.startswith("cpbench_solvers.") else "foreign"
         day = BY_DAY["automatic" if kind == "native" and name.startswith("auto-") else kind]
         if name in SAMPLED:
             day = set(checks("solver"))
@@ -171,7 +171,7 @@ def test_any_shape_is_converted_right(edge, seed: int, size: int) -> None:
             check(edge, [case])
 
 
-NATIVE = [s for s in solvers if type(s).__module__.startswith("cpbench.solvers.native.")]
+NATIVE = [s for s in solvers if type(s).__module__.startswith("cpbench_solvers.")]
 
 
 @settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))

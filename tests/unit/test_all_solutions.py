@@ -18,7 +18,7 @@ import cpbench
 from cpbench.formulations import LCP, MLCP
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Budget
-from cpbench.solvers.native.lcp.enumeration import enumerate_bases, scale
+from cpbench_solvers.lcp.enumeration import enumerate_bases, scale
 
 flint = pytest.importorskip("flint", reason="certificates need python-flint")
 from cpbench.api.certificate_text import summary  # noqa: E402

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import adopt
-from cpbench.solvers.native.contact.sweeps import block_rows
+from cpbench_solvers.contact.sweeps import block_rows
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
@@ -40,8 +40,8 @@ def test_rows_of_blocks_are_those_of_the_matrix(
 
 def test_sweeps_beyond_the_caches_are_those_within(rng: np.random.Generator) -> None:
     """A sweep asks for rows ahead when there are many, which changes no bit: many copies of a small problem."""
-    from cpbench.solvers.kernels import gauss_seidel
-    from cpbench.solvers.native.contact.sweeps import Sweeps
+    from cpbench_solvers.kernels import gauss_seidel
+    from cpbench_solvers.contact.sweeps import Sweeps
 
     A = rng.standard_normal((90, 90))
     small = sp.csr_array(A @ A.T)

@@ -18,7 +18,7 @@ import pytest
 from cpbench import kernel_cache
 from cpbench.formulations import AVI, LCP, MLCP
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.lcp.lemke_columns import PivotingState
+from cpbench_solvers.lcp.lemke_columns import PivotingState
 from cpbench.verification import judge, prove
 
 Rng = np.random.Generator
@@ -93,7 +93,7 @@ def drawn(family: str, count: int) -> list[Integers]:
 
 def first_row(M: Any, q: Any) -> int:
     """The row in which the compiled loops begin."""
-    return int(kernel_cache.load("cpbench.solvers.kernels.tableau").first_row(M, q, np.empty(len(q), np.int64)))
+    return int(kernel_cache.load("cpbench_solvers.kernels.tableau").first_row(M, q, np.empty(len(q), np.int64)))
 
 
 def by_tableau(kernel: Any, M: Any, q: Any, z: Any) -> int:
@@ -123,7 +123,7 @@ def by_products(kernel: Any, M: Any, q: Any, z: Any) -> int:
 
 def outcomes_are_exact(problems: list[Integers]) -> Counter[str]:
     """Check all loops on all problems; count the exact outcomes, with those of the topmost of tied rows."""
-    kernel = kernel_cache.load("cpbench.solvers.kernels.pivoting")
+    kernel = kernel_cache.load("cpbench_solvers.kernels.pivoting")
     words = {kernel.COMPLEMENTARY: exact_lemke.COMPLEMENTARY, kernel.RAY: exact_lemke.RAY, kernel.LIMIT: "limit"}
     counted = Counter[str]()
     for given in problems:

@@ -13,9 +13,9 @@ from tiers import some_by_day
 from cpbench import kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.contact.members import PlainMember
-from cpbench.solvers.native.contact.policy import SweepProgress, next_method
-from cpbench.solvers.native.contact.sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows, scaled_contacts
+from cpbench_solvers.contact.members import PlainMember
+from cpbench_solvers.contact.policy import SweepProgress, next_method
+from cpbench_solvers.contact.sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows, scaled_contacts
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -51,7 +51,7 @@ def test_whatever_fails_all_come_again() -> None:
 
 def plain(rows: BlockRows, sweeps: int) -> np.ndarray:
     """Anderson's acceleration in NumPy: least squares by `lstsq`, a sweep by `Sweeps`."""
-    anderson = kernel_cache.load("cpbench.solvers.kernels.anderson")
+    anderson = kernel_cache.load("cpbench_solvers.kernels.anderson")
     problem, one = rows.problem, Sweeps(rows)
     weight = np.repeat(1.0 / np.sqrt(problem.rho), problem.dimension)
     r = np.zeros(problem.q.size)
@@ -79,7 +79,7 @@ def test_accelerated_sweeps_are_those_of_plain_numpy(rng: np.random.Generator, d
     accelerated = AcceleratedSweeps(rows)
     accelerated.sweep(3, 1e-300)
     accelerated.sweep(3, 1e-300)  # goes on where it was
-    anderson = kernel_cache.load("cpbench.solvers.kernels.anderson")
+    anderson = kernel_cache.load("cpbench_solvers.kernels.anderson")
     state = accelerated._work[1 : anderson.MEASURED].view(np.int64)
     assert state[anderson.REJECTED] == 0, "every step was followed"
     r = accelerated._work[anderson.ANSWER + problem.q.size :][: problem.q.size]  # the next iterate

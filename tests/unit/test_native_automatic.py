@@ -10,7 +10,7 @@ from tiers import some_by_day
 
 from cpbench.formulations import LCP, MLCP, LCPPoint, Problem
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.automatic import AutomaticChoice
+from cpbench_solvers.automatic import AutomaticChoice
 from cpbench.testing.cases import cases
 from cpbench.verification import certified_infeasible, judge
 

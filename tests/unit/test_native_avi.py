@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations import AVI, AVIPoint, LCPPoint, Relay
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.avi.polyhedron_vertex import ScaledPolyhedron
+from cpbench_solvers.avi.polyhedron_vertex import ScaledPolyhedron
 from cpbench.testing import planted_conic
 from cpbench.verification import judge
 

@@ -31,7 +31,7 @@ MADE: dict[str, Callable[[Any, Any], Problem]] = {
 NATIVE = [
     name
     for name in solvers.names()
-    if type(solvers.get(name)).__module__.startswith("cpbench.solvers.native.") and solvers.get(name).spec.node in MADE
+    if type(solvers.get(name)).__module__.startswith("cpbench_solvers.") and solvers.get(name).spec.node in MADE
 ]
 
 
@@ -88,7 +88,7 @@ def assert_each_once(place: Path, modules: set[str]) -> None:
     compiled = Counter(tuple(p.name.split("-")[0].split(".")) for p in place.rglob("*.nbc"))
     assert {module for module, _ in compiled} == modules
     for (module, function), count in compiled.items():
-        kernel = getattr(cache.load(f"cpbench.solvers.kernels.{module}"), function)
+        kernel = getattr(cache.load(f"cpbench_solvers.kernels.{module}"), function)
         assert count == len(kernel.signatures), f"{module}.{function}"
 
 
@@ -120,7 +120,7 @@ def test_several_are_compiled_side_by_side_and_each_once(tmp_path: Path) -> None
     )
     environment = {**os.environ, cache.VARIABLE: str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
-    other = [f"cpbench.solvers.kernels.{name}" for name in ("mlcp_judged", "complementary_bases")]
+    other = [f"cpbench_solvers.kernels.{name}" for name in ("mlcp_judged", "complementary_bases")]
     assert done.stdout.strip() == str([other] if (os.cpu_count() or 1) > 1 else [])
     assert_each_once(tmp_path, {*names, "tableau", "row_errors"})
 
@@ -134,11 +134,11 @@ def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_cha
     decorated = (
         "import numba\n{}\n@numba.njit('float64(float64)', cache=True)\ndef {}(x):\n    return {}\nREADY = True\n"
     )
-    outer.write_text(decorated.format("from cpbench.solvers.kernels.inner import half", "twice", "half(4.0 * x)"))
+    outer.write_text(decorated.format("from cpbench_solvers.kernels.inner import half", "twice", "half(4.0 * x)"))
     found = []
     for share in ("0.5", "0.25"):
         inner.write_text(decorated.format("", "half", f"{share} * x"))
-        code = "from cpbench.kernel_cache import load; print(load('cpbench.solvers.kernels.outer').twice(1.0))"
+        code = "from cpbench.kernel_cache import load; print(load('cpbench_solvers.kernels.outer').twice(1.0))"
         environment = {**os.environ, "PYTHONPATH": str(tmp_path), cache.VARIABLE: ""}
         command = [sys.executable, "-c", code]
         done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
@@ -149,7 +149,7 @@ def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_cha
 
 def test_what_is_compiled_is_asked_of_the_cache_in_use(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Not of the one beside the source, where another setting may have left kernels; and younger than the source."""
-    module = "cpbench.solvers.kernels.box_splitting"
+    module = "cpbench_solvers.kernels.box_splitting"
     fresh.setenv(cache.VARIABLE, str(tmp_path))
     assert not cache.is_compiled(module)
     index = tmp_path / "kernels_0" / "box_splitting.sweeps-10.py311.nbi"
@@ -191,7 +191,7 @@ for name in sys.argv[1:]:
         solver = solvers.get(name)
         for member in getattr(solver, "members", ()):
             solvers.get(member).warmup()
-        unused = {{f"cpbench.solvers.kernels.{{k}}" for k in getattr(solver, "kernels", ())}} - kernels()
+        unused = {{f"cpbench_solvers.kernels.{{k}}" for k in getattr(solver, "kernels", ())}} - kernels()
         solver.warmup()
         before = kernels()
         for problem in problems(solver):

@@ -8,8 +8,8 @@ import scipy.sparse as sp
 
 from cpbench.formulations.fc import FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.contact.nsgs_coloured import Coloured, ColouredOptions, ColouredSweeps
-from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows
+from cpbench_solvers.contact.nsgs_coloured import Coloured, ColouredOptions, ColouredSweeps
+from cpbench_solvers.contact.sweeps import Sweeps, block_rows
 from cpbench.verification import judge
 
 

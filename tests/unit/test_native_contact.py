@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.solvers.native.contact import sweeps as contact_sweeps
+from cpbench_solvers.contact import sweeps as contact_sweeps
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -128,7 +128,7 @@ def test_a_strongly_coupled_contact_is_solved_in_one_sweep(rng: np.random.Genera
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_kernels_error_is_the_judges(rng: np.random.Generator, dimension: int) -> None:
     """At any point, in any units, on any blocks: what NSGS stops on is what `residuals` judges."""
-    kernel, solver = kernel_cache.load("cpbench.solvers.kernels.contact_error"), solvers.get("nsgs")
+    kernel, solver = kernel_cache.load("cpbench_solvers.kernels.contact_error"), solvers.get("nsgs")
     for _ in range(60):
         nc = int(rng.integers(1, 8))
         w, s, p = 10.0 ** rng.uniform(-5, 5, 3)
@@ -142,7 +142,7 @@ def test_the_kernels_error_is_the_judges(rng: np.random.Generator, dimension: in
 
 
 def test_places_have_the_kernels_names() -> None:
-    kernel = kernel_cache.load("cpbench.solvers.kernels.sweep_progress")
+    kernel = kernel_cache.load("cpbench_solvers.kernels.sweep_progress")
     for name in (
         "CONTINUE",
         "NOT_FINITE",
@@ -298,7 +298,7 @@ def test_no_claim_on_a_real_file_is_false(shared_data: Path, folder: str) -> Non
 def test_kernels_project_as_the_cone_does(mu: float) -> None:
     """Also (−1, 0, 0) without friction, which is on the wrong side of the apex and has no tangential part."""
     one, splitting = (
-        kernel_cache.load(f"cpbench.solvers.kernels.{name}") for name in ("one_contact", "contact_splitting")
+        kernel_cache.load(f"cpbench_solvers.kernels.{name}") for name in ("one_contact", "contact_splitting")
     )
     for x in ([-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 1.0, 2.0], [-1.0, 3.0, 4.0], [1.0, 3.0, 4.0]):
         row, z, xi = np.array(x), np.zeros(3), np.zeros(3)

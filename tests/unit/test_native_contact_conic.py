@@ -18,7 +18,7 @@ from cpbench.verification import judge
 
 EXACT = ("interior-point-fc", "facets-lemke")
 INTERIOR = ("interior-point-fc", "interior-point-relaxation")
-KERNEL = kernel_cache.load("cpbench.solvers.kernels.contact_interior")
+KERNEL = kernel_cache.load("cpbench_solvers.kernels.contact_interior")
 
 
 def inside(rng: np.random.Generator, count: int, d: int) -> np.ndarray:

@@ -12,9 +12,9 @@ from claims import assert_claim
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.solvers.native.contact.newton_equation import ContactEquation, ContactFunction
-from cpbench.solvers.native.contact.semismooth_newton import ContactNewtonOptions, LineSearch, Regularization
-from cpbench.solvers.native.contact.sweeps import Sweeps, block_rows, scaled_contacts
+from cpbench_solvers.contact.newton_equation import ContactEquation, ContactFunction
+from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions, LineSearch, Regularization
+from cpbench_solvers.contact.sweeps import Sweeps, block_rows, scaled_contacts
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -40,7 +40,7 @@ def hyperstatic(rng: np.random.Generator, nc: int, bodies: int, dimension: int, 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_an_iteration_of_admm_is_that_of_plain_numpy(rng: np.random.Generator, dimension: int) -> None:
-    kernel = kernel_cache.load("cpbench.solvers.kernels.contact_splitting")
+    kernel = kernel_cache.load("cpbench_solvers.kernels.contact_splitting")
     nc, alpha, rho = 40, 1.6, 0.3
     x, z, xi = rng.standard_normal((3, nc * dimension))
     mu = np.where(rng.random(nc) < 0.2, 0.0, rng.uniform(0, 1, nc))
@@ -97,7 +97,7 @@ def arrow(x: np.ndarray) -> np.ndarray:
 def test_the_functions_are_those_of_their_definitions(
     rng: np.random.Generator, dimension: int, function: ContactFunction
 ) -> None:
-    kernel = kernel_cache.load("cpbench.solvers.kernels.contact_newton")
+    kernel = kernel_cache.load("cpbench_solvers.kernels.contact_newton")
     nc = 50
     x, v = rng.standard_normal((2, nc, dimension))
     mu, rho = np.where(rng.random(nc) < 0.2, 0.0, rng.uniform(0.1, 1, nc)), rng.uniform(0.5, 2, (nc, 2))

@@ -13,8 +13,8 @@ from tiers import some_by_day
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench.solvers.native.contact.nsgs import NSGSOptions
-from cpbench.solvers.native.contact.relaxation import Local
+from cpbench_solvers.contact.nsgs import NSGSOptions
+from cpbench_solvers.contact.relaxation import Local
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -45,7 +45,7 @@ def many(problem: FrictionContact, local: Local, sweeps: int, **options: bool) -
 
 
 def test_the_roots_are_those_of_numpy(rng: np.random.Generator) -> None:
-    local = kernel_cache.load("cpbench.solvers.kernels.contact_local")
+    local = kernel_cache.load("cpbench_solvers.kernels.contact_local")
     found = 0
     for _ in range(300):
         c = rng.standard_normal(5) * 10.0 ** rng.uniform(-2, 2, 5)

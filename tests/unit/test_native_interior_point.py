@@ -15,7 +15,7 @@ from cpbench.formulations import LCP, MLCP, LCPPoint
 from cpbench.generators.lcp_classics import fathi, murty
 from cpbench.matrices import dense as dense_array
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.lcp.interior_point_system import ShiftedSystem
+from cpbench_solvers.lcp.interior_point_system import ShiftedSystem
 from cpbench.testing import planted
 from cpbench.verification import judge
 

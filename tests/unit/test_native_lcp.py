@@ -13,7 +13,7 @@ from cpbench import kernel_cache, storage
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.generators.lcp_classics import csizmadia, fathi, isolated_perturbed, munson1, murty, unbounded_ray
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.lcp.claims import error_of
+from cpbench_solvers.lcp.claims import error_of
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -86,7 +86,7 @@ def test_errors_of_rows_are_those_of_plain_numpy(rng: np.random.Generator, spars
 
 def test_the_kernels_error_is_the_judges(rng: np.random.Generator) -> None:
     """Whatever the units of M, q and z."""
-    kernel = kernel_cache.load("cpbench.solvers.kernels.lcp_error")
+    kernel = kernel_cache.load("cpbench_solvers.kernels.lcp_error")
     for _ in range(40):
         m, p, s = 10.0 ** rng.uniform(-6, 6, 3)
         M, q, z = m * rng.uniform(-1, 1, (9, 9)), p * rng.uniform(-1, 1, 9), s * rng.uniform(-0.2, 1, 9)

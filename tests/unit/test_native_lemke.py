@@ -9,9 +9,9 @@ from cpbench import kernel_cache
 from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.lcp import lemke, lemke_batch, lemke_columns, lemke_run
-from cpbench.solvers.native.lcp.first_basis import dense_lcp
-from cpbench.solvers.native.lcp.principal_transform import transformed
+from cpbench_solvers.lcp import lemke, lemke_batch, lemke_columns, lemke_run
+from cpbench_solvers.lcp.first_basis import dense_lcp
+from cpbench_solvers.lcp.principal_transform import transformed
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -43,7 +43,7 @@ def reference_pivots(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, int]:
 @pytest.mark.parametrize("n", [3, 12, 16, 17, 60])
 def test_both_loops_take_the_pivots_of_the_full_tableau(n: int) -> None:
     """On either side of the size from which columns are updated when they are needed."""
-    kernel = kernel_cache.load("cpbench.solvers.kernels.pivoting")
+    kernel = kernel_cache.load("cpbench_solvers.kernels.pivoting")
     rng = np.random.default_rng(n)
     for _ in range(10):
         M, q, z = planted.square(rng, n, "positive definite"), rng.standard_normal(n), np.empty(n)
@@ -60,7 +60,7 @@ def test_updates_by_products_are_those_by_vectors(
     monkeypatch: pytest.MonkeyPatch, block: int, room: int, kind: str
 ) -> None:
     """The same pivots and values, also where rows are pivoted on twice in a block and pivots are forgotten."""
-    kernel = kernel_cache.load("cpbench.solvers.kernels.pivoting")
+    kernel = kernel_cache.load("cpbench_solvers.kernels.pivoting")
     monkeypatch.setattr(lemke_columns, "FAR", 1)
     monkeypatch.setattr(lemke_columns, "LIKELY", 5)
     options = lemke_run.LemkeOptions()

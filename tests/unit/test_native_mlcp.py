@@ -14,9 +14,9 @@ from claims import row_error
 from cpbench import kernel_cache, matrices, storage
 from cpbench.formulations import LCP, MLCP, MLCPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.mlcp.claims import scale
-from cpbench.solvers.native.mlcp.enumeration import all_solutions
-from cpbench.solvers.native.mlcp.pivoting import Reduction
+from cpbench_solvers.mlcp.claims import scale
+from cpbench_solvers.mlcp.enumeration import all_solutions
+from cpbench_solvers.mlcp.pivoting import Reduction
 from cpbench.testing import planted
 from cpbench.testing.cases import Case, infeasible
 from cpbench.verification import certified_infeasible, judge
@@ -300,4 +300,4 @@ def test_limits_are_kept(solver: str) -> None:
 def test_kernels_are_loaded_by_the_warm_up() -> None:
     for name in ALL:
         solvers.get(name).warmup()
-    assert kernel_cache.load("cpbench.solvers.kernels.mlcp_splitting").READY
+    assert kernel_cache.load("cpbench_solvers.kernels.mlcp_splitting").READY

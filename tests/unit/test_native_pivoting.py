@@ -12,8 +12,8 @@ from cpbench import kernel_cache
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.generators.lcp_classics import csizmadia, isolated_perturbed, murty, unbounded_ray
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.lcp.changing_basis import ChangingBasis
-from cpbench.solvers.native.lcp.principal_pivoting import transform
+from cpbench_solvers.lcp.changing_basis import ChangingBasis
+from cpbench_solvers.lcp.principal_pivoting import transform
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -50,7 +50,7 @@ def reference_murty(M: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, int]:
 
 def test_pivots_make_the_principal_transform(rng: np.random.Generator) -> None:
     """One pair after the other, two at once where the diagonal is 0, and both against the definition."""
-    kernel = kernel_cache.load("cpbench.solvers.kernels.principal_pivoting")
+    kernel = kernel_cache.load("cpbench_solvers.kernels.principal_pivoting")
     M, q = rng.standard_normal((7, 7)), rng.standard_normal(7)
     M[3, 3] = 0.0
     y, x, swapped, row = rng.standard_normal(7), rng.standard_normal(7), np.zeros(7, dtype=bool), np.empty(7)
@@ -313,7 +313,7 @@ def test_block_pivoting_from_any_guess(sweeps: int) -> None:
 
 
 def test_the_transform_of_a_pair_is_its_definition(rng: np.random.Generator) -> None:
-    kernel = kernel_cache.load("cpbench.solvers.kernels.lemke_pairs")
+    kernel = kernel_cache.load("cpbench_solvers.kernels.lemke_pairs")
     n = 7
     for _ in range(30):
         M, q = rng.uniform(-1, 1, (n, n)), rng.uniform(-1, 1, n)
@@ -326,7 +326,7 @@ def test_the_transform_of_a_pair_is_its_definition(rng: np.random.Generator) -> 
 
 
 def test_a_singular_pair_has_no_transform() -> None:
-    kernel = kernel_cache.load("cpbench.solvers.kernels.lemke_pairs")
+    kernel = kernel_cache.load("cpbench_solvers.kernels.lemke_pairs")
     M = np.array([[0.1, 0.3, 1.0], [0.2, 0.6, 0.0], [1.0, 0.0, 1.0]])
     assert not kernel.transform(M, np.ones(3), 0, 1, np.empty((3, 3)), *np.empty((3, 3)))
 

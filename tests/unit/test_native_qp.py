@@ -13,14 +13,14 @@ from cpbench.formulations import QP
 from cpbench.formulations.qp import QPPoint
 from cpbench.kernel_cache import load
 from cpbench.solvers import Budget, Claim, Trait, solvers
-from cpbench.solvers.native.automatic import SolverPhase
-from cpbench.solvers.native.qp import dual_active_set
-from cpbench.solvers.native.qp.claims import ErrorMeasure, infeasibility, unboundedness
-from cpbench.solvers.native.qp.dual_active_set import ActiveSet
-from cpbench.solvers.native.qp.kkt_system import KKT, entries
-from cpbench.solvers.native.qp.presolve import presolved, sparse_data
-from cpbench.solvers.native.qp.proximal_active_set import ProximalActiveSetOptions, in_one_call
-from cpbench.solvers.native.qp.scaling import scaled, stacked
+from cpbench_solvers.automatic import SolverPhase
+from cpbench_solvers.qp import dual_active_set
+from cpbench_solvers.qp.claims import ErrorMeasure, infeasibility, unboundedness
+from cpbench_solvers.qp.dual_active_set import ActiveSet
+from cpbench_solvers.qp.kkt_system import KKT, entries
+from cpbench_solvers.qp.presolve import presolved, sparse_data
+from cpbench_solvers.qp.proximal_active_set import ProximalActiveSetOptions, in_one_call
+from cpbench_solvers.qp.scaling import scaled, stacked
 from cpbench.testing import planted
 from cpbench.verification import judge
 
@@ -393,7 +393,7 @@ def test_linear_systems_are_solved_as_by_numpy(fills: bool) -> None:
 
 
 def test_the_sparse_factor_is_ldl() -> None:
-    kernel = load("cpbench.solvers.kernels.qp_ldl")
+    kernel = load("cpbench_solvers.kernels.qp_ldl")
     rng = np.random.default_rng(8)
     S = sp.random_array((30, 30), density=0.1, rng=rng)
     K = sp.csc_array(S + S.T + sp.diags_array(np.where(np.arange(30) < 20, 8.0, -8.0)))
@@ -417,7 +417,7 @@ def test_the_sparse_factor_is_ldl() -> None:
 @pytest.mark.parametrize("n", [1, 5, 130])
 def test_the_dense_factor_is_ldl(n: int) -> None:
     """Quasi-definite: by the inertia of [[P, Bᵀ], [B, −R]], and the matrix is made again of its factors."""
-    kernel = load("cpbench.solvers.kernels.qp_ldl")
+    kernel = load("cpbench_solvers.kernels.qp_ldl")
     rng = np.random.default_rng(n)
     K = rng.standard_normal((n, n))
     K = K + K.T
@@ -433,7 +433,7 @@ def test_the_dense_factor_is_ldl(n: int) -> None:
 
 def test_minimum_degree_is_an_order_with_little_fill() -> None:
     """No fill on a tree; on a square grid of 30² no more than 1.2 times that of SuperLU's multiple minimum degree."""
-    kernel = load("cpbench.solvers.kernels.minimum_degree")
+    kernel = load("cpbench_solvers.kernels.minimum_degree")
     line = sp.diags_array([1.0, 1.0], offsets=[-1, 1], shape=(30, 30))
     rng = np.random.default_rng(0)
     parents = [int(rng.integers(0, i)) for i in range(1, 200)]
@@ -445,7 +445,7 @@ def test_minimum_degree_is_an_order_with_little_fill() -> None:
         assert (np.sort(order) == np.arange(order.size)).all()
         upper = sp.csc_array(sp.triu(pattern[order][:, order]))
         parent, count = np.empty((2, order.size), dtype=np.int64)
-        load("cpbench.solvers.kernels.qp_ldl").tree(
+        load("cpbench_solvers.kernels.qp_ldl").tree(
             upper.indptr.astype(np.int32), upper.indices.astype(np.int32), parent, count
         )
         assert count.sum() <= most

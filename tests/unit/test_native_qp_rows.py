@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations import QP, QPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.qp.claims import ErrorMeasure
+from cpbench_solvers.qp.claims import ErrorMeasure
 from cpbench.verification import judge
 
 

@@ -157,7 +157,7 @@ def test_a_solver_of_gfc_may_be_inside(monkeypatch):
         def solve(self, prepared, budget, options, start=None, record=None):
             asked.append(budget.tolerance)
             assert isinstance(start, GFCPoint)
-            from cpbench.solvers.native.contact.nonlinear_dynamics import _local
+            from cpbench_solvers.contact.nonlinear_dynamics import _local
 
             out = solvers.get("nsgs").run(_local(prepared), budget)
             return SolverOutput(claim=out.claim, point=GFCPoint(v=start.v, r=out.point.r), counters=out.counters)

@@ -36,7 +36,7 @@ def test_native_names_end_in_no_other_node_than_their_own():
     nodes = {solver.spec.node for solver in solvers} | {"contact", "cone", "global", "rolling"}
     for solver in solvers:
         first, _, last = solver.spec.name.rpartition("-")
-        if first and last in nodes and type(solver).__module__.startswith("cpbench.solvers.native."):
+        if first and last in nodes and type(solver).__module__.startswith("cpbench_solvers."):
             assert last == solver.spec.node, solver.spec.name
 
 

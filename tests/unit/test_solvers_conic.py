@@ -12,7 +12,7 @@ from cpbench.formulations.conic import cone_fields
 from cpbench.matrices import dense
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.native.nonlinear.natural_map import equilibrate
+from cpbench_solvers.nonlinear.natural_map import equilibrate
 from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 from cpbench.testing import planted_conic
 from cpbench.verification import judge
@@ -74,7 +74,7 @@ def test_newton_reaches_ten_digits_on_monotone_cone_problems(kind: str, sparse: 
 
 def test_projection_and_contraction_alone_converge(monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator) -> None:
     """Without Newton, on a rotation, where plain projection circles for ever: ‖F‖ falls in the norm of the paper."""
-    from cpbench.solvers.native.nonlinear import natural_map
+    from cpbench_solvers.nonlinear import natural_map
 
     monkeypatch.setattr(natural_map, "_newton", lambda *_: None)
     K = ProductCone.of((Cone.SECOND_ORDER, 4, 3, 0.5))

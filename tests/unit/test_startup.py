@@ -72,7 +72,7 @@ def test_commands_load_nothing_beyond_click() -> None:
     assert _said(code).splitlines()[-1].split() == [f"cpbench.{name}" for name in ours]
 
 
-LIBRARIES = "import scipy.sparse.linalg; from cpbench.kernel_cache import load; load('cpbench.solvers.kernels.tableau')"
+LIBRARIES = "import scipy.sparse.linalg; from cpbench.kernel_cache import load; load('cpbench_solvers.kernels.tableau')"
 """What no first solve can do without: SciPy's sparse matrices, numba, and the first of its kernels."""
 
 

@@ -21,7 +21,7 @@ def preload() -> None:
         for registry in (formulations.formulations, storage.formats, conversions.conversions, solvers.solvers):
             with contextlib.suppress(Exception):
                 registry.discover()
-        for module in kernel_cache.modules("expressions", "conversions", "solvers"):
+        for module in kernel_cache.modules():
             with contextlib.suppress(Exception):
                 if kernel_cache.is_compiled(module):
                     kernel_cache.load(module)

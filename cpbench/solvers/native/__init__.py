@@ -1,1 +1,0 @@
-"""Native solvers, one algorithm a file."""

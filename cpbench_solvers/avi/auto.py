@@ -1,0 +1,35 @@
+"""Automatic choices between bounds and on polyhedra: pivoting, then Newton's method and projections."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from cpbench.formulations.relay import Relay
+from cpbench.solvers.base import SolverSpec, register
+from cpbench_solvers.automatic import AutomaticChoice, InOrder, SolverPhase, automatic_spec
+
+LARGE = 1000
+"""Unknowns beyond which a tableau is asked last."""
+
+
+@register
+class AutoAVI(InOrder):
+    """Lemke's method from a vertex of the polyhedron, then extragradients where the polyhedron is a box."""
+
+    spec: ClassVar[SolverSpec] = automatic_spec("avi", "auto-avi", "pivoting from a vertex, then extragradients")
+    members: ClassVar[tuple[str, ...]] = ("lemke-avi", "extragradient-avi")
+
+
+@register
+class AutoRelay(AutomaticChoice):
+    """Lemke's method between bounds up to 1000 unknowns, Newton's beyond; then extragradients."""
+
+    spec: ClassVar[SolverSpec] = automatic_spec("relay", "auto-relay", "pivoting or Newton by size, then projections")
+    members: ClassVar[tuple[str, ...]] = ("lemke-relay", "newton-relay", "extragradient-relay")
+
+    def phases(self, problem: Relay) -> Sequence[SolverPhase]:
+        first = list(self.members[:2])
+        if problem.q.size > LARGE:
+            first.reverse()
+        return [SolverPhase(name) for name in (*first, self.members[2])]

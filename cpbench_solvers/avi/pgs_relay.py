@@ -1,0 +1,130 @@
+"""Projected Gauss–Seidel on a relay problem: z_i ← its nearest point in [lb_i, ub_i] to z_i − ω w_i/M_ii."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.cones import project_box
+from cpbench.formulations.lcp import LCPPoint
+from cpbench.formulations.relay import Relay
+from cpbench.matrices import Vector, max_abs
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.shared.progress import Progress, next_stop
+
+CHUNK = 256
+"""The most sweeps between two measurements of the error."""
+
+
+@dataclass(frozen=True)
+class PGSRelayOptions:
+    """Options of pgs-relay. `omega` : over-relaxation, in ]0, 2[. `max_iterations` : sweeps. `stall_window` : sweeps
+    without gain after which it gives up."""
+
+    omega: float = 1.0
+    max_iterations: int = 100_000
+    stall_window: int = 5000
+
+
+@dataclass(frozen=True)
+class RelayRows:
+    """M by rows: values[start[i]:start[i+1]] are in `column`."""
+
+    problem: Relay
+    start: np.ndarray[Any, np.dtype[np.int64]]
+    column: np.ndarray[Any, np.dtype[np.int64]]
+    values: Vector
+    diagonal: Vector
+
+
+@register
+class PGSRelay(Solver):
+    """A method that converges for symmetric positive definite and for H-matrices with positive diagonal.
+
+    Unknowns that are fixed (lb = ub) need no diagonal.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="pgs-relay",
+        node="relay",
+        summary="projected Gauss-Seidel with bounds",
+        method="splitting",
+        citation="Cryer 1971; Moreau 1988; Jean 1999",
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=PGSRelayOptions,
+    )
+
+    def obstacle(self, problem: Relay) -> str | None:
+        diagonal = problem.M.diagonal()
+        bad = np.flatnonzero(problem.moving & ~(diagonal > 0))
+        if bad.size == 0:
+            return None
+        i = int(bad[0])
+        return (
+            f"needs a positive diagonal where lb < ub, M[{i},{i}] = {diagonal[i]:g} ({bad.size} of {diagonal.size}): "
+            "use newton-relay"
+        )
+
+    def setup(self, problem: Relay, budget: Budget, options: PGSRelayOptions) -> RelayRows:
+        csr = sp.csr_array(problem.M)
+        diagonal = np.where(problem.moving, problem.M.diagonal(), 1.0)
+        return RelayRows(problem, csr.indptr.astype(np.int64), csr.indices.astype(np.int64), csr.data, diagonal)
+
+    def warmup(self) -> None:
+        self.run(Relay(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=-np.ones(2), lb=np.zeros(2), ub=np.ones(2)))
+
+    def solve(
+        self,
+        prepared: RelayRows,
+        budget: Budget,
+        options: PGSRelayOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        from cpbench.kernel_cache import load
+
+        kernel = load("cpbench_solvers.kernels.box_splitting")
+        problem = prepared.problem
+        z = project_box(np.zeros_like(problem.q) if start is None else start.z, problem.lb, problem.ub)
+        limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
+        matrix = (prepared.start, prepared.column, prepared.values, prepared.diagonal)
+        law = (problem.q, problem.lb, problem.ub)
+        progress, sweeps, chunk = Progress(options.stall_window), 0, 1
+        error = problem.residuals(LCPPoint(z), budget.tolerance).error
+        if record is not None:
+            record(0, error, lambda: LCPPoint(z))
+        best, best_error = z.copy(), error
+        claim, message = Claim.MAX_ITER, f"{limit} sweeps"
+        forces = max_abs(problem.q[problem.moving]) or 1.0
+        while best_error > budget.tolerance and sweeps < limit:
+            threshold = 0.1 * min(budget.tolerance, error) * forces
+            until = min(limit, sweeps + chunk)
+            while True:
+                most = next_stop(sweeps, until, record) - sweeps
+                done, settled = kernel.sweeps(*matrix, *law, z, options.omega, threshold, most)
+                sweeps += done
+                if settled or sweeps == until:
+                    break
+                if record is not None:
+                    record(sweeps, np.nan, lambda: LCPPoint(z))
+            chunk = min(2 * chunk, CHUNK)
+            error = problem.residuals(LCPPoint(z), budget.tolerance).error if np.isfinite(z).all() else np.nan
+            if record is not None:
+                record(sweeps, error, lambda: LCPPoint(z))
+            if error < best_error:
+                best, best_error = z.copy(), error
+            why = progress.trouble(sweeps, error)
+            if why is None and time.monotonic() > deadline:
+                why = f"out of time after {sweeps} sweeps"
+            if why is not None:
+                claim, message = Claim.FAILED, why
+                break
+        counters = {"iterations": sweeps, "matrix_vector_products": sweeps}
+        if best_error <= budget.tolerance:
+            return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(best), counters=counters)
+        message = f"{message}, error {best_error:.1e}"
+        return SolverOutput(claim=claim, point=LCPPoint(best), counters=counters, message=message)

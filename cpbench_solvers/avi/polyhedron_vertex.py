@@ -1,0 +1,135 @@
+"""A vertex of {z : Az ≥ b, Cz = d, lb ≤ z ≤ ub} and a basis of its conditions there, whatever the map M.
+
+At a vertex as many independent constraints hold with equality as there are unknowns. With N the unknowns between
+their bounds, J the rows of A and E the rows of C that are needed for that, the matrix
+
+    [ M_NN  −A_JNᵀ  −C_ENᵀ ]
+    [ A_JN     0       0   ]
+    [ C_EN     0       0   ]
+
+is regular because its lower left part is square and regular (Cao and Ferris 1996, section 3). Where the set contains
+lines there is no vertex: N has more unknowns than rows, and M must be regular on the lines.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import qr
+
+from cpbench.matrices import Dense, Vector, max_abs
+from cpbench_solvers import linear_program
+
+ACTIVE = 1e-9
+"""A constraint holds with equality where it has less room, relative to the size of the vertex."""
+RANK = 1e-10
+"""Pivots of a QR factorization up to this share of the largest entry are 0."""
+
+
+@dataclass(frozen=True)
+class ScaledPolyhedron:
+    """{z : Az ≥ b, Cz = d, lb ≤ z ≤ ub} with lb < ub, dense, rows and unknowns scaled to size one."""
+
+    A: Dense
+    b: Vector
+    C: Dense
+    d: Vector
+    lb: Vector
+    ub: Vector
+
+    def vertex(self, cost: Vector) -> Vector | None:
+        """Return a vertex where costᵀz is least, or any one where that has no end; None where the simplex method
+        finds none."""
+        n = cost.size
+        if not n or not (self.b.size or self.d.size):
+            return np.clip(np.where(cost < 0, self.ub, self.lb), *_finite(self.lb, self.ub))
+        finite = np.concatenate([self.b, self.d, *(x[np.isfinite(x)] for x in (self.lb, self.ub))])
+        unit = max_abs(finite) or 1.0
+        for c in (cost / (max_abs(cost) or 1.0), np.zeros(n)):
+            program = linear_program.load()(
+                c,
+                A_ub=-self.A if self.b.size else None,
+                b_ub=-self.b / unit if self.b.size else None,
+                A_eq=self.C if self.d.size else None,
+                b_eq=self.d / unit if self.d.size else None,
+                bounds=np.column_stack([self.lb, self.ub]) / unit,
+                method="highs-ds",
+                options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+            )
+            if program.status == 0:
+                return self._purified(np.clip(unit * program.x, self.lb, self.ub))
+        return None
+
+    def _purified(self, z: Vector) -> Vector:
+        """Return a vertex, but for the lines in the set: a basic solution may have unknowns without bounds anywhere."""
+        bounded = np.eye(z.size)[np.isfinite(self.lb) | np.isfinite(self.ub)]
+        top = max(max_abs(self.A), 1.0)
+        for _ in range(z.size):
+            N, _, E = self.basis(z)
+            active = self.A @ z - self.b <= ACTIVE * (1.0 + max_abs(z))
+            N &= (z - self.lb > 0.0) & (self.ub - z > 0.0)
+            held = np.vstack([self.C[np.ix_(E, N)], self.A[np.ix_(active, N)]])
+            ways = np.eye(z.size)[:, N] @ _null_space(held[_independent(held.T)])
+            felt = np.vstack([self.A, bounded]) @ ways
+            if max_abs(felt) <= RANK * top:
+                return z
+            way = ways @ felt[int(np.abs(felt).max(axis=1).argmax())]
+            forth, back = self._room(z, way), self._room(z, -way)
+            z = np.clip(z + (forth if forth <= back else -back) * way, self.lb, self.ub)
+        return z
+
+    def _room(self, z: Vector, way: Vector) -> float:
+        """Return how far z can go: to the first bound or row, ∞ without one."""
+        speed = np.concatenate([way, -way, -(self.A @ way)])
+        room = np.concatenate([self.ub - z, z - self.lb, self.A @ z - self.b])
+        ahead = speed > RANK * max_abs(way)
+        return float((np.maximum(room[ahead], 0.0) / speed[ahead]).min(initial=np.inf))
+
+    def basis(self, z: Vector) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return N (n,), J (m,) and E (k,) at a vertex z."""
+        near = ACTIVE * (1.0 + max_abs(z))
+        N = (z - self.lb > near) & (self.ub - z > near)
+        C = self.C
+        if self.d.size:  # unknowns at a bound come in where those between are not enough for the rows of C
+            held = np.flatnonzero(~N)
+            rest = C[:, held]
+            span = _independent(C[:, N])
+            if span.size:
+                Q = np.linalg.qr(C[:, np.flatnonzero(N)[span]])[0]
+                rest = rest - Q @ (Q.T @ rest)
+            N[held[_independent(rest, max_abs(C))]] = True
+        E = _marked(self.d.size, _independent(C[:, N].T))
+        active = np.flatnonzero(self.A @ z - self.b <= near)
+        lines = _null_space(C[np.ix_(E, N)])
+        J = _marked(self.b.size, active[_independent((self.A[np.ix_(active, N)] @ lines).T)])
+        return N, J, E
+
+
+def _finite(lb: Vector, ub: Vector) -> tuple[Vector, Vector]:
+    """Return bounds that keep a point finite: the other bound, or 0, in the place of an infinite one."""
+    low = np.where(np.isfinite(lb), lb, np.where(np.isfinite(ub), ub, 0.0))
+    return low, np.where(np.isfinite(ub), ub, low)
+
+
+def _independent(A: Dense, size: float = 0.0) -> NDArray[np.intp]:
+    """Return independent columns, as many as there are; `size` of the entries that A is a difference of."""
+    if not A.size:
+        return np.zeros(0, np.intp)
+    R, order = qr(A, mode="r", pivoting=True)
+    pivots = np.abs(np.diagonal(R))
+    return np.asarray(order[: int((pivots > RANK * max(float(pivots[0]), size)).sum())], np.intp)
+
+
+def _null_space(A: Dense) -> Dense:
+    """Return an orthonormal basis of {v : Av = 0}, A of full row rank, as columns."""
+    if not A.shape[0]:
+        return np.eye(A.shape[1])
+    return np.linalg.qr(A.T, mode="complete")[0][:, A.shape[0] :]
+
+
+def _marked(size: int, members: NDArray[np.intp]) -> NDArray[np.bool_]:
+    result = np.zeros(size, dtype=bool)
+    result[members] = True
+    return result

@@ -1,0 +1,154 @@
+"""ADMM on cone programs, and as Douglas–Rachford splitting on monotone cone complementarity problems.
+
+    (M + σI + AᵀRA) x = σx − p + AᵀR(s − b − ξ),  v = α(Ax + b) + (1 − α)s + ξ,  s ← P_K(v),  ξ ← v − s,
+
+R = ρ·diag(weights), constant on every factor; at rest s = Ax + b and y = −Rξ. One factorization for each ρ.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench import matrices
+from cpbench.errors import ProblemError
+from cpbench.factorization import Factorization
+from cpbench.matrices import Vector, dense, norm, transpose
+from cpbench.product_cones import Cone
+from cpbench.solvers.base import SolverSpec, Trait, register
+from cpbench_solvers.cone.run import ConicSolver, Iterates
+from cpbench_solvers.cone.scaled_form import ConicForm
+
+SIGMA = 1e-9
+"""Keeps the system regular where M and A leave some x alone."""
+EQUALITY = 1e3
+"""How much heavier rows in {0} weigh, as in OSQP."""
+FIRST_REST, LONGER = 20, 1.3
+"""Iterations with one ρ before it may change, and by how much longer it must stay the next time."""
+UNBALANCED, LARGEST_CHANGE = 3.0, 30.0
+"""ρ changes by a factor between these, or not at all."""
+RHO = (1e-7, 1e7)
+TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class ADMMOptions:
+    """Options of admm-coneqp, admm-soclcp. `rho` : the first penalty, for data of size one. `alpha` :
+    over-relaxation, in [1, 2[. `balance` : adapt ρ to the residuals."""
+
+    rho: float = 0.3
+    alpha: float = 1.6
+    balance: bool = True
+    max_iterations: int = 20_000
+
+
+class ConeSplitting:
+    """The iterates of one run."""
+
+    def __init__(self, form: ConicForm, start: tuple[Vector, Vector] | None, options: ADMMOptions) -> None:
+        self._form, self._options = form, options
+        self.counters = {"iterations": 0, "factorizations": 0, "projections": 0}
+        zero = np.repeat(form.K.kind == Cone.ZERO, form.K.size.astype(int))
+        self._weight = np.where(zero, EQUALITY, 1.0)
+        self._rho = options.rho
+        self._factors: Factorization | None = None
+        self._rest, self._since = float(FIRST_REST), 0
+        self.x, self.y = start if start is not None else (np.zeros(form.p.size), np.zeros(form.b.size))
+        self.s = form.K.project(form.A @ self.x + form.b)
+        self._xi = -self.y / (self._rho * self._weight)
+
+    def step(self) -> str | None:
+        form, options = self._form, self._options
+        R = self._rho * self._weight
+        right = SIGMA * self.x - form.p + form.A.T @ (R * (self.s - form.b - self._xi))
+        x = self._solve(right, R)
+        if x is None:
+            return f"the linear system is singular for ρ = {self._rho:.1e}"
+        reached = form.A @ x + form.b
+        v = options.alpha * reached + (1.0 - options.alpha) * self.s + self._xi
+        s = form.K.project(v)
+        self._xi = v - s
+        primal = norm(reached - s) / max(norm(reached), norm(s), TINY)
+        dual = norm(form.A.T @ (R * (s - self.s))) / max(norm(form.A.T @ (R * self._xi)), norm(form.p), TINY)
+        self.x, self.s, self.y = x, s, -R * self._xi
+        self.counters["projections"] += 1
+        self._since += 1
+        if options.balance and self._since >= self._rest:
+            self._balance(primal, dual)
+        return None
+
+    def _solve(self, right: Vector, R: Vector) -> Vector | None:
+        form = self._form
+        n, m = form.p.size, form.b.size
+        thin = sp.issparse(form.M) or sp.issparse(form.A)
+        if self._factors is None:
+            self.counters["factorizations"] += 1
+            if thin:  # AᵀRA may be dense where M and A are sparse
+                lower = sp.csr_array(sp.diags_array(-1.0 / R, shape=(m, m)))
+                upper = sp.csr_array(form.M + SIGMA * sp.eye_array(n))
+                self._factors = Factorization(matrices.block([[upper, transpose(form.A)], [form.A, lower]]))
+            else:
+                A = dense(form.A)
+                self._factors = Factorization(dense(form.M) + (A.T * R) @ A + SIGMA * np.eye(n))
+        try:
+            if not thin:
+                return np.asarray(self._factors.solve(right))
+            return np.asarray(self._factors.solve(np.concatenate([right, np.zeros(m)])))[:n]
+        except ProblemError:  # exactly singular
+            return None
+
+    def _balance(self, primal: float, dual: float) -> None:
+        """Multiply ρ by √(primal/dual), both relative to what they are made of (Wohlberg 2017, arXiv:1704.06209)."""
+        factor = math.sqrt(max(primal, TINY) / max(dual, TINY))
+        factor = min(max(factor, 1.0 / LARGEST_CHANGE), LARGEST_CHANGE)
+        rho = min(max(self._rho * factor, RHO[0]), RHO[1])
+        if max(rho / self._rho, self._rho / rho) < UNBALANCED:
+            return
+        self._xi *= self._rho / rho
+        self._rho, self._factors = rho, None
+        self._rest, self._since = LONGER * self._rest, 0
+
+
+class _ADMM(ConicSolver):
+    """Base of the solvers of the two nodes: everything but the node."""
+
+    def begin(self, form: ConicForm, start: tuple[Vector, Vector] | None, options: ADMMOptions) -> Iterates:
+        return ConeSplitting(form, start, options)
+
+
+_TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
+
+
+@register
+class ADMMCone(_ADMM):
+    """A method that converges for every Q ⪰ 0, with A and K of any kind, linearly in the end where the solution is not
+    degenerate."""
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="admm-coneqp",
+        node="coneqp",
+        summary="ADMM, one factorization for each of few penalties, over-relaxed",
+        method="operator splitting",
+        citation="Boyd et al. 2011, Found. Trends Mach. Learn. 3:1; Stellato et al. 2020, Math. Prog. Comp. 12:637",
+        traits=_TRAITS,
+        options=ADMMOptions,
+    )
+
+
+@register
+class ADMMSOCLCP(_ADMM):
+    """A method that converges for monotone M, symmetric or not; other M are tried."""
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="admm-soclcp",
+        node="soclcp",
+        summary="Douglas-Rachford splitting: resolvents of the map and projections on the cone",
+        method="operator splitting",
+        citation="Lions and Mercier 1979, SIAM J. Numer. Anal. 16:964; Eckstein and Bertsekas 1992, Math. Prog. 55:293",
+        traits=_TRAITS,
+        options=ADMMOptions,
+    )

@@ -1,0 +1,43 @@
+"""The error of answers to cone programs whose cones have flat faces, by connected parts: that of a QP."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.qp import QP
+from cpbench.product_cones import Cone
+from cpbench_solvers.qp.claims import ErrorMeasure
+
+FLAT = (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE)
+
+
+class PolyhedralError:
+    """The largest error of a connected part, as the verdict has it (`qp_rows`): norms over all hide small ones."""
+
+    def __init__(self, problem: ConeQP) -> None:
+        kind = np.repeat(problem.K.kind, problem.K.size.astype(int))
+        self._inequalities, self._equations, free = (
+            np.flatnonzero(kind == cone) for cone in (Cone.NONNEGATIVE, Cone.ZERO, Cone.FREE)
+        )
+        self._free = free
+        rows, equations = self._inequalities, self._equations
+        program = QP.build(
+            problem.Q,
+            problem.p,
+            problem.A[rows],
+            -problem.b[rows],
+            problem.A[equations],
+            -problem.b[equations],
+        )
+        self._measure, self._none = ErrorMeasure(program), np.zeros(problem.p.size)
+
+    @classmethod
+    def of(cls, problem: ConeQP) -> PolyhedralError | None:
+        """Return the measure of a problem; None where it has other cones."""
+        return cls(problem) if np.isin(problem.K.kind, FLAT).all() else None
+
+    def __call__(self, point: ConeQPPoint) -> float:
+        if point.y[self._free].any():
+            return np.inf
+        return self._measure.of_parts((point.x, point.y[self._inequalities], point.y[self._equations], self._none))

@@ -1,0 +1,136 @@
+"""Frictional contact by Gauss–Seidel, Newton, ADMM and interior points in turns, by what they cost."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.fc import FrictionContact
+from cpbench.kernel_cache import load_all
+from cpbench.matrices import Vector
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, StackCall, Trait, register, solved
+from cpbench_solvers.contact.by_parts import SolverByParts
+from cpbench_solvers.contact.phases import Phases, counters
+from cpbench_solvers.contact.sweeps import (
+    APART,
+    CONTINUE,
+    ROUNDED,
+    AcceleratedSweeps,
+    BlockRows,
+    ScaledContacts,
+    conclude,
+    scaled_contacts,
+)
+from cpbench_solvers.stacks import CONTACT_SHARES, solve_fc
+
+KERNELS = (
+    "anderson",
+    "block_layout",
+    "contact_interior",
+    "contact_newton",
+    "contact_splitting",
+    "gauss_seidel",
+    "part_energy",
+)
+WORDS = 12
+"""Phases that the message tells of, the last ones."""
+
+
+@dataclass(frozen=True)
+class AutoContactOptions:
+    """Options of auto-fc. `sweeps` : in the first phase. `max_iterations` : sweeps, Newton steps, steps of interior
+    points and iterations of ADMM together."""
+
+    sweeps: int = 50
+    max_iterations: int = 400_000
+
+
+@register
+class AutoContact(SolverByParts):
+    """Accelerated sweeps first; then, phase by phase, what `policy` says. The message tells the phases and what they
+    reached where there were several. Work is counted, not timed: the way to an answer is the same on every machine,
+    and on a busy one.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="auto-fc",
+        node="fc",
+        summary="Gauss-Seidel with acceleration, Newton, interior points or ADMM, whichever promises to be done first",
+        method="automatic choice",
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=AutoContactOptions,
+    )
+    stack_call: ClassVar[StackCall | None] = StackCall(solve_fc, shares=CONTACT_SHARES)
+
+    def prepare(self, problem: FrictionContact, budget: Budget, options: AutoContactOptions) -> ScaledContacts:
+        return scaled_contacts(problem)
+
+    def at_once(
+        self, blocks: BlockRows, budget: Budget, options: AutoContactOptions
+    ) -> tuple[Vector, dict[str, int]] | None:
+        way = blocks.accelerated
+        work = np.empty(way.size)
+        work[0] = 0.0
+        limit = min(options.sweeps, budget.iterations or options.max_iterations)
+        _, done, _, _ = way.kernel(*way.arguments, work, budget.tolerance, limit, False)
+        return work[way.answer].copy(), counters(done)
+
+    def warmup(self) -> None:
+        load_all("cpbench_solvers.kernels", KERNELS)
+
+    def solve_part(
+        self,
+        prepared: ScaledContacts,
+        budget: Budget,
+        options: AutoContactOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        rows, limit = prepared.rows, budget.iterations or options.max_iterations
+        first, taken = min(options.sweeps, limit), None
+        if start is None and record is None:
+            # written out, for most small problems are done here, and calls take as long as they do
+            way = rows.accelerated
+            work = np.empty(way.size)
+            work[0] = 0.0
+            status, done, error, seen = way.kernel(*way.arguments, work, budget.tolerance, first, False)
+            if error <= budget.tolerance - APART:
+                return solved(FCPoint(work[way.answer]), counters(done))
+            taken = work, done, error, seen
+            first = first - done if status == CONTINUE else 0
+        deadline = time.monotonic() + budget.seconds
+        sweeps = AcceleratedSweeps(rows, None if start is None else start.r)
+        if taken is not None:
+            sweeps.take(*taken)
+        look = None
+        if record is not None:
+            begin = np.zeros(rows.problem.q.size) if start is None else start.r
+            record(0, rows.judged_error(begin), lambda: FCPoint(begin))
+            look = partial(_tell, record, sweeps)
+        if first > 0:
+            sweeps.sweep(first, budget.tolerance, look)
+        if sweeps.error <= budget.tolerance:
+            spent = counters(sweeps.done)
+            return conclude(rows.problem, sweeps.best, sweeps.error, budget, Claim.INACCURATE, ROUNDED, spent)
+        begin = np.zeros(rows.problem.q.size) if start is None else start.r
+        run = Phases(prepared, budget, begin, sweeps, limit, deadline, record)
+        claim, message = Claim.MAX_ITER, f"{limit} iterations"
+        while not run.error <= budget.tolerance and run.iterations < limit:
+            if time.monotonic() > deadline:
+                claim, message = Claim.FAILED, f"out of time after {run.iterations} iterations"
+                break
+            run.take_turn()
+        if run.error <= budget.tolerance:
+            claim, message = Claim.INACCURATE, ROUNDED
+        output = conclude(rows.problem, run.best, run.error, budget, claim, message, run.counters)
+        parts = (", ".join(run.messages[-WORDS:]), output.message)
+        return replace(output, message="; ".join(part for part in parts if part))
+
+
+def _tell(record: Record, sweeps: AcceleratedSweeps) -> None:
+    record(sweeps.done, sweeps.error, lambda: FCPoint(sweeps.best))

@@ -1,0 +1,146 @@
+"""Automatic choice on contact in global form: condensed where that is affordable, on the bodies where it is not."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.global_contact import GFCPoint
+from cpbench.kernel_cache import load_all
+from cpbench.matrices import EPS
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
+from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
+from cpbench_solvers.contact.condensed import Condensed, condensed
+from cpbench_solvers.contact.dynamics_error import DynamicsError
+from cpbench.solvers.shared.progress import reduced
+
+SWEEPS, ITERATIONS = 2_000, 1_000
+"""Sweeps of Gauss–Seidel and iterations of ADMM before the other goes on: they stand still for different reasons."""
+LOCAL = "auto-fc"
+KERNELS = ("dynamics_rows", "row_errors", "equilibration", "dynamics_error")
+"""Compiled loops by which answers in velocities and reactions are measured."""
+FINER = 0.1
+"""Times the tolerance is what is asked for in r at first: in v and r, part by part, the same answer has a few times its
+error."""
+
+
+@dataclass(frozen=True)
+class PreparedCondensed:
+    """Prepared problem: the problem condensed, what the local solver has made of it, and the error of answers."""
+
+    condensed: Condensed
+    local: Any
+    options: Any
+    error: DynamicsError
+
+
+@register
+class AutoGlobal(AutomaticChoice):
+    """`auto-fc` on the condensed problem where W = HᵀM⁻¹H is affordable, which has more and cheaper methods to
+    choose from. Where it is not, or where that fails: sweeps over the velocities of the bodies and ADMM by turns, then
+    each for as long as it gains; ADMM alone where joints hold the bodies together.
+    """
+
+    spec: ClassVar[SolverSpec] = automatic_spec(
+        "gfc", "auto-gfc", "auto-fc on the condensed problem, or Gauss-Seidel on the bodies and ADMM by turns"
+    )
+    members: ClassVar[tuple[str, ...]] = ("nsgs-gfc", "admm-gfc")
+
+    def error(self, problem: GlobalFrictionContact, point: GFCPoint, tolerance: float) -> float:
+        return DynamicsError.of(problem)(point)
+
+    def phases(self, problem: GlobalFrictionContact) -> Sequence[SolverPhase]:
+        if problem.b.size:
+            return [SolverPhase("admm-gfc")]
+        by_turns = [SolverPhase("nsgs-gfc", SWEEPS), SolverPhase("admm-gfc", ITERATIONS)]
+        return [*by_turns, SolverPhase("nsgs-gfc", 10 * SWEEPS), SolverPhase("admm-gfc")]
+
+    def setup(self, problem: GlobalFrictionContact, budget: Budget, options: Any) -> Any:
+        small = condensed(problem)
+        if small is None:
+            return super().setup(problem, budget, options)
+        solver = solvers.get(LOCAL)
+        own = solver.spec.options()
+        return PreparedCondensed(small, solver.setup(small.local, budget, own), own, DynamicsError.of(problem))
+
+    def warmup(self) -> None:
+        super().warmup()
+        solvers.get(LOCAL).warmup()
+
+    def warmup_quickly(self) -> None:
+        # almost every problem is condensed, which needs these besides what the local solver takes as it goes on
+        load_all("cpbench_solvers.kernels", KERNELS)
+        solvers.get(LOCAL).warmup_quickly()
+
+    def solve(
+        self,
+        prepared: Any,
+        budget: Budget,
+        options: Any,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        if not isinstance(prepared, PreparedCondensed):
+            return super().solve(prepared, budget, options, start, record)
+        end = time.monotonic() + budget.seconds
+        output = _locally(solvers.get(LOCAL), prepared, budget, start, record)
+        left = _left(budget, output.counters, budget, end)
+        if output.claim is Claim.SOLVED or left is None:
+            return output
+        plan = super().setup(prepared.condensed.problem, left, options)
+        rest = super().solve(plan, left, options, output.point, None)
+        counters = dict(Counter(output.counters) + Counter(rest.counters))
+        return replace(rest, counters=counters, message="; ".join(m for m in (output.message, rest.message) if m))
+
+
+def _left(finer: Budget, counters: Mapping[str, int], budget: Budget, end: float) -> Budget | None:
+    """Return what is left of a budget, with the tolerance of `finer`; None where that is nothing."""
+    seconds = end - time.monotonic()
+    spent = counters.get("iterations", 0)
+    iterations = None if budget.iterations is None else budget.iterations - spent
+    if seconds <= 0.0 or (iterations is not None and iterations <= 0):
+        return None
+    return replace(finer, seconds=seconds, iterations=iterations)
+
+
+def _locally(
+    solver: Solver, prepared: PreparedCondensed, budget: Budget, start: Any | None, record: Record | None
+) -> SolverOutput:
+    """Solve the condensed problem more finely than is asked for, and again where the lifted answer is not good
+    enough."""
+    small, end = prepared.condensed, time.monotonic() + budget.seconds
+    begin = None if start is None else FCPoint(start.r)
+    passing = None if record is None else _lifting(record, small)
+    finer, counters = replace(budget, tolerance=FINER * budget.tolerance), Counter[str]()
+    while True:
+        output = solver.solve(prepared.local, finer, prepared.options, begin, passing)
+        counters.update(output.counters)
+        point, claim = None, output.claim
+        if output.point is not None:
+            begin, passing, point = output.point, None, small.lift(output.point)
+            error = prepared.error(point)
+            if error <= budget.tolerance:
+                claim = Claim.SOLVED
+            elif claim is Claim.SOLVED:
+                claim = Claim.INACCURATE
+                finer = replace(finer, tolerance=reduced(finer.tolerance, error, budget.tolerance))
+        left = _left(finer, counters, budget, end)
+        if claim is not Claim.INACCURATE or left is None or finer.tolerance < EPS:
+            break
+        finer = left
+    message = f"condensed, {LOCAL}" + (f": {output.message}" if output.message else "")
+    return replace(output, claim=claim, point=point, counters=dict(counters), message=message)
+
+
+def _lifting(record: Record, small: Condensed) -> Record:
+    """Return a record of local points that passes on the global ones."""
+
+    def passing(iteration: int, error: float, point: Callable[[], Any]) -> None:
+        record(iteration, error, lambda: small.lift(point()))
+
+    return passing

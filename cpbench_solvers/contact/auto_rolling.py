@@ -1,0 +1,41 @@
+"""Automatic choice with rolling friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import ClassVar
+
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.solvers.base import SolverSpec, register
+from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
+from cpbench_solvers.contact.parts import worst_part
+
+ITERATIONS = 200, 800
+"""Iterations of ADMM in the first turns; the last ones have the solvers' own limits."""
+SWEEPS, CONTACTS = 2.5, 100
+"""What takes as long as an iteration of ADMM: so many sweeps, or sweeps over so many contacts where that is more, as on
+all problems of less than 40 contacts."""
+
+
+@register
+class AutoRolling(AutomaticChoice):
+    """Sweeps from contact to contact and ADMM by turns of equal work, each from the best point so far, then each for as
+    long as it gains."""
+
+    spec: ClassVar[SolverSpec] = automatic_spec("rfc", "auto-rfc", "Gauss-Seidel and ADMM by turns")
+    members: ClassVar[tuple[str, ...]] = ("nsgs-rfc", "admm-rfc")
+
+    def error(self, problem: RollingFrictionContact, point: FCPoint, tolerance: float) -> float:
+        return max(super().error(problem, point, tolerance), worst_part(problem, point.r))
+
+    def phases(self, problem: RollingFrictionContact) -> Sequence[SolverPhase]:
+        return _turns(*self.members, problem.nc)
+
+
+@cache
+def _turns(sweeps: str, admm: str, contacts: int) -> tuple[SolverPhase, ...]:
+    a_turn = max(SWEEPS, CONTACTS / max(contacts, 1))
+    turns = [(SolverPhase(sweeps, int(a_turn * few)), SolverPhase(admm, few)) for few in ITERATIONS]
+    return tuple(phase for turn in (*turns, (SolverPhase(sweeps), SolverPhase(admm))) for phase in turn)

@@ -1,0 +1,181 @@
+"""Solves the connected parts of a local contact problem one after the other.
+
+A pile is many clusters of bodies. A norm over all of them says little of the small ones, and sweeps over all of them
+are made until the slowest has converged. Each part ends by its own error, so that the work is that of the parts.
+
+A method ends by norms that it has at hand. An answer that passes these is measured once by the sizes that the contacts
+in use set (the kernel `part_energy`); where that is more than the tolerance, the method goes on, to an error as much
+smaller.
+"""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cpbench.formulations.base import Kind
+from cpbench.formulations.contact import FCPoint
+from cpbench.matrices import Vector
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved
+from cpbench_solvers.contact.parts import (
+    Contact,
+    ContactPart,
+    ContactParts,
+    Index,
+    MeasuredParts,
+    connected_parts,
+    part_of,
+    rows_of,
+    rows_of_blocks,
+)
+from cpbench_solvers.contact.sweeps import BlockRows
+
+ROUNDS = 6
+"""Times that a method goes on to a smaller error of its own."""
+SURE = 0.995
+"""Share of the tolerance that is claimed: the verdict has an equilibration of its own, to a thousandth."""
+SAFE = 0.5
+"""Share of the error that is asked for where a method goes on."""
+
+
+class SolverByParts(Solver):
+    """A solver of local contact problems, with or without rolling friction, that solves connected parts by themselves.
+
+    A subclass says what it prepares for one part and how it solves that. The answer claims to be solved where every
+    part does. A limit of iterations is one of each part, that of time is one of all.
+    """
+
+    @abstractmethod
+    def prepare(self, problem: Any, budget: Budget, options: Any) -> Any:
+        """Do what `setup` of a solver does, for one part."""
+
+    @abstractmethod
+    def solve_part(
+        self, prepared: Any, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+    ) -> SolverOutput:
+        """Do what `solve` of a solver does, for one part."""
+
+    def at_once(self, blocks: BlockRows, budget: Budget, options: Any) -> tuple[Vector, dict[str, int]] | None:
+        """Return reactions of the whole problem by a cheap method, with counters; None where there is none.
+
+        Parts in which they are good enough are not looked at by themselves.
+        """
+        return None
+
+    def setup(self, problem: Contact, budget: Budget, options: Any) -> ContactPart | ContactParts:
+        found = connected_parts(problem)
+        if len(found) == 1:
+            rows = np.arange(problem.q.size)
+            return ContactPart.of(rows, problem, self.prepare(problem, budget, options))
+        label = np.empty(problem.nc, np.int64)
+        for k, contacts in enumerate(found):
+            label[contacts] = k
+        place = np.empty(problem.nc, np.int64)
+
+        def make(contacts: Index) -> ContactPart:
+            rows = rows_of(contacts, problem.dimension)
+            place[contacts] = np.arange(contacts.size)
+            part = part_of(problem, contacts, rows, place)
+            return ContactPart.of(rows, part, self.prepare(part, budget, options))
+
+        whole = MeasuredParts.of(rows_of_blocks(problem), label, len(found))
+        return ContactParts(whole, tuple(found), make)
+
+    def solve(
+        self,
+        prepared: ContactPart | ContactParts,
+        budget: Budget,
+        options: Any,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        if isinstance(prepared, ContactPart):
+            return self._solved(prepared, budget, options, start, record)
+        r = np.zeros(prepared.whole.blocks.problem.q.size) if start is None else np.array(start.r)
+        deadline, counters, failed = time.monotonic() + budget.seconds, Counter[str](), []
+        left_over: Any = range(prepared.whole.count)
+        warm = start is not None
+        if start is None and record is None:
+            begun = self.at_once(prepared.whole.blocks, budget, options)
+            if begun is not None:
+                r, spent = begun
+                counters.update(spent)
+                left_over, warm = np.flatnonzero(~(prepared.whole.errors(r) <= SURE * budget.tolerance)), True
+        progress = None if record is None else _Progress(record, prepared, r, budget)
+        for k in left_over:
+            part = prepared[k]
+            left = replace(budget, seconds=max(deadline - time.monotonic(), 0.0))
+            begin = FCPoint(r[part.rows]) if warm else None
+            look = None if progress is None else progress.of_part(k, counters["iterations"])
+            output = self._solved(part, left, options, begin, look)
+            counters.update(output.counters)
+            if output.point is not None:
+                r[part.rows] = output.point.r
+            if output.claim is not Claim.SOLVED:
+                failed.append((k, output))
+        if not failed:
+            return solved(FCPoint(r), dict(counters))
+        k, output = failed[0]
+        contacts = prepared.contacts[k].size
+        message = f"{len(failed)} of {prepared.whole.count} connected parts, the first of {contacts} contacts"
+        message = f"{message}: {output.message or output.claim}"
+        return SolverOutput(claim=output.claim, point=FCPoint(r), counters=dict(counters), message=message)
+
+    def _solved(
+        self, part: ContactPart, budget: Budget, options: Any, start: Any | None, record: Record | None
+    ) -> SolverOutput:
+        """Solve one part; go on where its error is not small enough by the sizes of the contacts in use."""
+        begun = time.monotonic()
+        output = self.solve_part(part.prepared, budget, options, start, record)
+        relaxed = self.spec.kind is Kind.RELAXATION  # the answer is one to another law
+        if output.point is None or output.claim is not Claim.SOLVED or relaxed or not part.problem.nc:
+            return output
+        error, asked, enough = part.error(output.point.r), budget.tolerance, SURE * budget.tolerance
+        if error <= enough:
+            return output
+        for _ in range(ROUNDS):
+            asked *= SAFE * budget.tolerance / error
+            left = replace(budget, tolerance=asked, seconds=max(begun + budget.seconds - time.monotonic(), 0.0))
+            further = self.solve_part(part.prepared, left, options, output.point, record)
+            counters = Counter(output.counters)
+            counters.update(further.counters)
+            now = error if further.point is None else part.error(further.point.r)
+            better = further if now < error else output
+            output = replace(better, counters=dict(counters), message=further.message)
+            error = min(now, error)
+            if error <= enough:
+                return solved(output.point, output.counters)
+            if further.claim is not Claim.SOLVED:
+                break
+        message = f"error {error:.1e} by the sizes of the contacts in use"
+        message = f"{output.message}; {message}" if output.message else message
+        return SolverOutput(claim=Claim.INACCURATE, point=output.point, counters=output.counters, message=message)
+
+
+class _Progress:
+    """The record of a run over all parts: the error is that of the worst part so far."""
+
+    def __init__(self, record: Record, parts: ContactParts, r: Vector, budget: Budget) -> None:
+        self._record, self._parts, self._r = record, [parts[k] for k in range(parts.whole.count)], r.copy()
+        points = [FCPoint(r[part.rows]) for part in self._parts]
+        self._errors = [
+            part.problem.residuals(point, budget.tolerance).error
+            for part, point in zip(self._parts, points, strict=True)
+        ]
+
+    def of_part(self, k: int, before: int) -> Record:
+        """Return the record of part k, which begins after `before` iterations."""
+
+        def look(done: int, error: float, point: Any) -> None:
+            self._r = self._r.copy()
+            self._r[self._parts[k].rows] = point().r
+            self._errors[k] = error
+            now = self._r
+            self._record(before + done, max(self._errors), lambda: FCPoint(now))
+
+        return look

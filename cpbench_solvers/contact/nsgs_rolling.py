@@ -1,0 +1,100 @@
+"""Nonsmooth Gauss–Seidel on contacts with rolling friction: one after the other is solved exactly, until all agree."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.kernel_cache import compiled
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers.contact.by_parts import SolverByParts
+from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
+from cpbench_solvers.contact.sweeps import conclude, kernel
+from cpbench.solvers.shared.progress import Progress
+
+BLOCKS_A_CALL = 400_000
+"""Blocks, and contacts, between two looks at the clock."""
+
+
+@dataclass(frozen=True)
+class NSGSRollingOptions:
+    """Options of nsgs-rfc. `omega` : relaxation of every contact's change. `shuffle` : a new random order in every
+    sweep. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
+
+    omega: float = 1.0
+    shuffle: bool = False
+    max_iterations: int = 100_000
+    stall_window: int = 10_000
+
+
+@register
+class NSGSRolling(SolverByParts):
+    """Block Gauss–Seidel with exact one-contact solves; W may be nonsymmetric, its diagonal blocks singular.
+
+    Converges in practice for most W ⪰ 0, linearly and slowly where contacts are hyperstatic.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="nsgs-rfc",
+        node="rfc",
+        summary="nonsmooth Gauss-Seidel, exact one-contact solves with rolling friction",
+        method="splitting",
+        citation="Jean and Moreau 1987; Acary and Bourrier 2021, Eur. J. Mech. A/Solids 85:104046",
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=NSGSRollingOptions,
+    )
+
+    def prepare(self, problem: RollingFrictionContact, budget: Budget, options: NSGSRollingOptions) -> RollingBlocks:
+        return rolling_blocks(problem)
+
+    def warmup(self) -> None:
+        for d in (3, 5):
+            q = -np.eye(d)[0]
+            self.run(RollingFrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), mu_r=np.array([0.1]), dimension=d))
+
+    def solve_part(
+        self,
+        prepared: RollingBlocks,
+        budget: Budget,
+        options: NSGSRollingOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        problem, lengths = prepared.problem, prepared.lengths
+        r = np.zeros(problem.q.size) if start is None else start.r / lengths
+        if problem.nc == 0:
+            return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
+        rolling = kernel("rolling_gauss_seidel")
+        sweeps, data = compiled(rolling.sweeps), (*prepared.matrix, *prepared.law, *prepared.local)
+        limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
+        best, state, measured = r.copy(), np.array([0, 0, 0, budget.seed, 0]), np.full(2, np.inf)
+        iterate = (r, best, np.zeros((problem.nc, 2)), np.arange(problem.nc), options.omega, options.shuffle)
+        progress, done, error = Progress(options.stall_window), 0, np.inf
+        piece = max(50, BLOCKS_A_CALL // (prepared.matrix[1].size + 10 * problem.nc))
+        claim, message = Claim.MAX_ITER, f"{limit} sweeps"
+        while True:
+            until, state[rolling.RISKED] = min(limit, done + piece), 0
+            going = True
+            while going:  # who watches sees every evaluation, and changes nothing
+                sweeps(*data, *iterate, budget.tolerance, until, state, measured, record is not None)
+                done, error = int(state[rolling.ITERATION]), float(measured[rolling.ERROR])
+                ended = error <= budget.tolerance or not np.isfinite(error)
+                going = not ended and done < until and state[rolling.RISKED] < rolling.HARD_A_CALL
+                if record is not None:
+                    record(done, error, lambda: FCPoint(lengths * r))
+            if measured[rolling.LEAST] <= budget.tolerance or done >= limit:
+                break
+            why = progress.trouble(done, error)
+            if why is None and time.monotonic() > deadline:
+                why = f"out of time after {done} sweeps"
+            if why is not None:
+                claim, message = Claim.FAILED, why
+                break
+        counters = {"iterations": done, "projections": done * problem.nc, "hard_contacts": int(state[rolling.HARD])}
+        least = float(measured[rolling.LEAST])
+        return conclude(problem, lengths * best, least, budget, claim, message, counters)

@@ -1,0 +1,172 @@
+"""Connected parts of a local contact problem, and how wrong reactions are in each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.kernel_cache import compiled
+from cpbench.matrices import Vector
+from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
+from cpbench_solvers.contact.sweeps import BlockRows, ScaledContacts, block_rows, kernel
+
+Index = NDArray[np.int64]
+Contact = FrictionContact | RollingFrictionContact
+
+NO_ROLLING = np.zeros(0)
+DENSE = 100
+"""Parts of at most so many rows are full matrices: sparse ones take longer to make than to solve."""
+
+
+@dataclass(frozen=True)
+class MeasuredParts:
+    """A problem of one or more connected parts, and how wrong reactions are in each of them.
+
+    Attributes
+    ----------
+    label : (nc,), the number of the part of each contact. weights : norms of blocks and units of contacts, as the
+    kernel `part_energy` takes them.
+    """
+
+    blocks: BlockRows | RollingBlocks
+    label: Index
+    count: int
+    weights: tuple[Vector, ...]
+
+    @classmethod
+    def of(cls, blocks: BlockRows | RollingBlocks, label: Index, count: int) -> MeasuredParts:
+        """Equilibrate the blocks of a problem."""
+        nc, matrix = blocks.problem.nc, blocks.matrix
+        weights = np.empty(matrix[1].size), np.empty(nc), np.empty(nc), np.empty(nc)
+        compiled(kernel("part_energy").weights)(*matrix, blocks.problem.dimension, *weights)
+        return cls(blocks, label, count, weights)
+
+    def errors(self, r: Vector) -> Vector:
+        """Return the error of the reactions r, shape (nc·d,), in every part."""
+        blocks, problem, found = self.blocks, self.blocks.problem, np.empty(self.count)
+        if isinstance(blocks, RollingBlocks):
+            law = *blocks.law[:3], r / blocks.lengths
+        else:
+            law = problem.q, problem.mu, NO_ROLLING, r
+        measured = compiled(kernel("part_energy").part_energy)
+        measured(*blocks.matrix, *law, problem.dimension, *self.weights, self.label, found)
+        return found
+
+
+@dataclass(frozen=True)
+class ContactPart:
+    """A connected part of a problem: its rows in W, and what the method prepared for it."""
+
+    rows: Index
+    measured: MeasuredParts
+    prepared: Any
+
+    @classmethod
+    def of(cls, rows: Index, problem: Contact, prepared: Any) -> ContactPart:
+        """Take the part with these rows, a problem by itself."""
+        blocks = prepared.rows if isinstance(prepared, ScaledContacts) else prepared
+        if not isinstance(blocks, BlockRows | RollingBlocks):
+            blocks = rows_of_blocks(problem)
+        return cls(rows, MeasuredParts.of(blocks, np.zeros(problem.nc, np.int64), 1), prepared)
+
+    @property
+    def problem(self) -> Contact:
+        """The part as a problem."""
+        return self.measured.blocks.problem
+
+    def error(self, r: Vector) -> float:
+        """Return the error of the reactions r of this part, shape (nc·d,)."""
+        return float(self.measured.errors(r)[0])
+
+
+@dataclass(frozen=True)
+class ContactParts:
+    """A problem that has several parts: as a whole, and the contacts of each; `make` prepares one part."""
+
+    whole: MeasuredParts
+    contacts: tuple[Index, ...]
+    make: Callable[[Index], ContactPart]
+
+    def __getitem__(self, k: int) -> ContactPart:
+        """Return the part with this number, prepared when it is first asked for."""
+        if k not in self._made:
+            self._made[k] = self.make(self.contacts[k])
+        return self._made[k]
+
+    @cached_property
+    def _made(self) -> dict[int, ContactPart]:
+        return {}
+
+
+def rows_of_blocks(problem: Contact) -> BlockRows | RollingBlocks:
+    """Return W by rows of blocks."""
+    return rolling_blocks(problem) if isinstance(problem, RollingFrictionContact) else block_rows(problem)
+
+
+def worst_part(problem: Contact, r: Vector) -> float:
+    """Return the error of the reactions r, shape (nc·d,), in the connected part where it is largest."""
+    contacts = connected_parts(problem)
+    label = np.empty(problem.nc, np.int64)
+    for k, some in enumerate(contacts):
+        label[some] = k
+    return float(MeasuredParts.of(rows_of_blocks(problem), label, len(contacts)).errors(r).max(initial=0.0))
+
+
+def connected_parts(problem: Contact) -> list[Index]:
+    """Return the contacts of every connected part of W, largest part first."""
+    W, nc, d = problem.W, problem.nc, problem.dimension
+    if nc < 2:
+        return [np.arange(nc)]
+    if isinstance(W, np.ndarray):
+        if W[:d].reshape(d, nc, d).any(axis=(0, 2)).all():  # the first contact leads to all: most small problems
+            return [np.arange(nc)]
+        graph = sp.csr_array(W.reshape(nc, d, nc, d).any(axis=(1, 3)))
+    else:
+        W = sp.csr_array(W)
+        if not W.data.all():
+            W = W.copy()
+            W.eliminate_zeros()
+        graph = sp.csr_array((np.ones(W.nnz), W.indices // d, W.indptr[::d].copy()), shape=(nc, nc))
+    count, label = connected_components(graph, directed=False)
+    if count == 1:
+        return [np.arange(nc)]
+    order = np.argsort(label, kind="stable")
+    return sorted(np.split(order, np.cumsum(np.bincount(label))[:-1]), key=len, reverse=True)
+
+
+def rows_of(contacts: Index, d: int) -> Index:
+    """Return the rows of contacts in W."""
+    return (d * contacts[:, None] + np.arange(d)).ravel()
+
+
+def part_of(problem: Contact, contacts: Index, rows: Index, place: Index) -> Contact:
+    """Return the part with these contacts as a problem; `place` : of the contacts in it."""
+    W, d = problem.W, problem.dimension
+    if isinstance(W, np.ndarray):
+        block: Any = W[np.ix_(rows, rows)]
+    else:
+        W = sp.csr_array(W)
+        lengths = W.indptr[rows + 1] - W.indptr[rows]
+        start = np.concatenate([[0], np.cumsum(lengths)])
+        at = np.arange(start[-1]) + np.repeat(W.indptr[rows] - start[:-1], lengths)
+        some = W.data[at] != 0.0  # all of them are in columns of the part
+        at, row = at[some], np.repeat(np.arange(rows.size), lengths)[some]
+        column = d * place[W.indices[at] // d] + W.indices[at] % d
+        if rows.size <= DENSE:
+            block = np.zeros((rows.size, rows.size))
+            block[row, column] = W.data[at]
+        else:
+            block = sp.csr_array((W.data[at], (row, column)), shape=(rows.size, rows.size))
+    data: dict[str, Any] = {"W": block, "q": problem.q[rows], "mu": problem.mu[contacts], "dimension": d}
+    if isinstance(problem, RollingFrictionContact):
+        return RollingFrictionContact(**data, mu_r=problem.mu_r[contacts])
+    return FrictionContact(**data)

@@ -1,0 +1,113 @@
+"""Block Gauss–Seidel on an LCP: the unknowns of a block together, by Lemke's method; w = Mz + q is carried along."""
+
+import numpy as np
+from numba import float64, int64, njit
+
+from cpbench_solvers.kernels.splitting import DATA, DATA_2D, INDEX, VECTOR, judged
+from cpbench_solvers.kernels.tableau import CODES, COMPLEMENTARY, whole_tableau
+
+PIVOT_TOLERANCE, TIE_TOLERANCE = 1e-11, 1e-13
+
+
+@njit(
+    int64(VECTOR, int64, float64, float64[:, ::1], VECTOR, VECTOR, float64[::1], int64[::1]),
+    cache=True,
+    error_model="numpy",
+)
+def solve_block(z, first, omega, block, w, new, reals, numbers):
+    """Write `new` from z and w of the unknowns that begin at `first`; 1 where something moves, else 0.
+
+    A block that Lemke's method does not solve (a ray: it is neither P nor copositive plus) has its unknowns relaxed one
+    after the other, those with a positive diagonal. Workspace: reals (5b + 4 + b(b + 2)), numbers (8b + 4).
+    """
+    m = block.shape[0]
+    rest = True
+    for i in range(m):
+        rest &= z[first + i] == 0.0 and w[first + i] >= 0.0
+    if rest:
+        return 0
+    q = reals[:m]
+    for i in range(m):
+        q[i] = w[first + i]
+        for j in range(m):
+            q[i] -= block[i, j] * z[first + j]
+    tableau = reals[m : m + m * (m + 1)].reshape(m, m + 1)
+    rows = reals[m + m * (m + 1) : m + (m + 4) * (m + 1)].reshape(4, m + 1)
+    names = numbers[: 4 * (2 * m + 1)].reshape(4, 2 * m + 1)
+    code = whole_tableau(block, q, new, tableau, rows, names, 50 * m + 50, PIVOT_TOLERANCE, TIE_TOLERANCE)
+    if code % CODES != COMPLEMENTARY:
+        for i in range(m):
+            new[i] = z[first + i]
+        for i in range(m):
+            if block[i, i] > 0.0:
+                slack = q[i]
+                for j in range(m):
+                    slack += block[i, j] * new[j]
+                new[i] = max(0.0, new[i] - slack / block[i, i])
+    moves = 0
+    for i in range(m):
+        new[i] = max(0.0, z[first + i] + omega * (new[i] - z[first + i]))
+        if new[i] != z[first + i]:
+            moves = 1
+    return moves
+
+
+@njit(
+    int64(DATA_2D, VECTOR, int64, DATA, VECTOR, VECTOR, float64, float64, float64, VECTOR),
+    cache=True,
+    error_model="numpy",
+)
+def sweeps_dense(columns, blocks, size, q, z, w, z_unit, omega, tolerance, errors):
+    """Make at most `errors.size` sweeps, in place on z and w; returns how many were done.
+
+    Parameters
+    ----------
+    columns : (n, n), row j is column j of M. blocks : the diagonal blocks by rows, one after the other, of `size`
+    unknowns each, the last of what is left. errors : the judged error after each sweep.
+    """
+    n = q.size
+    new, reals, numbers = np.empty(size), np.empty(5 * size + 4 + size * (size + 2)), np.empty(8 * size + 4, np.int64)
+    for s in range(errors.size):
+        for first in range(0, n, size):
+            m = min(size, n - first)
+            block = blocks[first * size : first * size + m * m].reshape(m, m)
+            if solve_block(z, first, omega, block, w, new, reals, numbers):
+                for i in range(m):
+                    change = new[i] - z[first + i]
+                    if change != 0.0:
+                        z[first + i] = new[i]
+                        for j in range(n):
+                            w[j] += columns[first + i, j] * change
+        errors[s] = judged(q, z, w, z_unit)
+        if not errors[s] > tolerance:
+            return s + 1
+    return errors.size
+
+
+@njit(
+    int64(INDEX, INDEX, DATA, VECTOR, int64, DATA, VECTOR, VECTOR, float64, float64, float64, VECTOR),
+    cache=True,
+    error_model="numpy",
+)
+def sweeps_sparse(start, rows, values, blocks, size, q, z, w, z_unit, omega, tolerance, errors):
+    """Sweep as `sweeps_dense` does; column j of M has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
+    n = q.size
+    new, reals, numbers = np.empty(size), np.empty(5 * size + 4 + size * (size + 2)), np.empty(8 * size + 4, np.int64)
+    for s in range(errors.size):
+        for first in range(0, n, size):
+            m = min(size, n - first)
+            block = blocks[first * size : first * size + m * m].reshape(m, m)
+            if solve_block(z, first, omega, block, w, new, reals, numbers):
+                for i in range(m):
+                    change = new[i] - z[first + i]
+                    if change != 0.0:
+                        z[first + i] = new[i]
+                        for e in range(start[first + i], start[first + i + 1]):
+                            w[rows[e]] += values[e] * change
+        errors[s] = judged(q, z, w, z_unit)
+        if not errors[s] > tolerance:
+            return s + 1
+    return errors.size
+
+
+READY = True

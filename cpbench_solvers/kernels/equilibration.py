@@ -1,0 +1,105 @@
+"""Scaling of a symmetric matrix that is the same in all units: the entries of every row are 1 on average.
+
+D minimizes ½Σ D_i A_ij D_j − Σ n_i log D_i, A ≥ 0, n_i how many entries of a row are not 0, which is convex in
+log D (Sinkhorn and Knopp 1967; Knight and Ruiz 2013, IMA J. Numer. Anal. 33:1029). Newton steps by conjugate gradients
+begin at the least Σ (log D_i A_ij D_j)² (Curtis and Reid 1972).
+"""
+
+import numpy as np
+from numba import float64, int64, njit, void
+
+from cpbench_solvers.kernels.array_types import COMPILED, DATA, FAST, INDEX, VECTOR
+
+STEPS, CG_STEPS = 30, 100
+GUESSED, ENOUGH = 0.1, 2e-3
+"""Rows may be off by this much in the root mean square: in logarithms at the guess, on average at the end."""
+INEXACT = 0.1
+"""Conjugate gradients leave this share of the right side of a Newton step."""
+FARTHEST = 3.0
+"""A Newton step changes no log D_i by more: it is right near 0 only."""
+LARGEST = 80.0
+"""Logarithms of entries that the guess leaves are cut off here, so that sums of them are numbers."""
+
+
+@njit(void(INDEX, INDEX, DATA, DATA, DATA, VECTOR), fastmath=FAST, **COMPILED)
+def _product(start, column, weight, diagonal, x, y):
+    """Write diag(diagonal) x + Wx."""
+    for i in range(x.size):
+        total = diagonal[i] * x[i]
+        for k in range(start[i], start[i + 1]):
+            total += weight[k] * x[column[k]]
+        y[i] = total
+
+
+@njit(void(INDEX, INDEX, DATA, DATA, VECTOR, VECTOR, float64, int64), **COMPILED)
+def _solve(start, column, weight, diagonal, r, x, enough, steps):
+    """Write the x of (diag(diagonal) + W) x = r, as far as Σ r²/diagonal is more than `enough`; r is what is left."""
+    n = x.size
+    p, Ap, old = np.zeros(n), np.empty(n), 1.0
+    x[:] = 0.0
+    for step in range(steps):
+        new = 0.0
+        for i in range(n):
+            if diagonal[i] > 0.0:
+                new += r[i] * r[i] / diagonal[i]
+        if not new > enough:
+            break
+        share = new / old if step else 0.0
+        for i in range(n):
+            p[i] = share * p[i] + (r[i] / diagonal[i] if diagonal[i] > 0.0 else 0.0)
+        _product(start, column, weight, diagonal, p, Ap)
+        curvature = 0.0
+        for i in range(n):
+            curvature += p[i] * Ap[i]
+        if not curvature > 0.0:
+            break  # else nothing is left but rounding
+        for i in range(n):
+            x[i] += new / curvature * p[i]
+            r[i] -= new / curvature * Ap[i]
+        old = new
+
+
+@njit(void(INDEX, INDEX, DATA, VECTOR), **COMPILED)
+def equilibrate(start, column, size, D):
+    """Write D; 1 for rows that are empty. The matrix is in CSR, with `size` > 0."""
+    n = D.size
+    count, r, x, weight = np.empty(n), np.empty(n), np.empty(n), np.ones(size.size)
+    logs, total = np.log(size), float(size.size)
+    for i in range(n):
+        count[i], r[i] = start[i + 1] - start[i], 0.0
+        for k in range(start[i], start[i + 1]):
+            r[i] -= logs[k]
+    _solve(start, column, weight, count, r, x, GUESSED * GUESSED * total, CG_STEPS)
+    for i in range(n):
+        D[i] = np.exp(x[i])
+        for k in range(start[i], start[i + 1]):
+            weight[k] = np.exp(min(max(logs[k] + x[i] + x[column[k]], -LARGEST), LARGEST))
+    sums = np.empty(n)
+    for _ in range(STEPS):
+        off = 0.0
+        for i in range(n):
+            sums[i] = 0.0
+            for k in range(start[i], start[i + 1]):
+                sums[i] += weight[k]
+            r[i] = count[i] - sums[i]
+            if count[i] > 0.0:
+                off += r[i] * r[i] / count[i]
+        if not off > ENOUGH * ENOUGH * total:
+            break
+        if off > 0.25 * total:  # far away, a step by each row alone is better
+            for i in range(n):
+                x[i] = np.sqrt(count[i] / sums[i]) if count[i] > 0.0 else 1.0
+        else:
+            square = 0.0
+            for i in range(n):
+                square += r[i] * r[i] / sums[i] if count[i] > 0.0 else 0.0
+            _solve(start, column, weight, sums, r, x, INEXACT * INEXACT * square, CG_STEPS)
+            for i in range(n):
+                x[i] = np.exp(min(max(x[i], -FARTHEST), FARTHEST))
+        for i in range(n):
+            D[i] *= x[i]
+            for k in range(start[i], start[i + 1]):
+                weight[k] *= x[i] * x[column[k]]
+
+
+READY = True

@@ -1,0 +1,68 @@
+"""The error of an LCP's answer: that of the norms, and the largest one of a row (`row_errors`)."""
+
+import numpy as np
+from numba import float64, njit
+
+from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, INDEX
+from cpbench_solvers.kernels.row_errors import (
+    FAST,
+    INDICES,
+    largest_dense,
+    largest_sparse,
+    rows_dense,
+    rows_sparse,
+)
+
+
+@njit(float64(DATA, DATA, DATA, float64), fastmath=FAST, **COMPILED)
+def judged(q, z, w, z_unit):
+    """Return max(natural, unit_free) of `cpbench.formulations.lcp`, with Mz = w - q and its `z_unit`; NaN when
+    anything is."""
+    n = q.size
+    natural = 0.0
+    q_square = 0.0
+    z_top = z_unit
+    w_top = 0.0
+    for i in range(n):
+        least = z[i] if z[i] < w[i] else w[i]
+        natural += least * least
+        q_square += q[i] * q[i]
+        z_top = max(z_top, abs(z[i]))
+        w_top = max(w_top, max(abs(q[i]), abs(w[i] - q[i])))
+    z_scale = 1.0 / z_top if z_top > 0.0 else 1.0
+    w_scale = 1.0 / w_top if w_top > 0.0 else 1.0
+    unit_free = 0.0
+    for i in range(n):
+        a = z[i] * z_scale
+        b = w[i] * w_scale
+        least = a if a < b else b
+        unit_free += least * least
+    natural = np.sqrt(natural)
+    if q_square > 0.0:
+        natural /= np.sqrt(q_square)
+    unit_free = np.sqrt(unit_free)
+    return natural if not natural < unit_free else unit_free
+
+
+@njit(float64(DATA_2D, DATA, DATA, float64, INDEX, DATA), fastmath=FAST, **COMPILED)
+def error_dense(M, q, z, z_unit, part, share):
+    """Return the larger one of `judged` and of the errors of the rows; not finite when anything is.
+
+    Parameters
+    ----------
+    M : (n, n). q, z : (n,). z_unit : of the LCP. part, share : of `row_errors`.
+    """
+    w, size = np.empty(q.size), np.empty(q.size)
+    rows_dense(M, q, z, 0, part, share, w, size)
+    return largest_dense(M, q, z, 0, w, size, judged(q, z, w, z_unit))
+
+
+@njit([float64(*index, DATA, DATA, DATA, float64, INDEX, DATA) for index in INDICES], fastmath=FAST, **COMPILED)
+def error_sparse(start, columns, values, q, z, z_unit, part, share):
+    """Measure as `error_dense` does; row i of M has values[start[i]:start[i+1]] in columns[start[i]:start[i+1]]."""
+    w, size = np.empty(q.size), np.empty(q.size)
+    rows_sparse(start, columns, values, q, z, 0, part, share, w, size)
+    return largest_sparse(start, columns, values, q, z, 0, w, size, judged(q, z, w, z_unit))
+
+
+READY = True

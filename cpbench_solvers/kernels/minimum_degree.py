@@ -1,0 +1,154 @@
+"""An order of elimination that leaves the factor of a sparse symmetric matrix sparse: approximate minimum degree.
+
+Eliminated unknowns are kept as elements, lists of the unknowns that they connect. Amestoy, Davis and Duff 1996, SIAM J.
+Matrix Anal. Appl. 17:886: the degree of an unknown is bounded by the sizes of its elements, elements within another one
+are absorbed, and unknowns that only the newest element connects are eliminated with it.
+"""
+
+import numpy as np
+from numba import njit, types
+
+from cpbench_solvers.kernels.array_types import COMPILED
+
+_INT = types.int64[::1]
+_INDEX = types.Array(types.int32, 1, "C", readonly=True)
+
+
+@njit(types.void(types.int64, types.int64, _INT, _INT, _INT), **COMPILED)
+def _put_in(i, degree, head, after, before):
+    """Put i into the list of its degree."""
+    first = head[degree]
+    after[i], before[i] = first, -1 - degree
+    if first >= 0:
+        before[first] = i
+    head[degree] = i
+
+
+@njit(types.void(types.int64, _INT, _INT, _INT), **COMPILED)
+def _take_out(i, head, after, before):
+    """Take i out of the list of its degree."""
+    if before[i] >= 0:
+        after[before[i]] = after[i]
+    else:
+        head[-1 - before[i]] = after[i]
+    if after[i] >= 0:
+        before[after[i]] = before[i]
+
+
+@njit(types.void(_INDEX, _INDEX, _INT), **COMPILED)
+def minimum_degree(indptr, indices, order):
+    """Write the order of a matrix whose pattern, without its diagonal, is symmetric. order : (N,)."""
+    N = order.size
+    near = np.empty(max(indices.size, 1), np.int64)  # of every unknown: its elements, then its other neighbours
+    start = np.empty(N, np.int64)
+    elements, others = np.zeros(N, np.int64), np.empty(N, np.int64)
+    for i in range(N):
+        start[i] = indptr[i]
+        others[i] = indptr[i + 1] - indptr[i]
+        for q in range(indptr[i], indptr[i + 1]):
+            near[q] = indices[q]
+    head, after, before = np.full(N + 1, -1, np.int64), np.empty(N, np.int64), np.empty(N, np.int64)
+    degree = np.empty(N, np.int64)
+    for i in range(N - 1, -1, -1):
+        degree[i] = others[i]
+        _put_in(i, degree[i], head, after, before)
+    store, used = np.empty(2 * indices.size + N + 1, np.int64), 0  # the lists of the elements
+    begin, size = np.zeros(N, np.int64), np.full(N, -1, np.int64)  # size < 0 : no element, or absorbed
+    seen, outside, stamp = np.full(N, -1, np.int64), np.zeros(N, np.int64), np.full(N, -1, np.int64)
+    gone, rest = np.zeros(N, np.bool_), np.empty(N, np.int64)
+    done, least = 0, 0
+    while done < N:
+        while head[least] < 0:
+            least += 1
+        p = head[least]
+        _take_out(p, head, after, before)
+        order[done] = p
+        done += 1
+        gone[p] = True
+        seen[p] = p
+        need = others[p]
+        for q in range(start[p], start[p] + elements[p]):
+            need += size[near[q]]
+        if used + need > store.size:
+            live = need
+            for e in range(N):
+                live += max(size[e], 0)
+            grown, at = np.empty(2 * live + N, np.int64), 0
+            for e in range(N):
+                for q in range(max(size[e], 0)):
+                    grown[at + q] = store[begin[e] + q]
+                begin[e] = at
+                at += max(size[e], 0)
+            store, used = grown, at
+        first, count = used, 0
+        for q in range(start[p], start[p] + elements[p]):
+            e = near[q]
+            for k in range(begin[e], begin[e] + size[e]):
+                i = store[k]
+                if seen[i] != p and not gone[i]:
+                    seen[i] = p
+                    store[first + count] = i
+                    count += 1
+            size[e] = -1
+        for q in range(start[p] + elements[p], start[p] + elements[p] + others[p]):
+            i = near[q]
+            if seen[i] != p and not gone[i]:
+                seen[i] = p
+                store[first + count] = i
+                count += 1
+        begin[p], size[p] = first, count
+        # how much of every other element lies outside of this one
+        for k in range(first, first + count):
+            i = store[k]
+            for q in range(start[i], start[i] + elements[i]):
+                e = near[q]
+                if size[e] < 0:
+                    continue
+                if stamp[e] != p:
+                    stamp[e], outside[e] = p, size[e]
+                outside[e] -= 1
+        kept = 0
+        for k in range(first, first + count):
+            i = store[k]
+            _take_out(i, head, after, before)
+            moved = 0
+            for q in range(start[i] + elements[i], start[i] + elements[i] + others[i]):
+                j = near[q]
+                if seen[j] != p and not gone[j]:
+                    rest[moved] = j
+                    moved += 1
+            write, bound = start[i], 0
+            for q in range(start[i], start[i] + elements[i]):
+                e = near[q]
+                if size[e] < 0:
+                    continue
+                if outside[e] <= 0:
+                    size[e] = -1  # within the newest element
+                    continue
+                near[write] = e
+                write += 1
+                bound += outside[e]
+            if write == start[i] and moved == 0:
+                order[done] = i
+                done += 1
+                gone[i] = True
+                continue
+            # there is room: p, or an element that p has absorbed, stood in this list
+            near[write] = p
+            elements[i], others[i] = write + 1 - start[i], moved
+            for q in range(moved):
+                near[write + 1 + q] = rest[q]
+            degree[i] = bound + moved
+            store[first + kept] = i
+            kept += 1
+            degree[i] = bound + moved
+        size[p] = kept
+        used = first + kept
+        for k in range(first, first + kept):
+            i = store[k]
+            degree[i] = min(degree[i] + kept - 1, N - done - 1)
+            _put_in(i, degree[i], head, after, before)
+            least = min(least, degree[i])
+
+
+READY = True

@@ -1,0 +1,197 @@
+"""The linear systems [[H + diag(w), Gᵀ], [G, −diag(θ)]], factored with +δ and −δ on the diagonal, then refined.
+
+Sparse, or dense by the Schur complement of the rows with θ > 0: then S is [[H + diag(w) + AᵀA/θ, Cᵀ], [C, −diag(θ)]]
+with the rows C that have θ = 0 or nearly so. H, G : (row pointers, columns, numbers).
+"""
+
+import numpy as np
+from numba import njit, types
+
+from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench_solvers.kernels.qp_ldl import (
+    CSR,
+    INT,
+    OUT,
+    OUT2,
+    ROWS,
+    backward,
+    dense_factor,
+    dense_solve,
+    factor,
+    forward,
+)
+from cpbench_solvers.kernels.vectors import put
+
+_COLUMNS = types.int32[::1]
+SYSTEM = types.Tuple(
+    (*(INT, INT, _COLUMNS, _COLUMNS, OUT, OUT, INT, INT), *(ROWS, OUT, OUT, OUT2), *(INT, INT, OUT2, OUT, OUT))
+)
+"""head : columns before the dense rest, or −1 for a dense system. order, indptr, indices, data, diagonal, parent,
+starts, rows, L, D, S : as in `qp_ldl`. rest, equal : rows with θ > 0, and with θ = 0 or nearly so. A : the
+rest, dense. by : their 1/(θ + δ). work : (5 (n + r),)."""
+REFINEMENTS = 4
+ACCURATE = 1e-9
+"""What is left of a right-hand side, relative to it, that needs no further refinement."""
+
+
+@njit(types.void(CSR, OUT, OUT), **COMPILED)
+def times(M, x, y):
+    """Set y ← Mx."""
+    for i in range(y.size):
+        total = 0.0
+        for q in range(M[0][i], M[0][i + 1]):
+            total += M[2][q] * x[M[1][q]]
+        y[i] = total
+
+
+@njit(types.void(CSR, types.float64, OUT, OUT), **COMPILED)
+def add_transposed(M, by, x, y):
+    """Set y ← y + by Mᵀx."""
+    for i in range(x.size):
+        value = by * x[i]
+        if value != 0.0:
+            for q in range(M[0][i], M[0][i + 1]):
+                y[M[1][q]] += M[2][q] * value
+
+
+@njit(types.float64(OUT), **COMPILED)
+def largest(x):
+    """Return the ∞-norm; NaN where a number is."""
+    top = 0.0
+    for value in x:
+        top = np.maximum(top, abs(value))
+    return top
+
+
+@njit(types.boolean(CSR, CSR, SYSTEM, OUT, OUT, types.float64), **COMPILED)
+def factor_system(H, G, system, w, theta, delta):
+    """Factor; return False where it breaks down."""
+    head, order, indptr, indices, data, diagonal, parent, starts, rows, L, D, S, rest, equal, A, by, work = system
+    n = w.size
+    if head[0] < 0:
+        if rest.size:
+            scaled = np.empty(A.shape)
+            for i in range(rest.size):
+                by[i] = 1.0 / (theta[rest[i]] + delta)
+                root = np.sqrt(by[i])
+                for j in range(n):
+                    scaled[i, j] = root * A[i, j]
+            product = np.dot(scaled.T, scaled)
+            for i in range(n):
+                for j in range(i + 1):
+                    S[i, j] = product[i, j]
+        else:
+            S[:] = 0.0
+        own = work[: n + equal.size]
+        for i in range(n):
+            S[i, i] += w[i] + delta
+            own[i] = w[i] + delta
+            for q in range(H[0][i], H[0][i + 1]):
+                if H[1][q] <= i:
+                    S[i, H[1][q]] += H[2][q]
+                if H[1][q] == i:
+                    own[i] += H[2][q]
+        for k in range(equal.size):
+            row = S[n + k]
+            for j in range(n + k):
+                row[j] = 0.0
+            row[n + k] = own[n + k] = -theta[equal[k]] - delta
+            for q in range(G[0][equal[k]], G[0][equal[k] + 1]):
+                row[G[1][q]] += G[2][q]
+        return dense_factor(S, own)
+    shifted = work[: order.size]
+    for k in range(order.size):
+        i = order[k]
+        shifted[k] = diagonal[k] + (w[i] + delta if i < n else -theta[i - n] - delta)
+    return factor(indptr, indices, data, shifted, parent, starts, rows, L, D, S, head[0]) and (
+        not S.size or dense_factor(S, shifted[head[0] :])
+    )
+
+
+@njit(types.void(SYSTEM, OUT, OUT, OUT, OUT), **COMPILED)
+def apply(system, a, b, x, v):
+    """Set x, v ← the solution for a, b of the system as it was factored."""
+    head, order, starts, rows, L, D, S = system[0], system[1], system[7], system[8], system[9], system[10], system[11]
+    rest, equal, A, by, work = system[12], system[13], system[14], system[15], system[16]
+    n, N = a.size, a.size + b.size
+    y = work[:N]
+    if head[0] < 0:
+        y = work[: n + equal.size]
+        put(y[:n], a)
+        for i in range(rest.size):
+            value = by[i] * b[rest[i]]
+            for j in range(n):
+                y[j] += A[i, j] * value
+        for k in range(equal.size):
+            y[n + k] = b[equal[k]]
+        dense_solve(S, y)
+        put(x, y[:n])
+        for k in range(equal.size):
+            v[equal[k]] = y[n + k]
+        for i in range(rest.size):
+            value = -b[rest[i]]
+            for j in range(n):
+                value += A[i, j] * x[j]
+            v[rest[i]] = by[i] * value
+        return
+    for k in range(N):
+        i = order[k]
+        y[k] = a[i] if i < n else b[i - n]
+    forward(starts, rows, L, y, head[0])
+    if S.size:
+        dense_solve(S, y[head[0] :])
+    backward(starts, rows, L, D, y, head[0])
+    for k in range(N):
+        i = order[k]
+        if i < n:
+            x[i] = y[k]
+        else:
+            v[i - n] = y[k]
+
+
+@njit(types.float64(CSR, CSR, OUT, OUT, OUT, OUT, OUT, OUT, OUT, OUT), **COMPILED)
+def _left(H, G, w, theta, a, b, x, v, c, d):
+    """Set c, d ← what (x, v) leaves of the right-hand side (a, b), and return its ∞-norm."""
+    times(H, x, c)
+    add_transposed(G, 1.0, v, c)
+    times(G, x, d)
+    top = 0.0
+    for i in range(a.size):
+        c[i] = a[i] - c[i] - w[i] * x[i]
+        top = np.maximum(top, abs(c[i]))
+    for i in range(b.size):
+        d[i] = b[i] - d[i] + theta[i] * v[i]
+        top = np.maximum(top, abs(d[i]))
+    return top
+
+
+@njit(types.float64(CSR, CSR, SYSTEM, OUT, OUT, OUT, OUT, OUT, OUT), **COMPILED)
+def solve_system(H, G, system, w, theta, a, b, x, v):
+    """Set x, v ← the solution for a, b, refined while that helps; return what is left, relative to these."""
+    n, N = a.size, a.size + b.size
+    work = system[16]
+    c, d, dx, dv = work[N : N + n], work[N + n : 2 * N], work[2 * N : 2 * N + n], work[2 * N + n : 3 * N]
+    e, f = work[3 * N : 3 * N + n], work[3 * N + n : 4 * N]
+    size = max(largest(a), largest(b))
+    apply(system, a, b, x, v)
+    error = _left(H, G, w, theta, a, b, x, v, c, d)
+    for _ in range(REFINEMENTS):
+        if not error > ACCURATE * size:
+            break
+        apply(system, c, d, dx, dv)
+        for i in range(n):
+            dx[i] += x[i]
+        for i in range(b.size):
+            dv[i] += v[i]
+        now = _left(H, G, w, theta, a, b, dx, dv, e, f)
+        if not now < error:
+            break
+        put(x, dx)
+        put(v, dv)
+        put(c, e)
+        put(d, f)
+        error = now
+    return error / size if size > 0.0 else error
+
+
+READY = True

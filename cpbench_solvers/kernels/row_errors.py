@@ -1,0 +1,193 @@
+"""The largest error of a row of a linear complementarity problem, by what the rows feel: it hides in norms over all.
+
+Row i is w_i = Σ_j K_ij x_j + k_i, of size s_i = max(Σ_j |K_ij x_j|, |k_i|), or `SMALL` times the largest one of its
+connected part where that is more. Rows are compared by s_i/R_i, R_i = √(Σ_j K_ij²/C_j²), C_j = √(Σ_i K_ij²), without
+the constants of idle ones, x_i = 0 < w_i. An unknown has its unit from its largest effect on a row, E_i = max_d
+|K_di|/s_d. The error of a pair 0 ≤ x_i ⟂ w_i ≥ 0 is |min(E_i x_i, w_i/s_i)|, that of an equality |w_i|/s_i.
+Rows without a constant do not count: where all of their unknowns should vanish, they have no size.
+"""
+
+import math
+
+import numpy as np
+from numba import float64, int32, int64, njit, types, void
+
+from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, INDEX, VECTOR
+
+FAST = {"reassoc", "contract"}
+"""Reassociation and contraction only, so that NaN, infinity and divisions keep their meaning."""
+INDICES = [(types.Array(index, 1, "C", readonly=True),) * 2 for index in (int32, int64)]
+"""Types of the row starts and columns of a CSR matrix."""
+SMALL = 1e-3
+"""A row is measured by no less than this share of the largest: a smaller one has its error from others, by rounding."""
+
+
+@njit(int64(int64[::1], int64), **COMPILED)
+def _root(part, i):
+    """Return the last of the chain of part[i], made shorter on the way."""
+    while part[i] != i:
+        part[i] = part[part[i]]
+        i = part[i]
+    return i
+
+
+@njit(int64(int64[::1], int64, int64), **COMPILED)
+def _joined(part, i, j):
+    """Join the parts of i and j; return 1 where they were two."""
+    a, b = _root(part, i), _root(part, j)
+    part[max(a, b)] = min(a, b)
+    return a != b
+
+
+@njit(void(DATA_2D, int64[::1]), **COMPILED)
+def label_dense(K, part):
+    """Write the least number of the connected part of every row."""
+    n = left = part.size
+    for i in range(n):
+        part[i] = i
+    for i in range(n):
+        for j in range(n):
+            if K[i, j] != 0.0 and left > 1:
+                left -= _joined(part, i, j)
+        if left == 1:
+            break
+    for i in range(n):
+        part[i] = _root(part, i)
+
+
+@njit([void(*index, DATA, int64[::1]) for index in INDICES], **COMPILED)
+def label_sparse(start, columns, values, part):
+    """Write as `label_dense` does; row i of K has values[start[i]:start[i+1]] in columns[start[i]:start[i+1]]."""
+    n = left = part.size
+    for i in range(n):
+        part[i] = i
+    for i in range(n):
+        for e in range(start[i], start[i + 1]):
+            if values[e] != 0.0 and left > 1:
+                left -= _joined(part, i, columns[e])
+    for i in range(n):
+        part[i] = _root(part, i)
+
+
+@njit(void(DATA_2D, VECTOR), **COMPILED)
+def shares_dense(K, share):
+    """Write 1/C of the columns, 1 for those of zeros."""
+    share[:] = 0.0
+    for i in range(share.size):
+        for j in range(share.size):
+            share[j] += K[i, j] * K[i, j]
+    for j in range(share.size):
+        share[j] = 1.0 / math.sqrt(share[j]) if share[j] > 0.0 else 1.0
+
+
+@njit([void(*index, DATA, VECTOR) for index in INDICES], **COMPILED)
+def shares_sparse(start, columns, values, share):
+    """Write as `shares_dense` does."""
+    share[:] = 0.0
+    for e in range(start[share.size]):
+        share[columns[e]] += values[e] * values[e]
+    for j in range(share.size):
+        share[j] = 1.0 / math.sqrt(share[j]) if share[j] > 0.0 else 1.0
+
+
+@njit(void(DATA, int64, INDEX, DATA, DATA, DATA, VECTOR), **COMPILED)
+def _sizes(k, free, part, x, w, R, size):
+    """Make the sums of terms in `size` the sizes of the rows."""
+    top = np.zeros(k.size)
+    for i in range(k.size):
+        if R[i] > 0.0:
+            idle = i >= free and x[i] == 0.0 and w[i] > 0.0
+            top[part[i]] = max(top[part[i]], (size[i] if idle else max(size[i], abs(k[i]))) / R[i])
+    for i in range(k.size):
+        size[i] = max(max(size[i], abs(k[i])), SMALL * R[i] * top[part[i]])
+
+
+@njit(void(DATA_2D, DATA, DATA, int64, INDEX, DATA, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
+def rows_dense(K, k, x, free, part, share, w, size):
+    """Write the rows w = Kx + k and their sizes.
+
+    Parameters
+    ----------
+    free : the first rows are equalities, beside free unknowns. part, share : (n,) of `label_dense`, `shares_dense`.
+    """
+    R = np.empty(k.size)
+    for i in range(k.size):
+        total, terms, squares = k[i], 0.0, 0.0
+        for j in range(k.size):
+            term = K[i, j] * x[j]
+            total += term
+            terms += abs(term)
+            squares += (K[i, j] * share[j]) ** 2
+        w[i], size[i], R[i] = total, terms, math.sqrt(squares)
+    _sizes(k, free, part, x, w, R, size)
+
+
+@njit(
+    [void(*index, DATA, DATA, DATA, int64, INDEX, DATA, VECTOR, VECTOR) for index in INDICES],
+    fastmath=FAST,
+    **COMPILED,
+)
+def rows_sparse(start, columns, values, k, x, free, part, share, w, size):
+    """Write as `rows_dense` does."""
+    R = np.empty(k.size)
+    for i in range(k.size):
+        total, terms, squares = k[i], 0.0, 0.0
+        for e in range(start[i], start[i + 1]):
+            term = values[e] * x[columns[e]]
+            total += term
+            terms += abs(term)
+            squares += (values[e] * share[columns[e]]) ** 2
+        w[i], size[i], R[i] = total, terms, math.sqrt(squares)
+    _sizes(k, free, part, x, w, R, size)
+
+
+@njit(float64(DATA_2D, DATA, DATA, int64, DATA, DATA, float64), **COMPILED)
+def largest_dense(K, k, x, free, w, size, error):
+    """Return the largest error of a row, at least `error`, which is returned where it is no number.
+
+    Parameters
+    ----------
+    w, size : of `rows_dense`.
+    """
+    for i in range(k.size):
+        if k[i] != 0.0 and (i < free or x[i] > 0.0 or w[i] < 0.0):
+            miss = abs(w[i]) / size[i]
+            if miss > error:
+                if i >= free and w[i] > 0.0:
+                    effect = 0.0
+                    for d in range(k.size):
+                        if K[d, i] != 0.0:
+                            effect = max(effect, abs(K[d, i]) / size[d])
+                    miss = min(miss, effect * x[i])
+                error = max(error, miss)
+    return error
+
+
+@njit([VECTOR(*index, DATA, DATA) for index in INDICES], **COMPILED)
+def _effects(start, columns, values, size):
+    """Return (n,) the largest effect of each unknown on a row."""
+    effect = np.zeros(size.size)
+    for d in range(size.size):
+        for e in range(start[d], start[d + 1]):
+            if values[e] != 0.0:
+                effect[columns[e]] = max(effect[columns[e]], abs(values[e]) / size[d])
+    return effect
+
+
+@njit([float64(*index, DATA, DATA, DATA, int64, DATA, DATA, float64) for index in INDICES], **COMPILED)
+def largest_sparse(start, columns, values, k, x, free, w, size, error):
+    """Return as `largest_dense` does."""
+    effect = np.empty(0)
+    for i in range(k.size):
+        if k[i] != 0.0 and (i < free or x[i] > 0.0 or w[i] < 0.0):
+            miss = abs(w[i]) / size[i]
+            if miss > error:
+                if i >= free and w[i] > 0.0:
+                    if effect.size == 0:
+                        effect = _effects(start, columns, values, size)
+                    miss = min(miss, effect[i] * x[i])
+                error = max(error, miss)
+    return error
+
+
+READY = True

@@ -1,0 +1,199 @@
+"""Lemke's complementary pivoting on a whole tableau, for a few unknowns; and its lexicographic ratio test.
+
+Variables are numbered w_i: i, z_i: n + i, z_0: 2n. The tableau reads x_B + T x_N = rhs, one column (slot) for every
+nonbasic variable.
+"""
+
+import numpy as np
+from numba import float64, int64, njit, types
+
+from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench_solvers.kernels.vectors import finite
+
+ANY_ORDER = types.Array(float64, 2, "A", readonly=True)
+"""A matrix that is read only, by rows or by columns."""
+COMPLEMENTARY, RAY, LIMIT, NOT_FINITE = 0, 1, 2, 3
+"""z_0 has left; no row blocks; too many pivots; not a number."""
+CODES = 8
+"""Runs return pivots * CODES + outcome: a pair would cost more than a pivot does for n = 5."""
+
+
+@njit(int64(ANY_ORDER, float64[::1], int64[::1]), **COMPILED)
+def first_row(M, q, ties):
+    """Return the row where q is least; among ties the r whose z_r, raised until w_r = 0, lifts the other w most (Σ_j
+    M_jr/M_rr).
+
+    On the worst cases of Murty and Fathi every row ties, and the first or the last of them costs 2ⁿ pivots.
+    """
+    n = q.size
+    least, count = np.inf, 0
+    for i in range(n):
+        if q[i] < least:
+            least, count = q[i], 0
+        if q[i] == least:
+            ties[count] = i
+            count += 1
+    best, r = -np.inf, ties[0]
+    for t in range(count if count > 1 else 0):
+        c = ties[t]
+        lift = 0.0
+        for i in range(n):
+            lift += M[i, c]
+        if M[c, c] > 0.0:
+            lift /= M[c, c]
+        if lift > best:
+            best, r = lift, c
+    return r
+
+
+@njit("int64(float64[::1], float64[::1], int64[::1], int64[::1], float64, float64)", **COMPILED)
+def blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance):
+    """Return how many rows block the entering variable, the rows in `ties`; -1 - row where z_0 is among them."""
+    n = rhs.size
+    best, first = np.inf, -1
+    for i in range(n):
+        if col[i] > pivot_tolerance and rhs[i] < best * col[i]:
+            best = rhs[i] / col[i]
+            first = i
+    if first < 0:
+        return 0
+    count = 0
+    for i in range(n):
+        # best * col may round below rhs by more than the tolerance: the row of the minimum always counts
+        if col[i] > pivot_tolerance and (rhs[i] <= best * col[i] + tie_tolerance or i == first):
+            if basic[i] == 2 * n:
+                return -1 - i
+            ties[count] = i
+            count += 1
+    return count
+
+
+@njit("int64(float64[::1], float64[::1], int64[::1], int64, float64[::1], int64, float64)", **COMPILED)
+def kept(column, col, ties, count, value, unit, tie_tolerance):
+    """Return how many of the tied rows have the least ratio column/col, moved to the front of `ties`.
+
+    `column` is one of B⁻¹; where `unit` ≥ 0 it is that unit vector instead.
+    """
+    least = np.inf
+    for t in range(count):
+        i = ties[t]
+        b = column[i] if unit < 0 else (1.0 if unit == i else 0.0)
+        value[t] = b / col[i]
+        least = min(least, value[t])
+    kept = 0
+    for t in range(count):
+        i = ties[t]
+        if (value[t] - least) * col[i] <= tie_tolerance * max(1.0, abs(least) * col[i]):
+            ties[kept] = i
+            kept += 1
+    return kept
+
+
+@njit("int64(float64[::1], int64[::1], int64)", **COMPILED)
+def largest(col, ties, count):
+    """Return ties that survive every column can only come from rounding: the largest pivot element is then the
+    safest."""
+    r = ties[0]
+    for t in range(1, count):
+        if col[ties[t]] > col[r]:
+            r = ties[t]
+    return r
+
+
+@njit(
+    "int64(float64[:,::1], float64[::1], float64[::1], float64[:,::1], float64[:,::1], int64[:,::1], int64, float64,"
+    " float64)",
+    **COMPILED,
+)
+def whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
+    """Solve one LCP from its data to z of the basis it ends in; scales by max|M| and max|q|.
+
+    Returns pivots * CODES + outcome. M : (n, n). q, z : (n,), z is written. Workspace: T (n, n+1), reals (4, n+1),
+    numbers (4, 2n+1).
+    """
+    n = q.size
+    m = p = 0.0
+    covered = True
+    for i in range(n):
+        z[i] = 0.0
+        p = max(p, abs(q[i]))
+        covered &= q[i] >= 0.0
+    if covered:
+        return COMPLEMENTARY
+    rhs, col, row, column = reals[0, :n], reals[1, :n], reals[2], reals[3, :n]
+    # the largest of every column first: a loop that the compiler can turn into vector instructions
+    column[:] = 0.0
+    for i in range(n):
+        for j in range(n):
+            column[j] = max(column[j], abs(M[i, j]))
+    for j in range(n):
+        m = max(m, column[j])
+    if m == 0.0:
+        m = 1.0
+    basic, nonbasic, where, ties = numbers[0, :n], numbers[1, : n + 1], numbers[2], numbers[3]
+    factor = -1.0 / m
+    for i in range(n):
+        rhs[i] = q[i] / p
+        basic[i], where[i] = i, -(i + 1)
+        nonbasic[i], where[n + i] = n + i, i
+        for j in range(n):
+            T[i, j] = factor * M[i, j]
+        T[i, n] = -1.0
+    nonbasic[n], where[2 * n] = 2 * n, n
+    last = r = first_row(M, q, ties)
+    s = n
+    pivots = 0
+    while True:
+        if pivots >= max_pivots:
+            outcome = LIMIT
+            break
+        for i in range(n):
+            col[i] = T[i, s]
+        if pivots > 0:
+            count = blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance)
+            if count == 0:
+                outcome = RAY if finite(col) and finite(rhs) else NOT_FINITE
+                break
+            if count < 0:
+                r = -1 - count
+            else:
+                # the columns of B⁻¹, least to greatest in the order of the test, are those of the w_j
+                for place in range(n):
+                    if count == 1:
+                        break
+                    j = last if place == n - 1 else (place if place < last else place + 1)
+                    if where[j] >= 0:
+                        for t in range(count):
+                            column[ties[t]] = T[ties[t], where[j]]
+                    count = kept(column, col, ties, count, row, -where[j] - 1, tie_tolerance)
+                r = largest(col, ties, count)
+        inverse = 1.0 / col[r]
+        step = rhs[r] * inverse
+        # row r and column s are written afresh, not corrected: no cancellation however large the pivot
+        for j in range(n + 1):
+            row[j] = T[r, j] * inverse
+        row[s] = inverse
+        for i in range(n):
+            a = col[i]
+            if a != 0.0 and i != r:
+                T[i, s] = 0.0
+                for j in range(n + 1):
+                    T[i, j] -= a * row[j]
+                rhs[i] -= a * step
+                if rhs[i] < 0.0 and pivots > 0:
+                    rhs[i] = 0.0
+        for j in range(n + 1):
+            T[r, j] = row[j]
+        rhs[r] = step
+        pivots += 1
+        leaving, entering = basic[r], nonbasic[s]
+        basic[r], nonbasic[s] = entering, leaving
+        where[entering], where[leaving] = -(r + 1), s
+        if leaving == 2 * n:
+            outcome = COMPLEMENTARY
+            break
+        s = where[leaving + n if leaving < n else leaving - n]
+    for i in range(n):
+        if n <= basic[i] < 2 * n:
+            z[basic[i] - n] = max(0.0, rhs[i]) * (p / m)
+    return pivots * CODES + outcome

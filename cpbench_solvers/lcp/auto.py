@@ -1,0 +1,97 @@
+"""Automatic choice on LCPs: pivoting where it is quick, faces and Newton where M is large and sparse."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.matrices import is_sparse, nnz
+from cpbench.solvers import warming
+from cpbench.solvers.base import Budget, Solver, SolverSpec, StackCall, register
+from cpbench_solvers.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
+from cpbench_solvers.lcp.claims import error_of
+from cpbench_solvers.stacks import solve_lcp
+
+SMALL = 200
+"""Up to this many unknowns Lemke's method is done before others have factored M_FF a few times."""
+LARGE = 2000
+"""Beyond, what takes M apart in dense storage is asked last."""
+FEW = 0.1
+"""A larger share of nonzeros counts as dense."""
+STEPS = 2000
+"""Of conjugate gradients on faces, a product with M each, before Newton's method is asked."""
+SWEEPS = 100
+"""Of projected SOR on a sparse M at most: they cost what factors of M cost that have some twenty times its entries."""
+NEWTON = SolverPhase("newton-min"), SolverPhase("newton-fb"), SolverPhase("newton-pfb")
+ON_SMALL = SolverPhase("lemke"), *NEWTON, SolverPhase("enumeration-lcp")
+
+
+@register
+class AutoLCP(AutomaticChoice):
+    """Lemke's method on small problems and block principal pivoting on larger ones, then Newton's on equations whose
+    stationary points lie elsewhere; where M is sparse a few sweeps and, if it is symmetric, conjugate gradients first.
+
+    Of at most 20 unknowns, all complementary bases are tried in the end: a solution is found if there is one.
+    """
+
+    spec: ClassVar[SolverSpec] = automatic_spec(
+        "lcp", "auto-lcp", "Lemke, block pivoting, conjugate gradients or Newton, by size and structure"
+    )
+    stack_call: ClassVar[StackCall | None] = StackCall(solve_lcp)
+    members: ClassVar[tuple[str, ...]] = (
+        "lemke",
+        "bpp",
+        "psor",
+        "projected-cg",
+        "newton-min",
+        "newton-fb",
+        "newton-pfb",
+        "enumeration-lcp",
+    )
+    kernels: ClassVar[tuple[str, ...]] = (
+        "pivoting",
+        "lemke_judged",
+        "lemke_pairs",
+        "lcp_error",
+        "mprgp",
+        "splitting",
+        "complementary_bases",
+    )
+
+    def error(self, problem: LCP, point: LCPPoint, tolerance: float) -> float:
+        return error_of(problem, point.z)
+
+    def setup(self, problem: LCP, budget: Budget, options: Any) -> Plan:
+        if not 0 < problem.q.size <= SMALL:
+            return super().setup(problem, budget, options)
+        # no question of the general way has another answer here, and to ask them all takes as long as such a problem
+        solver, own = _on_small()
+        return Plan(problem, ON_SMALL, solver.setup(problem, budget, own), own, solver)
+
+    def phases(self, problem: LCP) -> Sequence[SolverPhase]:
+        n = problem.q.size
+        if n <= SMALL:
+            return ON_SMALL
+        newton = NEWTON
+        positive = bool(np.all(problem.M.diagonal() > 0))
+        entries = nnz(problem.M)
+        few = is_sparse(problem.M) and entries < FEW * n * n
+        # what takes no longer than to store M as a dense matrix is tried before anything that does
+        sweeps = [SolverPhase("psor", min(SWEEPS, n * n // entries))] if few and positive else []
+        if n > LARGE and few:
+            faces = [SolverPhase("projected-cg", STEPS)] if problem.symmetric else []
+            return [*sweeps, *faces, *newton, SolverPhase("projected-cg"), SolverPhase("bpp"), SolverPhase("lemke")]
+        faces = [SolverPhase("projected-cg", n * n // entries)] if sweeps and problem.symmetric else []
+        bordered = [SolverPhase("bpp")] if positive else []
+        return [*sweeps, *faces, *bordered, SolverPhase("newton-min"), SolverPhase("lemke"), *newton[1:]]
+
+
+@cache
+def _on_small() -> tuple[Solver, Any]:
+    """Return the first solver of small problems, ready, and its options."""
+    solver = warming.ready(ON_SMALL[0].solver, quickly=True)
+    return solver, solver.spec.options()

@@ -1,0 +1,176 @@
+"""Block principal pivoting on an LCP: all infeasible components change sides at once, one at a time when that fails."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.matrices import Vector, max_abs
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers.lcp.changing_basis import ChangingBasis
+from cpbench_solvers.lcp.claims import (
+    conclude,
+    dense_obstacle,
+    ended_in_basis,
+    error_of,
+    recorded,
+    settled,
+)
+from cpbench_solvers.lcp.first_basis import DenseLCP, dense_lcp, swept
+from cpbench_solvers.lcp.lemke import Lemke
+from cpbench_solvers.lcp.lemke_run import LemkeOptions
+
+PATIENCE = 3
+"""Block changes allowed without a new least number of infeasibilities (Júdice and Pires: p)."""
+
+
+@dataclass(frozen=True)
+class BPPOptions:
+    """Options of bpp. `max_iterations` : sweeps and bases, 0 stands for 10n + 200. `feasibility_tolerance` : of z in
+    units of max|q|/max|M|, of w in units of max|q|. `max_sweeps` : of projected Gauss-Seidel that guess the first
+    active set, more where they end sooner than a factorization. `omega` : their relaxation where M is not symmetric
+    and 1 does not do. `max_factorizations` : after so many, or in a singular basis, Lemke's method takes over; 0 :
+    never."""
+
+    max_iterations: int = 0
+    feasibility_tolerance: float = 1e-12
+    max_sweeps: int = 20
+    omega: float = 0.6
+    max_factorizations: int = 5
+
+
+@register
+class BlockPrincipalPivoting(Solver):
+    """Active sets F with M_FF z_F = -q_F, the first from a few sweeps, the next from the signs of z and w.
+
+    Murty's rule takes over while blocks do not help, which ends for P-matrices. A singular M_FF, an active set that
+    comes back, or too many factorizations hand the problem over to Lemke's method, which decides semidefinite ones.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="bpp",
+        node="lcp",
+        summary="block principal pivoting from a few sweeps, Murty's rule and Lemke's method as safeguards",
+        method="pivoting",
+        citation="Kostreva 1978; Júdice and Pires 1994, Computers & OR 21:587; Robinson, Feng, Nocedal and Pang 2013",
+        traits=frozenset({Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=BPPOptions,
+    )
+
+    def obstacle(self, problem: LCP) -> str | None:
+        return dense_obstacle(problem)
+
+    def setup(self, problem: LCP, budget: Budget, options: BPPOptions) -> DenseLCP:
+        return dense_lcp(problem)
+
+    def warmup(self) -> None:
+        for M in (np.eye(3), np.triu(np.ones((3, 3)))):
+            self.run(LCP(M=M, q=np.array([-1.0, -2.0, 0.0])))
+        Lemke().warmup()
+
+    def solve(
+        self,
+        prepared: DenseLCP,
+        budget: Budget,
+        options: BPPOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        problem, q = prepared.problem, prepared.problem.q
+        n = q.size
+        w_tolerance = options.feasibility_tolerance * max_abs(q)
+        limit = budget.iterations or options.max_iterations or 10 * n + 200
+        deadline = time.monotonic() + budget.seconds
+        z, sweeps = np.zeros(n) if start is None else np.maximum(start.z, 0.0), 0
+        if record is not None:
+            record(0, error_of(problem, z), partial(LCPPoint, z))
+        if start is None:
+            z, sweeps = swept(prepared, min(limit, options.max_sweeps), options.omega, budget.tolerance, limit)
+        counters = {"iterations": sweeps, "sweeps": sweeps, "factorizations": 0}
+        if error_of(problem, z) <= budget.tolerance or sweeps >= limit:
+            active = prepared.points_to(z, prepared.M @ z + q)
+            z, error = settled(problem, z, active, budget.tolerance, counters)
+            if record is not None and sweeps:
+                record(sweeps, error, partial(LCPPoint, z))
+            message = f"error {error:.1e} after {sweeps} sweeps"
+            output = conclude(problem, z, budget, counters, error=error, otherwise=Claim.MAX_ITER, message=message)
+            return recorded(output, z, problem, record, sweeps + 1)
+        inside = prepared.points_to(z, prepared.M @ z + q)
+        basis = ChangingBasis(prepared.M, prepared.columns, q, problem.symmetric)
+        least, patience = n + 1, PATIENCE
+        seen: set[bytes] = set()
+        why, many = "", options.max_factorizations or math.inf
+        for done in range(1, limit - sweeps + 1):
+            counters["iterations"] = done + sweeps
+            solved = basis.solve(inside)
+            counters["factorizations"] = basis.factorizations
+            if solved is None:
+                why = f"M_FF of size {int(inside.sum())} is singular after {done} bases"
+                break
+            z, w = solved
+            infeasible = np.flatnonzero(np.where(inside, z * prepared.size, w) < -w_tolerance)
+            shown = np.maximum(z, 0.0)
+            if infeasible.size == 0:
+                output = ended_in_basis(problem, shown, np.flatnonzero(inside), budget, counters)
+                if record is not None and isinstance(output.point, LCPPoint):
+                    record(counters["iterations"], error_of(problem, output.point.z), partial(LCPPoint, output.point.z))
+                return output
+            if record is not None:
+                record(counters["iterations"], error_of(problem, shown), partial(LCPPoint, shown))
+            if infeasible.size < least:
+                least, patience = infeasible.size, PATIENCE
+                seen.clear()
+            elif patience > 0:
+                patience -= 1
+            else:
+                key = inside.tobytes()
+                if key in seen:
+                    why = f"an active set comes back after {done} bases, M is no P-matrix"
+                    break
+                seen.add(key)
+                infeasible = infeasible[-1:]
+            inside[infeasible] = ~inside[infeasible]
+            if basis.factorizations >= many:
+                why = f"{least} components infeasible at best after {basis.factorizations} factorizations"
+                break
+            if time.monotonic() > deadline:
+                break
+        counters["factorizations"] = basis.factorizations
+        if why and options.max_factorizations and time.monotonic() <= deadline:
+            return self._by_lemke(prepared, z, budget, deadline, counters, why, record)
+        z = np.maximum(z, 0.0)
+        claim = Claim.FAILED if why else Claim.MAX_ITER
+        why = (
+            f"{why}: use lemke"
+            if why
+            else f"{least} components infeasible at best after {counters['iterations']} steps"
+        )
+        output = conclude(problem, z, budget, counters, otherwise=claim, message=why)
+        return recorded(output, z, problem, record, counters["iterations"] + 1)
+
+    def _by_lemke(
+        self,
+        prepared: DenseLCP,
+        z: Vector,
+        budget: Budget,
+        deadline: float,
+        counters: dict[str, int],
+        why: str,
+        record: Record | None,
+    ) -> SolverOutput:
+        rest = Budget(tolerance=budget.tolerance, seconds=deadline - time.monotonic(), iterations=budget.iterations)
+        problem = prepared.problem
+        found = Lemke().solve(prepared, rest, LemkeOptions(), LCPPoint(np.maximum(z, 0.0)))
+        counters = {**counters, "pivots": found.counters["pivots"]}
+        if record is not None and isinstance(found.point, LCPPoint):
+            record(counters["iterations"] + 1, error_of(problem, found.point.z), partial(LCPPoint, found.point.z))
+        message = f"{why}; Lemke's method: {found.message or found.claim}"
+        return SolverOutput(
+            claim=found.claim, point=found.point, counters=counters, certificate=found.certificate, message=message
+        )

@@ -1,0 +1,222 @@
+"""Base of the LCP solvers: the data scaled to size one, one step of refinement, and the last word on a claim."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from cpbench.factorization import sparse_lu
+from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.kernel_cache import compiled, load
+from cpbench.matrices import Matrix, Vector, dense, max_abs, sparse
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
+from cpbench_solvers import linear_program
+
+CLOSE = 100.0
+"""A method that ended regularly within this factor of the tolerance claims `inaccurate`, beyond it `failed`."""
+WORTH = 1e-3
+"""Share of the tolerance below which an error is that of a method that has converged."""
+DENSE_BYTES = 4e9
+"""The largest dense matrix a solver that needs one takes on."""
+
+
+@dataclass(frozen=True)
+class ScaledLCP:
+    """The LCP of M/m and q/p, m = max|M|, p = max|q|, so that pivot tolerances have a meaning; z is p/m times its z.
+
+    Attributes
+    ----------
+    problem : the LCP that was asked. M : (n, n). q : (n,). z_unit : p/m.
+    """
+
+    problem: LCP
+    M: Matrix
+    q: Vector
+    z_unit: float
+
+
+def scale(problem: LCP, *, keep_sparse: bool = False) -> ScaledLCP:
+    """Return the scaled data, M dense unless `keep_sparse`."""
+    m = max_abs(problem.M) or 1.0
+    p = max_abs(problem.q) or 1.0
+    M = problem.M if keep_sparse else dense(problem.M)
+    return ScaledLCP(problem, M / m, problem.q / p, p / m)
+
+
+def dense_obstacle(problem: LCP) -> str | None:
+    """Return why a dense copy of M is out of the question, else None."""
+    n = problem.q.size
+    size = 8.0 * n * n
+    if size <= DENSE_BYTES:
+        return None
+    return f"needs a dense {n}x{n} matrix ({size / 1e9:.1f} GB, at most {DENSE_BYTES / 1e9:.0f}): use a sparse solver"
+
+
+def solve_linear(A: Matrix, b: Vector) -> Vector | None:
+    """Return A⁻¹b by LU, None when a pivot is exactly zero or the result is not finite."""
+    if b.size == 0:
+        return b
+    if sp.issparse(A):
+        lu = sparse_lu(A)
+        if lu is None:
+            return None
+        x = lu.solve(b)
+    else:
+        _, _, x, info = lapack.dgesv(A, b)
+        if info != 0:
+            return None
+    return x if np.isfinite(x).all() else None
+
+
+def principal(M: Matrix, active: np.ndarray[Any, Any]) -> Matrix:
+    """Return M_FF for the indices F in `active`."""
+    return M[active][:, active] if sp.issparse(M) else M[np.ix_(active, active)]
+
+
+def refined(M: Matrix, q: Vector, z: Vector, active: np.ndarray[Any, Any]) -> Vector:
+    """Take one step of iterative refinement of M_FF z_F = -q_F, F = `active`; z itself where M_FF is singular."""
+    better = np.zeros_like(z)
+    better[active] = z[active]
+    step = solve_linear(principal(M, active), -(M @ better + q)[active])
+    if step is None:
+        return z
+    better[active] += step
+    return np.maximum(better, 0.0)
+
+
+def guessed(lcp: ScaledLCP, z: Vector) -> np.ndarray[Any, Any]:
+    """Return components that are positive in the solution near to z: where z > w; a rounding error above 0 is no
+    sign."""
+    return z > lcp.M @ z + lcp.q
+
+
+def settled(
+    problem: LCP, z: Vector, active: np.ndarray[Any, Any], tolerance: float, counters: dict[str, int]
+) -> tuple[Vector, float]:
+    """Return a z within the tolerance, or the basic solution of its active set, and its error: whichever has the
+    smaller one; any other z as it is.
+
+    A norm over all rows lets one that is small beside the others be wrong in all of its digits; the active set is
+    right long before. A z that has three digits more than were asked for is left alone.
+    """
+    error = error_of(problem, z)
+    if not WORTH * tolerance < error <= tolerance:
+        return z, error
+    counters["factorizations"] = counters.get("factorizations", 0) + 1
+    better = refined(problem.M, problem.q, z, active)
+    least = error_of(problem, better)
+    return (better, least) if least < error else (z, error)
+
+
+def farkas(problem: LCP, budget: Budget) -> Vector | None:
+    """Return a y with y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding, from min qᵀy over 0 ≤ y ≤ 1; None where there is none."""
+    n = problem.q.size
+    if _feasible_everywhere(problem):
+        return None
+    options: dict[str, Any] = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    if np.isfinite(budget.seconds):
+        options["time_limit"] = budget.seconds
+    program = linear_program.load()(
+        problem.q / (max_abs(problem.q) or 1.0),
+        A_ub=problem.M.T / (max_abs(problem.M) or 1.0),
+        b_ub=np.zeros(n),
+        bounds=(0.0, 1.0),
+        method="highs",
+        options=options,
+    )
+    if program.x is None:
+        return None
+    y = np.maximum(program.x, 0.0)
+    return y if problem.certifies_infeasibility(y) else None
+
+
+def _feasible_everywhere(problem: LCP) -> bool:
+    """Return whether z = t(1, …, 1) is feasible for large t, so that no certificate can exist; so in games."""
+    sums = np.asarray(problem.M.sum(axis=1)).ravel()
+    return bool(np.all((sums > 0.0) | ((sums == 0.0) & (problem.q >= 0.0))))
+
+
+_PARTS: WeakKeyDictionary[LCP, tuple[NDArray[np.int64], Vector]] = WeakKeyDictionary()
+
+
+def parts(problem: LCP) -> tuple[NDArray[np.int64], Vector]:
+    """Return, for every row, the number of its connected part of M, and for every column 1 over its norm: found once
+    for a problem."""
+    if (found := _PARTS.get(problem)) is None:
+        kernel, M, n = load("cpbench_solvers.kernels.row_errors"), problem.M, problem.q.size
+        part, share = found = _PARTS[problem] = np.empty(n, np.int64), np.empty(n)
+        if isinstance(M, np.ndarray):
+            kernel.label_dense(M, part)
+            kernel.shares_dense(M, share)
+        else:
+            M = sparse(M)
+            kernel.label_sparse(M.indptr, M.indices, M.data, part)
+            kernel.shares_sparse(M.indptr, M.indices, M.data, share)
+    return found
+
+
+def error_of(problem: LCP, z: Vector) -> float:
+    """Return the larger one of the judged error and of the errors of rows (`row_errors`), infinite for an answer that
+    is not finite."""
+    M, q, unit, kernel = problem.M, problem.q, problem.z_unit, load("cpbench_solvers.kernels.lcp_error")
+    if isinstance(M, np.ndarray):
+        error = compiled(kernel.error_dense)(M, q, z, unit, *parts(problem))
+    else:
+        M = sparse(M)
+        error = kernel.error_sparse(M.indptr, M.indices, M.data, q, z, unit, *parts(problem))
+    return error if math.isfinite(error) else math.inf
+
+
+def conclude(
+    problem: LCP,
+    z: Vector,
+    budget: Budget,
+    counters: Mapping[str, int],
+    *,
+    error: float | None = None,
+    otherwise: Claim | None = None,
+    message: str = "",
+) -> SolverOutput:
+    """Claim solved exactly when the judged error of z is at most the tolerance; else `otherwise`.
+
+    `error` is `error_of(problem, z)` where the caller has it at hand. Without `otherwise` the method has ended
+    regularly: inaccurate when the error is close, failed when not.
+    """
+    error = error_of(problem, z) if error is None else error
+    if error <= budget.tolerance:  # finite, so z is
+        return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z), counters=counters)
+    if not np.isfinite(z).all():
+        return SolverOutput(claim=Claim.FAILED, counters=counters, message=message or "the answer is not finite")
+    if otherwise is None:
+        otherwise = Claim.INACCURATE if error <= CLOSE * budget.tolerance else Claim.FAILED
+        message = message or f"ended at error {error:.1e}, asked for {budget.tolerance:.0e}"
+    return SolverOutput(claim=otherwise, point=LCPPoint(z), counters=counters, message=message)
+
+
+def recorded(output: SolverOutput, z: Vector, problem: LCP, record: Record | None, iteration: int) -> SolverOutput:
+    """Return a conclusion; where its answer is not z, the last that was recorded, it is recorded as that iteration."""
+    if record is not None and isinstance(output.point, LCPPoint) and not np.array_equal(output.point.z, z):
+        record(iteration, error_of(problem, output.point.z), partial(LCPPoint, output.point.z))
+    return output
+
+
+def ended_in_basis(
+    problem: LCP, z: Vector, F: np.ndarray[Any, Any], budget: Budget, counters: dict[str, int]
+) -> SolverOutput:
+    """Return the claim of a method that ended in the basis of F: z, or what one step of refinement makes of it."""
+    error = error_of(problem, z)
+    if not error <= budget.tolerance:
+        candidate = refined(dense(problem.M), problem.q, z, F)
+        counters["factorizations"] = counters.get("factorizations", 0) + 1
+        if (better := error_of(problem, candidate)) < error:
+            z, error = candidate, better
+    return conclude(problem, z, budget, counters, error=error)

@@ -1,0 +1,188 @@
+"""All solutions of a small LCP, by looking at each of its 2ⁿ complementary bases."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.lcp import LCP
+from cpbench.matrices import Vector, dense
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers import linear_program
+from cpbench_solvers.lcp.claims import (
+    ScaledLCP,
+    conclude,
+    error_of,
+    farkas,
+    principal,
+    refined,
+    scale,
+    solve_linear,
+)
+
+LARGEST = 20
+"""Unknowns: 2²⁰ bases take seconds."""
+CHUNK = 1 << 12
+"""Bases between two looks at the clock."""
+SAME = 1e-9
+"""Solutions this close, as a share of the larger, are one: at a degenerate one several bases meet."""
+
+
+@dataclass(frozen=True)
+class EnumerationOptions:
+    """Options of enumeration-lcp, enumeration-mlcp. `max_programs` : singular bases in which a linear program looks
+    for a solution; the others stay open."""
+
+    max_programs: int = 500
+
+
+@dataclass
+class Enumeration:
+    """Result of an enumeration.
+
+    Attributes
+    ----------
+    solutions : different z, by increasing number of their basis Σ_{i in F} 2ⁱ. bases : looked at. singular : of these,
+    M_FF singular with M_FF z_F = -q_F consistent. faces : of these, with a solution; where z_F is not unique it
+    belongs to a face of them. undecided : bases too close to tell, or singular and not looked into.
+    closest : greatest over the bases of the least (scaled) component, the miss of the best cone where negative.
+    """
+
+    solutions: list[Vector] = field(default_factory=list)
+    bases: int = 0
+    singular: int = 0
+    faces: int = 0
+    undecided: int = 0
+    programs: int = 0
+    closest: float = -np.inf
+
+    def add(self, z: Vector) -> None:
+        size = np.abs(z).max(initial=0.0)
+        if all(np.abs(z - known).max(initial=0.0) > SAME * max(size, np.abs(known).max()) for known in self.solutions):
+            self.solutions.append(z)
+
+    def __str__(self) -> str:
+        text = f"{len(self.solutions)} solutions in {self.bases} bases"
+        if self.singular:
+            text += f", {self.singular} of them singular, {self.faces} of these on solutions that may not be isolated"
+        return text + (f", {self.undecided} undecided" if self.undecided else "")
+
+
+@register
+class LCPEnumeration(Solver):
+    """Enumeration of bases: answers the solution of the one with the least number Σ 2ⁱ, i in F; says how many there
+    are.
+
+    No solution is claimed infeasible where every cone was excluded by more than rounding; with Farkas' certificate
+    where there is one, by exhaustion where a z ≥ 0 with Mz + q ≥ 0 exists and none is complementary.
+    """
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="enumeration-lcp",
+        node="lcp",
+        summary=f"all solutions of up to {LARGEST} unknowns, by the 2^n complementary bases",
+        method="enumeration",
+        citation="Murty 1988, section 1.3; Cottle, Pang and Stone 2009, section 1.3",
+        traits=frozenset({Trait.DETERMINISTIC}),
+        options=EnumerationOptions,
+        by_default=False,
+    )
+
+    def obstacle(self, problem: LCP) -> str | None:
+        n = problem.q.size
+        return None if n <= LARGEST else f"looks at 2^n bases, n = {n} (at most {LARGEST}): use lemke"
+
+    def setup(self, problem: LCP, budget: Budget, options: EnumerationOptions) -> ScaledLCP:
+        return scale(problem)
+
+    def warmup(self) -> None:
+        linear_program.load()
+        self.run(LCP(M=np.eye(2), q=np.array([-1.0, -2.0])))
+
+    def solve(
+        self,
+        prepared: ScaledLCP,
+        budget: Budget,
+        options: EnumerationOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        problem, n = prepared.problem, prepared.q.size
+        found = enumerate_bases(prepared, budget, options)
+        counters = {
+            "iterations": found.bases,
+            "singular_bases": found.singular,
+            "solutions": len(found.solutions),
+            "linear_programs": found.programs,
+        }
+        whole = found.bases == 2**n
+        if found.solutions:
+            output = conclude(problem, found.solutions[0], budget, counters)
+            text = str(found) if whole else f"{found}, of {2**n}"
+            return SolverOutput(claim=output.claim, point=output.point, counters=counters, message=text)
+        if not whole or found.undecided:
+            claim = Claim.FAILED if whole else Claim.MAX_ITER
+            return conclude(problem, np.zeros(n), budget, counters, otherwise=claim, message=f"{found}, of {2**n}")
+        certificate = farkas(problem, budget)
+        how = "y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding" if certificate is not None else "by exhaustion, to rounding"
+        message = f"no solution in all {2**n} bases, the closest misses by {-found.closest:.1e}: {how}"
+        return SolverOutput(claim=Claim.INFEASIBLE, counters=counters, certificate=certificate, message=message)
+
+
+def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOptions | None = None) -> Enumeration:
+    """Try every basis in turn, until budget.iterations of them or its seconds; solutions within its tolerance."""
+    from cpbench.kernel_cache import load
+
+    kernel = load("cpbench_solvers.kernels.complementary_bases")
+    options = options or EnumerationOptions()
+    problem, M, q = prepared.problem, dense(prepared.M), prepared.q
+    n = q.size
+    end = min(2**n, budget.iterations or 2**n)
+    deadline = time.monotonic() + budget.seconds
+    found = Enumeration()
+    masks, kinds = np.empty((2, CHUNK), dtype=np.int64)
+    closest = np.full(1, -np.inf)
+    while found.bases < end and time.monotonic() <= deadline:
+        until = min(end, found.bases + CHUNK)
+        # compiled code looks at all bases, and keeps those that rounding does not exclude
+        kept = kernel.scan(np.ascontiguousarray(M), q, found.bases, until, masks, kinds, closest)
+        found.bases = until
+        for mask, kind in zip(masks[:kept].tolist(), kinds[:kept].tolist(), strict=True):
+            F = np.flatnonzero(mask >> np.arange(n) & 1)
+            if kind != kernel.SINGULAR:
+                z = np.zeros(n)
+                z[F] = solve_linear(principal(M, F), -q[F])
+            else:
+                found.singular += 1
+                if found.programs >= options.max_programs or time.monotonic() > deadline:
+                    found.undecided += 1
+                    continue
+                found.programs += 1
+                z = _on_a_face(M, q, F)
+                if z is None:
+                    continue
+            z = np.maximum(z, 0.0) * prepared.z_unit
+            # `not <=`: an error that is no number is refined, too
+            if not error_of(problem, z) <= budget.tolerance:
+                z = refined(dense(problem.M), problem.q, z, F)
+            if error_of(problem, z) <= budget.tolerance:
+                found.faces += kind == kernel.SINGULAR
+                found.add(z)
+            else:
+                found.undecided += 1
+    found.closest = float(closest[0])
+    return found
+
+
+def _on_a_face(M: np.ndarray[Any, Any], q: Vector, F: np.ndarray[Any, Any]) -> Vector | None:
+    """Return the z ≥ 0 of least sum with z = 0 outside F, w = 0 in F, w ≥ 0 outside; None where there is none."""
+    N = np.setdiff1d(np.arange(q.size), F)
+    program = linear_program.load()(np.ones(F.size), -M[np.ix_(N, F)], q[N], M[np.ix_(F, F)], -q[F], method="highs")
+    if program.x is None:
+        return None
+    z = np.zeros(q.size)
+    z[F] = program.x
+    return z

@@ -1,0 +1,209 @@
+"""Projected Gauss–Seidel, SOR and symmetric SOR on an LCP: z_i ← max(0, z_i - ω w_i/M_ii), one after the other."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, TypeAlias
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.matrices import Vector
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of, recorded
+from cpbench.solvers.shared.progress import Progress, next_stop, reduced
+
+CHUNK = 256
+"""The most sweeps with one w, and without a look at the progress."""
+FEW = 16
+"""Sweeps before the first look at the clock; later there is one whenever their number has doubled."""
+
+
+@dataclass(frozen=True)
+class PGSOptions:
+    """Options of pgs. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
+
+    max_iterations: int = 100_000
+    stall_window: int = 5000
+
+
+@dataclass(frozen=True)
+class PSOROptions(PGSOptions):
+    """Options of psor, ssor. `omega` : over-relaxation, in ]0, 2[."""
+
+    omega: float = 1.3
+
+
+@dataclass(frozen=True)
+class MatrixColumns:
+    """M by columns. Dense: row j of `values` is column j. Sparse: values[start[j]:start[j+1]] are in `rows`."""
+
+    problem: LCP
+    diagonal: Vector
+    values: np.ndarray[Any, np.dtype[np.float64]]
+    start: np.ndarray[Any, np.dtype[np.int64]] | None = None
+    rows: np.ndarray[Any, np.dtype[np.int64]] | None = None
+
+    @property
+    def matrix(self) -> tuple[Any, ...]:
+        """M as the kernels take it."""
+        return (self.values,) if self.start is None else (self.start, self.rows, self.values)
+
+
+Sweeps: TypeAlias = Callable[[Vector, Vector, float, Vector], int]
+"""(z, w, tolerance, errors) -> sweeps done: one for every number in `errors` unless the tolerance is met before; z, w
+and the errors are written."""
+
+
+class SplittingSolver(Solver):
+    """Base of the splitting methods, which differ by their sweeps."""
+
+    @abstractmethod
+    def sweeps(self, prepared: MatrixColumns, options: Any) -> Sweeps:
+        """Return the compiled sweeps on one problem."""
+
+    def setup(self, problem: LCP, budget: Budget, options: Any) -> MatrixColumns:
+        diagonal = np.array(problem.M.diagonal())
+        if sp.issparse(problem.M):
+            csc = sp.csc_array(problem.M)
+            return MatrixColumns(problem, diagonal, csc.data, csc.indptr.astype(np.int64), csc.indices.astype(np.int64))
+        return MatrixColumns(problem, diagonal, np.ascontiguousarray(problem.M.T))
+
+    def warmup(self) -> None:
+        M, q = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-1.0, -1.0])
+        self.run(LCP(M=M, q=q))
+        self.run(LCP(M=sp.csr_array(M), q=q))
+
+    def solve(
+        self,
+        prepared: MatrixColumns,
+        budget: Budget,
+        options: PGSOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        from cpbench.kernel_cache import load
+
+        kernel = load("cpbench_solvers.kernels.splitting")
+        problem, q = prepared.problem, prepared.problem.q
+        afresh = kernel.afresh_dense if prepared.start is None else kernel.afresh_sparse
+        sweep = self.sweeps(prepared, options)
+        z, w = np.zeros(q.size) if start is None else np.maximum(start.z, 0.0), np.empty(q.size)
+        limit = budget.iterations or options.max_iterations
+        deadline = time.monotonic() + budget.seconds
+        progress = Progress(options.stall_window)
+        sweeps, products, aim, known = 0, 0, budget.tolerance, None
+        claim, message = Claim.MAX_ITER, f"{limit} sweeps"
+        while True:
+            # the kernel's w drifts by rounding, so it starts afresh in every chunk and an end is confirmed here
+            error, products = afresh(*prepared.matrix, q, z, problem.z_unit, w), products + 1
+            if record is not None and not sweeps:
+                record(0, error, lambda: LCPPoint(z))
+            if error <= aim:
+                error, products = error_of(problem, z), products + 1
+                if error <= budget.tolerance:
+                    known = error
+                    break
+                aim = reduced(aim, error, budget.tolerance)
+            if sweeps >= limit:
+                break
+            until = min(limit, sweeps + CHUNK)
+            while sweeps < until and error > aim and time.monotonic() <= deadline:
+                errors = np.empty(next_stop(sweeps, min(until, 2 * sweeps + FEW), record) - sweeps)
+                done = sweep(z, w, aim, errors)
+                sweeps, error = sweeps + done, float(errors[done - 1])
+                if record is not None:
+                    record(sweeps, error, lambda: LCPPoint(z))
+            why = progress.trouble(sweeps, error)
+            if why is None and sweeps < until and error > aim:
+                why = f"out of time after {sweeps} sweeps"
+            if why is not None:
+                claim, message = Claim.FAILED, why
+                break
+        counters = {"iterations": sweeps, "matrix_vector_products": products}
+        output = conclude(problem, z, budget, counters, error=known, otherwise=claim, message=message)
+        return recorded(output, z, problem, record, sweeps + 1)
+
+
+_TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
+
+
+class _Pointwise(SplittingSolver):
+    """One component after the other."""
+
+    symmetric: ClassVar[bool] = False
+    """Whether sweeps go forth and back."""
+
+    def obstacle(self, problem: LCP) -> str | None:
+        if not sp.issparse(problem.M) and (why := dense_obstacle(problem)) is not None:
+            return why
+        diagonal = problem.M.diagonal()
+        bad = np.flatnonzero(~(diagonal > 0))
+        if bad.size == 0:
+            return None
+        i = int(bad[0])
+        return (
+            f"needs a positive diagonal, M[{i},{i}] = {diagonal[i]:g} ({bad.size} of {diagonal.size}): "
+            "use lemke or newton-min"
+        )
+
+    def sweeps(self, prepared: MatrixColumns, options: PGSOptions) -> Sweeps:
+        from cpbench.kernel_cache import load
+
+        kernel = load("cpbench_solvers.kernels.splitting")
+        sweep = kernel.sweeps_dense if prepared.start is None else kernel.sweeps_sparse
+        law = prepared.diagonal, prepared.problem.q
+        omega = options.omega if isinstance(options, PSOROptions) else 1.0
+        rest = prepared.problem.z_unit, omega, self.symmetric
+        return lambda z, w, tolerance, errors: sweep(*prepared.matrix, *law, z, w, *rest, tolerance, errors)
+
+
+@register
+class PGS(_Pointwise):
+    """A method that converges for symmetric positive definite and for H-matrices with positive diagonal."""
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="pgs",
+        node="lcp",
+        summary="projected Gauss-Seidel",
+        method="splitting",
+        citation="Cryer 1971; Cottle, Pang and Stone 1992, section 5.2",
+        traits=_TRAITS,
+        options=PGSOptions,
+    )
+
+
+@register
+class PSOR(_Pointwise):
+    """Over-relaxed by ω: faster on some problems, divergent on others."""
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="psor",
+        node="lcp",
+        summary="projected successive over-relaxation",
+        method="splitting",
+        citation="Cryer 1971; Mangasarian 1977",
+        traits=_TRAITS,
+        options=PSOROptions,
+    )
+
+
+@register
+class SSOR(_Pointwise):
+    """Every sweep goes forth and back, so that the order of the unknowns matters less."""
+
+    symmetric = True
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="ssor",
+        node="lcp",
+        summary="projected symmetric successive over-relaxation",
+        method="splitting",
+        citation="Mangasarian 1977, J. Optim. Theory Appl. 22:465; Cottle, Pang and Stone 1992, section 5.2",
+        traits=_TRAITS,
+        options=PSOROptions,
+        by_default=False,
+    )

@@ -1,0 +1,189 @@
+"""Semismooth Newton on an LCP: ψ(z_i, w_i) = 0 for one of four NCP functions, made global by the merit ½‖Φ‖².
+
+The steps, the line search and what is done where a Jacobian is singular (Levenberg and Marquardt's regularization, the
+gradient of the merit, in the end other starts) are those of the nonlinear problems; the matrix is dense (LAPACK) or
+sparse (SuperLU). `regularized` counts the steps that were not Newton's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.kernel_cache import load
+from cpbench.matrices import Matrix, Vector, identity
+from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers.lcp.claims import (
+    ScaledLCP,
+    conclude,
+    dense_obstacle,
+    error_of,
+    guessed,
+    recorded,
+    scale,
+    settled,
+    solve_linear,
+)
+from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run
+from cpbench_solvers.nonlinear.reformulation import Reformulation
+from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
+
+SHIFT = 1e-10
+"""Added to the diagonal of a singular Jacobian; the largest entry of M is 1."""
+
+
+@dataclass(frozen=True)
+class NewtonLCPOptions(SemismoothOptions):
+    """Options of Newton's methods, as for nonlinear problems."""
+
+    max_iterations: int = 500
+    restarts: int = 5
+
+
+class LCPBox(CountedBox):
+    """F(z) = Mz + q of a scaled LCP on z ≥ 0; M is its own Jacobian."""
+
+    def __init__(self, prepared: ScaledLCP) -> None:
+        self._prepared = prepared
+        self.n = prepared.q.size
+        self.lb, self.ub = np.zeros(self.n), np.full(self.n, np.inf)
+        self.equation = Reformulation(self.lb, self.ub)
+        self.counters = {"iterations": 0, "evaluations": 0, "factorizations": 0, "regularized": 0, "restarts": 0}
+
+    @property
+    def start(self) -> Vector:
+        return self.lb
+
+    def point(self, z: Vector) -> LCPPoint:
+        return LCPPoint(z * self._prepared.z_unit)
+
+    def F(self, z: Vector) -> Vector:
+        self.counters["evaluations"] += 1
+        with np.errstate(all="ignore"):
+            return self._prepared.M @ z + self._prepared.q
+
+    def jacobian(self, z: Vector) -> Matrix:
+        return self._prepared.M
+
+    def solve(self, A: Matrix, b: Vector) -> Vector | None:
+        """Return A⁻¹b by LU, whatever the condition: the line search tells what that is worth. An exactly singular A
+        gets a multiple of I, which for monotone problems is enough."""
+        self.counters["factorizations"] += 1
+        x = solve_linear(A, b)
+        if x is None:
+            self.counters["regularized"] += 1
+            x = solve_linear(A + SHIFT * identity(b.size, A), b)
+        return x
+
+    def error(self, z: Vector, F: Vector, tolerance: float) -> float:
+        return error_of(self._prepared.problem, z * self._prepared.z_unit)
+
+
+class _NewtonLCP(Solver):
+    """Base of the methods, which differ in the function whose zeros they look for."""
+
+    psi: ClassVar[NCPFunction]
+    merit: ClassVar[NCPFunction]
+    """Another function where ½‖Φ‖² of the first has kinks."""
+
+    def obstacle(self, problem: LCP) -> str | None:
+        return None if sp.issparse(problem.M) else dense_obstacle(problem)
+
+    def warmup(self) -> None:
+        load("cpbench_solvers.kernels.lcp_error")
+
+    def setup(self, problem: LCP, budget: Budget, options: NewtonLCPOptions) -> ScaledLCP:
+        return scale(problem, keep_sparse=problem.q.size > DENSE_LIMIT)
+
+    def solve(
+        self,
+        prepared: ScaledLCP,
+        budget: Budget,
+        options: NewtonLCPOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        method = SemismoothMethod(LCPBox(prepared), type(self).psi, type(self).merit, options)
+        limit = budget.iterations or options.max_iterations
+        first = None if start is None else start.z / prepared.z_unit
+        output = run(method, budget, limit, options.restarts, first, record)
+        if output.claim is not Claim.SOLVED or output.point is None:
+            return output
+        z, counters = output.point.z, dict(output.counters)
+        active = guessed(prepared, z / prepared.z_unit)
+        better, error = settled(prepared.problem, z, active, budget.tolerance, counters)
+        concluded = conclude(prepared.problem, better, budget, counters, error=error)
+        return recorded(concluded, z, prepared.problem, record, counters["iterations"] + 1)
+
+
+def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, quick: bool = False) -> SolverSpec:
+    return SolverSpec(
+        name=f"newton-{name}",
+        node="lcp",
+        summary=f"semismooth Newton on {summary}, nonmonotone line search",
+        method="semismooth Newton",
+        citation=citation,
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=NewtonLCPOptions,
+        by_default=by_default,
+        quick=quick,
+    )
+
+
+@register
+class NewtonMin(_NewtonLCP):
+    """Steps to the basic solution of {w < z}: one factorization of M_FF each, finite on P-problems once F is right. The
+    merit is Fischer and Burmeister's."""
+
+    psi = staticmethod(minimum)
+    merit = staticmethod(fischer_burmeister)
+    spec: ClassVar[SolverSpec] = _spec(
+        "min",
+        "min(z, w), merit of Fischer-Burmeister",
+        "Kummer 1988; Harker and Pang 1990; De Luca, Facchinei and Kanzow 2000, Comput. Optim. Appl. 16:173",
+        quick=True,
+    )
+
+
+@register
+class NewtonFB(_NewtonLCP):
+    """Newton's method on z + w − √(z² + w²), whose merit is differentiable and, for P₀-matrices, stationary in
+    solutions only."""
+
+    psi = merit = staticmethod(fischer_burmeister)
+    spec: ClassVar[SolverSpec] = _spec(
+        "fb", "the Fischer-Burmeister equation", "De Luca, Facchinei and Kanzow 1996, Math. Program. 75:407"
+    )
+
+
+@register
+class NewtonPFB(_NewtonLCP):
+    """Newton's method on the penalized function, whose level sets are bounded for all monotone problems with an
+    interior point."""
+
+    psi = merit = staticmethod(penalized)
+    spec: ClassVar[SolverSpec] = _spec(
+        "pfb",
+        "the penalized Fischer-Burmeister equation",
+        "Chen, Chen and Kanzow 2000, Math. Program. 88:211",
+        by_default=False,
+    )
+
+
+@register
+class NewtonEP(_NewtonLCP):
+    """Newton's method on zw − ½ min(0, z + w)², differentiable, with a singular Jacobian where z_i = w_i = 0: linear
+    there."""
+
+    psi = merit = staticmethod(evtushenko_purtov)
+    spec: ClassVar[SolverSpec] = _spec(
+        "ep",
+        "the differentiable function of Evtushenko and Purtov",
+        "Evtushenko and Purtov 1984, Soviet Math. Dokl.",
+        by_default=False,
+    )

@@ -1,0 +1,240 @@
+"""Base of the MLCP solvers: the data brought to size one, a proof of infeasibility, and the last word on a claim."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench import matrices
+from cpbench.formulations.lcp import LCP
+from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.kernel_cache import compiled, load
+from cpbench.matrices import Matrix, Vector, dense, max_abs
+from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench_solvers import linear_program
+from cpbench_solvers.lcp.claims import CLOSE, DENSE_BYTES, WORTH, principal, solve_linear
+
+PASSES = 3
+"""Times that rows and columns are divided by the roots of their largest entries."""
+SINGULAR, SINGULAR_VALUES = 1e-12, 1000
+"""Singular values that count as zero, as a share of the largest; the largest matrix of which they are computed."""
+
+
+@dataclass(frozen=True)
+class ScaledMLCP:
+    """Rows K x + k, the first `free` of them zero and of x free, the others 0 ≤ x ⟂ Kx + k ≥ 0; entries of size one.
+
+    Rows and columns are multiplied by powers of 2, which costs no rounding: a pair (v, w) by the same one, so that
+    what is monotone or symmetric stays so, equalities and free unknowns by any.
+
+    Attributes
+    ----------
+    problem : the MLCP that was asked. K : (N, N). k : (N,). unit : (N,), `unit` times x is (u, v).
+    row_unit : (N,), times Kx + k is (Au + Cv + a, w).
+    """
+
+    problem: MLCP
+    K: Matrix
+    k: Vector
+    free: int
+    unit: Vector
+    row_unit: Vector
+
+    def point(self, x: Vector) -> MLCPPoint:
+        both = self.unit * x
+        return MLCPPoint(both[: self.free], both[self.free :])
+
+    def start(self, point: MLCPPoint | None) -> Vector:
+        """Return x of a starting point with v ≥ 0; 0 without one."""
+        if point is None:
+            return np.zeros(self.k.size)
+        return np.concatenate([point.u, np.maximum(point.v, 0.0)]) / self.unit
+
+    def error(self, x: Vector) -> float:
+        """Return the larger one of the judged error and of the errors of rows (`row_errors`), infinite for an answer
+        that is not finite."""
+        K: Any = self.K
+        if matrices.is_sparse(K):
+            kernel, N = load("cpbench_solvers.kernels.row_errors"), self.k.size
+            matrix, part, (share, w, size) = (K.indptr, K.indices, K.data), np.empty(N, np.int64), np.empty((3, N))
+            kernel.label_sparse(*matrix, part)
+            kernel.shares_sparse(*matrix, share)
+            rows = *matrix, self.k, x, self.free
+            kernel.rows_sparse(*rows, part, share, w, size)
+            return kernel.largest_sparse(*rows, w, size, self.problem.residuals(self.point(x)).error)
+        kernel = load("cpbench_solvers.kernels.mlcp_judged")
+        # compiled, since small problems spend more time on measuring than on solving
+        error: float = kernel.error_of(
+            self.K, self.k, self.free, self.row_unit, self.unit, self.problem.v_unit, self.problem.equality_scale, x
+        )
+        return error if math.isfinite(error) else math.inf
+
+
+def mixed(problem: LCP | MLCP) -> MLCP:
+    """Return an LCP as an MLCP without free unknowns."""
+    if isinstance(problem, MLCP):
+        return problem
+    M, m, zeros = problem.M, problem.q.size, matrices.zeros
+    return MLCP(A=zeros(0, 0, M), B=M, C=zeros(0, m, M), D=zeros(m, 0, M), a=np.zeros(0), b=problem.q)
+
+
+def scale(problem: MLCP, *, keep_sparse: bool = False) -> ScaledMLCP:
+    """Return the scaled data, K dense unless `keep_sparse` and one of the four matrices is sparse."""
+    P, n, N = problem, problem.a.size, problem.a.size + problem.b.size
+    stored = P.A, P.B, P.C, P.D
+    if not (keep_sparse and any(map(matrices.is_sparse, stored))):
+        K, (k, unit, row_unit) = np.empty((N, N)), np.empty((3, N))
+        kernel = compiled(load("cpbench_solvers.kernels.mlcp_scaling").scaled)
+        kernel(*map(dense, stored), P.a, P.b, PASSES, K, k, unit, row_unit)
+        return ScaledMLCP(problem, K, k, n, unit, row_unit)
+    K, k = matrices.block([[P.A, P.C], [P.D, P.B]]), np.concatenate([P.a, P.b])
+    row, column = equilibration(K, n)
+    K = sp.csr_array(K, copy=True)
+    K.data *= np.repeat(row, np.diff(K.indptr)) * column[K.indices]
+    size = float(matrices.power_of_two(np.array([max_abs(row * k) or 1.0]))[0])
+    return ScaledMLCP(problem, K, size * row * k, n, column / size, 1.0 / (size * row))
+
+
+def equilibration(K: Any, n: int) -> tuple[Any, Any]:
+    """Return powers of 2 for the rows and columns of K, the first n apart; of a stack of dense K, (k, N, N), each by
+    itself."""
+    sizes: Any = np.abs(K.data) if matrices.is_sparse(K) else np.abs(K)
+    row: Any
+    column: Any
+    row, column = np.ones((2, *K.shape[:-1]))
+    for _ in range(PASSES):
+        tops = _tops(K, sizes, row, column)
+        by_row, by_column = (1.0 / np.sqrt(np.where(top > 0.0, top, 1.0)) for top in tops)
+        # one factor for row and column of a pair: v ⟂ w are scaled together, and B stays what it is, definite or a
+        # P-matrix
+        by_row[..., n:] = by_column[..., n:] = np.sqrt(by_row[..., n:] * by_column[..., n:])
+        row *= by_row
+        column *= by_column
+    return matrices.power_of_two(1.0 / row), matrices.power_of_two(1.0 / column)
+
+
+def _tops(K: Any, sizes: Any, row: Any, column: Any) -> tuple[Any, Any]:
+    """Return the largest entry of every row and column of the scaled |K|, whose entries are `sizes`."""
+    if not matrices.is_sparse(K):
+        scaled = sizes * row[..., :, None] * column[..., None, :]
+        return scaled.max(axis=-1, initial=0.0), scaled.max(axis=-2, initial=0.0)
+    at = np.repeat(np.arange(row.size), np.diff(K.indptr))
+    scaled = sizes * row[at] * column[K.indices]
+    tops = np.zeros((2, row.size))
+    np.maximum.at(tops[0], at, scaled)
+    np.maximum.at(tops[1], K.indices, scaled)
+    return tops[0], tops[1]
+
+
+def dense_obstacle(problem: MLCP) -> str | None:
+    """Return why a dense [[A, C], [D, B]] is out of the question, else None."""
+    N = problem.a.size + problem.b.size
+    size = 8.0 * N * N
+    if size <= DENSE_BYTES:
+        return None
+    return f"needs a dense {N}x{N} matrix ({size / 1e9:.1f} GB, at most {DENSE_BYTES / 1e9:.0f}): use a sparse solver"
+
+
+def refined(prepared: ScaledMLCP, x: Vector, error: float, tolerance: float) -> tuple[Vector, float]:
+    """Return x or what a step of iterative refinement on the free unknowns and the positive v makes of it, and its
+    error.
+
+    By LU and, where that is not within the tolerance, by least squares without the directions in which the matrix of
+    these unknowns is singular: a rounding error in the rows would be enlarged along them.
+    """
+    basis = np.flatnonzero((np.arange(x.size) < prepared.free) | (x > 0.0))
+    part = principal(prepared.K, basis)
+    # least squares are dear: only where LU was not enough
+    for solve in (solve_linear, _least_squares):
+        step = solve(part, -(prepared.K @ x + prepared.k)[basis])
+        if step is not None:
+            better = np.array(x)
+            better[basis] += step
+            better[prepared.free :] = np.maximum(better[prepared.free :], 0.0)
+            if (least := prepared.error(better)) < error:
+                x, error = better, least
+        if error <= tolerance:
+            break
+    return x, error
+
+
+def settled(prepared: ScaledMLCP, x: Vector, error: float, tolerance: float) -> tuple[Vector, float]:
+    """Return x, whose error is within the tolerance, or the solution of the equations of its active set (the unknowns
+    that are free or above their rows), and its error: whichever has the smaller one.
+
+    A norm over all rows lets one that is small beside the others be wrong in all of its digits; the active set is
+    right long before. An x that has three digits more than were asked for is left alone.
+    """
+    if not WORTH * tolerance < error <= tolerance:
+        return x, error
+    n = prepared.free
+    w = (prepared.K @ x + prepared.k)[n:]
+    near = np.array(x)
+    near[n:] = np.where(x[n:] > w, x[n:], 0.0)
+    better, least = refined(prepared, near, prepared.error(near), WORTH * tolerance)
+    return (better, least) if least < error else (x, error)
+
+
+def _least_squares(A: Matrix, b: Vector) -> Vector | None:
+    """Return the shortest x with the least ‖Ax − b‖, None for a matrix too large for singular values."""
+    if b.size > SINGULAR_VALUES:
+        return None
+    found: Any = np.linalg.lstsq(dense(A), b, rcond=SINGULAR)[0]
+    return found
+
+
+def conclude(
+    prepared: ScaledMLCP,
+    x: Vector,
+    budget: Budget,
+    counters: Mapping[str, int],
+    *,
+    error: float | None = None,
+    otherwise: Claim | None = None,
+    message: str = "",
+) -> SolverOutput:
+    """Claim solved exactly when the judged error of x is at most the tolerance; else `otherwise`.
+
+    Without `otherwise` the method has ended regularly: inaccurate when the error is close, failed when not.
+    """
+    if not np.isfinite(x).all():
+        return SolverOutput(claim=Claim.FAILED, counters=counters, message=message or "the answer is not finite")
+    error = prepared.error(x) if error is None else error
+    point = prepared.point(x)
+    if error <= budget.tolerance:
+        return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
+    if otherwise is None:
+        otherwise = Claim.INACCURATE if error <= CLOSE * budget.tolerance else Claim.FAILED
+        message = message or f"ended at error {error:.1e}, asked for {budget.tolerance:.0e}"
+    return SolverOutput(claim=otherwise, point=point, counters=counters, message=message)
+
+
+def farkas(prepared: ScaledMLCP, budget: Budget) -> Vector | None:
+    """Return (y_e, y_v) with y_v ≥ 0, Aᵀy_e + Dᵀy_v = 0, Cᵀy_e + Bᵀy_v ≤ 0, aᵀy_e + bᵀy_v < 0 to rounding; None
+    without."""
+    n, N = prepared.free, prepared.k.size
+    options: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    if np.isfinite(budget.seconds):
+        options["time_limit"] = budget.seconds
+    columns: Any = prepared.K.T
+    program = linear_program.load()(
+        prepared.k,
+        A_ub=columns[n:],
+        b_ub=np.zeros(N - n),
+        A_eq=columns[:n] if n else None,
+        b_eq=np.zeros(n) if n else None,
+        # a certificate times any number is one: bounds of 1 keep the program bounded
+        bounds=[(-1.0 if i < n else 0.0, 1.0) for i in range(N)],
+        method="highs",
+        options=options,
+    )
+    if program.x is None:
+        return None
+    y = program.x / prepared.row_unit
+    y[n:] = np.maximum(y[n:], 0.0)
+    return y if prepared.problem.certifies_infeasibility(y) else None

@@ -1,0 +1,101 @@
+"""All solutions of a small MLCP: the free unknowns into the basis once, then each of the 2ᵐ complementary bases."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.lcp import LCP
+from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.matrices import Vector
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers import linear_program
+from cpbench_solvers.lcp import claims as lcp_claims
+from cpbench_solvers.lcp.enumeration import LARGEST, Enumeration, EnumerationOptions, enumerate_bases
+from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, farkas, refined, scale
+from cpbench_solvers.mlcp.pivoting import Reduction
+
+
+@register
+class MLCPEnumeration(Solver):
+    """Enumeration of all bases: answers the solution with the least error and says how many there are. Where A is
+    singular and free unknowns are idle, a solution stands for all those that differ in them only."""
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="enumeration-mlcp",
+        node="mlcp",
+        summary=f"all solutions of up to {LARGEST} pairs, by the 2^m complementary bases",
+        method="enumeration",
+        citation="Murty 1988, section 1.3; Cottle, Pang and Stone 1992, section 2.3",
+        traits=frozenset({Trait.DETERMINISTIC}),
+        options=EnumerationOptions,
+        by_default=False,
+    )
+
+    def obstacle(self, problem: MLCP) -> str | None:
+        m = problem.b.size
+        return None if m <= LARGEST else f"looks at 2^m bases, m = {m} (at most {LARGEST}): use lemke-mlcp"
+
+    def setup(self, problem: MLCP, budget: Budget, options: EnumerationOptions) -> ScaledMLCP:
+        return scale(problem)
+
+    def warmup(self) -> None:
+        linear_program.load()
+        one = np.eye(1)
+        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
+
+    def solve(
+        self,
+        prepared: ScaledMLCP,
+        budget: Budget,
+        options: EnumerationOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        reduction = Reduction(prepared)
+        found = _bases(reduction, budget, options)
+        answers = _answers(prepared, reduction, found, budget)
+        found.solutions = [x for _, x in answers]  # an equality without unknowns may exclude what bases give
+        whole = 2 ** (prepared.k.size - prepared.free)
+        counters = {"iterations": found.bases, "singular_bases": found.singular, "solutions": len(answers)}
+        message = str(found) if found.bases == whole else f"{found}, of {whole}"
+        if answers:
+            error, x = min(answers, key=lambda answer: answer[0])
+            output = conclude(prepared, x, budget, counters, error=error)
+            return SolverOutput(claim=output.claim, point=output.point, counters=counters, message=message)
+        certificate = farkas(prepared, budget)
+        if certificate is not None:
+            message += "; y with Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0 to rounding (Farkas)"
+            return SolverOutput(claim=Claim.INFEASIBLE, counters=counters, certificate=certificate, message=message)
+        claim = Claim.FAILED if found.bases == whole else Claim.MAX_ITER
+        return conclude(prepared, np.zeros(prepared.k.size), budget, counters, otherwise=claim, message=message)
+
+
+def all_solutions(problem: MLCP, tolerance: float = 1e-8) -> list[MLCPPoint]:
+    """Return every solution that is isolated, and some of each face of others, by increasing number of their basis."""
+    prepared, budget = scale(problem), Budget(tolerance=tolerance)
+    reduction = Reduction(prepared)
+    found = _bases(reduction, budget, EnumerationOptions())
+    return [prepared.point(x) for _, x in _answers(prepared, reduction, found, budget)]
+
+
+def _bases(reduction: Reduction, budget: Budget, options: EnumerationOptions) -> Enumeration:
+    """Return the bases of the pairs that remain."""
+    return enumerate_bases(lcp_claims.scale(LCP(M=reduction.M, q=reduction.q)), budget, options)
+
+
+def _answers(
+    prepared: ScaledMLCP, reduction: Reduction, found: Enumeration, budget: Budget
+) -> list[tuple[float, Vector]]:
+    """Return error and x of each solution, refined where that is needed; what is none on the whole problem is left
+    out."""
+    answers: list[tuple[float, Vector]] = []
+    for z in found.solutions:
+        x = reduction.recover(z)
+        error = prepared.error(x)
+        if not error <= budget.tolerance:
+            x, error = refined(prepared, x, error, budget.tolerance)
+        if error <= budget.tolerance:
+            answers.append((error, x))
+    return answers

@@ -1,0 +1,121 @@
+"""Semismooth Newton on an MLCP: Au + Cv + a = 0 and ψ(v, w) = 0, made global by the merit ½‖Φ‖²."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.matrices import Matrix, Vector
+from cpbench.ncp_functions import NCPFunction, fischer_burmeister, minimum
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, scale, settled
+from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run
+from cpbench_solvers.nonlinear.reformulation import Reformulation
+from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
+
+
+class LinearBox(CountedBox):
+    """F(x) = Kx + k of a scaled MLCP, its first unknowns free, the others ≥ 0; K is its own Jacobian."""
+
+    def __init__(self, prepared: ScaledMLCP) -> None:
+        self._prepared = prepared
+        self.n = prepared.k.size
+        self.lb = np.where(np.arange(self.n) < prepared.free, -np.inf, 0.0)
+        self.ub = np.full(self.n, np.inf)
+        self.equation = Reformulation(self.lb, self.ub)
+        self.counters = {"iterations": 0, "evaluations": 0, "factorizations": 0, "restarts": 0}
+
+    @property
+    def start(self) -> Vector:
+        return np.zeros(self.n)
+
+    def point(self, z: Vector) -> MLCPPoint:
+        return self._prepared.point(z)
+
+    def F(self, z: Vector) -> Vector:
+        self.counters["evaluations"] += 1
+        with np.errstate(all="ignore"):
+            return self._prepared.K @ z + self._prepared.k
+
+    def jacobian(self, z: Vector) -> Matrix:
+        return self._prepared.K
+
+    def error(self, z: Vector, F: Vector, tolerance: float) -> float:
+        return self._prepared.error(z)
+
+
+class _NewtonMLCP(Solver):
+    """Base of the methods, which differ in the function whose zeros they look for."""
+
+    psi: ClassVar[NCPFunction]
+
+    def obstacle(self, problem: MLCP) -> str | None:
+        sparse = all(not isinstance(M, np.ndarray) for M in (problem.A, problem.B, problem.C, problem.D))
+        return None if sparse else dense_obstacle(problem)
+
+    def setup(self, problem: MLCP, budget: Budget, options: SemismoothOptions) -> ScaledMLCP:
+        return scale(problem, keep_sparse=problem.a.size + problem.b.size > DENSE_LIMIT)
+
+    def warmup(self) -> None:
+        one = np.eye(1)
+        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
+
+    def solve(
+        self,
+        prepared: ScaledMLCP,
+        budget: Budget,
+        options: SemismoothOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        method = SemismoothMethod(LinearBox(prepared), type(self).psi, fischer_burmeister, options)
+        limit = budget.iterations or options.max_iterations
+        first = None if start is None else prepared.start(start)
+        output = run(method, budget, limit, options.restarts, first, record)
+        if output.claim is not Claim.SOLVED or output.point is None:
+            return output
+        x = prepared.start(output.point)
+        error = prepared.error(x)
+        better, least = settled(prepared, x, error, budget.tolerance)
+        if least >= error:
+            return output
+        if record is not None:
+            record(output.counters["iterations"] + 1, least, partial(prepared.point, better))
+        return replace(output, point=prepared.point(better))
+
+
+def _spec(name: str, summary: str, citation: str) -> SolverSpec:
+    return SolverSpec(
+        name=f"newton-{name}-mlcp",
+        node="mlcp",
+        summary=f"semismooth Newton on {summary}, nonmonotone line search",
+        method="semismooth Newton",
+        citation=citation,
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=SemismoothOptions,
+    )
+
+
+@register
+class NewtonMinMLCP(_NewtonMLCP):
+    """Steps to the basic solution of {w < v}; the merit is Fischer and Burmeister's. Where the matrix of that basis is
+    singular: Levenberg and Marquardt's direction, the gradient, in the end other starts."""
+
+    psi = staticmethod(minimum)
+    spec: ClassVar[SolverSpec] = _spec(
+        "min", "min(v, w), merit of Fischer-Burmeister", "De Luca, Facchinei and Kanzow 2000, Comput. Optim. Appl. 16"
+    )
+
+
+@register
+class NewtonFBMLCP(_NewtonMLCP):
+    """Newton's method on the function of Fischer and Burmeister, whose merit is differentiable."""
+
+    psi = staticmethod(fischer_burmeister)
+    spec: ClassVar[SolverSpec] = _spec(
+        "fb", "the Fischer-Burmeister equation", "De Luca, Facchinei and Kanzow 1996, Math. Program. 75; Billups 1995"
+    )

@@ -1,0 +1,228 @@
+"""Projected Gauss–Seidel on an MLCP: u_i ← u_i − ω r_i/A_ii, v_i ← max(0, v_i − ω w_i/B_ii), one after the other.
+
+The order of the equalities means nothing, so that where A has zeros on its diagonal they are put into an order that
+has as large entries there as can be.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse import csgraph
+
+from cpbench import matrices
+from cpbench.formulations.mlcp import MLCP
+from cpbench.matrices import Vector, sparse
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale
+from cpbench.solvers.shared.progress import Progress, next_stop, reduced
+from cpbench.transversal import has_full_structural_rank
+
+CHUNK = 256
+"""The most sweeps with the same Kx, which drifts by rounding, and without a look at clock and progress."""
+
+
+@dataclass(frozen=True)
+class PGSMLCPOptions:
+    """Options of pgs-mlcp. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
+
+    max_iterations: int = 100_000
+    stall_window: int = 5000
+
+
+@dataclass(frozen=True)
+class PSORMLCPOptions(PGSMLCPOptions):
+    """Options of psor-mlcp. `omega` : over-relaxation, in ]0, 2[."""
+
+    omega: float = 1.2
+
+
+@dataclass(frozen=True)
+class RPGSMLCPOptions(PGSMLCPOptions):
+    """Options of rpgs-mlcp. `rho` : what is added to the sizes of the diagonal entries, the data being scaled to
+    size one."""
+
+    rho: float = 0.1
+
+
+@dataclass(frozen=True)
+class BasisColumns:
+    """K by columns (dense: row j of `matrix[0]` is column j; sparse: start, rows, values) and its diagonal."""
+
+    scaled: ScaledMLCP
+    matrix: tuple[Any, ...]
+    diagonal: Vector
+
+
+class _Splitting(Solver):
+    """Base of the methods, which differ by ω and what they add to the diagonal."""
+
+    regularised: ClassVar[bool] = False
+
+    def obstacle(self, problem: MLCP) -> str | None:
+        stored = (problem.A, problem.B, problem.C, problem.D)
+        if not any(matrices.is_sparse(M) for M in stored) and (why := dense_obstacle(problem)) is not None:
+            return why
+        if self.regularised:
+            return None
+        diagonal = problem.B.diagonal()
+        bad = np.flatnonzero(~(diagonal > 0))
+        if bad.size:
+            i = int(bad[0])
+            entry = f"B[{i},{i}] = {diagonal[i]:g} ({bad.size} of {diagonal.size})"
+            return f"needs a positive diagonal of B, {entry}: use lemke-mlcp, newton-min-mlcp or rpgs-mlcp"
+        A = sparse(problem.A)
+        if not A.data.all():
+            A = A.copy()
+            A.eliminate_zeros()
+        if has_full_structural_rank(A):
+            return None
+        return "no order of the equalities has nonzero numbers on the diagonal of A: use lemke-mlcp or newton-min-mlcp"
+
+    def setup(self, problem: MLCP, budget: Budget, options: PGSMLCPOptions) -> BasisColumns:
+        scaled = _ordered(scale(problem, keep_sparse=True))
+        diagonal = np.array(scaled.K.diagonal())
+        if not matrices.is_sparse(scaled.K):
+            return BasisColumns(scaled, (np.ascontiguousarray(scaled.K.T),), diagonal)
+        csc = sp.csc_array(scaled.K)
+        return BasisColumns(scaled, (csc.indptr.astype(np.int64), csc.indices.astype(np.int64), csc.data), diagonal)
+
+    def warmup(self) -> None:
+        one = np.eye(1)
+        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
+        one = sp.csr_array(one)
+        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
+
+    def solve(
+        self,
+        prepared: BasisColumns,
+        budget: Budget,
+        options: PGSMLCPOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        from cpbench.kernel_cache import load
+
+        kernel = load("cpbench_solvers.kernels.mlcp_splitting")
+        sweep = kernel.sweeps_sparse if len(prepared.matrix) == 3 else kernel.sweeps_dense
+        scaled, n = prepared.scaled, prepared.scaled.free
+        omega = options.omega if isinstance(options, PSORMLCPOptions) else 1.0
+        divisors = prepared.diagonal
+        if isinstance(options, RPGSMLCPOptions):
+            divisors = divisors + np.where(divisors < 0.0, -options.rho, options.rho)
+        law = (
+            divisors,
+            scaled.k,
+            n,
+            scaled.row_unit,
+            scaled.unit,
+            scaled.problem.v_unit,
+            scaled.problem.equality_scale,
+        )
+        x = scaled.start(start)
+        best, least = x, scaled.error(x)
+        limit = budget.iterations or options.max_iterations
+        deadline, progress = time.monotonic() + budget.seconds, Progress(options.stall_window)
+        sweeps, products, chunk = 0, 1, 4
+        if record is not None:
+            record(0, least, lambda: scaled.point(x))
+        claim, message, aim = Claim.MAX_ITER, f"{limit} sweeps", budget.tolerance
+        x = np.array(x)
+        while not least <= budget.tolerance and sweeps < limit:
+            until = min(limit, sweeps + chunk)
+            of_u, of_v = scaled.K[:, :n] @ x[:n], scaled.K[:, n:] @ x[n:]
+            error = np.inf
+            while sweeps < until and error > aim:
+                errors = np.empty(next_stop(sweeps, until, record) - sweeps)
+                done = sweep(*prepared.matrix, *law, x, of_u, of_v, omega, aim, errors)
+                sweeps, error = sweeps + done, float(errors[done - 1])
+                if record is not None:
+                    record(sweeps, error, lambda: scaled.point(x))
+            products, chunk = products + 1, min(2 * chunk, CHUNK)
+            why = progress.trouble(sweeps, error)
+            if why is None and time.monotonic() > deadline:
+                why = f"out of time after {sweeps} sweeps"
+            if error < least and (all_rows := scaled.error(x)) < least:
+                best, least = np.array(x), all_rows
+            if error <= aim:
+                aim = reduced(aim, least, budget.tolerance)
+            if why is not None:
+                claim, message = Claim.FAILED, why
+                break
+        counters = {"iterations": sweeps, "matrix_vector_products": products}
+        return conclude(scaled, best, budget, counters, error=least, otherwise=claim, message=message)
+
+
+def _ordered(scaled: ScaledMLCP) -> ScaledMLCP:
+    """Return the equalities in the order with the largest product of diagonal entries of A, where it has a zero
+    there."""
+    n, K = scaled.free, scaled.K
+    A = sparse(K[:n, :n])
+    if A.diagonal().all():
+        return scaled
+    A = sp.csr_array(A, copy=True)
+    A.eliminate_zeros()
+    if not has_full_structural_rank(A):
+        return scaled
+    A.data = 1.0 - np.log(np.abs(A.data) / np.abs(A.data).max())
+    row, column = csgraph.min_weight_full_bipartite_matching(A)
+    order = np.arange(K.shape[0])
+    order[column] = row
+    return replace(scaled, K=K[order], k=scaled.k[order], row_unit=scaled.row_unit[order])
+
+
+def _spec(name: str, summary: str, citation: str, options: type, *, by_default: bool = True) -> SolverSpec:
+    return SolverSpec(
+        name=name,
+        node="mlcp",
+        summary=summary,
+        method="splitting",
+        citation=citation,
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=options,
+        by_default=by_default,
+    )
+
+
+@register
+class PGSMLCP(_Splitting):
+    """A method that converges where [[A, C], [D, B]] is symmetric positive definite, or an H-matrix with such a
+    diagonal."""
+
+    spec: ClassVar[SolverSpec] = _spec(
+        "pgs-mlcp",
+        "projected Gauss-Seidel over equalities and pairs",
+        "Cryer 1971; Cottle, Pang and Stone 1992, section 5.2",
+        PGSMLCPOptions,
+    )
+
+
+@register
+class PSORMLCP(_Splitting):
+    """Over-relaxed by ω: faster on some problems, divergent on others."""
+
+    spec: ClassVar[SolverSpec] = _spec(
+        "psor-mlcp",
+        "projected successive over-relaxation over equalities and pairs",
+        "Cryer 1971; Mangasarian 1977, J. Optim. Theory Appl. 22:465",
+        PSORMLCPOptions,
+        by_default=False,
+    )
+
+
+@register
+class RPGSMLCP(_Splitting):
+    """Steps shortened by ρ, so that zeros on the diagonal are no obstacle; the solutions stay what they are."""
+
+    regularised = True
+    spec: ClassVar[SolverSpec] = _spec(
+        "rpgs-mlcp",
+        "projected Gauss-Seidel with regularised steps, zeros on the diagonal allowed",
+        "Cottle, Pang and Stone 1992, section 5.2; Rockafellar 1976, SIAM J. Control Optim. 14:877",
+        RPGSMLCPOptions,
+        by_default=False,
+    )

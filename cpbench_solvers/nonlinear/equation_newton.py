@@ -1,0 +1,57 @@
+"""Newton's method for systems of equations, smooth or piecewise so, made global by regularization and line search."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.formulations.vi import VI
+from cpbench.matrices import Vector
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers.nonlinear.natural_newton import NaturalNewton, NaturalNewtonOptions, VIConditions
+from cpbench_solvers.nonlinear.projection_run import exponential, run
+
+
+class _System(VIConditions):
+    def point(self, x: Vector) -> EquationPoint:
+        return EquationPoint(x)
+
+
+@register
+class EquationNewton(Solver):
+    """F(z) = 0 as an inequality over the whole space: Φ = F, d = −F′⁻¹F; εI added, Levenberg–Marquardt or
+    extragradient steps where that does not descend or F or F′ is no number. Tolerance: on ‖F‖ and on every
+    row, with a step or two beyond."""
+
+    spec: ClassVar[SolverSpec] = SolverSpec(
+        name="newton-equation",
+        node="equation",
+        summary="damped Newton, regularized where the Jacobian is singular",
+        method="Newton",
+        citation="Dennis and Schnabel 1983, Numerical Methods for Unconstrained Optimization and Nonlinear Equations",
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=NaturalNewtonOptions,
+    )
+
+    def setup(self, problem: Equation, budget: Budget, options: NaturalNewtonOptions) -> VI:
+        whole = VI(F=problem.F, start=problem.start)
+        field = _System(whole)
+        field.F(whole.start)  # compiles it, and its derivative
+        field.derivative(whole.start)
+        return whole
+
+    def warmup(self) -> None:
+        self.run(Equation(F=exponential()))
+
+    def solve(
+        self,
+        prepared: VI,
+        budget: Budget,
+        options: NaturalNewtonOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        field = _System(prepared)
+        limit = budget.iterations or options.max_iterations
+        first = prepared.start if start is None else start.z
+        return run(field, NaturalNewton(field, options, budget.seed), budget, limit, first, record)

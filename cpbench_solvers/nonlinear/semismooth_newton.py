@@ -1,0 +1,150 @@
+"""Semismooth Newton on Φ(z) = 0, Φ made of one of four NCP functions, made global by the merit ½‖Φ‖²."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from cpbench.matrices import Vector, norm
+from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
+from cpbench.solvers.base import Budget, SolverSpec, Trait, register
+from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
+from cpbench_solvers.nonlinear.merit_search import Descent, MeritPoint, fall_back
+
+STEEP, POWER = 1e-8, 2.1
+"""A Newton direction d must have ∇θᵀd ≤ −STEEP ‖d‖^POWER (De Luca, Facchinei and Kanzow 1996)."""
+
+
+@dataclass(frozen=True)
+class SemismoothOptions:
+    """Options of the methods of this module. `max_iterations` : Newton steps. `memory` : merits that the line search
+    compares with. `project` : whether trial points are put into the bounds. `restarts` : other starts that are tried
+    in the end."""
+
+    max_iterations: int = 1000
+    memory: int = 5
+    project: bool = True
+    restarts: int = 20
+
+
+class SemismoothNewton(BoxNewton):
+    """Newton with V = diag(α) + diag(β) F′(z), α and β by hand; Levenberg–Marquardt where V is nearly singular, the
+    gradient of the merit where that fails too."""
+
+    psi: ClassVar[NCPFunction]
+    merit: ClassVar[NCPFunction]
+    """Another function where ½‖Φ‖² of the first has kinks."""
+
+    def method(self, box: CountedBox, options: SemismoothOptions, budget: Budget) -> BoxMethod:
+        return SemismoothMethod(box, type(self).psi, type(self).merit, options)
+
+
+class SemismoothMethod(BoxMethod):
+    strategies = 2
+
+    def __init__(self, box: CountedBox, psi: NCPFunction, merit: NCPFunction, options: SemismoothOptions) -> None:
+        super().__init__(box)
+        self._psi, self._same, self._project = psi, psi is merit, options.project
+        self._descent = Descent(box, merit, options.memory, options.project)
+
+    def begin(self, z: Vector, F: Vector, strategy: int) -> None:
+        """Begin; the other strategy is to leave the bounds where `project` stays within them, and the other way
+        round."""
+        self._descent.project = self._project != bool(strategy)
+        self._stand(self._descent.at(z, F))
+        self._descent.begin(self._at)
+
+    def _stand(self, at: MeritPoint) -> None:
+        self._at, self.z, self.F = at, at.z, at.F
+
+    def step(self) -> bool:
+        at, descent = self._at, self._descent
+        J = self.box.jacobian(at.z)
+        if J is None:
+            return False
+        gradient = descent.gradient(at, J)
+        equation = at if self._same else MeritPoint(at.z, at.F, *self.box.equation(self._psi, at.z, at.F), merit=np.nan)
+        found = self._along(at, descent.newton(equation, J), gradient)
+        if found is None and not self._same:  # the other function's direction, cheaper than a regularized one
+            found = self._along(at, descent.newton(at, J), gradient)
+        if found is None:
+            self.box.counters["regularized"] = self.box.counters.get("regularized", 0) + 1
+            found = fall_back(descent, at, J, gradient)
+        if found is None:
+            return False
+        descent.accept(found)
+        self._stand(found)
+        return True
+
+    def _along(self, at: MeritPoint, d: Vector | None, gradient: Vector) -> MeritPoint | None:
+        """Return a point along a Newton direction, None where there is none that lowers the merit."""
+        if d is None:
+            return None
+        slope, size = float(gradient @ d), float(np.abs(d).max())
+        # in logarithms, by d/size: powers of a long direction, and its squares, are no numbers
+        length = math.log(norm(d / size)) + math.log(size) if 0.0 < size < np.inf else np.inf
+        steep = slope < 0.0 and math.log(-slope) >= math.log(STEEP) + POWER * length
+        return self._descent.search(at, d, slope if steep else 0.0)
+
+
+def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, quick: bool = False) -> SolverSpec:
+    return SolverSpec(
+        name=f"newton-{name}-micp",
+        node="micp",
+        summary=f"semismooth Newton on {summary}, nonmonotone line search",
+        method="semismooth Newton",
+        citation=citation,
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=SemismoothOptions,
+        by_default=by_default,
+        quick=quick,
+    )
+
+
+@register
+class SemismoothNewtonMin(SemismoothNewton):
+    """Newton's method on the natural map, whose Newton steps are those of an active set; the merit is Fischer and
+    Burmeister's."""
+
+    psi = staticmethod(minimum)
+    merit = staticmethod(fischer_burmeister)
+    spec: ClassVar[SolverSpec] = _spec(
+        "min", "min(z, F), merit of Fischer-Burmeister", "De Luca, Facchinei and Kanzow 2000, Comput. Optim. Appl. 16"
+    )
+
+
+@register
+class SemismoothNewtonFB(SemismoothNewton):
+    """Newton's method on the function of Fischer and Burmeister."""
+
+    psi = merit = staticmethod(fischer_burmeister)
+    spec: ClassVar[SolverSpec] = _spec(
+        "fb",
+        "the Fischer-Burmeister equation",
+        "De Luca, Facchinei and Kanzow 1996, Math. Program. 75; Billups 1995",
+        quick=True,
+    )
+
+
+@register
+class SemismoothNewtonPFB(SemismoothNewton):
+    """Newton's method on the penalized function, whose level sets are bounded for more problems."""
+
+    psi = merit = staticmethod(penalized)
+    spec: ClassVar[SolverSpec] = _spec(
+        "pfb", "the penalized Fischer-Burmeister equation", "Chen, Chen and Kanzow 2000, Math. Program. 88"
+    )
+
+
+@register
+class SemismoothNewtonEP(SemismoothNewton):
+    """Newton's method on a differentiable function, whose Jacobian is singular where zᵢ = Fᵢ = 0: linear convergence
+    there."""
+
+    psi = merit = staticmethod(evtushenko_purtov)
+    spec: ClassVar[SolverSpec] = _spec(
+        "ep", "the differentiable function of Evtushenko and Purtov", "Evtushenko and Purtov 1984, Soviet Math. Dokl."
+    )

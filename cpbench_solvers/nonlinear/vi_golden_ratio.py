@@ -1,0 +1,73 @@
+"""The adaptive golden ratio algorithm: one evaluation of F and one projection an iteration, no line search."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from cpbench.matrices import Vector
+from cpbench.solvers.base import SolverSpec, register
+from cpbench_solvers.nonlinear.projection_run import (
+    SHRINKS,
+    ProjectionMethod,
+    ProjectionSolver,
+    VIProjectionOptions,
+    lipschitz,
+    projection_spec,
+)
+
+LONGEST = 1e8
+"""Longest step, relative to the first."""
+
+
+@dataclass(frozen=True)
+class GoldenRatioOptions(VIProjectionOptions):
+    """Options of golden-ratio. `phi` : φ of the paper, above 1 and at most (1 + √5)/2; 1.5 is what its experiments
+    take."""
+
+    phi: float = 1.5
+
+
+class _GoldenRatio(ProjectionMethod):
+    """λₖ = min(ρλₖ₋₁, φθₖ₋₁/(4λₖ₋₁L²)), z̄ ← ((φ − 1)z + z̄)/φ, z⁺ = P_S(z̄ − λₖF(z)), θₖ = φλₖ/λₖ₋₁, ρ = 1/φ + 1/φ²
+    (Malitsky 2020, algorithm 1), L that of the last step."""
+
+    options: GoldenRatioOptions
+
+    def begin(self, z: Vector, F: Vector) -> None:
+        self.z, self.F, self._mean = z, F, z
+        self._step = self.field.first_step(z, F)
+        self._longest, self._theta = LONGEST * self._step, 1.0
+        self._L = 1.0 / self._step
+
+    def step(self) -> bool:
+        phi, before = self.options.phi, self._step
+        length = min((1.0 / phi + 1.0 / phi**2) * before, self._longest)
+        if self._L > 0:
+            length = min(length, phi * self._theta / (4.0 * before * self._L**2))
+        mean = ((phi - 1.0) * self.z + self._mean) / phi
+        for _ in range(SHRINKS):
+            z = self.field.project(mean - length * self.F, self.z)
+            F = self.field.F(z)
+            if np.isfinite(F).all():
+                self._L = lipschitz(z, F, self.z, self.F)
+                self._theta, self._step = phi * length / before, length
+                self.z, self.F, self._mean = z, F, mean
+                return True
+            length *= 0.1  # the paper's F is defined everywhere
+        return False
+
+
+@register
+class VIGoldenRatio(ProjectionSolver):
+    """Explicit, with steps from local Lipschitz constants alone."""
+
+    method = _GoldenRatio
+    spec: ClassVar[SolverSpec] = projection_spec(
+        "golden-ratio",
+        "adaptive golden ratio algorithm",
+        "Malitsky 2020, Math. Program. 184:383",
+        options=GoldenRatioOptions,
+    )

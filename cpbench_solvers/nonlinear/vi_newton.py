@@ -1,0 +1,85 @@
+"""Semismooth Newton for variational and quasi-variational inequalities, with rows and g of any kind."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.formulations.qvi import QVI
+from cpbench.formulations.vi import VI
+from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers.nonlinear.natural_newton import NaturalNewton, NaturalNewtonOptions, VIConditions
+from cpbench_solvers.nonlinear.projection_run import ProjectionSolver, run
+
+
+class NaturalMapSolver(ProjectionSolver):
+    """Newton on the natural map of the optimality conditions. Tolerance: on that map, as a whole and in every row of a
+    box, with a step or two beyond."""
+
+    method = NaturalNewton
+
+    def obstacle(self, problem: VI | QVI) -> str | None:
+        return None
+
+    def setup(self, problem: VI | QVI, budget: Budget, options: Any) -> VI | QVI:
+        field = VIConditions(problem)
+        x = np.concatenate([problem.start, np.zeros(field.size - field.n)])
+        field.F(x)  # compiles it, and its derivative
+        field.derivative(x)
+        return problem
+
+    def solve(
+        self,
+        prepared: VI | QVI,
+        budget: Budget,
+        options: Any,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        field = VIConditions(prepared)
+        first = np.concatenate([prepared.start, np.zeros(field.size - field.n)])
+        if start is not None:
+            first = field.vector(start)
+        limit = budget.iterations or options.max_iterations
+        return run(field, NaturalNewton(field, options, budget.seed), budget, limit, first, record)
+
+
+def _spec(name: str, node: str, summary: str, citation: str, *, quick: bool = False) -> SolverSpec:
+    return SolverSpec(
+        name=name,
+        node=node,
+        summary=summary,
+        method="semismooth Newton",
+        citation=citation,
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=NaturalNewtonOptions,
+        quick=quick,
+    )
+
+
+@register
+class VINewton(NaturalMapSolver):
+    """Newton's method for inequalities over any set that the node has; converges globally where F is monotone."""
+
+    spec: ClassVar[SolverSpec] = _spec(
+        "newton-vi",
+        "vi",
+        "semismooth Newton on the natural map, extragradient steps where it does not descend",
+        "Facchinei and Pang 2003, sections 9.1 and 12.1",
+        quick=True,
+    )
+
+
+@register
+class QVINewton(NaturalMapSolver):
+    """Newton's method for sets that move: bounds, disks whose radius is a reaction, g(y, z) ≥ 0."""
+
+    spec: ClassVar[SolverSpec] = _spec(
+        "newton-qvi",
+        "qvi",
+        "semismooth Newton on the natural map of the moving set, extragradient steps where it does not descend",
+        "Alart and Curnier 1991, Comput. Methods Appl. Mech. Eng. 92; Facchinei, Kanzow and Sagratella 2014, "
+        "Math. Program. 144",
+        quick=True,
+    )

@@ -1,0 +1,170 @@
+"""A QP by its connected parts: each is solved in its own units, and takes no time once it is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpbench import matrices
+from cpbench.formulations.qp import QP, QPPoint
+from cpbench.kernel_cache import load
+from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench_solvers.lcp.claims import CLOSE
+from cpbench_solvers.qp.claims import PARTS_KERNEL, SPARSE_KERNEL, ErrorMeasure
+from cpbench_solvers.qp.kkt_system import Entries, entries
+from cpbench_solvers.qp.proximal_active_set import OPERATIONS, PASSES, ProximalActiveSetOptions
+
+KERNEL = "cpbench_solvers.kernels.qp_apart"
+MOST = 100
+"""Unknowns of a part up to which the compiled call for all small parts takes it."""
+SHOWN = 3
+"""Parts that a message names."""
+
+
+@dataclass(frozen=True, eq=False)
+class PartedQP:
+    """A QP with the connected part of each of its unknowns, rows of A and rows of C, and how many parts there are."""
+
+    problem: QP
+    Q: Entries
+    G: Entries
+    part: NDArray[np.int64]
+    count: int
+
+
+def parted(problem: QP) -> PartedQP | None:
+    """Return a problem of several connected parts with these; None where it is one, or has a row without entries."""
+    G = load(SPARSE_KERNEL).stacked(entries(problem.A), entries(problem.C))
+    Q, n = entries(problem.Q), problem.p.size
+    part = load(PARTS_KERNEL).labels(Q, G)
+    count = int(part.max(initial=-1)) + 1
+    if count < 2 or np.setdiff1d(part[n:], part[:n]).size:
+        return None
+    return PartedQP(problem, Q, G, part, count)
+
+
+def solve_apart(
+    parts: PartedQP, budget: Budget, start: QPPoint | None, run: Callable[[QP, Budget, Any], SolverOutput]
+) -> SolverOutput:
+    """Return the answer of all parts: small ones by one compiled call, what is left by `run`, one part by one.
+
+    A part without a solution ends it; its certificate is one of the whole.
+    """
+    P, deadline = parts.problem, time.monotonic() + budget.seconds
+    whole = _Answer(P)
+    counts, outcome = np.zeros(2, np.int64), np.empty(parts.count, np.int64)
+    kernel, own = load(KERNEL), ProximalActiveSetOptions()
+    how = budget.tolerance, matrices.PSD_TOLERANCE, own.proximal, own.feasibility_tolerance, PASSES, OPERATIONS
+    sides = np.concatenate([P.b, P.d])
+    data = (
+        parts.Q,
+        parts.G,
+        P.p,
+        sides,
+        P.b.size,
+        P.lb,
+        P.ub,
+        parts.part,
+        parts.count,
+        MOST if budget.iterations is None else 0,
+    )
+    kernel.solve_parts(*data, *how, whole.z, whole.y, whole.nu, outcome, counts)
+    whole.count({"iterations": int(counts.sum()), "proximal_steps": int(counts[1])})
+    for q, at in _members(parts, np.flatnonzero(outcome != 0)):
+        left = None if budget.iterations is None else max(budget.iterations - whole.counters["iterations"], 0)
+        share = replace(budget, seconds=max(deadline - time.monotonic(), 0.0), iterations=left)
+        part = restricted(P, at)
+        output = run(part, share, None if start is None else _start(P, start, at))
+        whole.count(output.counters)
+        if output.claim in (Claim.INFEASIBLE, Claim.UNBOUNDED):
+            return whole.without_solution(output, q, at)
+        whole.take(output, q, at)
+    return whole.concluded(budget)
+
+
+def _members(parts: PartedQP, some: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
+    if some.size:
+        first, row = load(KERNEL).members(parts.part, parts.count)
+        for q in some.tolist():
+            yield q, row[first[q] : first[q + 1]]
+
+
+def restricted(P: QP, at: NDArray[np.int64]) -> QP:
+    """Return the QP of some unknowns and rows, numbered as those of z, A and C together, rising."""
+    n, m = P.p.size, P.b.size
+    z, rows, equalities = _split(at, n, m)
+    return QP(
+        Q=_block(P.Q, z, z), p=P.p[z], A=_block(P.A, rows, z), b=P.b[rows], C=_block(P.C, equalities, z),
+        d=P.d[equalities], lb=P.lb[z], ub=P.ub[z],
+    )  # fmt: skip
+
+
+def _block(M: Any, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Any:
+    return M[rows][:, columns] if matrices.is_sparse(M) else M[np.ix_(rows, columns)]
+
+
+def _split(at: NDArray[np.int64], n: int, m: int) -> tuple[NDArray[np.int64], ...]:
+    first, last = np.searchsorted(at, [n, n + m])
+    return at[:first], at[first:last] - n, at[last:] - n - m
+
+
+def _start(P: QP, start: QPPoint, at: NDArray[np.int64]) -> QPPoint:
+    z, rows, equalities = _split(at, P.p.size, P.b.size)
+    return QPPoint(start.z[z], start.lam[rows], start.mu[equalities], start.nu[z])
+
+
+class _Answer:
+    """The answer of all parts, as far as they are solved: z (n,), y (r,) of the rows of A and C, nu (n,)."""
+
+    def __init__(self, problem: QP) -> None:
+        n, m, k = problem.p.size, problem.b.size, problem.d.size
+        self._problem = problem
+        self.z, self.y, self.nu = np.zeros(n), np.zeros(m + k), np.zeros(n)
+        self.counters: dict[str, int] = {"iterations": 0}
+        self._missed: list[str] = []
+        self._claim = Claim.FAILED
+
+    def count(self, counters: Any) -> None:
+        for name, value in counters.items():
+            self.counters[name] = self.counters.get(name, 0) + value
+
+    def take(self, output: SolverOutput, q: int, at: NDArray[np.int64]) -> None:
+        """Take what a part came to."""
+        if isinstance(output.point, QPPoint):
+            z, rows, equalities = _split(at, self._problem.p.size, self._problem.b.size)
+            self.z[z], self.nu[z] = output.point.z, output.point.nu
+            self.y[rows], self.y[self._problem.b.size + equalities] = output.point.lam, output.point.mu
+        if output.claim is not Claim.SOLVED:
+            self._claim = output.claim
+            self._missed.append(f"part {q + 1} ({at.size} unknowns and rows): {output.message or output.claim}")
+
+    def without_solution(self, output: SolverOutput, q: int, at: NDArray[np.int64]) -> SolverOutput:
+        """Return the claim of a part that has no solution as that of the whole."""
+        certificate, n = output.certificate, self.z.size
+        if certificate is not None:
+            part, certificate = certificate, np.zeros(self.y.size)
+            certificate[at[at >= n] - n] = part
+        return SolverOutput(
+            claim=output.claim,
+            counters=self.counters,
+            certificate=certificate,
+            message=f"part {q + 1}: {output.message}",
+        )
+
+    def concluded(self, budget: Budget) -> SolverOutput:
+        """Return the answer with a claim."""
+        m = self._problem.b.size
+        answer = self.z, self.y[:m], self.y[m:], self.nu
+        point, error = QPPoint(*answer), ErrorMeasure(self._problem).of_parts(answer)
+        if error <= budget.tolerance:
+            return SolverOutput(claim=Claim.SOLVED, point=point, counters=self.counters)
+        claim = self._claim
+        if claim is Claim.FAILED and error <= CLOSE * budget.tolerance:
+            claim = Claim.INACCURATE
+        message = "; ".join([*self._missed[:SHOWN], f"error {error:.1e}"])
+        return SolverOutput(claim=claim, point=point, counters=self.counters, message=message)

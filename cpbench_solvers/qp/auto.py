@@ -1,0 +1,190 @@
+"""Automatic choice on QPs: active sets where matrices are small or dense, the interior point where they are not."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from cpbench.formulations.qp import QP, QPPoint
+from cpbench.matrices import nnz
+from cpbench.solvers import warming
+from cpbench.solvers.base import (
+    Budget,
+    Claim,
+    Record,
+    SolverOutput,
+    SolverSpec,
+    StackCall,
+    missing,
+    register,
+    solved,
+    solvers,
+)
+from cpbench_solvers.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
+from cpbench_solvers.qp.apart import PartedQP, parted, solve_apart
+from cpbench_solvers.qp.claims import ErrorMeasure
+from cpbench_solvers.qp.kkt_system import FULL
+from cpbench_solvers.qp.presolve import dense_problem, presolved, sparse_data
+from cpbench_solvers.qp.proximal_active_set import ProximalActiveSetOptions, fits_one_call, record_ends
+from cpbench_solvers.stacks import solve_qp
+
+LARGE = 300
+"""Unknowns beyond which conjugate gradients on faces are ahead of factorizations where there are no rows."""
+STEPS = 5
+"""Of conjugate gradients on faces, times √n, a product with Q each: on a grid in the plane one face takes about √n."""
+ON_SMALL = SolverPhase("proximal-active-set"), SolverPhase("interior-point-qp"), SolverPhase("augmented-lagrangian")
+SMALL = 100
+"""Unknowns up to which sparse matrices are no reason for the interior point, whose order of pivots takes as long."""
+TURNS, AHEAD = 40, 2.5
+"""Iterations that the interior point takes on programs that are hard for it, too; and the time of an operation of
+these, over that of a factorization."""
+ACTIVE_SET = ProximalActiveSetOptions()
+ACTIVE = SolverPhase("proximal-active-set"), SolverPhase("dual-active-set")
+ENDED = (Claim.SOLVED, Claim.INFEASIBLE, Claim.UNBOUNDED)
+OTHERS = ("clarabel", "piqp", "highs", "proxqp", "osqp")
+"""Solvers of other packages, those first that solve the most of the Maros-Meszaros problems."""
+
+
+@dataclass(frozen=True)
+class AutoQPOptions:
+    """Options of auto-qp. `members` : native, or installed: after our interior point solvers of other packages are
+    asked, as far as these are installed; what they say counts only where we measure it."""
+
+    members: Literal["native", "installed"] = "native"
+
+
+@register
+class AutoQP(AutomaticChoice):
+    """Proximal steps over the dual active set in one compiled call for few unknowns, and for up to some hundreds where
+    the data are dense, as long as the interior point would take; else the interior point.
+
+    Conjugate gradients on faces first where there are many unknowns and bounds alone.
+    """
+
+    spec: ClassVar[SolverSpec] = replace(
+        automatic_spec("qp", "auto-qp", "active set or interior point, by size"), options=AutoQPOptions
+    )
+    stack_call: ClassVar[StackCall | None] = StackCall(solve_qp)
+    members: ClassVar[tuple[str, ...]] = (
+        "dual-active-set",
+        "proximal-active-set",
+        "interior-point-qp",
+        "mprgp-qp",
+        "augmented-lagrangian",
+    )
+    kernels: ClassVar[tuple[str, ...]] = (
+        "qp_small",
+        "qp_apart",
+        "qp_presolve",
+        "qp_interior",
+        "qp_sparse",
+        "minimum_degree",
+        "mprgp",
+    )
+
+    def setup(self, problem: QP, budget: Budget, options: AutoQPOptions) -> Any:
+        """Return a `Plan`, or a `PartedQP`."""
+        if problem.p.size > SMALL and options.members == "native" and (parts := parted(problem)) is not None:
+            return parts
+        if 0 < problem.p.size <= SMALL:
+            # one compiled call, which finds out by itself whether Q is convex
+            plan = Plan(problem, ON_SMALL, problem, ACTIVE_SET, warming.ready("proximal-active-set", quickly=True))
+        elif problem.p.size and (phases := tuple(self.phases(problem)))[0].solver == "proximal-active-set":
+            plan = Plan(problem, phases, problem, ACTIVE_SET)
+        else:
+            plan = super().setup(problem, budget, options)
+        if options.members == "native":
+            return plan
+        others = tuple(SolverPhase(name) for name in OTHERS if not missing(solvers.get(name).spec))
+        before = 1 + [phase.solver for phase in plan.phases].index("interior-point-qp")
+        return plan._replace(phases=(*plan.phases[:before], *others, *plan.phases[before:]))
+
+    def solve(
+        self,
+        prepared: Any,
+        budget: Budget,
+        options: AutoQPOptions,
+        start: QPPoint | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        if isinstance(prepared, PartedQP):
+            output = solve_apart(prepared, budget, start, self.run)
+            if record is not None and isinstance(output.point, QPPoint):
+                record_ends(prepared.problem, output.point, output.counters["iterations"], record)
+            return output
+        begun, problem = time.monotonic(), prepared.problem
+        last = None if record is None else _LastNumber(record)
+        output = super().solve(prepared, budget, options, start, last)
+        if output.claim in ENDED or problem.p.size > SMALL or budget.iterations is not None:
+            return output
+        for other in (self._apart, self._presolved):
+            left = budget.seconds - (time.monotonic() - begun)
+            found = other(problem, replace(budget, seconds=left)) if left > 0.0 else None
+            if found is not None and found.claim in ENDED:
+                if last is not None and (point := found.point) is not None:
+                    last(last.number + 1, self.error(problem, point, budget.tolerance), lambda: point)
+                return found
+        return output
+
+    def _apart(self, problem: QP, budget: Budget) -> SolverOutput | None:
+        parts = parted(problem)
+        return None if parts is None else solve_apart(parts, budget, None, self.run)
+
+    def _presolved(self, problem: QP, budget: Budget) -> SolverOutput | None:
+        """Return the answer that what presolve leaves has: rows that are bounds are met exactly then."""
+        found = presolved(sparse_data(problem))
+        if found is None:
+            return None
+        left, lift = found
+        none = np.zeros(0)
+        output = solved(QPPoint(none, none, none, none), {"iterations": 0})
+        if left.p.size:
+            output = self.run(dense_problem(left), budget)
+        if not isinstance(output.point, QPPoint):
+            return None
+        measure = ErrorMeasure(problem, tolerance=budget.tolerance)
+        point = output.point
+        measure.see(0, lift((point.z, point.lam, point.mu, point.nu)))
+        return measure.conclude(budget, output.counters, message=f"presolved: {output.message}")
+
+    def error(self, problem: QP, point: QPPoint, tolerance: float) -> float:
+        return ErrorMeasure(problem, tolerance=tolerance).error((point.z, point.lam, point.mu, point.nu))
+
+    def phases(self, problem: QP) -> Sequence[SolverPhase]:
+        n = problem.p.size
+        if n <= SMALL:
+            return ON_SMALL
+        m, k = problem.b.size, problem.d.size
+        if fits_one_call(n, m + k) and _entries(problem) >= FULL * n * (n + m + k):
+            return [SolverPhase("proximal-active-set", _passes(n, m, k)), *ON_SMALL[1:], *ACTIVE]
+        faces = [SolverPhase("mprgp-qp", int(STEPS * math.sqrt(n)))] if n > LARGE and not m + k else []
+        return [*faces, *ON_SMALL[1:], *ACTIVE]
+
+
+class _LastNumber:
+    """A record that knows the number of the last iterate, -1 before the first."""
+
+    def __init__(self, record: Record) -> None:
+        self._record, self.number = record, -1
+
+    def __call__(self, number: int, error: float, point: Callable[[], Any]) -> None:
+        self._record(number, error, point)
+        self.number = number
+
+
+def _entries(problem: QP) -> int:
+    return sum(map(nnz, (problem.Q, problem.A, problem.C)))
+
+
+def _passes(n: int, m: int, k: int) -> int:
+    """Return how many passes of the active set take the time of `TURNS` iterations of the interior point.
+
+    A factorization of the latter takes mn² + (n + k)³/3 operations of dense matrices; a pass of the former looks at all
+    sides and bounds, solves with a factor, and adds a row to it.
+    """
+    return int(TURNS * (m * n * n + (n + k) ** 3 / 3.0) / (AHEAD * n * (3.0 * n + m + k))) + 1

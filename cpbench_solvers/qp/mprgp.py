@@ -1,0 +1,157 @@
+"""Conjugate gradients on faces of a box (MPRGP), for convex quadratic programs whose only constraints are bounds."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, cast
+
+import numpy as np
+
+from cpbench import matrices
+from cpbench.cones import project_box
+from cpbench.formulations.qp import QP, QPPoint
+from cpbench.matrices import Vector, max_abs
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers import linear_program
+from cpbench_solvers.lcp.claims import CLOSE
+from cpbench_solvers.lcp.mprgp import MPRGPOptions, ScaledBox, definite_obstacle, minimize, scaled_box
+from cpbench_solvers.qp.claims import ErrorMeasure
+
+FLAT = 1e-12
+"""|Qd| of each row, over |Q||d|, up to which Qd is rounding."""
+
+
+class _OnBox(Solver):
+    """Base of the two methods, which differ by their expansions of a face."""
+
+    projected: ClassVar[bool]
+
+    def obstacle(self, problem: QP) -> str | None:
+        if problem.b.size or problem.d.size:
+            rows = f"{problem.b.size} of A, {problem.d.size} of C"
+            return f"takes bounds only, there are rows ({rows}): use an active-set or interior-point method"
+        return definite_obstacle(problem.Q, True, "a solver of nonconvex programs")
+
+    def setup(self, problem: QP, budget: Budget, options: MPRGPOptions) -> ScaledBox:
+        size = max(1.0, max_abs(problem.p))
+        return scaled_box(problem, problem.Q, problem.p, problem.lb, problem.ub, size)
+
+    def warmup(self) -> None:
+        linear_program.load()
+        for Q in (np.eye(2), matrices.sparse(np.eye(2))):
+            self.run(QP.build(Q, -np.ones(2), lb=np.zeros(2)))
+
+    def solve(
+        self,
+        prepared: ScaledBox,
+        budget: Budget,
+        options: MPRGPOptions,
+        start: Any | None = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        problem: QP = prepared.problem
+
+        def point(z: Vector) -> QPPoint:
+            return with_multipliers(problem, z)
+
+        measure = ErrorMeasure(problem, tolerance=budget.tolerance)
+
+        def error(z: Vector) -> float:
+            answer = point(z)
+            return measure.error((answer.z, answer.lam, answer.mu, answer.nu))
+
+        first = np.zeros(problem.p.size) if start is None else start.z
+        ended = minimize(prepared, options, self.projected, budget, first, error, point, record)
+        if ended.error <= budget.tolerance:
+            return SolverOutput(claim=Claim.SOLVED, point=point(ended.z), counters=ended.counters)
+        claim, message = ended.claim, ended.message
+        if ended.ray is not None:
+            ray = descent_without_end(problem, ended.ray, budget)
+            if ray is not None:
+                fall = float(problem.p @ ray)
+                return SolverOutput(
+                    claim=Claim.UNBOUNDED,
+                    counters=ended.counters,
+                    message=f"{message}: Qd = 0, pᵀd = {fall:.2e} and z + td within the bounds for every t > 0",
+                )
+            message += ", and nothing proves that the objective is unbounded"
+        elif claim is Claim.FAILED and ended.error <= CLOSE * budget.tolerance:
+            claim = Claim.INACCURATE
+        message = f"{message}, error {ended.error:.1e}"
+        return SolverOutput(claim=claim, point=point(ended.z), counters=ended.counters, message=message)
+
+
+def with_multipliers(problem: QP, z: Vector) -> QPPoint:
+    """Return z between its bounds, with ν the gradient where a bound holds it against that."""
+    z = project_box(z, problem.lb, problem.ub)
+    with np.errstate(all="ignore"):
+        gradient = problem.Q @ z + problem.p
+    held = ((z == problem.lb) & (gradient > 0)) | ((z == problem.ub) & (gradient < 0))
+    return QPPoint(z=z, lam=np.zeros(0), mu=np.zeros(0), nu=np.where(held, gradient, 0.0))
+
+
+def descent_without_end(problem: QP, ray: Vector, budget: Budget) -> Vector | None:
+    """Return a checked d, ‖d‖∞ = 1, with Qd = 0, pᵀd < 0 and no bound in its way: the objective falls for ever. None
+    where neither the ray is one nor a linear program finds one."""
+    low = np.where(np.isfinite(problem.lb), 0.0, -1.0)
+    high = np.where(np.isfinite(problem.ub), 0.0, 1.0)
+    d = np.clip(ray / (max_abs(ray) or 1.0), low, high)
+    if _falls(problem, d):
+        return d
+
+    options: dict[str, Any] = {"primal_feasibility_tolerance": 1e-10}
+    if np.isfinite(budget.seconds):
+        options["time_limit"] = budget.seconds
+    bounds: Any = np.column_stack([low, high])
+    flat: Any = problem.Q / (max_abs(problem.Q) or 1.0)
+    cost = problem.p / (max_abs(problem.p) or 1.0)
+    program = linear_program.load()(
+        cost, A_eq=flat, b_eq=np.zeros(d.size), bounds=bounds, method="highs", options=cast(Any, options)
+    )
+    if program.x is None:
+        return None
+    d = np.clip(program.x, low, high)
+    return d if _falls(problem, d) else None
+
+
+def _falls(problem: QP, d: Vector) -> bool:
+    rounding = FLAT * (abs(problem.Q) @ np.abs(d))
+    return bool((np.abs(problem.Q @ d) <= rounding).all() and problem.p @ d < -1e-9 * max_abs(problem.p) * max_abs(d))
+
+
+def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) -> SolverSpec:
+    return SolverSpec(
+        name=name,
+        node="qp",
+        summary=f"{summary}, bounds only",
+        method="projection",
+        citation=citation,
+        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        options=MPRGPOptions,
+        by_default=by_default,
+    )
+
+
+@register
+class MPRGPOnQP(_OnBox):
+    """Modified proportioning with reduced gradient projections: a face is expanded by a step of fixed length along the
+    free gradient."""
+
+    projected = False
+    spec: ClassVar[SolverSpec] = _spec(
+        "mprgp-qp",
+        "modified proportioning with reduced gradient projections",
+        "Dostál and Schöberl 2005, Comput. Optim. Appl. 30:23",
+    )
+
+
+@register
+class ProjectedCGOnQP(_OnBox):
+    """A face is expanded by projecting the whole step of conjugate gradients, as long as that descends."""
+
+    projected = True
+    spec: ClassVar[SolverSpec] = _spec(
+        "projected-cg-qp",
+        "projected conjugate gradients with proportioning",
+        "Polyak 1969; Kružík, Horák, Čermák, Pospíšil and Pecha 2020, Adv. Eng. Softw. 149:102895",
+        by_default=False,
+    )
