@@ -1,6 +1,6 @@
 """Where compiled kernels are kept, and how several processes share them.
 
-Kernels live in `solvers/kernels`, `conversions/kernels` and `expressions/kernels`, and numba writes its cache beside
+Kernels live in packages called `kernels`, of cpbench and of plugins, and numba writes its cache beside
 the source. Where that is not writable (a system-wide installation, a read-only image) the user's cache directory is
 taken. One process compiles a module: the others wait and then read what it wrote, instead of compiling the same code
 and racing for the index. Different modules are compiled side by side.
@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import importlib.util
 import logging
 import os
+import pkgutil
 import re
 import subprocess
 import sys
@@ -30,8 +32,9 @@ from cpbench.imports import uncollected
 LOG = logging.getLogger(__name__)
 """Hears of every module that has to be compiled, before it is."""
 VARIABLE = "NUMBA_CACHE_DIR"
-_PACKAGE = Path(__file__).resolve().parent
-_TAKEN = re.compile(r"^from (cpbench\.\w+\.kernels\.\w+) import", re.MULTILINE)
+_PACKAGES = ["cpbench.expressions.kernels", "cpbench.conversions.kernels"]
+"""Packages of kernel modules; plugins add theirs."""
+_TAKEN = re.compile(r"^from ([\w.]+\.kernels\.\w+) import", re.MULTILINE)
 """How a kernel module takes functions from another one."""
 _KEPT = re.compile(r"cache=True|\*\*COMPILED")
 """Options of a kernel that is in the cache; others are compiled where they are used."""
@@ -57,7 +60,7 @@ def ensure_cache_dir() -> Path:
         with contextlib.suppress(OSError):  # numba makes it too, but later than the lock and the stamps need it
             Path(given).mkdir(parents=True, exist_ok=True)
         return Path(given)
-    beside = _PACKAGE / "__pycache__"
+    beside = Path(__file__).resolve().parent / "__pycache__"
     if _writable(beside):
         return beside
     import platformdirs
@@ -107,7 +110,7 @@ def _load(module: str) -> ModuleType:
 def load_all(package: str, names: Sequence[str]) -> None:
     """Load kernel modules of `package`, side by side where they are to be compiled: another process begins with the
     last."""
-    modules = [f"cpbench.{package}.kernels.{name}" for name in names]
+    modules = [f"{package}.{name}" for name in names]
     cold = [module for module in modules if not (_is_loaded(module) or is_compiled(module))]
     side = None
     if len(cold) > 1 and (os.cpu_count() or 1) > 1:
@@ -151,12 +154,19 @@ def compiled(kernel: Any) -> Callable[..., Any]:
     return version.entry_point
 
 
+def include(package: str) -> None:
+    """Add a package of kernel modules to those that `modules` lists."""
+    if package not in _PACKAGES:
+        _PACKAGES.append(package)
+
+
 def modules(*packages: str) -> list[str]:
-    """Return full names of the kernel modules in `expressions`, `conversions` or `solvers`."""
+    """Return full names of the kernel modules in these packages, in all that are known where none is named."""
     return [
-        f"cpbench.{package}.kernels.{file.stem}"
-        for package in packages
-        for file in sorted((_PACKAGE / package / "kernels").glob("[!_]*.py"))
+        f"{package}.{info.name}"
+        for package in packages or _PACKAGES
+        for info in pkgutil.iter_modules([str(_folder(package))])
+        if not info.name.startswith("_")
     ]
 
 
@@ -201,7 +211,17 @@ def _drop_stale(module: str, directory: Path) -> None:
 
 
 def _file(module: str) -> Path:
-    return _PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")
+    package, _, name = module.rpartition(".")
+    return _folder(package) / f"{name}.py"
+
+
+@cache
+def _folder(package: str) -> Path:
+    """Return where a package lies; nothing of it is imported but the packages above it."""
+    found = importlib.util.find_spec(package)
+    if found is None or not found.submodule_search_locations:
+        raise ModuleNotFoundError(f"no package {package}", name=package)
+    return Path(next(iter(found.submodule_search_locations)))
 
 
 def _taken(module: str) -> list[tuple[str, Path]]:

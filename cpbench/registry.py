@@ -17,7 +17,7 @@ import os
 import pkgutil
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Generic, TypeVar, cast
 
@@ -132,15 +132,24 @@ class Registry(Generic[T]):
 
         return keep
 
+    def include(self, *packages: str) -> None:
+        """Import the modules of these packages, too, on first use: a plugin with many modules calls it."""
+        self._packages += tuple(package for package in packages if package not in self._packages)
+        if self._discovered:
+            self._import(packages)
+
     def discover(self) -> None:
         """Import the registry's packages and the installed plugins, once."""
         if not self._discovered:
+            load_plugins()  # they may have packages of their own
             self._discovered = True
-            for package in self._packages:
-                module = importlib.import_module(package)
-                for info in pkgutil.iter_modules(module.__path__, f"{package}."):
-                    importlib.import_module(info.name)
-        load_plugins()
+            self._import(self._packages)
+
+    def _import(self, packages: Iterable[str]) -> None:
+        for package in packages:
+            module = importlib.import_module(package)
+            for info in pkgutil.iter_modules(module.__path__, f"{package}."):
+                importlib.import_module(info.name)
 
     def get(self, name: str) -> T:
         """Return the item called `name`, or called so before; raises UnknownName with the nearest names."""
@@ -149,6 +158,7 @@ class Registry(Generic[T]):
                 self._warned.add(name)
                 logger.warning("%s '%s' is now called '%s'", self.kind, name, self._renamed[name])
             name = self._renamed[name]
+        load_plugins()
         if name not in self._items and not self._discovered:
             self._seek(name)
         if name not in self._items:
@@ -180,7 +190,6 @@ class Registry(Generic[T]):
                 if any(quoted in path.read_text("utf-8") for path in texts):
                     importlib.import_module(f"{package}.{file.stem}")
                     if name in self._items:
-                        load_plugins()
                         return
 
     def names(self) -> list[str]:

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cpbench import kernel_cache
+from cpbench import kernel_cache, registry
 from cpbench.bench.processes.launch import THREAD_VARIABLES
 from cpbench.registry import DECLARED, PLUGIN_FILES
 
@@ -79,6 +79,7 @@ def pytest_configure(config: pytest.Config) -> None:
     would wait for each other. One process alone compiles what its tests need."""
     if not getattr(config.option, "tx", None) or hasattr(config, "workerinput"):
         return
+    registry.load_plugins()  # they have kernels, too
     modules = kernel_cache.modules()
     kept = [name for name in modules if kernel_cache.is_kept(name)]
     if not all(map(kernel_cache.is_compiled, kept)):

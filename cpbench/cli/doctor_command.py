@@ -36,7 +36,7 @@ def command(warm: bool) -> None:
     seen: dict[str, SolverState] = {}
     if warm:
         click.echo("compiling what is not in the cache yet, minutes the first time", err=True)
-        for module in kernel_cache.modules("expressions", "conversions"):
+        for module in kernel_cache.modules("cpbench.expressions.kernels", "cpbench.conversions.kernels"):
             kernel_cache.load(module)
     for one in availability.examine(chosen, warm):
         seen[one.name] = one

@@ -258,7 +258,7 @@ class Solver(ABC):
         package."""
         if self.spec.requires:
             return package_version(self.spec.requires[0])
-        return __version__ if type(self).__module__.startswith("cpbench.") else ""
+        return __version__ if self.origin != "plugin" else ""
 
     def availability(self) -> Availability:
         """Return whether the solver can run on this machine, and what to do where it cannot; imports its packages."""
@@ -338,11 +338,7 @@ def _typed(solver: str, key: str, raw: str, default: Any) -> Any:
 
 ORIGINS = {"cpbench_solvers.": "native", "cpbench.solvers.adapters.": "adapter"}
 """Packages of solvers that come with cpbench."""
-NODE_GROUPS = ("lcp", "mlcp", "qp", "avi", "cone", "contact", "nonlinear")
-"""Packages of `solvers.native`: nodes that share their mathematics."""
-solvers: Registry[Solver] = Registry(
-    "solver", *(f"cpbench_solvers.{group}" for group in NODE_GROUPS), "cpbench.solvers.adapters", renamed=RENAMED
-)
+solvers: Registry[Solver] = Registry("solver", "cpbench.solvers.adapters", renamed=RENAMED)
 
 
 def register(cls: type[Solver]) -> type[Solver]:

@@ -23,8 +23,8 @@ from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.matrices import Matrix, Vector
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 from cpbench.solvers.shared.progress import SHARE, Progress
+from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 
 GROW = 1.05
 HALVINGS = 60

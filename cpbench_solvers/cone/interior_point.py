@@ -24,11 +24,11 @@ from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.soclcp import SOCLCP
 from cpbench.matrices import Matrix, Vector, least_eigenvalue, max_abs
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register, solvers
+from cpbench.solvers.shared.lorentz_rows import lorentz_rows
+from cpbench.solvers.shared.polish import polish
 from cpbench_solvers.cone.lorentz_scaling import GroupScaling, LorentzCones
 from cpbench_solvers.cone.run import ConicSolver, Iterates
 from cpbench_solvers.cone.scaled_form import ConicForm
-from cpbench.solvers.shared.lorentz_rows import lorentz_rows
-from cpbench.solvers.shared.polish import polish
 
 FRACTION = 0.99
 """How much of the way to the boundary a step goes at most."""

@@ -12,8 +12,8 @@ from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
 from cpbench.matrices import Vector, max_abs
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench_solvers.nonlinear.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run
 from cpbench.solvers.shared.jacobians import projection_jacobian
+from cpbench_solvers.nonlinear.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run
 
 
 @dataclass(frozen=True)

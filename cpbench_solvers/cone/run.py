@@ -15,9 +15,9 @@ from cpbench.formulations.soclcp import SOCLCP
 from cpbench.matrices import Vector, least_eigenvalue
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
+from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.cone.scaled_form import ConicForm, conic_form
 from cpbench_solvers.lcp.claims import CLOSE
-from cpbench.solvers.shared.progress import SHARE, Progress
 
 
 class Iterates(Protocol):

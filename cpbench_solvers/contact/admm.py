@@ -17,9 +17,9 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Matrix, Vector, is_symmetric
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.sweeps import ScaledContacts, conclude, kernel, scaled_contacts
-from cpbench.solvers.shared.progress import Progress
 
 FIRST_REST, LONGER = 20, 1.5
 """Iterations with one ρ before it may change, and by how much longer it must stay the next time."""

@@ -14,10 +14,10 @@ from cpbench.formulations.global_contact import GFCPoint
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import EPS
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
+from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
 from cpbench_solvers.contact.condensed import Condensed, condensed
 from cpbench_solvers.contact.dynamics_error import DynamicsError
-from cpbench.solvers.shared.progress import reduced
 
 SWEEPS, ITERATIONS = 2_000, 1_000
 """Sweeps of Gauss–Seidel and iterations of ADMM before the other goes on: they stand still for different reasons."""

@@ -16,6 +16,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import compiled
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, Trait
+from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.sweeps import (
     CONTINUE,
@@ -32,7 +33,6 @@ from cpbench_solvers.contact.sweeps import (
     kernel,
     work,
 )
-from cpbench.solvers.shared.progress import Progress
 
 BLOCKS_A_CALL = 4_000_000
 """About 20 ms of block products between two looks at the clock."""

@@ -17,9 +17,9 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait
+from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.sweeps import ScaledContacts, conclude, scaled_contacts
-from cpbench.solvers.shared.progress import SHARE, Progress
 
 
 class ContactMethod(ABC):

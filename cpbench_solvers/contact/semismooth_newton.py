@@ -20,10 +20,10 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, Trait
+from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.newton_equation import ContactEquation, ContactFunction, NewtonPoint
 from cpbench_solvers.contact.sweeps import ScaledContacts, Sweeps, conclude, scaled_contacts
-from cpbench.solvers.shared.progress import Progress
 
 DESCENT, HALVINGS = 1e-4, 8
 FLATTEST, STEEPEST, TRIALS = 0.1, 0.9, 12

@@ -24,13 +24,13 @@ from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.matrices import Vector, max_abs
 from cpbench.ncp_functions import fischer_burmeister, minimum
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.lcp.claims import CLOSE, conclude, recorded
 from cpbench_solvers.lcp.interior_point_system import ShiftedSystem
 from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, mixed, scale, settled
 from cpbench_solvers.mlcp.newton import LinearBox
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, run
 from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
-from cpbench.solvers.shared.progress import Progress
 
 STALL = 10
 """Steps without gain that end a run."""

@@ -18,9 +18,9 @@ from cpbench import matrices
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench_solvers import linear_program
 from cpbench_solvers.lcp.claims import CLOSE, conclude, dense_obstacle, error_of, farkas, recorded
-from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 
 CHUNK = 256
 """The most steps between two measurements in full, and with one gradient."""

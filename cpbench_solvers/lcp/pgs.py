@@ -14,8 +14,8 @@ import scipy.sparse as sp
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of, recorded
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
+from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of, recorded
 
 CHUNK = 256
 """The most sweeps with one w, and without a look at the progress."""

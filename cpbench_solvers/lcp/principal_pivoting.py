@@ -15,6 +15,7 @@ import numpy as np
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.shared.progress import next_stop
 from cpbench_solvers import linear_program
 from cpbench_solvers.lcp.claims import (
     ScaledLCP,
@@ -27,7 +28,6 @@ from cpbench_solvers.lcp.claims import (
     scale,
     solve_linear,
 )
-from cpbench.solvers.shared.progress import next_stop
 
 CHUNK = 500
 """Pivots between two looks at the clock."""

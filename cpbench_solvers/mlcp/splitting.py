@@ -18,9 +18,9 @@ from cpbench import matrices
 from cpbench.formulations.mlcp import MLCP
 from cpbench.matrices import Vector, sparse
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench.transversal import has_full_structural_rank
+from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale
 
 CHUNK = 256
 """The most sweeps with the same Kx, which drifts by rounding, and without a look at clock and progress."""

@@ -24,9 +24,9 @@ from cpbench.formulations.base import scaled
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.matrices import Matrix, Sparse, Vector, dense, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
+from cpbench.solvers.shared.row_error import row_error
 from cpbench_solvers.lcp.claims import CLOSE
 from cpbench_solvers.nonlinear.reformulation import Reformulation
-from cpbench.solvers.shared.row_error import row_error
 
 DENSE_LIMIT = 150
 """Up to this size Jacobians are dense: SuperLU costs more."""

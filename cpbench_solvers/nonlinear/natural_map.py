@@ -28,8 +28,8 @@ import scipy.sparse as sp
 from cpbench.factorization import sparse_lu
 from cpbench.matrices import Matrix, Sparse, Vector, dense, identity, norm
 from cpbench.solvers.base import Budget, Claim, Record
-from cpbench_solvers.lcp.claims import solve_linear
 from cpbench.solvers.shared.progress import Progress
+from cpbench_solvers.lcp.claims import solve_linear
 
 DESCENT = 1e-2
 LENGTHS = (1.0, 0.5, 0.25, 0.125)

@@ -29,9 +29,9 @@ from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.matrices import Sparse, Vector, norm
 from cpbench.product_cones import Cone
+from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 from cpbench_solvers.nonlinear.projection_run import Field, ProjectionMethod, VIProjectionOptions
 from cpbench_solvers.nonlinear.vi_extragradient import Extragradient, ExtragradientOptions
-from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 
 DESCENT = 1e-4
 LENGTHS = tuple(0.5**k for k in range(8))

@@ -25,9 +25,9 @@ from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.matrices import Sparse, Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
-from cpbench_solvers.lcp.claims import CLOSE
 from cpbench.solvers.shared.progress import Progress
 from cpbench.solvers.shared.row_error import row_error
+from cpbench_solvers.lcp.claims import CLOSE
 
 STALL = 2000
 """Least number of iterations without gain that ends a run."""

@@ -21,10 +21,10 @@ from cpbench.formulations.qp import QP
 from cpbench.kernel_cache import load_all
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.qp.claims import ErrorMeasure, convex_obstacle, infeasible, unbounded
 from cpbench_solvers.qp.kkt_system import KERNELS, KKT, entries
 from cpbench_solvers.qp.scaling import ScaledQP, scaled
-from cpbench.solvers.shared.progress import Progress
 
 STALL = 60
 """Least number of Newton steps without gain that ends a run."""

@@ -15,6 +15,7 @@ from cpbench.formulations.qp import QP
 from cpbench.kernel_cache import load
 from cpbench.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.shared.progress import SHARE
 from cpbench_solvers.qp.claims import (
     SPARSE_KERNEL,
     ErrorMeasure,
@@ -24,7 +25,6 @@ from cpbench_solvers.qp.claims import (
     infeasible,
 )
 from cpbench_solvers.qp.scaling import stacked
-from cpbench.solvers.shared.progress import SHARE
 
 CHUNK = 200_000_000
 """Operations between looks at the clock, a tenth of a second or two."""

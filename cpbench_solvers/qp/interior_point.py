@@ -14,12 +14,12 @@ from cpbench.formulations.qp import QP
 from cpbench.kernel_cache import load, load_all
 from cpbench.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench_solvers.qp.claims import ErrorMeasure, Parts, convex_obstacle, infeasible, unbounded
 from cpbench_solvers.qp.kkt_system import KERNELS, KKT, Entries
 from cpbench_solvers.qp.polish import polish
 from cpbench_solvers.qp.presolve import SparseQP, presolved, sparse_data
 from cpbench_solvers.qp.scaling import Scales, sparse_scaled
-from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 
 STALL = 12
 """Least number of iterations without gain of the judged error that ends a run."""

@@ -14,6 +14,7 @@ from cpbench.formulations.qp import QP, QPPoint
 from cpbench.kernel_cache import compiled, load
 from cpbench.matrices import max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
+from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.qp.claims import (
     SPARSE_KERNEL,
     ErrorMeasure,
@@ -24,7 +25,6 @@ from cpbench_solvers.qp.claims import (
 )
 from cpbench_solvers.qp.dual_active_set import CHUNK, ActiveSet
 from cpbench_solvers.qp.scaling import scaled
-from cpbench.solvers.shared.progress import Progress
 
 STALL = 30
 """Least number of iterations without gain that ends a run."""

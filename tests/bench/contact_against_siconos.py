@@ -276,9 +276,9 @@ def call_on(problem: Any, tolerance: float) -> Side:
     import numpy as np
 
     from cpbench.formulations import FCPoint
+    from cpbench.verification import judge
     from cpbench_solvers.contact.auto import AutoContactOptions
     from cpbench_solvers.contact.sweeps import block_rows
-    from cpbench.verification import judge
 
     way, sweeps = block_rows(problem).accelerated, AutoContactOptions().sweeps
     work = np.empty(way.size)

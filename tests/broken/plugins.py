@@ -18,10 +18,10 @@ from cpbench.conversions.mlcp_to_lcp_schur import MLCPtoLCPSchur
 from cpbench.errors import FormatError, NotApplicable
 from cpbench.formulations import LCP, Kind, LCPPoint, MLCPPoint, Residuals
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec, Trait
-from cpbench_solvers.lcp.lemke import Lemke
-from cpbench_solvers.lcp.semismooth_newton import NewtonMin
 from cpbench.solvers.stopping import Stopping
 from cpbench.storage import Format
+from cpbench_solvers.lcp.lemke import Lemke
+from cpbench_solvers.lcp.semismooth_newton import NewtonMin
 
 
 class SignFlippedLift(MLCPtoLCPSchur):

@@ -40,8 +40,8 @@ def test_rows_of_blocks_are_those_of_the_matrix(
 
 def test_sweeps_beyond_the_caches_are_those_within(rng: np.random.Generator) -> None:
     """A sweep asks for rows ahead when there are many, which changes no bit: many copies of a small problem."""
-    from cpbench_solvers.kernels import gauss_seidel
     from cpbench_solvers.contact.sweeps import Sweeps
+    from cpbench_solvers.kernels import gauss_seidel
 
     A = rng.standard_normal((90, 90))
     small = sp.csr_array(A @ A.T)

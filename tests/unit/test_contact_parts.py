@@ -13,10 +13,10 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.solvers.base import Budget, Claim, solvers
-from cpbench_solvers.contact.parts import ContactPart, connected_parts, worst_part
-from cpbench_solvers.contact.sweeps import block_rows
 from cpbench.testing import planted_contact
 from cpbench.verification import judge
+from cpbench_solvers.contact.parts import ContactPart, connected_parts, worst_part
+from cpbench_solvers.contact.sweeps import block_rows
 
 METHODS = (
     "auto-fc",

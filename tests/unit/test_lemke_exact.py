@@ -18,8 +18,8 @@ import pytest
 from cpbench import kernel_cache
 from cpbench.formulations import AVI, LCP, MLCP
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench_solvers.lcp.lemke_columns import PivotingState
 from cpbench.verification import judge, prove
+from cpbench_solvers.lcp.lemke_columns import PivotingState
 
 Rng = np.random.Generator
 Integers = tuple[Any, Any]

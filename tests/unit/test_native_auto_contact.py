@@ -13,11 +13,11 @@ from tiers import some_by_day
 from cpbench import kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
+from cpbench.testing import planted
+from cpbench.verification import judge
 from cpbench_solvers.contact.members import PlainMember
 from cpbench_solvers.contact.policy import SweepProgress, next_method
 from cpbench_solvers.contact.sweeps import AcceleratedSweeps, BlockRows, Sweeps, block_rows, scaled_contacts
-from cpbench.testing import planted
-from cpbench.verification import judge
 
 DUE = {"newton": 1e8, "admm": 3e8}
 """Ten thousand and thirty thousand sweeps of 10 us."""

@@ -10,9 +10,9 @@ from tiers import some_by_day
 
 from cpbench.formulations import LCP, MLCP, LCPPoint, Problem
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench_solvers.automatic import AutomaticChoice
 from cpbench.testing.cases import cases
 from cpbench.verification import certified_infeasible, judge
+from cpbench_solvers.automatic import AutomaticChoice
 
 CHOICES = [name for name in solvers.names() if isinstance(solvers.get(name), AutomaticChoice)]
 RAY = LCP(M=np.array([[-3.0, 2.0, -1.0], [1.0, 0.0, 3.0], [3.0, 2.0, -2.0]]), q=np.array([2.0, 2.0, -1.0]))

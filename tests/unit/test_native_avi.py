@@ -11,9 +11,9 @@ import scipy.sparse as sp
 
 from cpbench.formulations import AVI, AVIPoint, LCPPoint, Relay
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench_solvers.avi.polyhedron_vertex import ScaledPolyhedron
 from cpbench.testing import planted_conic
 from cpbench.verification import judge
+from cpbench_solvers.avi.polyhedron_vertex import ScaledPolyhedron
 
 TIGHT = Budget(tolerance=1e-10)
 

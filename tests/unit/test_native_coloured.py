@@ -8,9 +8,9 @@ import scipy.sparse as sp
 
 from cpbench.formulations.fc import FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
+from cpbench.verification import judge
 from cpbench_solvers.contact.nsgs_coloured import Coloured, ColouredOptions, ColouredSweeps
 from cpbench_solvers.contact.sweeps import Sweeps, block_rows
-from cpbench.verification import judge
 
 
 def packing(dimension: int, nc: int = 60, seed: int = 0) -> FrictionContact:

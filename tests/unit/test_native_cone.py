@@ -10,10 +10,10 @@ from cpbench.formulations import AVI, SOCLCP, ConeQP, Relay
 from cpbench.formulations.conic import cone_fields
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench_solvers.cone.lorentz_scaling import GroupScaling, LorentzCones
-from cpbench_solvers.cone.scaled_form import conic_form
 from cpbench.testing import planted_conic
 from cpbench.verification import judge
+from cpbench_solvers.cone.lorentz_scaling import GroupScaling, LorentzCones
+from cpbench_solvers.cone.scaled_form import conic_form
 
 PROGRAMS = ("admm-coneqp", "interior-point-coneqp")
 COMPLEMENTARITY = ("admm-soclcp", "interior-point-soclcp")

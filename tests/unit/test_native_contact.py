@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench_solvers.contact import sweeps as contact_sweeps
 from cpbench.testing import planted
 from cpbench.verification import judge
+from cpbench_solvers.contact import sweeps as contact_sweeps
 
 
 def answer(output: SolverOutput) -> FCPoint:

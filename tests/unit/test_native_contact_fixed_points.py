@@ -14,11 +14,11 @@ from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
+from cpbench.testing import planted
+from cpbench.verification import judge
 from cpbench_solvers.contact.frozen_law import Frozen, block_csr
 from cpbench_solvers.contact.proximal_newton import ProximalNewtonOptions, ProximalSteps
 from cpbench_solvers.contact.sweeps import scaled_contacts
-from cpbench.testing import planted
-from cpbench.verification import judge
 
 FIXED_POINTS = ("tresca-fixed-point", "panagiotopoulos-fixed-point", "aclm-fixed-point")
 PROJECTIONS = ("de-saxce-fixed-point", "extragradient-fc")

@@ -12,11 +12,11 @@ from claims import assert_claim
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
+from cpbench.testing import planted
+from cpbench.verification import judge
 from cpbench_solvers.contact.newton_equation import ContactEquation, ContactFunction
 from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions, LineSearch, Regularization
 from cpbench_solvers.contact.sweeps import Sweeps, block_rows, scaled_contacts
-from cpbench.testing import planted
-from cpbench.verification import judge
 
 NEWTON = ("newton-alart-curnier", "newton-jean-moreau", "newton-natural-map", "newton-fb-fc")
 NEW = ("admm-fc", "auto-fc", *NEWTON)

@@ -13,10 +13,10 @@ from tiers import some_by_day
 from cpbench import cones, kernel_cache, storage
 from cpbench.formulations import FCPoint, FrictionContact
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
-from cpbench_solvers.contact.nsgs import NSGSOptions
-from cpbench_solvers.contact.relaxation import Local
 from cpbench.testing import planted
 from cpbench.verification import judge
+from cpbench_solvers.contact.nsgs import NSGSOptions
+from cpbench_solvers.contact.relaxation import Local
 
 VARIANTS = ("psor-fc", "jacobi-fc")
 SOLVE = [local for local in Local if local is not Local.PROJECTION]

@@ -16,13 +16,13 @@ from cpbench.formulations import FCPoint, GFCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.solvers import Budget, Claim, solvers
+from cpbench.testing import planted_contact
+from cpbench.verification import judge
 from cpbench_solvers.contact.admm_global import Dynamics
 from cpbench_solvers.contact.condensed import condensed as condense
 from cpbench_solvers.contact.dynamics_error import DynamicsError
 from cpbench_solvers.contact.nsgs_global import Bodies, VelocitySweeps
 from cpbench_solvers.contact.sweeps import Sweeps, block_rows
-from cpbench.testing import planted_contact
-from cpbench.verification import judge
 
 SOLVERS = {"gfc": "admm-gfc", "grfc": "admm-grfc", "rfc": "admm-rfc"}
 

@@ -15,9 +15,9 @@ from cpbench.formulations import LCP, MLCP, LCPPoint
 from cpbench.generators.lcp_classics import fathi, murty
 from cpbench.matrices import dense as dense_array
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench_solvers.lcp.interior_point_system import ShiftedSystem
 from cpbench.testing import planted
 from cpbench.verification import judge
+from cpbench_solvers.lcp.interior_point_system import ShiftedSystem
 
 
 @pytest.mark.parametrize("sparse", [False, True])

@@ -13,9 +13,9 @@ from cpbench import kernel_cache, storage
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.generators.lcp_classics import csizmadia, fathi, isolated_perturbed, munson1, murty, unbounded_ray
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench_solvers.lcp.claims import error_of
 from cpbench.testing import planted
 from cpbench.verification import judge
+from cpbench_solvers.lcp.claims import error_of
 
 ALL = ("lemke", "bpp", "newton-min", "pgs", "psor")
 DIRECT = ("lemke", "bpp", "newton-min")

@@ -13,11 +13,11 @@ from cpbench import storage
 from cpbench.formulations import LCP, QP
 from cpbench.ncp_functions import minimum
 from cpbench.solvers import Budget, Claim, solvers
+from cpbench.testing import planted
+from cpbench.verification import judge
 from cpbench_solvers.lcp.claims import scale
 from cpbench_solvers.lcp.semismooth_newton import LCPBox
 from cpbench_solvers.nonlinear.merit_search import Descent
-from cpbench.testing import planted
-from cpbench.verification import judge
 
 
 def poisson(m: int) -> sp.csr_array:

@@ -9,11 +9,11 @@ from cpbench import kernel_cache
 from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.solvers import Budget, Claim, solvers
+from cpbench.testing import planted
+from cpbench.verification import judge
 from cpbench_solvers.lcp import lemke, lemke_batch, lemke_columns, lemke_run
 from cpbench_solvers.lcp.first_basis import dense_lcp
 from cpbench_solvers.lcp.principal_transform import transformed
-from cpbench.testing import planted
-from cpbench.verification import judge
 
 KINDS = ("positive definite", *planted.SQUARE[:3])
 

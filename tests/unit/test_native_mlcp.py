@@ -14,12 +14,12 @@ from claims import row_error
 from cpbench import kernel_cache, matrices, storage
 from cpbench.formulations import LCP, MLCP, MLCPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench_solvers.mlcp.claims import scale
-from cpbench_solvers.mlcp.enumeration import all_solutions
-from cpbench_solvers.mlcp.pivoting import Reduction
 from cpbench.testing import planted
 from cpbench.testing.cases import Case, infeasible
 from cpbench.verification import certified_infeasible, judge
+from cpbench_solvers.mlcp.claims import scale
+from cpbench_solvers.mlcp.enumeration import all_solutions
+from cpbench_solvers.mlcp.pivoting import Reduction
 
 DIRECT = ("lemke-mlcp", "newton-min-mlcp", "newton-fb-mlcp")
 ALL = (*DIRECT, "interior-point-mlcp", "pgs-mlcp", "psor-mlcp", "rpgs-mlcp", "enumeration-mlcp")

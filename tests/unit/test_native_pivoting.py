@@ -12,10 +12,10 @@ from cpbench import kernel_cache
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.generators.lcp_classics import csizmadia, isolated_perturbed, murty, unbounded_ray
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench_solvers.lcp.changing_basis import ChangingBasis
-from cpbench_solvers.lcp.principal_pivoting import transform
 from cpbench.testing import planted
 from cpbench.verification import judge
+from cpbench_solvers.lcp.changing_basis import ChangingBasis
+from cpbench_solvers.lcp.principal_pivoting import transform
 
 METHODS = ("cottle-dantzig", "murty", "keller")
 MONOTONE = planted.SQUARE[:3]

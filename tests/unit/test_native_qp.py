@@ -13,6 +13,8 @@ from cpbench.formulations import QP
 from cpbench.formulations.qp import QPPoint
 from cpbench.kernel_cache import load
 from cpbench.solvers import Budget, Claim, Trait, solvers
+from cpbench.testing import planted
+from cpbench.verification import judge
 from cpbench_solvers.automatic import SolverPhase
 from cpbench_solvers.qp import dual_active_set
 from cpbench_solvers.qp.claims import ErrorMeasure, infeasibility, unboundedness
@@ -21,8 +23,6 @@ from cpbench_solvers.qp.kkt_system import KKT, entries
 from cpbench_solvers.qp.presolve import presolved, sparse_data
 from cpbench_solvers.qp.proximal_active_set import ProximalActiveSetOptions, in_one_call
 from cpbench_solvers.qp.scaling import scaled, stacked
-from cpbench.testing import planted
-from cpbench.verification import judge
 
 STRICT = ("dual-active-set", "projected-gradient", "nesterov-qp")
 """Those that need Q positive definite where there are rows."""

@@ -12,8 +12,8 @@ from cpbench.formulations import QP, QPPoint
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench_solvers.qp.claims import ErrorMeasure
 from cpbench.verification import judge
+from cpbench_solvers.qp.claims import ErrorMeasure
 
 NAMES = ["auto-qp", "interior-point-qp", "proximal-active-set", "augmented-lagrangian", "primal-active-set"]
 

@@ -10,8 +10,8 @@ import scipy.sparse as sp
 
 from cpbench.formulations import QP, QPPoint
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench_solvers.qp.claims import ErrorMeasure
 from cpbench.verification import judge
+from cpbench_solvers.qp.claims import ErrorMeasure
 
 
 def fit(seed: int, sparse: bool = False) -> QP:

@@ -10,9 +10,7 @@ from cpbench.testing import cases
 
 MOST = 2
 """Iterations from its own answer; 0 where a solver looks at its start before it does anything."""
-WARM = [
-    s for s in solvers if type(s).__module__.startswith("cpbench_solvers.") and Trait.WARM_START in s.spec.traits
-]
+WARM = [s for s in solvers if type(s).__module__.startswith("cpbench_solvers.") and Trait.WARM_START in s.spec.traits]
 
 
 def test_every_node_with_several_native_solvers_has_one_that_starts_warm() -> None:

@@ -24,11 +24,11 @@ from cpbench.generators.base import generators
 from cpbench.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
 from cpbench.ncp_functions import evtushenko_purtov, fischer_burmeister, minimum, penalized, smoothed
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
+from cpbench.solvers.shared.row_error import row_error
+from cpbench.verification import judge
 from cpbench_solvers.lcp.box_linear import BoxLinear
 from cpbench_solvers.nonlinear.normal_path import NormalPath, normal_point
 from cpbench_solvers.nonlinear.reformulation import Reformulation
-from cpbench.solvers.shared.row_error import row_error
-from cpbench.verification import judge
 
 FUNCTIONS = {
     "min": minimum, "fb": fischer_burmeister, "pfb": penalized, "ep": evtushenko_purtov,

@@ -12,10 +12,10 @@ from cpbench.formulations.conic import cone_fields
 from cpbench.matrices import dense
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench_solvers.nonlinear.natural_map import equilibrate
 from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 from cpbench.testing import planted_conic
 from cpbench.verification import judge
+from cpbench_solvers.nonlinear.natural_map import equilibrate
 
 TIGHT = Budget(tolerance=1e-10)
 SHAPES = ProductCone.of(

@@ -13,11 +13,11 @@ from cpbench.generators import generators
 from cpbench.graph import arrive, lift
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, solvers
-from cpbench_solvers.nonlinear.natural_newton import VIConditions
 from cpbench.testing import cases
 from cpbench.testing import planted_nonlinear as plant
 from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
+from cpbench_solvers.nonlinear.natural_newton import VIConditions
 
 PROJECTION = ("projection-vi", "extragradient-vi", "solodov-svaiter", "golden-ratio", "projected-reflected")
 INSTANCES = {
