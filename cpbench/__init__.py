@@ -20,10 +20,10 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from types import ModuleType
     from typing import Any
 
-    from cpbench.api.certifying import certify as certify
-    from cpbench.api.diagnosing import diagnose as diagnose
-    from cpbench.api.enumerating import EverySolution as EverySolution
-    from cpbench.api.enumerating import every_solution as every_solution
+    from cpbench_lab.certifying import certify as certify
+    from cpbench_lab.diagnosing import diagnose as diagnose
+    from cpbench_lab.enumerating import EverySolution as EverySolution
+    from cpbench_lab.enumerating import every_solution as every_solution
     from cpbench.api.gallery import gallery as gallery
     from cpbench.api.problems import Converted as Converted
     from cpbench.api.problems import convert as convert

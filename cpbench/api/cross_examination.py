@@ -169,8 +169,8 @@ def _arbitration(problem: Problem, kind: str, answers: Sequence[tuple[str, bytes
 
 def _certified(problem: Problem, answer: Any, seconds: float) -> tuple[bool, str]:
     """Return whether a certificate proves that there is a solution, and what it says of an answer, in a few words."""
-    from cpbench.api.certificate_text import excluded
-    from cpbench.api.certifying import certify
+    from cpbench_lab.certificate_text import excluded
+    from cpbench_lab.certifying import certify
 
     try:
         found = certify(problem, answer, seconds=seconds)

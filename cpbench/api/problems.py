@@ -151,7 +151,7 @@ def explain(problem: Problem, to: str) -> list[str]:
     from cpbench.solvers.base import solvers
 
     if to not in graph.formulations and brackets.read("solver", to)[0] in solvers:
-        from cpbench.api.diagnosing import diagnose
+        from cpbench_lab.diagnosing import diagnose
 
         return list(diagnose(problem, to).lines())
     graph.formulations.get(to)

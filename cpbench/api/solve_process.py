@@ -115,7 +115,7 @@ def _answer(asked: Mapping[str, Any], talk: _Talk) -> dict[str, Any]:
         require_new(Path(asked["output"]), asked["force"])
     talk.limit(asked["memory"])
     if asked["all"]:
-        from cpbench.api.enumerating import reply_to, require_rows
+        from cpbench_lab.enumerating import reply_to, require_rows
 
         if asked["output"] is not None:
             require_rows(Path(asked["output"]))

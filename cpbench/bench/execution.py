@@ -79,7 +79,7 @@ class OpenRun:
         plan = self.plan
         if not (plan.dask or plan.cluster):
             return self._slots
-        from cpbench.bench.cluster import connect
+        from cpbench_lab.cluster import connect
 
         if plan.dask:
             return self._stack.enter_context(connect.to_scheduler(plan.dask, self._setting))

@@ -10,7 +10,7 @@ import click
 
 PACKAGES = {
     "cpbench.report.plots": ("cpbench.cli.plot_run", "Of runs"),
-    "cpbench.report.pictures": ("cpbench.cli.plot_problem", "Of problems"),
+    "cpbench_lab.pictures": ("cpbench.cli.plot_problem", "Of problems"),
 }
 """Rooms of kinds of figures: the module whose `command_of` makes a command of one, and the heading in the help."""
 

@@ -59,7 +59,7 @@ def command(
     if no_report:
         given["report"] = None
     if certify:
-        from cpbench.api.certifying import require_flint  # with the solvers, which other runs need not wait for
+        from cpbench_lab.certifying import require_flint  # with the solvers, which other runs need not wait for
 
         require_flint()
     values = (file.top, file.sets) if file is not None else ({}, [])

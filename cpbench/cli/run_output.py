@@ -45,7 +45,7 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> No
 
     print_lines(run_text.refused(assembly.refused), err=True)
     if certify:
-        from cpbench.api.certifying import certify_rows
+        from cpbench_lab.certifying import certify_rows
 
         print_lines(certify_rows(store), err=True)
         store.end()

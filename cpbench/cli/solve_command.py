@@ -176,7 +176,7 @@ def _apart(problem: str, asked: Mapping[str, Any]) -> dict[str, Any]:
         require_new(Path(asked["output"]), asked["force"])
     address = ADDRESS.convert(problem, None, None)
     if asked["all"]:
-        from cpbench.api.enumerating import reply_to
+        from cpbench_lab.enumerating import reply_to
 
         return reply_to(address, asked)
     answered = solve_apart(

@@ -86,7 +86,7 @@ def figure_kind(
 
 
 def summaries(package: str) -> dict[str, str]:
-    """List the kinds of a package (`cpbench.report.pictures`) and the first line of each module, without importing
+    """List the kinds of a package (`cpbench_lab.pictures`) and the first line of each module, without importing
     them.
     """
     folder = Path(str(importlib.import_module(package).__file__)).parent

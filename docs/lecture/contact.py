@@ -5,7 +5,7 @@ from __future__ import annotations
 from cpbench import GlobalFrictionContact, NonlinearFrictionContact
 from cpbench.matrices import dense, max_abs, norm
 from cpbench.report import canvas
-from cpbench.report.pictures import contact as picture
+from cpbench_lab.pictures import contact as picture
 from lecture import cells, svg
 from lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, table, text
 from lecture.conversions import data, shown, trips

@@ -7,7 +7,7 @@ import numpy as np
 from cpbench import FrictionContact
 from cpbench.cones import de_saxce
 from cpbench.report import canvas
-from cpbench.report.pictures import cone as picture
+from cpbench_lab.pictures import cone as picture
 from lecture import cells, svg
 from lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, text
 from lecture.conversions import registered, shown, trips

@@ -5,7 +5,7 @@ from __future__ import annotations
 from cpbench import LCP
 from cpbench.analysis.complementary_cones import complementary_cones, is_p_matrix, solutions
 from cpbench.report import canvas
-from cpbench.report.pictures import lcp_cones
+from cpbench_lab.pictures import lcp_cones
 from lecture import cells, svg
 from lecture.blocks import Block, Figure, Heading, Section, Text, Try, aside, formula, table, text
 from lecture.conversions import by_solvers, data, registered, shown, trips

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench import FrictionContact
-from cpbench.analysis import ncp_functions as ncp
+from cpbench_lab.figures import ncp_functions as ncp
 from lecture import cells
 from lecture.blocks import Section, table, text
 from lecture.numerics.examples import problems

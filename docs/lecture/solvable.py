@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.analysis import ncp_functions as ncp
+from cpbench_lab.figures import ncp_functions as ncp
 from lecture import cells
 from lecture.blocks import Block, Heading, Try, table, text
 from lecture.conversions import by_solvers, shown, trips

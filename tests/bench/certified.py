@@ -4,7 +4,7 @@
         [--contacts 100] [--seconds 20] [--proof 60] [--check]
 
 Every problem is solved in this process, by the automatic choice and, where its answer is not proved, by one solver of
-each other method of its formulation (`cpbench.api.certifying.verified_answers`); only answers that the verdict accepts
+each other method of its formulation (`cpbench_lab.certifying.verified_answers`); only answers that the verdict accepts
 are counted. Times are of the proof, of this processor [s]. With --check, every certificate is proved again by the
 program without cpbench.
 """
@@ -24,7 +24,7 @@ import numpy as np
 
 import cpbench
 from cpbench import storage
-from cpbench.api.certifying import save_certificate, verified_answers
+from cpbench_lab.certifying import save_certificate, verified_answers
 from cpbench.errors import CpbenchError
 from cpbench.generators.collection import builtin_folder
 

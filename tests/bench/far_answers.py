@@ -20,7 +20,7 @@ import numpy as np
 import cpbench as cp
 from cpbench.analysis import certainty
 from cpbench.analysis.table import normalised
-from cpbench.api.certifying import certify_rows
+from cpbench_lab.certifying import certify_rows
 from cpbench.bench.results.store import Store
 
 SOLVERS = ("pgs", "psor", "mprgp", "interior-point-lcp", "newton-fb", "clarabel", "osqp", "nesterov-qp", "admm-coneqp")

@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 
 import cpbench as cp
-from cpbench.diagnosis.attempts import SolverTrial, attempt
-from cpbench.diagnosis.complaint import complaint_of
-from cpbench.diagnosis.diagnose import diagnose
-from cpbench.diagnosis.diagnosis import Diagnosis
+from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
+from cpbench_lab.diagnosis.complaint import complaint_of
+from cpbench_lab.diagnosis.diagnose import diagnose
+from cpbench_lab.diagnosis.diagnosis import Diagnosis
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.generators.symbols import log, mapped, unknowns
 from cpbench.product_cones import Cone, ProductCone

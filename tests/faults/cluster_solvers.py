@@ -25,7 +25,7 @@ def _above(what):
 
 def dask_worker():
     """The parent of the remote worker is the Dask worker, under a nanny or not."""
-    remote_worker = _above("cpbench.bench.cluster.remote_worker")
+    remote_worker = _above("cpbench_lab.cluster.remote_worker")
     return remote_worker and remote_worker.parent()
 
 
@@ -65,6 +65,6 @@ class KillsRemoteWorker(Solver):
 
     def solve(self, prepared, budget, options, start=None, record=None):
         if prepared.q.size == 5:
-            os.kill(_above("cpbench.bench.cluster.remote_worker").pid, signal.SIGKILL)
+            os.kill(_above("cpbench_lab.cluster.remote_worker").pid, signal.SIGKILL)
             time.sleep(60)
         return _answer(prepared)

@@ -22,10 +22,10 @@ import pytest
 import cpbench
 from cpbench import storage
 from cpbench.bench.block import Block
-from cpbench.bench.cluster import connect, executor
-from cpbench.bench.cluster.dask_worker import RemoteWorker
-from cpbench.bench.cluster.executor import DaskExecutor
-from cpbench.bench.cluster.remote_worker import RunBlock
+from cpbench_lab.cluster import connect, executor
+from cpbench_lab.cluster.dask_worker import RemoteWorker
+from cpbench_lab.cluster.executor import DaskExecutor
+from cpbench_lab.cluster.remote_worker import RunBlock
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.results.store import Store
@@ -127,7 +127,7 @@ def _remote_workers(**wanted: object) -> list[psutil.Process]:
     for process in psutil.process_iter(["cmdline", "status", "cwd", "ppid"]):
         info = process.info
         living = (
-            "cpbench.bench.cluster.remote_worker" in " ".join(info["cmdline"] or ())
+            "cpbench_lab.cluster.remote_worker" in " ".join(info["cmdline"] or ())
             and info["status"] != psutil.STATUS_ZOMBIE
         )
         if living and all(info[name] == value for name, value in wanted.items()):
@@ -358,7 +358,7 @@ def test_a_remote_worker_that_nobody_asks_ends_and_comes_back(monkeypatch: pytes
 
 def test_dask_is_imported_by_who_asks_for_it() -> None:
     loaded = (
-        "import cpbench.cli.run_command, sys; print({'distributed', 'cpbench.bench.cluster.executor'} & {*sys.modules})"
+        "import cpbench.cli.run_command, sys; print({'distributed', 'cpbench_lab.cluster.executor'} & {*sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
@@ -368,7 +368,7 @@ def test_without_dask_one_line_says_what_to_install() -> None:
     blocked = (
         "import sys\n"
         "sys.modules['distributed'] = None\n"
-        "from cpbench.bench.cluster import connect\n"
+        "from cpbench_lab.cluster import connect\n"
         "from cpbench.bench.worker_pool import Setting\n"
         "try:\n    connect.start('local', Setting())\n"
         "except Exception as error:\n    print(type(error).__name__, error)\n"

@@ -21,9 +21,9 @@ from cpbench.solvers.base import Budget
 from cpbench_solvers.lcp.enumeration import enumerate_bases, scale
 
 flint = pytest.importorskip("flint", reason="certificates need python-flint")
-from cpbench.api.certificate_text import summary  # noqa: E402
-from cpbench.api.certifying import save_certificate  # noqa: E402
-from cpbench.certificates.all_solutions import all_solutions, nonnegative  # noqa: E402
+from cpbench_lab.certificate_text import summary  # noqa: E402
+from cpbench_lab.certifying import save_certificate  # noqa: E402
+from cpbench_lab.certificates.all_solutions import all_solutions, nonnegative  # noqa: E402
 
 CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
 REFUSALS = (ValueError, KeyError, TypeError, IndexError)

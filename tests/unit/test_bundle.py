@@ -22,9 +22,9 @@ from edited_results import seal_anew
 
 from cpbench import storage
 from cpbench.bench.results.store import Store
-from cpbench.bundle import archive, problems, reproduction
-from cpbench.bundle.archive import BundleError
-from cpbench.bundle.results import identity
+from cpbench_lab.bundle import archive, problems, reproduction
+from cpbench_lab.bundle.archive import BundleError
+from cpbench_lab.bundle.results import identity
 from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError
 from cpbench.formulations import LCP, FrictionContact, LCPPoint

@@ -16,7 +16,7 @@ from command_line import cpbench as command
 import cpbench as cp
 from cpbench.analysis import certainty
 from cpbench.analysis.table import normalised
-from cpbench.api.certifying import certify_first
+from cpbench_lab.certifying import certify_first
 from cpbench.bench.results import schema
 from cpbench.bench.results.store import Store
 from cpbench.errors import SealError

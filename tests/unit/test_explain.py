@@ -11,11 +11,11 @@ import pytest
 from command_line import cpbench as command
 
 import cpbench as cp
-from cpbench.diagnosis.apart import Apart
-from cpbench.diagnosis.attempts import SolverTrial, attempt
-from cpbench.diagnosis.causes.cycling import period
-from cpbench.diagnosis.diagnose import diagnose
-from cpbench.diagnosis.scaled import scaled
+from cpbench_lab.diagnosis.apart import Apart
+from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
+from cpbench_lab.diagnosis.causes.cycling import period
+from cpbench_lab.diagnosis.diagnose import diagnose
+from cpbench_lab.diagnosis.scaled import scaled
 from cpbench.solvers.base import Budget
 
 sys.path.append(str(Path(__file__).parents[1] / "bench"))

@@ -15,17 +15,17 @@ import pytest
 from command_line import cpbench as command
 
 import cpbench as cp
-from cpbench.api.diagnosing import CERTIFIED
+from cpbench_lab.diagnosing import CERTIFIED
 from cpbench.cli.progress import Steps
-from cpbench.diagnosis.attempts import Raw, SolverTrial, TrialOutcome, attempt
-from cpbench.diagnosis.case import FailedTrial
-from cpbench.diagnosis.causes.magnitude import magnitude
-from cpbench.diagnosis.causes.masses import masses
-from cpbench.diagnosis.complaint import complaint_of
-from cpbench.diagnosis.deadline import Deadline, OutOfTime
-from cpbench.diagnosis.diagnose import diagnose
-from cpbench.diagnosis.even_masses import even_masses
-from cpbench.diagnosis.uniform import uniform
+from cpbench_lab.diagnosis.attempts import Raw, SolverTrial, TrialOutcome, attempt
+from cpbench_lab.diagnosis.case import FailedTrial
+from cpbench_lab.diagnosis.causes.magnitude import magnitude
+from cpbench_lab.diagnosis.causes.masses import masses
+from cpbench_lab.diagnosis.complaint import complaint_of
+from cpbench_lab.diagnosis.deadline import Deadline, OutOfTime
+from cpbench_lab.diagnosis.diagnose import diagnose
+from cpbench_lab.diagnosis.even_masses import even_masses
+from cpbench_lab.diagnosis.uniform import uniform
 from cpbench.formulations import LCPPoint
 from cpbench.formulations.base import formulations
 from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, solvers

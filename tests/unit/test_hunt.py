@@ -15,10 +15,10 @@ from test_reduce import PLUGIN
 import cpbench
 from cpbench.bench.results.rows import Outcome
 from cpbench.errors import CpbenchError
-from cpbench.reduction.hunting.cells import cell
-from cpbench.reduction.hunting.families import FAMILIES
-from cpbench.reduction.hunting.hunt import failure
-from cpbench.reduction.hunting.mutations import MUTATIONS, mutated
+from cpbench_lab.reduction.hunting.cells import cell
+from cpbench_lab.reduction.hunting.families import FAMILIES
+from cpbench_lab.reduction.hunting.hunt import failure
+from cpbench_lab.reduction.hunting.mutations import MUTATIONS, mutated
 
 EVERY_FAMILY = [pytest.param(family, id=family.__name__) for families in FAMILIES.values() for family in families]
 

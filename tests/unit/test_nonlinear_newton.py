@@ -14,7 +14,7 @@ from scipy.linalg import solve
 from tiers import some_by_day
 
 from cpbench import solve as solve_one
-from cpbench.analysis.active_sets import ActiveSide, active_set
+from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench.cones import box_defect, project_box
 from cpbench.conversions.base import conversions, make
 from cpbench.errors import UnknownName

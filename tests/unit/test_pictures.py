@@ -15,12 +15,12 @@ from click.testing import CliRunner, Result
 from tiers import some_by_day
 
 from cpbench import storage
-from cpbench.analysis import ncp_functions as ncp
-from cpbench.analysis.active_sets import ActiveSide, active_set
+from cpbench_lab.figures import ncp_functions as ncp
+from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench.analysis.coarse import coarsened
 from cpbench.analysis.complementary_cones import complementary_cones, is_p_matrix, lemke_path, solutions
 from cpbench.analysis.contact_states import State, angle_between, contact_states, forces, most_rubbing
-from cpbench.analysis.facet_errors import bounds, faceted_slide
+from cpbench_lab.figures.facet_errors import bounds, faceted_slide
 from cpbench.cli import cli
 from cpbench.cli.plot_command import PACKAGES
 from cpbench.errors import CpbenchError, NotApplicable, PointError, ProblemError
@@ -28,7 +28,7 @@ from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact, LC
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, Need, find, summaries
 
-PICTURES = "cpbench.report.pictures"
+PICTURES = "cpbench_lab.pictures"
 PLANTED = "builtin/fc/contact-planted-3d.h5"
 
 
@@ -195,7 +195,7 @@ def test_wrong_answers_stay_in_the_picture(address: str, rng: np.random.Generato
 @pytest.mark.nightly
 def test_the_example_of_the_cone_slides_by_the_law() -> None:
     """W = I: r_T is the projection of −q_T on the disk, û is at a right angle to r."""
-    from cpbench.report.pictures.cone import example
+    from cpbench_lab.pictures.cone import example
     from cpbench.solvers.base import solve
 
     problem = example()
@@ -208,7 +208,7 @@ def test_the_example_of_the_cone_slides_by_the_law() -> None:
 
 
 def test_a_wrong_reaction_is_drawn_with_its_angle() -> None:
-    from cpbench.report.pictures.cone import example
+    from cpbench_lab.pictures.cone import example
 
     problem = example()
     wrong = FCPoint(r=np.array([1.0, -0.6, 0.0]))
@@ -509,7 +509,7 @@ def test_long_names_are_broken_and_formulas_are_not() -> None:
 def test_words_below_a_figure_stay_within_it(tmp_path: Path) -> None:
     """Digits and signs are wider than letters."""
     with canvas.drawing():
-        drawn = find("cpbench.report.pictures", "ncp-functions").draw()
+        drawn = find("cpbench_lab.pictures", "ncp-functions").draw()
         wide = Drawing(drawn.figure, "W" * 30 + " 1×1", "M: n×n = 150×150, " * 9 + r"$\mu r_\mathrm{N} = 0$ " * 9)
         canvas.write(wide, tmp_path / "x.png")
         renderer = drawn.figure.canvas.get_renderer()

@@ -19,12 +19,12 @@ from generated import instances
 import cpbench
 from cpbench.formulations import LCP, Problem
 from cpbench.generators import generators
-from cpbench.reduction import numbers
-from cpbench.reduction.forms import form
-from cpbench.reduction.minimize import minimized
-from cpbench.reduction.parts import TERMS, condensed, kinds, without
-from cpbench.reduction.predicate import parse_predicate, predicate_of
-from cpbench.reduction.snippets import snippets
+from cpbench_lab.reduction import numbers
+from cpbench_lab.reduction.forms import form
+from cpbench_lab.reduction.minimize import minimized
+from cpbench_lab.reduction.parts import TERMS, condensed, kinds, without
+from cpbench_lab.reduction.predicate import parse_predicate, predicate_of
+from cpbench_lab.reduction.snippets import snippets
 
 PLUGIN = """
 import os

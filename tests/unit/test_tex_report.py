@@ -19,11 +19,11 @@ from cpbench.bench.results.citations import citations
 from cpbench.bench.results.store import Store
 from cpbench.cli import cli
 from cpbench.errors import CpbenchError
-from cpbench.report.document.bibliography import Bibliography
-from cpbench.report.document.escape import text
-from cpbench.report.document.macros import Macros, letters
-from cpbench.report.document.page import write_document
-from cpbench.report.document.tables import duration
+from cpbench_lab.document.bibliography import Bibliography
+from cpbench_lab.document.escape import text
+from cpbench_lab.document.macros import Macros, letters
+from cpbench_lab.document.page import write_document
+from cpbench_lab.document.tables import duration
 
 HOSTILE = "\\input{x}$^_%#&~{}<script>"
 SUITE = suite(15, 10)

@@ -1,0 +1,139 @@
+"""The exact point of an active set, and whether it meets all conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from flint import fmpz
+
+from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States, at_bounds
+from cpbench_lab.certificates.exact_rows import ExactRows, Index, blocks, over_one, rational, regular_part, solve
+from cpbench_lab.certificates.mixed import Mixed
+from cpbench.matrices import Vector
+
+LARGEST = 1200
+"""Unknowns of the largest irreducible system that is solved: half a minute."""
+
+
+@dataclass(frozen=True, eq=False)
+class Support:
+    """The numbers that determine an exact solution.
+
+    Attributes
+    ----------
+    held : (N,) the doubles that unknowns are held at, NaN where they are solved for. rows, columns : the equations
+    (Kx + c)ᵢ = 0 that are solved, and for which unknowns. ends : where each block of both ends, in order.
+    """
+
+    held: Vector
+    rows: Index
+    columns: Index
+    ends: Index
+
+
+@dataclass(frozen=True, eq=False)
+class ExactPoint:
+    """A support with its exact solution, or what stops the proof."""
+
+    support: Support | None
+    x: Sequence[Any]
+    reason: str = ""
+
+
+def exact_point(
+    P: Mixed, K: ExactRows, states: States, near: Vector, moved: Mapping[int, Any] | None = None
+) -> ExactPoint:
+    """Return the exact point with these states; what is redundant among the basic unknowns is held near `near`.
+
+    `moved` has rationals for unknowns that are at no bound though their state says so: no support of a solution then.
+    """
+    held = at_bounds(P, states)
+    basic = np.flatnonzero(states == BASIC).astype(np.int64)
+    x: list[Any] = [rational(0.0 if value != value else value) for value in held.tolist()]
+    for j, value in (moved or {}).items():
+        x[j] = value
+    rows: list[Index] = []
+    columns: list[Index] = []
+    for own_rows, own_columns in blocks(P.K, basic):
+        if own_rows.size > LARGEST:
+            return ExactPoint(None, [], f"{own_rows.size} unknowns hang together, {LARGEST} is the most that is solved")
+        part = solve(K, own_rows, own_columns, sides(P, K, own_rows, x))
+        if part is None:
+            all_columns = own_columns
+            own_rows, own_columns = regular_part(K, own_rows, own_columns, near[own_columns])
+            for j in np.setdiff1d(all_columns, own_columns).tolist():
+                held[j] = min(max(float(near[j]), P.lo[j]), P.hi[j])
+                x[j] = rational(held[j])
+            part = solve(K, own_rows, own_columns, sides(P, K, own_rows, x))
+            if part is None:
+                return ExactPoint(None, [], "the system of the active set is singular")
+        for j, value in zip(own_columns.tolist(), part, strict=True):
+            x[j] = value
+        rows.append(own_rows)
+        columns.append(own_columns)
+    none = np.zeros(0, dtype=np.int64)
+    ends = np.cumsum([part.size for part in rows], dtype=np.int64)
+    return ExactPoint(Support(held, np.concatenate([none, *rows]), np.concatenate([none, *columns]), ends), x)
+
+
+def sides(P: Mixed, K: ExactRows, rows: Index, x: Sequence[Any]) -> list[Any]:
+    """Return −c − Kx of some rows; unknowns that are still to come are 0."""
+    sides: list[Any] = []
+    for i in rows.tolist():
+        total = -rational(float(P.c[i]))
+        unit = rational(2.0 ** K.exponents[i]) if abs(K.exponents[i]) < 1000 else None
+        for value, j in zip(K.values[i], K.columns[i], strict=True):
+            if x[j] != 0:
+                term = x[j] * value
+                total -= term * unit if unit is not None else term * rational(2.0) ** K.exponents[i]
+        sides.append(total)
+    return sides
+
+
+def violations(P: Mixed, K: ExactRows, x: Sequence[Any]) -> list[tuple[int, int]]:
+    """Places at which the exact point x breaks the conditions, each with the state it should rather have."""
+    numerators, common = over_one(x)
+    wrong: list[tuple[int, int]] = []
+    for i, (low, high, c) in enumerate(zip(P.lo.tolist(), P.hi.tolist(), P.c.tolist(), strict=True)):
+        side = _beside(x[i], low, high)
+        if abs(side) == 2:
+            wrong.append((i, LOWER if side < 0 else UPPER))
+        elif low < high:
+            total, exponent = K.times(i, numerators)
+            f = _sign(total, exponent, c, common)
+            if (side == LOWER and f < 0) or (side == UPPER and f > 0) or (side == BASIC and f != 0):
+                wrong.append((i, BASIC))
+    return wrong
+
+
+def _beside(x: Any, low: float, high: float) -> int:
+    """Return −2 below the bounds, −1 at the lower, 0 between them, 1 at the upper, 2 above."""
+    if low > -np.inf:
+        bound = rational(low)
+        if x <= bound:
+            return LOWER if x == bound else 2 * LOWER
+    if high < np.inf:
+        bound = rational(high)
+        if x >= bound:
+            return UPPER if x == bound else 2 * UPPER
+    return BASIC
+
+
+def _sign(total: Any, exponent: int, c: float, common: Any) -> int:
+    """Return the sign of total·2^exponent/common + c."""
+    numerator, denominator = c.as_integer_ratio()
+    left, right = total * denominator, common * numerator
+    if exponent >= 0:
+        left *= fmpz(1) << exponent
+    else:
+        right *= fmpz(1) << -exponent
+    whole = left + right
+    return (whole > 0) - (whole < 0)
+
+
+def row_value(P: Mixed, K: ExactRows, i: int, x: Sequence[Any]) -> Any:
+    """Return (Kx + c)ᵢ."""
+    return -sides(P, K, np.array([i]), x)[0]

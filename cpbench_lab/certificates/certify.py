@@ -1,0 +1,188 @@
+"""A certificate for an answer: proved where the problem is polyhedral, else enclosed in a box, else refuted."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from flint import arb
+
+from cpbench_lab.certificates import polyhedral
+from cpbench_lab.certificates.active_sets import States
+from cpbench_lab.certificates.all_solutions import AllSolutions, all_solutions
+from cpbench_lab.certificates.basic_points import ExactPoint, violations
+from cpbench_lab.certificates.basic_points import exact_point as point_of_states
+from cpbench_lab.certificates.certificate import (
+    DISTANT,
+    ENCLOSED,
+    MEASURED,
+    PROVED,
+    REFUTED,
+    STATIONARY,
+    TOLERANCE,
+    Certificate,
+)
+from cpbench_lab.certificates.contact_balls import Scene
+from cpbench_lab.certificates.contact_boxes import enclose_contacts
+from cpbench_lab.certificates.exact_points import rounded, solves_contacts
+from cpbench_lab.certificates.exact_rows import ExactRows, nearest, rational
+from cpbench_lab.certificates.krawczyk import balls, digits, up
+from cpbench_lab.certificates.mixed import Mixed, mixed
+from cpbench_lab.certificates.nonlinear_boxes import Bounded, enclose_nonlinear, exact_point
+from cpbench_lab.certificates.refutation import ROWS, excluded
+from cpbench_lab.certificates.uniqueness import leading, uniqueness
+from cpbench.formulations.base import Problem
+from cpbench.formulations.qp import QP
+from cpbench.matrices import Vector
+
+ENUMERATION = "enumeration"
+"""The fact that makes a solution unique where all bases were looked at."""
+MONOTONE = ("lcp", "relay", "mlcp", "avi", "qp")
+"""Nodes in which the first unknowns, those that are compared, belong to a matrix that may make them unique."""
+
+
+def certify(problem: Problem, point: Any, seconds: float = 60.0, tolerance: float = TOLERANCE) -> Certificate:
+    """Look for a proof that a solution is within `tolerance` of the answer, for about so many seconds.
+
+    Raises PointError when the point is no answer to the problem.
+    """
+    problem.check_point(point)
+    began = time.perf_counter()
+    answer = np.concatenate([np.zeros(0), *point.arrays().values()])
+    plain = Certificate(problem.node, problem.fingerprint, MEASURED, answer, tolerance=tolerance)
+    with np.errstate(all="ignore"):  # doubles give hints only; answers may be as large as doubles go
+        found = _certified(problem, point, plain, seconds)
+    near = found.distance <= tolerance
+    known = found.level in (PROVED, ENCLOSED)
+    radius, evidence = 0.0, {}
+    if point.finite and (not near or problem.node in ROWS):
+        radius, evidence = excluded(problem, point, near=near)
+        if near and radius < tolerance:  # the multipliers are as near as z
+            radius, evidence = 0.0, {}
+    far = not near or radius >= tolerance
+    level = DISTANT if known and far else REFUTED if radius >= tolerance and not known else found.level
+    if level == PROVED and isinstance(problem, QP) and not found.unique and not problem.convex:
+        level = STATIONARY
+    found = replace(found, excluded=radius, level=level, evidence={**found.evidence, **evidence})
+    return replace(found, seconds=time.perf_counter() - began)
+
+
+def _certified(problem: Problem, point: Any, plain: Certificate, seconds: float) -> Certificate:
+    if not point.finite:
+        return replace(plain, reason="the answer is not finite")
+    form = mixed(problem, point)
+    if form is not None:
+        return _proved(problem, point, *form, plain, seconds)
+    if problem.node in ("fc", "fcm", "gfc"):
+        return _contacts(problem, point, plain, seconds)
+    P = Bounded.of(problem)
+    if P is None:
+        return replace(plain, reason=f"no proof is known for {problem.node}")
+    box = enclose_nonlinear(P, point.z)
+    if not box.reason:
+        return _boxed(plain, box, point.z, slice(None))
+    near = exact_point(P, point.z)
+    return replace(plain, reason=box.reason) if near is None else _at(plain, near, point.z, slice(None))
+
+
+def _contacts(problem: Problem, point: Any, plain: Certificate, seconds: float) -> Certificate:
+    scene, x = Scene.of(problem, point)
+    box, compared = enclose_contacts(scene, x, seconds), slice(scene.k, None)
+    if not box.reason:
+        return _boxed(plain, box, x, compared)
+    for near in rounded(x):
+        if solves_contacts(scene, near):
+            return _at(plain, near, x, compared)
+    return replace(plain, reason=box.reason)
+
+
+def _boxed(plain: Certificate, box: Any, x: Vector, compared: slice) -> Certificate:
+    """Return a box as a certificate, with the distance of the answer's part from the farthest point of the box."""
+    with digits():
+        there = balls(box.centre, box.radius)[compared]
+        away = arb(max((up(v - arb(a)) for v, a in zip(there, x[compared].tolist(), strict=True)), default=0.0))
+        size = arb(max((float(v.abs_lower()) for v in there), default=0.0) * (1 - 1e-15))
+        distance = up(away / size if size > 0 else away)
+    names = ("states", "dropped", "centre", "radius")
+    return replace(plain, level=ENCLOSED, distance=distance, evidence={name: getattr(box, name) for name in names})
+
+
+def _at(plain: Certificate, near: Vector, x: Vector, compared: slice) -> Certificate:
+    """Return an exact point of doubles as a certificate."""
+    pairs = zip(near[compared].tolist(), x[compared].tolist(), strict=True)
+    away = max((abs(rational(a) - rational(b)) for a, b in pairs), default=rational(0.0))
+    size = rational(float(np.abs(near[compared]).max(initial=0.0)))
+    distance = math.nextafter(nearest(away / size if size else away), math.inf) if away else 0.0
+    return replace(plain, level=PROVED, distance=distance, evidence={"point": near})
+
+
+def _proved(problem: Problem, point: Any, P: Mixed, x: Vector, plain: Certificate, seconds: float) -> Certificate:
+    size = P.answer.shape[0]
+    unique = ""
+    if problem.node in MONOTONE:
+        unique = uniqueness(leading(P.K, size), box=size == P.c.size)
+    every, uncounted = None if unique else all_solutions(problem), plain
+    if every is not None:
+        plain = _counted(plain, every)
+        if every.count == 0:
+            return replace(plain, level=REFUTED)
+    found, answer = polyhedral.prove(P, x, seconds), _compared(problem, point)
+    distance = math.inf if found.support is None else _distance(P, answer, found.x)
+    if every is not None and every.points:
+        near, states = min(every.points, key=lambda own: _distance(P, answer, own[0]))
+        if _distance(P, answer, near) < distance:
+            nearer = _of_basis(P, near, states)
+            # with a number of solutions the distance is that from the nearest
+            plain, found = (uncounted, found) if nearer is None else (plain, nearer)
+            distance = math.inf if found.support is None else _distance(P, answer, found.x)
+    if found.support is None:
+        return replace(plain, reason=found.reason)
+    evidence = {**plain.evidence, **vars(found.support)}
+    unique = unique or (ENUMERATION if plain.solutions == 1 else "")
+    return replace(plain, level=PROVED, distance=distance, unique=unique, evidence=evidence)
+
+
+def _counted(plain: Certificate, every: AllSolutions) -> Certificate:
+    """Return the certificate with the number of all solutions, and with them, or with the states of a face of many."""
+    if every.endless is not None:
+        return replace(plain, solutions=every.count, evidence={"endless": every.endless})
+    doubles = [[nearest(v) for v in x] for x, _ in every.points]
+    listed = np.array(doubles, dtype=np.float64).reshape(len(doubles), plain.answer.size)
+    return replace(plain, solutions=every.count, evidence={"solutions": listed})
+
+
+def _of_basis(P: Mixed, x: Sequence[Any], states: States) -> ExactPoint | None:
+    """Return a solution as the exact point of its states; None where these leave it open."""
+    K = ExactRows.of(P.K)
+    found = point_of_states(P, K, states, np.array([nearest(v) for v in x]))
+    return found if found.support is not None and not violations(P, K, found.x) else None
+
+
+def _compared(problem: Problem, point: Any) -> Vector:
+    """Return what of the answer is compared with the exact point."""
+    if problem.node == "mlcp":
+        return np.concatenate([point.u, point.v])
+    return point.z if problem.node in MONOTONE else point.r
+
+
+def _distance(P: Mixed, answer: Vector, exact: Any) -> float:
+    """Return ‖answer − S·exact‖∞/‖S·exact‖∞ of the part of the answer where it is largest, rounded up.
+
+    A part that is 0 is measured by the size of the whole, absolute where that is 0 too.
+    """
+    rows: Any = P.answer
+    away, size = [rational(0.0)] * len(P.parts), [rational(0.0)] * len(P.parts)
+    pointers = list(pairwise(rows.indptr.tolist()))
+    for k, (first, last) in enumerate(P.parts):
+        for here, (a, b) in zip(answer[first:last].tolist(), pointers[first:last], strict=True):
+            pairs = zip(rows.indices[a:b].tolist(), rows.data[a:b].tolist(), strict=True)
+            there = sum((exact[j] * int(sign) for j, sign in pairs), rational(0.0))
+            away[k], size[k] = max(away[k], abs(there - rational(here))), max(size[k], abs(there))
+    whole = max(size) or rational(1.0)
+    largest = max(a / (b or whole) for a, b in zip(away, size, strict=True))
+    return math.nextafter(nearest(largest), math.inf) if largest else 0.0

@@ -1,0 +1,95 @@
+"""Exact solutions of polyhedral problems, from an answer in doubles.
+
+The answer's active set makes a square linear system. It is solved over the rationals, and every bound and sign is
+checked exactly; where a few are wrong the active set is changed there, as principal pivoting does. A singular system
+has its largest regular part solved, with the other unknowns held where the answer has them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cpbench_lab.certificates.active_sets import BASIC, States, candidates, solved
+from cpbench_lab.certificates.basic_points import ExactPoint, exact_point, violations
+from cpbench_lab.certificates.exact_rows import ExactRows, nearest
+from cpbench_lab.certificates.exchanges import exchanged
+from cpbench_lab.certificates.faces import interior
+from cpbench_lab.certificates.mixed import Mixed
+from cpbench_lab.certificates.vertices import at_vertex
+from cpbench.matrices import Vector
+
+ROUNDS, SINGLE = 10, 40
+"""Changes of the active set: at all wrong places, then at the first wrong one."""
+
+
+def prove(P: Mixed, x: Vector, seconds: float) -> ExactPoint:
+    """Look for an exact solution near x, for about so many seconds."""
+    deadline = time.perf_counter() + seconds
+    K, tried, reason = ExactRows.of(P.K), set[bytes](), "no active set was found"
+    if not np.isfinite(P.K @ x + P.c).all():
+        return ExactPoint(None, [], "sums of its rows are beyond all doubles")
+    known = [(states, near) for states, near in candidates(P, x) if np.isfinite(P.K @ near + P.c).all()]
+    # each as it is first: what is nearest to the answer is the better proof, and pivots may go far away
+    for changes in (0, ROUNDS + SINGLE):
+        for states, near in reversed(known) if changes else known:
+            found = _pivoted(P, K, states, near, changes, tried, deadline)
+            if found.support is not None:
+                return found
+            reason = found.reason or reason
+    for _, near in known:
+        found = at_vertex(P, K, near, deadline)
+        if found.support is not None:
+            return found
+        reason = found.reason or reason
+    for states, near in known:
+        found = exchanged(P, K, states, near, deadline)
+        if found.support is not None:
+            return found
+    return ExactPoint(None, [], reason)
+
+
+def _pivoted(
+    P: Mixed, K: ExactRows, states: States, near: Vector, changes: int, tried: set[bytes], deadline: float
+) -> ExactPoint:
+    """Return the exact point of an active set, or of one that so many changes lead to."""
+    first = ""
+    for count in range(changes + 1):
+        if count and states.tobytes() in tried:
+            return ExactPoint(None, [], first)
+        tried.add(states.tobytes())
+        if time.perf_counter() > deadline:
+            return ExactPoint(None, [], first or "the time is over")
+        found = exact_point(P, K, states, near)
+        if found.support is None:
+            return ExactPoint(None, [], found.reason)
+        wrong = violations(P, K, found.x)
+        if not wrong:
+            return found
+        if found.support.rows.size < (states == BASIC).sum():
+            inside = interior(P, states, near)
+            if inside is not None:
+                found = exact_point(P, K, states, inside)
+                if found.support is not None and not violations(P, K, found.x):
+                    return found
+        first = first or _told(P, found.x, wrong)
+        changed = wrong if count < ROUNDS else wrong[:1]
+        states = states.copy()
+        for i, state in changed:
+            states[i] = state
+        there = solved(P, states, near)
+        if there is None:
+            return ExactPoint(None, [], first)
+        near = there
+    return ExactPoint(None, [], first)
+
+
+def _told(P: Mixed, x: Sequence[Any], wrong: list[tuple[int, int]]) -> str:
+    i, state = wrong[0]
+    more = f", and {len(wrong) - 1} more" if len(wrong) > 1 else ""
+    if state == BASIC:
+        return f"row {i} has the wrong sign, or is not 0, at the exact point of the active set{more}"
+    return f"unknown {i} is {nearest(x[i]):.3g} there, outside [{P.lo[i]:g}, {P.hi[i]:g}]{more}"

@@ -1,0 +1,201 @@
+"""Answers with a proof: certificates as the façade and its command make them."""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cpbench_lab.certificate_text import summary
+from cpbench.api.problems import point_of, verify
+from cpbench.api.solution import Solution
+from cpbench.api.solving import solve
+from cpbench.errors import CpbenchError
+from cpbench.formulations.base import Point, Problem
+from cpbench.verification import PROVEN
+
+if TYPE_CHECKING:
+    from cpbench.bench.results.store import Store
+    from cpbench_lab.certificates.certificate import Certificate
+
+SECONDS = 60.0
+"""Time for the search of a proof [s]."""
+ROW_SECONDS = 10.0
+"""The same for each answer of a run [s]."""
+TOLERANCE = 1e-8
+"""Tolerance of a solver where no answer is given: active sets are read off what it returns."""
+FINER, ACCEPTED = 1e-10, 1e-6
+"""Tolerance of the solvers after the automatic choice, and the one that an answer has to meet, in error and in distance
+from a proved solution."""
+SOLVE_SECONDS = 20.0
+"""Time for each of them [s]."""
+METHODS = (
+    "dual active set", "active set", "pivoting", "Josephy-Newton", "semismooth Newton", "Newton with pivoting",
+)  # fmt: skip
+"""Methods of which answers are looked at first."""
+
+
+def certify(
+    problem: Problem,
+    answer: Solution | Point | Sequence[float] | None = None,
+    *,
+    seconds: float = SECONDS,
+    tolerance: float = ACCEPTED,
+) -> Certificate:
+    """Look for a proof that an answer is a solution of the problem, or that the problem has none.
+
+    Parameters
+    ----------
+    answer : a point, a vector of shape (n,) with the parts of a point one after the other, or a solution; None: of the
+        verified answers of several methods (`verified_answers`) the first that is proved or enclosed, or a proof that
+        there is no solution.
+    seconds : limit of the search [s]; one exact system may take longer.
+    tolerance : distance from a proved solution, over its size, up to which the answer is that solution.
+
+    Returns
+    -------
+    Certificate : its `level` is `proved`, `enclosed`, `stationary`, `distant`, `refuted` or `measured` for an answer,
+        `infeasible` or `unbounded` for a problem without a solution; its `reason` says what stops a proof. It is true
+        in a condition where the answer is proved or enclosed, or that there is no solution.
+
+    Raises CpbenchError without python-flint, or where no solver has an answer; PointError when `answer` is none.
+
+    >>> import cpbench
+    >>> lcp = cpbench.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0])
+    >>> proved = cpbench.certify(lcp, [1.33, 2.33], tolerance=0.01)
+    >>> proved.level, proved.unique, round(proved.distance, 6)
+    ('proved', 'P-matrix', 0.001429)
+    >>> cpbench.certify(lcp, [1.33, 2.33]).level
+    'distant'
+    """
+    require_flint()
+    from cpbench_lab.certificates.certify import certify as certified
+
+    if answer is not None:
+        return certified(problem, point_of(problem, answer), seconds, tolerance)
+    return certify_first(problem, seconds, tolerance)[1]
+
+
+def certify_first(
+    problem: Problem, seconds: float = SECONDS, tolerance: float = ACCEPTED
+) -> tuple[Solution | None, Certificate]:
+    """Return the first verified answer that is proved or enclosed, with its certificate; without a verified answer, or
+    where the first is stationary in a program that has no least value, the proof that there is no solution; else the
+    first answer. `seconds` : limit of the search at each answer [s].
+
+    Raises CpbenchError where no solver has an answer.
+    """
+    require_flint()
+    from cpbench_lab.certificates.no_solution import without_solution
+
+    first: tuple[Solution, Certificate] | None = None
+    for solution in verified_answers(problem):
+        if first is None and "stationary" in solution.verdict.flags:
+            none = without_solution(problem, seconds, tolerance)
+            if none is not None:
+                return solution, none
+        found = solution, certify(problem, solution, seconds=seconds, tolerance=tolerance)
+        if found[1] or found[1].level == "stationary":
+            return found
+        first = first or found
+    if first is not None:
+        return first
+    none = without_solution(problem, seconds, tolerance)
+    if none is not None:
+        return None, none
+    given = solve(problem, tolerance=TOLERANCE)
+    return given, certify(problem, given, seconds=seconds, tolerance=tolerance)
+
+
+def verified_answers(problem: Problem, seconds: float = SOLVE_SECONDS) -> Iterator[Solution]:
+    """Yield answers that meet 1e-6: by the automatic choice, at 1e-8 and 1e-10, then by one solver a method; none of a
+    problem that the first solve proves to have no solution.
+
+    Solvers are those of the formulation that the automatic choice was found in, which are here; METHODS come first,
+    which end at a basis or at the zero of an active set's system, from which a proof is read most easily. `seconds` :
+    limit of each solve [s].
+    """
+    from cpbench.solvers.base import solvers
+
+    given = _answer(problem, None, TOLERANCE, seconds)
+    if given is not None and given.status in PROVEN:
+        return
+    first = _verified(given) or _verified(_answer(problem, None, ACCEPTED, seconds))
+    if first is not None:
+        yield first
+    finer = _verified(_answer(problem, None, FINER, seconds))
+    if finer is not None:
+        yield finer
+    node = solvers.get(first.solver).spec.node if first is not None else problem.node
+    one: dict[str, str] = {}
+    for solver in solvers:
+        spec = solver.spec
+        if spec.node == node and spec.by_default and spec.kind.exact and solver.availability().ok:
+            one.setdefault(spec.method, spec.name)
+    for method in sorted(one, key=lambda m: METHODS.index(m) if m in METHODS else len(METHODS)):
+        found = _verified(_answer(problem, one[method], FINER, seconds))
+        if found is not None and (first is None or found.solver != first.solver):
+            yield found
+
+
+def _answer(problem: Problem, solver: str | None, tolerance: float, seconds: float) -> Solution | None:
+    try:
+        return solve(problem, solver, tolerance=tolerance, seconds=seconds)
+    except CpbenchError:
+        return None
+
+
+def _verified(found: Solution | None) -> Solution | None:
+    if found is None or found.point is None:
+        return None
+    return found if verify(found.problem, found, tolerance=ACCEPTED).within else None
+
+
+def require_flint() -> None:
+    """Raise CpbenchError without python-flint."""
+    if importlib.util.find_spec("flint") is None:
+        raise CpbenchError("certificates need python-flint: pip install 'cpbench[certify]'")
+
+
+def certify_rows(store: Store, seconds: float = ROW_SECONDS) -> Iterator[str]:
+    """Look for certificates of all kept answers of a results file that have none yet; yields a line for each. Rows
+    keep their proofs, and the file the data of their problems.
+
+    The file is open for writing. `seconds` : limit of each search [s].
+
+    Raises CpbenchError without python-flint, or where a problem's file has changed since the run.
+    """
+    from cpbench import storage
+    from cpbench.bench.results import answers
+    from cpbench_lab.certificates.certificate import MEASURED, data_image, image
+
+    formats = store.meta().get("formats", {})
+    loaded: tuple[str, Problem] | None = None
+    noted = set[str]()
+    for row in sorted(store.rows(), key=lambda row: row.address):
+        blob = store.ending(row.key)[1] if row.certainty is None else None
+        if blob is None:
+            continue
+        if loaded is None or loaded[0] != row.address:
+            loaded = row.address, storage.load(row.address, format=formats.get(row.address))
+        problem = loaded[1]
+        if problem.fingerprint != row.fingerprint:
+            raise CpbenchError(f"{row.address}: is not the problem that was solved (its fingerprint changed)")
+        found = certify(problem, answers.unpack(blob), seconds=seconds, tolerance=float(row.tolerance))
+        distance = found.distance if math.isfinite(found.distance) else None
+        more = found.level != MEASURED or bool(found.excluded) or not math.isnan(found.solutions)
+        proof = image(found) if more else None
+        if proof is not None and problem.fingerprint not in noted:
+            noted.add(problem.fingerprint)
+            store.note_proved_problems([(problem.fingerprint, data_image(problem))])
+        store.note_certificate(row.key, found.level, distance, summary(found), proof)
+        yield f"{row.problem}  {row.label}: {found.level}" + ("" if distance is None else f", within {distance:.2g}")
+
+
+def save_certificate(certificate: Certificate, problem: Problem, path: str | Path, *, force: bool = False) -> None:
+    """Write a certificate with its problem's data; raises FormatError where the file exists (unless `force`)."""
+    from cpbench_lab.certificates.certificate import save
+
+    save(path, certificate, problem, force=force)

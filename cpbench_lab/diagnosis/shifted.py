@@ -1,0 +1,57 @@
+"""The nearest simple problem whose matrix is regular, definite or dominated by its diagonal, which is raised."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench import matrices
+from cpbench_lab.diagnosis.attempts import SolverTrial
+from cpbench.matrices import Matrix, Vector
+
+MATRIX = {"lcp": "M", "relay": "M", "avi": "M", "mlcp": "A", "qp": "Q", "fc": "W"}
+"""The matrix of each formulation that is shifted."""
+
+
+def shifted(trial: SolverTrial, *, definite: bool = False) -> SolverTrial | None:
+    """Return the trial on the problem with its matrix plus its mean size (with `definite` also its negative part).
+
+    None for formulations without such a matrix.
+    """
+    problem: Any = trial.problem
+    name = MATRIX.get(problem.node)
+    if name is None or not getattr(problem, name).shape[0]:
+        return None
+    K: Matrix = getattr(problem, name)
+    size = float(np.abs(K.diagonal()).mean()) or matrices.max_abs(K) or 1.0
+    if definite:
+        both: Any = K if problem.node != "mlcp" else matrices.block([[problem.A, problem.C], [problem.D, problem.B]])
+        least = matrices.least_eigenvalue(both)
+        size += max(-least, 0.0)
+    changed = {name: _plus(K, size)}
+    if definite and problem.node == "mlcp":
+        changed["B"] = _plus(problem.B, size)
+    return replace(trial, problem=replace(problem, **changed))
+
+
+def dominated(trial: SolverTrial) -> SolverTrial | None:
+    """Return the trial on the problem with the diagonal of its matrix raised to twice the other entries of its row.
+
+    Sweeps over such a matrix contract, by half each. None for formulations without such a matrix.
+    """
+    problem: Any = trial.problem
+    name = MATRIX.get(problem.node)
+    if name is None or not getattr(problem, name).shape[0]:
+        return None
+    K: Matrix = getattr(problem, name)
+    diagonal = np.asarray(K.diagonal(), dtype=float)
+    others = np.asarray(abs(sp.csr_array(K)).sum(axis=1), dtype=float).ravel() - np.abs(diagonal)
+    return replace(trial, problem=replace(problem, **{name: _plus(K, np.maximum(2.0 * others - diagonal, 0.0))}))
+
+
+def _plus(K: Matrix, size: float | Vector) -> Matrix:
+    added = np.broadcast_to(size, K.shape[0])
+    return sp.csr_array(K + sp.diags_array(added)) if matrices.is_sparse(K) else K + np.diag(added)

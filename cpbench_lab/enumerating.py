@@ -1,0 +1,157 @@
+"""All solutions of a small problem, as the façade and the commands `solve --all` and `certify --all` list them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from cpbench import graph, storage
+from cpbench_lab.certifying import require_flint
+from cpbench.api.problems import verify
+from cpbench.errors import CpbenchError, FormatError, NoRoute
+from cpbench.formulations.base import Kind, Point, Problem
+from cpbench.matrices import Dense
+from cpbench.plurals import counted
+from cpbench.storage.base import write_atomic
+
+NODES = ("lcp", "mlcp")
+"""Formulations of which all complementary bases are looked at."""
+SUFFIXES = (".npy", ".csv", ".txt")
+
+
+@dataclass(frozen=True, eq=False)
+class EverySolution:
+    """All solutions of a problem, over the rationals.
+
+    Attributes
+    ----------
+    problem : the problem. points : its solutions, rounded to the nearest doubles; of a continuum (`endless`) those that
+        are the only one of some complementary basis, as its ends are.
+    route : the conversions to the problem whose bases were looked at.
+    endless : whether they fill a continuum.
+    """
+
+    problem: Problem
+    points: tuple[Point, ...]
+    route: str = "direct"
+    endless: bool = False
+
+    @property
+    def count(self) -> float:
+        """The number of solutions, infinity for a continuum."""
+        return math.inf if self.endless else float(len(self.points))
+
+    @property
+    def x(self) -> Dense:
+        """The solutions as vectors, the parts of a point one after the other, shape (count, n)."""
+        size = sum(self.problem.point_sizes.values())
+        vectors = [np.concatenate([np.zeros(0), *point.arrays().values()]) for point in self.points]
+        return np.array(vectors, dtype=np.float64).reshape(len(vectors), size)
+
+    def lines(self) -> Iterator[str]:
+        """Yield how many solutions there are, and each with the error that is measured of it."""
+        if self.endless:
+            yield f"a continuum of solutions, of which {len(self.points)} are the only one of a complementary basis"
+        elif self.points:
+            yield f"{counted(len(self.points), 'solution')}, all there are"
+        else:
+            yield "there is no solution: all complementary bases were looked at"
+        for number, point in enumerate(self.points, 1):
+            parts = (
+                f"{name} = ({', '.join(f'{v:.9g}' for v in values.tolist())})"
+                for name, values in point.arrays().items()
+                if values.size
+            )
+            yield f"  {number}: {'; '.join(parts)}   error {verify(self.problem, point).error:.2g}"
+
+    def save(self, path: Path, *, force: bool = False) -> None:
+        """Write a row for each solution (.npy, .csv, .txt); raises FormatError on another suffix, and where the file
+        exists (unless `force`)."""
+        require_rows(path)
+
+        def put(file: BinaryIO) -> None:
+            if path.suffix == ".npy":
+                np.save(file, self.x, allow_pickle=False)
+            else:
+                np.savetxt(file, self.x, fmt="%.17g", delimiter=",")
+
+        write_atomic(path, put, force=force)
+
+
+def reply_to(address: str, asked: Mapping[str, Any]) -> dict[str, Any]:
+    """List all solutions of the problem of a file, as `cpbench solve --all` is asked: lines, record, and whether a file
+    was written. Raises CpbenchError."""
+    problem = storage.load(address, format=asked["format"])
+    found = every_solution(problem)
+    name = problem.name or Path(address).stem
+    first, *rest = found.lines()
+    record = {"problem": name, "endless": found.endless, "route": found.route, "solutions": found.x.tolist()}
+    if asked["output"] is not None and found.points:
+        found.save(Path(asked["output"]), force=asked["force"])
+    lines = [f"{name} ({problem.node}): {first}", *rest]
+    return {"lines": lines, "record": record, "good": True, "written": bool(found.points)}
+
+
+def require_rows(path: Path) -> None:
+    """Raise FormatError where the suffix is none of a file with a row for each solution."""
+    if path.suffix not in SUFFIXES:
+        raise FormatError(path, "", f"all solutions are written as rows of numbers: name it {', '.join(SUFFIXES)}")
+
+
+def every_solution(problem: Problem) -> EverySolution:
+    """Return all solutions of a problem that is a small LCP or MLCP, or equivalent to one.
+
+    Every complementary basis is looked at, in exact arithmetic: about 12 pairs at most.
+
+    Raises CpbenchError where it is another problem, too large or takes too long, and without python-flint.
+
+    >>> import cpbench
+    >>> found = cpbench.every_solution(cpbench.LCP(M=[[1.0, 2.0], [2.0, 1.0]], q=[-3.0, -3.0]))
+    >>> found.x.tolist()
+    [[3.0, 0.0], [0.0, 3.0], [1.0, 1.0]]
+    """
+    require_flint()
+    from cpbench_lab.certificates.all_solutions import all_solutions, basic_solutions
+    from cpbench_lab.certificates.exact_rows import nearest
+
+    converted, steps, route = _converted(problem)
+    found = all_solutions(converted)
+    endless = found is not None and found.endless is not None
+    listed = basic_solutions(converted) if endless else None if found is None else [exact for exact, _ in found.points]
+    if listed is None:
+        sizes = ", ".join(f"{symbol} = {size}" for symbol, size in converted.sizes().items())
+        raise CpbenchError(
+            f"{converted.node} with {sizes}: too large to look at every complementary basis, which takes 2^n solves; "
+            "leave --all out for one solution"
+        )
+    points: dict[bytes, Any] = {}
+    for exact in listed:
+        point = converted.point_from_vector(np.array([nearest(value) for value in exact]))
+        lifted = graph.lift(converted, point, steps)
+        points.setdefault(b"".join((values + 0.0).tobytes() for values in lifted.arrays().values()), lifted)
+    return EverySolution(problem, tuple(points.values()), route, endless)
+
+
+def _converted(problem: Problem) -> tuple[Problem, int, str]:
+    """Return the problem as an LCP or MLCP with the same solutions, how many conversions led there, and which.
+
+    Raises CpbenchError.
+    """
+    if problem.node in NODES:
+        return problem, 0, "direct"
+    why = ""
+    for node in NODES:
+        try:
+            arrival = graph.arrive(problem, node, frozenset({Kind.EQUIVALENT}))
+        except NoRoute as cause:
+            why = why or str(cause)
+            continue
+        return arrival.problem, len(arrival.route.steps), arrival.route.label
+    raise CpbenchError(
+        f"{problem.node}: all solutions are listed of an LCP or MLCP, or what is equivalent to one: {why}"
+    )

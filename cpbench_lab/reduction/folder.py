@@ -1,0 +1,189 @@
+"""The folder of a reduced failure: the problem, a picture, programs with its data, and a report for an issue."""
+
+from __future__ import annotations
+
+import importlib.util
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cpbench import matrices, storage
+from cpbench_lab.certifying import certify
+from cpbench.bench.results import answers
+from cpbench.bench.results.rows import Outcome
+from cpbench.errors import CpbenchError, PointError
+from cpbench.formulations.base import Problem
+from cpbench.plain_text import printable
+from cpbench.plurals import counted
+from cpbench_lab.reduction.forms import form
+from cpbench_lab.reduction.numbers import digits
+from cpbench_lab.reduction.reduce import LARGE, ReducedFailure, data_size
+from cpbench_lab.reduction.snippets import snippets
+from cpbench_lab.reduction.trials import Asked
+from cpbench.report import canvas, figure_kinds, pictures
+from cpbench.verification import MET_TOLERANCE
+
+PICTURES = ("lcp-cones", "contact", "sparsity")
+"""Kinds of pictures, the first that takes the problem is drawn."""
+PRINTED = 60
+"""Numbers of a problem that the report shows; more stand in the file only."""
+PROOF_SECONDS = 10.0
+"""Limit of each search for a certificate [s]."""
+
+
+@dataclass(frozen=True)
+class WrittenFiles:
+    """Files of a reduced failure, and the level of the certificate of its true answer, "" where none was sought."""
+
+    files: tuple[Path, ...]
+    level: str
+
+
+def write_folder(reduced: ReducedFailure, asked: Asked, source: str, folder: Path) -> WrittenFiles:
+    """Write `problem.h5`, `report.md`, `problem.svg` and the programs, replacing what is there.
+
+    Parameters
+    ----------
+    source : what the problem was reduced from, for the report. Of a problem that stayed large there are no programs
+    and no certificates.
+    """
+    problem, last = reduced.problem, reduced.last
+    folder.mkdir(parents=True, exist_ok=True)
+    known = {
+        "claimed": _point(problem, last.outcome),
+        "true": _point(problem, last.other if last.other and last.other.status in MET_TOLERANCE else None),
+    }
+    points = {name: point for name, point in known.items() if point is not None}
+    storage.save(problem, folder / "problem.h5", force=True)
+    written = [folder / "problem.h5", *_picture(problem, points.get("true", points.get("claimed")), folder)]
+    title = f"{asked.solver}: {asked.predicate} on a problem of {_sizes(problem)} ({problem.node})"
+    linear = form(problem)
+    small = data_size(problem) <= LARGE
+    programs = {} if linear is None or not small else snippets(linear, title, points)
+    level, proofs = _proofs(problem, points) if small else ("", [])
+    lines = [*_report(reduced, asked, source, title, points), *(f"- {line}" for line in proofs)]
+    if programs:
+        lines.append(f"- Data and check without cpbench: {', '.join(programs)} (`cc snippet.c -lm && ./a.out`).")
+    texts = {"report.md": "\n".join(lines) + "\n", **programs}
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+        written.append(folder / name)
+    return WrittenFiles(tuple(written), level)
+
+
+def _point(problem: Problem, outcome: Outcome | None) -> Any:
+    """Return the answer of an outcome as a point; None where there is none."""
+    if outcome is None or outcome.answer is None:
+        return None
+    try:
+        return problem.point_from_vector(answers.unpack(outcome.answer))
+    except PointError:
+        return None
+
+
+def _picture(problem: Problem, point: Any, folder: Path) -> Iterator[Path]:
+    for name in PICTURES:
+        kind = figure_kinds.find(pictures.__name__, name)
+        try:
+            with canvas.drawing():
+                drawn = kind.draw(problem, point if kind.answer is not figure_kinds.Need.NONE else None)
+                canvas.write(drawn, folder / "problem.svg")
+        except CpbenchError:
+            continue
+        yield folder / "problem.svg"
+        return
+
+
+# ------------------------------------------------------------------------------------------- the report
+
+
+def _report(reduced: ReducedFailure, asked: Asked, source: str, title: str, points: dict[str, Any]) -> Iterator[str]:
+    problem, outcome, other = reduced.problem, reduced.last.outcome, reduced.last.other
+    ended = "" if reduced.complete else ", not to the end: the time was over"
+    yield f"# {title}"
+    yield ""
+    yield f"- Problem: {', '.join(problem.relations)}; {', '.join(_data(problem))}."
+    yield (
+        f"- Its numbers have {counted(digits(problem), 'digit')} at most; reduced from {source} "
+        f"({_sizes(reduced.source)}) by {counted(reduced.tried, 'solve')}{ended}."
+    )
+    yield f"- Command: `{_command(asked)}`"
+    version = f" {outcome.version}" if outcome.version else ""
+    says = f"`{outcome.claim}`" if outcome.claim else outcome.status
+    message = f" ({printable(outcome.message)})" if outcome.message else ""
+    yield f"- {asked.solver}{version} says {says}{message}{_answer(points.get('claimed'))}."
+    error = "" if outcome.error is None else f", error {outcome.error:.3g} where {asked.tolerance:g} was asked for"
+    yield f"- Measured: {outcome.status}{error}{_seconds(outcome, 'solved in')}."
+    if other is not None:
+        error = "" if other.error is None else f" with error {other.error:.3g}"
+        yield f"- {reduced.last.name}: {other.status}{error}{_seconds(other, 'in')}{_answer(points.get('true'))}."
+
+
+def _sizes(problem: Problem) -> str:
+    return ", ".join(f"{symbol} = {size}" for symbol, size in problem.sizes().items() if size)
+
+
+def _seconds(outcome: Outcome, words: str) -> str:
+    return "" if outcome.solve is None else f", {words} {outcome.solve:.3g} s"
+
+
+def _command(asked: Asked) -> str:
+    words = ["cpbench", "solve", "problem.h5", "-s", shlex.quote(asked.solver), "-t", f"{asked.tolerance:g}"]
+    words += ["--timeout", f"{asked.limits.seconds:g}s"]
+    words += [word for via in asked.via for word in ("--via", shlex.quote(via))]
+    return " ".join(words + (["--routes", "all"] if asked.routes == "all" else []))
+
+
+def _data(problem: Problem) -> Iterator[str]:
+    """Yield the data in numbers, as far as a reader takes them in."""
+    if data_size(problem) > PRINTED:
+        yield _sizes(problem)
+        return
+    for name, value in problem.data().items():
+        if value.size or value.shape == (0,):
+            array = matrices.dense(value) if value.ndim == 2 else np.asarray(value)
+            if array.size:
+                yield f"{name} = {_numbers(array)}"
+    yield from (f"{name} has {F.operations} operations" for name, F in problem.maps().items())
+
+
+def _numbers(array: Any) -> str:
+    if array.ndim == 2:
+        return "[" + ", ".join(map(_numbers, array)) + "]"
+    return "[" + ", ".join(f"{x:.17g}" if float(f"{x:.6g}") != x else f"{x:.6g}" for x in array.tolist()) + "]"
+
+
+def _answer(point: Any) -> str:
+    if point is None:
+        return ""
+    parts = {name: x for name, x in point.arrays().items() if x.size}
+    if sum(x.size for x in parts.values()) > PRINTED:
+        return ""
+    return ": " + ", ".join(f"{name} = [{', '.join(f'{v:.6g}' for v in x.tolist())}]" for name, x in parts.items())
+
+
+def _proofs(problem: Problem, points: dict[str, Any]) -> tuple[str, list[str]]:
+    """Return the level of the true answer's certificate, and what is proved of both answers; nothing without
+    python-flint."""
+    if importlib.util.find_spec("flint") is None:
+        return "", []
+    level, lines = "", list[str]()
+    if "true" in points:
+        found = certify(problem, points["true"], seconds=PROOF_SECONDS)
+        unique = f", the only one ({found.unique})" if found.unique else ""
+        near = f" within {found.distance:.3g} of that answer" if found else ""
+        reason = f" ({found.reason})" if found.reason else ""
+        level = found.level
+        what = "refuted, no solution is near it" if found.level == "refuted" else f"a solution is {found.level}"
+        lines.append(f"Certificate of that answer: {what}{near}{unique}{reason}.")
+    if "claimed" in points:
+        found = certify(problem, points["claimed"], seconds=PROOF_SECONDS)
+        if found.excluded:
+            lines.append(f"Proved of the claim: no solution is within {found.excluded:.3g} of its size from it.")
+        elif found:
+            lines.append(f"A solution is {found.level}; it differs from the claim by {found.distance:.3g} of its size.")
+    return level, lines

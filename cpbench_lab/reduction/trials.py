@@ -1,0 +1,213 @@
+"""Candidates put to the test: each a file, solved in the processes of a run and judged, and none of them twice."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from cpbench import storage
+from cpbench.bench.planning import plan
+from cpbench.bench.planning.nearest import nearest_automatic
+from cpbench.bench.results import answers
+from cpbench.bench.results.rows import Outcome
+from cpbench.bench.slot import Slot
+from cpbench.bench.worker_pool import Setting
+from cpbench.errors import CpbenchError, NoRoute, PointError
+from cpbench.formulations.base import Problem
+from cpbench_lab.reduction.predicate import Predicate
+from cpbench.temporary import RUN, TemporaryHome
+from cpbench.verification import MET_TOLERANCE
+
+OTHERS = 4
+"""Solvers that are asked, at most, whether a problem has a solution."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The failure that is looked at: by which solver, how it is reached, what its answers are asked for.
+
+    Attributes
+    ----------
+    solver : a name with options. predicate : the failure. tolerance : of the verdict. limits : of a solve.
+    via : conversions that are pinned. routes : exact, or all.
+    """
+
+    solver: str
+    predicate: Predicate
+    tolerance: float = 1e-6
+    limits: plan.Limits = field(default_factory=lambda: plan.Limits(seconds=2.0, repeats=1))
+    via: tuple[str, ...] = ()
+    routes: str = "exact"
+
+
+@dataclass(frozen=True)
+class CandidateOutcome:
+    """The outcome of a candidate.
+
+    Attributes
+    ----------
+    holds : whether the solver fails. outcome : of the solver. other : of the solver beside it, None where none was
+    asked. name : of that solver.
+    """
+
+    holds: bool
+    outcome: Outcome
+    other: Outcome | None = None
+    name: str = ""
+
+
+class Trials:
+    """Solves of candidates on one slot, until a time is over. Use as a context manager.
+
+    Parameters
+    ----------
+    asked : the failure. end : on the clock of `time.monotonic`. journal : file of what was tried, which is added to;
+    what it has is not tried again. None: nothing is kept.
+    """
+
+    def __init__(self, asked: Asked, end: float, journal: Path | None = None) -> None:
+        self.asked, self.end = asked, end
+        self.tried, self.remembered = 0, 0
+        self.solvable = asked.predicate.needs_other
+        self._journal = journal
+        self._known: dict[str, bool] = _read(journal)
+        self._beside_by_node: dict[str, str] = {}
+        self._pairs: dict[tuple[str, str], plan.Pair] = {}
+        self._scratch = TemporaryHome(RUN)
+        self._slot = Slot(Setting(asked.limits.threads, asked.limits.memory))
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, value: BaseException | None, tb: TracebackType | None) -> None:
+        self._slot.close()
+        self._scratch.remove()
+
+    @property
+    def over(self) -> bool:
+        """Whether the time is over."""
+        return time.monotonic() > self.end
+
+    def begin(self, problem: Problem) -> CandidateOutcome:
+        """Try the problem as it was given: whether the solver fails, and whether another one solves it, which every
+        candidate has to allow from then on. Raises NoRoute."""
+        trial = self._tried(problem, ask_other=True)
+        self.solvable = self.solvable or (trial.other is not None and trial.other.status in MET_TOLERANCE)
+        if trial.holds:
+            self._remember(problem.fingerprint, True)
+        return trial
+
+    def holds(self, problem: Problem) -> bool:
+        """Return whether the failure is there on a candidate; False once the time is over."""
+        known = self._known.get(problem.fingerprint)
+        if known is not None:
+            self.remembered += 1
+            return known
+        if self.over:
+            return False
+        found = self._tried(problem).holds
+        self._remember(problem.fingerprint, found)
+        return found
+
+    def solution(self, problem: Problem) -> Any:
+        """Return the other solver's verified answer to the problem, None where there is none."""
+        if not self.solvable:
+            return None
+        _, outcome = self._beside(problem)
+        if outcome is None or outcome.status not in MET_TOLERANCE or outcome.answer is None:
+            return None
+        try:
+            return problem.point_from_vector(answers.unpack(outcome.answer))
+        except PointError:
+            return None
+
+    def again(self, problem: Problem) -> CandidateOutcome:
+        """Try a problem once more, whatever is remembered of it."""
+        return self._tried(problem, ask_other=True)
+
+    def _tried(self, problem: Problem, ask_other: bool = False) -> CandidateOutcome:
+        self.tried += 1
+        predicate, outcome = self.asked.predicate, self.solve(problem, self.asked.solver)
+        fails = predicate.fails(outcome)
+        if not (ask_other or (fails and self.solvable)):
+            return CandidateOutcome(fails, outcome)
+        name, other = self._beside(problem)
+        if self.solvable:
+            fails = other is not None and predicate.holds(outcome, other)
+        return CandidateOutcome(fails, outcome, other, name)
+
+    def _beside(self, problem: Problem) -> tuple[str, Outcome | None]:
+        """Solve a problem by the solver that was named, or by the first of ours that solves it: the nearest automatic
+        choices, then others of the formulation. What solved a problem is asked for all others of its formulation."""
+        named = self.asked.predicate.other
+        if named:
+            return named, self.solve(problem, named)
+        failing, found = plan.parse_entry(self.asked.solver).solver, ("", None)
+        known = self._beside_by_node.get(problem.node)
+        for name in [known] if known else [n for n in nearest_automatic(problem.node) if n != failing][:OTHERS]:
+            try:
+                found = name, self.solve(problem, name)
+            except NoRoute:
+                continue
+            if found[1].status in MET_TOLERANCE:
+                self._beside_by_node[problem.node] = name
+                break
+        return found
+
+    def solve(self, problem: Problem, solver: str) -> Outcome:
+        """Solve a problem by a solver with its options; raises NoRoute where this formulation does not reach it."""
+        path = self._scratch.folder / f"candidate-{problem.fingerprint}.h5"
+        if not path.exists():
+            for old in self._scratch.folder.glob("candidate-*.h5"):
+                old.unlink()
+            storage.save(problem, path)
+        pair = self._pair(problem, solver, str(path))
+        return self._slot.run(pair, self._slot.prepare(pair))
+
+    def _pair(self, problem: Problem, solver: str, address: str) -> plan.Pair:
+        known = self._pairs.get((problem.node, solver))
+        if known is None:
+            known = self._pairs[problem.node, solver] = self._planned(solver, address)
+        return replace(known, address=address, fingerprint=problem.fingerprint, sizes=problem.sizes())
+
+    def _planned(self, solver: str, address: str) -> plan.Pair:
+        asked, entry = self.asked, plan.parse_entry(solver)
+        failing = solver == asked.solver
+        if asked.via and failing:
+            requests: Sequence[plan.Request] = [plan.pinned(asked.via, {})]
+        else:
+            requests = plan.requests("all", ()) if asked.routes == "all" and failing else [plan.exact()]
+        survey = self._slot.survey(address, requests)
+        found = plan.pairs([survey], [entry], requests, asked.tolerance, asked.limits, relaxations=failing)
+        if not found:
+            raise NoRoute(f"no route from {survey.node} to {solver}; see: cpbench route FILE --explain")
+        return found[0]
+
+    def _remember(self, fingerprint: str, holds: bool) -> None:
+        self._known[fingerprint] = holds
+        if self._journal is not None:
+            with self._journal.open("a", encoding="utf-8") as file:
+                file.write(json.dumps([fingerprint, holds]) + "\n")
+
+
+def _read(journal: Path | None) -> dict[str, bool]:
+    """Read what was tried; a last line that was cut off is passed over."""
+    if journal is None or not journal.exists():
+        return {}
+    known: dict[str, bool] = {}
+    for line in journal.read_text(encoding="utf-8").splitlines():
+        try:
+            fingerprint, holds = json.loads(line)
+        except ValueError as cause:
+            if not line.startswith("["):
+                raise CpbenchError(
+                    f"{journal}: is no journal of cpbench reduce ({cause}); name another folder"
+                ) from None
+            continue
+        known[str(fingerprint)] = bool(holds)
+    return known
