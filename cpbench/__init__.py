@@ -20,10 +20,6 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from types import ModuleType
     from typing import Any
 
-    from cpbench_lab.certifying import certify as certify
-    from cpbench_lab.diagnosing import diagnose as diagnose
-    from cpbench_lab.enumerating import EverySolution as EverySolution
-    from cpbench_lab.enumerating import every_solution as every_solution
     from cpbench.api.gallery import gallery as gallery
     from cpbench.api.problems import Converted as Converted
     from cpbench.api.problems import convert as convert
@@ -69,10 +65,6 @@ _HOMES = {
     "Converted": "api.problems",
     "explain": "api.problems",
     "verify": "api.problems",
-    "certify": "api.certifying",
-    "every_solution": "api.enumerating",
-    "EverySolution": "api.enumerating",
-    "diagnose": "api.diagnosing",
     "run": "api.runs",
     "Results": "api.results",
     "list_solvers": "api.solver_list",
@@ -95,11 +87,13 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         return getattr(_module(_HOMES[name]), name)
     if name == "__all__":
-        return ["__version__", *_HOMES, *sorted({*_own_formulations(), *_all_formulations()})]
+        return ["__version__", *_HOMES, *_added_functions(), *sorted({*_own_formulations(), *_all_formulations()})]
     if name[0].isupper():  # a module that has this name is sought by Python itself
         found = _own_formulations().get(name) or _all_formulations().get(name)
         if found is not None:
             return found
+    if not name.startswith("_") and name in _added_functions():
+        return _module("extensions").function(name)
     raise AttributeError(f"module 'cpbench' has no attribute '{name}'")
 
 
@@ -108,6 +102,13 @@ def _module(name: str) -> ModuleType:
 
     with uncollected():
         return importlib.import_module(f"cpbench.{name}")
+
+
+def _added_functions() -> dict[str, Any]:
+    """Return the functions of other installed packages, by name: their entry points."""
+    extensions = _module("extensions")
+    found: dict[str, Any] = extensions.added(extensions.FUNCTIONS)
+    return found
 
 
 def _own_formulations() -> dict[str, type]:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 
+from cpbench.extensions import COMMANDS as ADDED
+from cpbench.extensions import added, summary
+
 INTRODUCTION = (
     "Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.",
     "`cpbench run` without arguments compares solvers on small built-in problems, within a minute.",
@@ -20,10 +23,6 @@ COMMANDS = {
     "convert": "Convert a problem to another formulation; the file can lift answers back.",
     "lift": "Carry an answer to a converted problem back to its source.",
     "verify": "Measure an answer on a problem, or judge the stored answers of a results file again.",
-    "certify": "Prove that a solution is near an answer, and show the distance.",
-    "explain": "Say why a solver fails on a problem, and which remedy works.",
-    "reduce": "Reduce a problem on which a solver fails to the smallest and simplest that still fails.",
-    "hunt": "Search for problems on which a solver makes a false claim, crashes or is slow, and another does not.",
     "info": "Show the contents of a problem file, and measured facts about its matrices.",
     "show": "Show a problem in numbers or as block structure, with its equations; also as LaTeX.",
     "plot": "Draw a figure of a run (profile, pairs, scaling, ...) or of a problem (friction cone, contacts, ...).",
@@ -37,8 +36,6 @@ COMMANDS = {
     "import": "Judge answers that were computed elsewhere, and put them into a results file.",
     "merge": "Put the rows of several results files into one.",
     "export": "Write the rows or the answers of a results file to other formats.",
-    "bundle": "Put a run, with everything needed to repeat it, into one zip file.",
-    "reproduce": "Run a bundle again and compare.",
     "generate": "Write the built-in problems again from their formulas, or check them.",
     "new": "Write a plugin that works: a solver in some language, a conversion or problems.",
     "check": "Run the conformance checks on a plugin.",
@@ -53,9 +50,10 @@ def help_text() -> str:
     except (OSError, ValueError):  # no terminal
         columns = 80
     width = max(min(columns, 80) - 2, 50)
+    commands = COMMANDS | {name: summary(entry) for name, entry in added(ADDED).items() if name not in COMMANDS}
     blocks = ["Usage: cpbench [OPTIONS] COMMAND [ARGS]..."]
     blocks += ["\n".join(f"  {line}" for line in _wrapped(paragraph, width - 2)) for paragraph in INTRODUCTION]
-    return "\n\n".join([*blocks, _table("Options", OPTIONS, width), _table("Commands", COMMANDS, width)])
+    return "\n\n".join([*blocks, _table("Options", OPTIONS, width), _table("Commands", commands, width)])
 
 
 def _table(title: str, rows: dict[str, str], width: int) -> str:

@@ -15,19 +15,10 @@ def summary(certificate: Certificate) -> str:
     parts = [
         f"unique: {certificate.unique}" if certificate.unique else "",
         number_of_solutions(certificate),
-        excluded(certificate, ".2g"),
+        certificate.excluded_text(".2g"),
         certificate.reason,
     ]
     return "; ".join(filter(None, parts))
-
-
-def excluded(certificate: Certificate, digits: str) -> str:
-    """Say how far from the answer a solution must be at least; '' where that is not known."""
-    if not certificate.excluded:
-        return ""
-    whole = certificate.node in ("qp", "avi") and "direction" not in certificate.evidence
-    with_its = " with its multipliers" if whole else ""
-    return f"no solution is within {certificate.excluded:{digits}} of the answer's size{with_its}"
 
 
 def number_of_solutions(certificate: Certificate) -> str:
@@ -66,7 +57,7 @@ def certificate_lines(certificate: Certificate) -> Iterator[str]:
         for x in certificate.evidence.get("solutions", ()):
             yield f"             ({', '.join(f'{v:.6g}' for v in x)})"
     if certificate.excluded:
-        yield f"  excluded   {excluded(certificate, '.3g')}"
+        yield f"  excluded   {certificate.excluded_text('.3g')}"
     if certificate.reason:
         yield f"  no proof   {certificate.reason}"
     yield f"  seconds    {certificate.seconds:.3g}"

@@ -8,13 +8,13 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cpbench_lab.certificate_text import summary
 from cpbench.api.problems import point_of, verify
 from cpbench.api.solution import Solution
 from cpbench.api.solving import solve
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Point, Problem
 from cpbench.verification import PROVEN
+from cpbench_lab.certificate_text import summary
 
 if TYPE_CHECKING:
     from cpbench.bench.results.store import Store

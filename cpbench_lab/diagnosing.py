@@ -11,12 +11,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpbench_lab.certifying import certify
 from cpbench.bench.planning.plan import Limits
 from cpbench.bench.results.sealed import sealed
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Problem
 from cpbench.verification import PROVEN
+from cpbench_lab.certifying import certify
 
 if TYPE_CHECKING:
     from cpbench_lab.diagnosis.attempts import SolverTrial

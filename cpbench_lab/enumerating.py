@@ -11,13 +11,13 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from cpbench import graph, storage
-from cpbench_lab.certifying import require_flint
 from cpbench.api.problems import verify
 from cpbench.errors import CpbenchError, FormatError, NoRoute
 from cpbench.formulations.base import Kind, Point, Problem
 from cpbench.matrices import Dense
 from cpbench.plurals import counted
 from cpbench.storage.base import write_atomic
+from cpbench_lab.certifying import require_flint
 
 NODES = ("lcp", "mlcp")
 """Formulations of which all complementary bases are looked at."""

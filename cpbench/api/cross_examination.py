@@ -19,6 +19,7 @@ from cpbench.analysis.contradictions import Conflict, Contradiction
 from cpbench.bench.results.answers import unpack
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
+from cpbench.extensions import function
 from cpbench.formulations.base import Problem
 from cpbench.plain_text import printable
 from cpbench.plurals import counted
@@ -169,16 +170,13 @@ def _arbitration(problem: Problem, kind: str, answers: Sequence[tuple[str, bytes
 
 def _certified(problem: Problem, answer: Any, seconds: float) -> tuple[bool, str]:
     """Return whether a certificate proves that there is a solution, and what it says of an answer, in a few words."""
-    from cpbench_lab.certificate_text import excluded
-    from cpbench_lab.certifying import certify
-
     try:
-        found = certify(problem, answer, seconds=seconds)
+        found = function("certify")(problem, answer, seconds=seconds)
     except (CpbenchError, ArithmeticError, ValueError) as cause:
         return False, f"no certificate ({cause})"
     if found and math.isfinite(found.distance):
         only = f", the only one ({found.unique})" if found.unique else ""
         return True, f"a solution{only} is at most {found.distance:.2g} away"
     if found.level == "refuted":
-        return False, excluded(found, ".2g") or "there is no solution"
+        return False, found.excluded_text(".2g") or "there is no solution"
     return False, f"nothing is proved ({found.reason})" if found.reason else "nothing is proved"

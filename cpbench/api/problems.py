@@ -148,12 +148,11 @@ def explain(problem: Problem, to: str) -> list[str]:
     """
     from cpbench import brackets, graph
     from cpbench.errors import NoRoute
+    from cpbench.extensions import function
     from cpbench.solvers.base import solvers
 
     if to not in graph.formulations and brackets.read("solver", to)[0] in solvers:
-        from cpbench_lab.diagnosing import diagnose
-
-        return list(diagnose(problem, to).lines())
+        return list(function("diagnose")(problem, to).lines())
     graph.formulations.get(to)
     dead = [str(end) for end in graph.explain(problem, to)]
     try:

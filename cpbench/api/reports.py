@@ -92,8 +92,9 @@ def write_tex(results: Path, folder: Path, title: str, facets: Sequence[str], **
     facets : profiles by `family`, `tolerance`, or both. choices : `publishable`, `with_imported`, `count_stationary`.
     """
     from cpbench.bench.results.citations import citations
-    from cpbench_lab.document.page import write_document
+    from cpbench.extensions import function
 
+    write_document = function("write_document")
     with sealed(results) as store:
         require_folder(folder)
         table, meta, cited = store.table(), store.meta(), citations(store)

@@ -30,6 +30,7 @@ from cpbench.bench.processes.isolation import address_space, die_with_parent, me
 from cpbench.bench.results.rows import Outcome
 from cpbench.conversions.base import Conversion
 from cpbench.errors import CpbenchError, NoRoute, NotApplicable, Unavailable
+from cpbench.extensions import function
 from cpbench.formulations.base import Kind, Problem
 from cpbench.generators.collection import builtin_folder
 from cpbench.solvers import warming
@@ -115,8 +116,7 @@ def _answer(asked: Mapping[str, Any], talk: _Talk) -> dict[str, Any]:
         require_new(Path(asked["output"]), asked["force"])
     talk.limit(asked["memory"])
     if asked["all"]:
-        from cpbench_lab.enumerating import reply_to, require_rows
-
+        require_rows, reply_to = function("require_rows"), function("reply_to")
         if asked["output"] is not None:
             require_rows(Path(asked["output"]))
         talk.begin(JUDGE)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
+from cpbench import extensions
 from cpbench.bench import planned_run
 from cpbench.bench.planning.assembly import Assembly, Reading, assemble
 from cpbench.bench.planning.run_plan import RunPlan
@@ -79,8 +80,7 @@ class OpenRun:
         plan = self.plan
         if not (plan.dask or plan.cluster):
             return self._slots
-        from cpbench_lab.cluster import connect
-
+        connect = extensions.load(extensions.EXECUTORS, "dask")
         if plan.dask:
             return self._stack.enter_context(connect.to_scheduler(plan.dask, self._setting))
         jobs = plan.jobs if plan.jobs > 1 else None

@@ -13,6 +13,8 @@ import click
 from cpbench import __version__
 from cpbench.cli import ahead
 from cpbench.errors import CpbenchError, FormatError, SealError
+from cpbench.extensions import COMMANDS as ADDED
+from cpbench.extensions import added, load
 from cpbench.help_text import COMMANDS as COMMANDS
 from cpbench.help_text import OPTIONS, help_text
 from cpbench.imports import uncollected
@@ -45,16 +47,21 @@ _PLUGIN: dict[str, Any] = {
 
 
 class LazyGroup(click.Group):
-    """A group whose commands live in `cpbench.cli.<name>_command` and are imported on use."""
+    """A group whose commands live in `cpbench.cli.<name>_command`, or behind the entry points ``cpbench.commands`` of
+    other packages, and are imported on use. A name that is taken here is not taken by another package."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+        return list(COMMANDS | added(ADDED))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS:
+        if cmd_name not in COMMANDS | added(ADDED):
             return None
         with uncollected():
-            command: click.Command = importlib.import_module(f"cpbench.cli.{cmd_name}_command").command
+            command: click.Command = (
+                importlib.import_module(f"cpbench.cli.{cmd_name}_command").command
+                if cmd_name in COMMANDS
+                else load(ADDED, cmd_name)
+            )
         if all(parameter.name != "plugin_files" for parameter in command.params):
             command.params.append(click.Option(["--plugin", "plugin_files"], **_PLUGIN))
         return command
@@ -72,8 +79,9 @@ class LazyGroup(click.Group):
         except click.UsageError:
             import difflib
 
-            near = difflib.get_close_matches(args[0], COMMANDS, n=3)
-            hint = f"did you mean {', '.join(near)}?" if near else f"commands: {', '.join(COMMANDS)}"
+            known = self.list_commands(ctx)
+            near = difflib.get_close_matches(args[0], known, n=3)
+            hint = f"did you mean {', '.join(near)}?" if near else f"commands: {', '.join(known)}"
             ctx.fail(f"no command '{args[0]}': {hint}")
 
 

@@ -55,15 +55,17 @@ def begin(arguments: Sequence[str]) -> None:
 
 
 def own_process(solver: str) -> bool:
-    """Return whether a solver of cpbench solves in one process that is limited by the system, on this one.
+    """Return whether a solver seems to be no adapter and may solve in one process that is limited by the system.
 
-    Others run in processes with more isolation. Only the text of modules is looked at: nothing is imported.
+    Others run in processes with more isolation; the process decides that again where it knows the solver. Only the
+    text of modules is looked at: nothing is imported.
     """
     if sys.platform != "linux" or os.environ.get("CPBENCH_ISOLATION") == "spawn":
         return False
     name = solver.partition("[")[0]
-    native = Path(__file__).parents[1] / "solvers" / "native"
-    return name == AUTO or any(f'"{name}"' in path.read_text("utf-8") for path in native.glob("*/*.py"))
+    adapters = Path(__file__).parents[1] / "solvers" / "adapters"
+    texts = (path for suffix in ("py", "toml") for path in adapters.glob(f"*.{suffix}"))
+    return name == AUTO or not any(f'"{name}"' in path.read_text("utf-8") for path in texts)
 
 
 def begin_solving(threads: int) -> None:

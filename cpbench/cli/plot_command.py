@@ -8,11 +8,16 @@ from typing import Any
 
 import click
 
-PACKAGES = {
-    "cpbench.report.plots": ("cpbench.cli.plot_run", "Of runs"),
-    "cpbench_lab.pictures": ("cpbench.cli.plot_problem", "Of problems"),
-}
-"""Rooms of kinds of figures: the module whose `command_of` makes a command of one, and the heading in the help."""
+RUNS = "cpbench.report.plots"
+OF_RUNS, OF_PROBLEMS = ("cpbench.cli.plot_run", "Of runs"), ("cpbench.cli.plot_problem", "Of problems")
+"""The module whose `command_of` makes a command of a kind of figure, and the heading in the help."""
+
+
+def packages() -> dict[str, tuple[str, str]]:
+    """Return the packages of kinds of figures: of runs cpbench's own, of problems those of installed packages."""
+    from cpbench.extensions import FIGURES, added
+
+    return {RUNS: OF_RUNS} | {entry.value: OF_PROBLEMS for entry in added(FIGURES).values()}
 
 
 @cache
@@ -20,7 +25,7 @@ def _kinds() -> dict[str, tuple[str, str]]:
     """Return the package and the summary of each kind of figure."""
     from cpbench.report.figure_kinds import summaries
 
-    return {name: (package, text) for package in PACKAGES for name, text in summaries(package).items()}
+    return {name: (package, text) for package in packages() for name, text in summaries(package).items()}
 
 
 class Kinds(click.Group):
@@ -35,11 +40,11 @@ class Kinds(click.Group):
         from cpbench.report.figure_kinds import find
 
         package = _kinds()[cmd_name][0]
-        found: click.Command = importlib.import_module(PACKAGES[package][0]).command_of(find(package, cmd_name))
+        found: click.Command = importlib.import_module(packages()[package][0]).command_of(find(package, cmd_name))
         return found
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        for package, (_, heading) in PACKAGES.items():
+        for package, (_, heading) in packages().items():
             with formatter.section(heading):
                 formatter.write_dl([(name, text) for name, (own, text) in _kinds().items() if own == package])
 

@@ -1,4 +1,4 @@
-"""The commands of `cpbench plot` that draw a problem, made from the kinds in `report/pictures`."""
+"""The commands of `cpbench plot` that draw a problem, made from the kinds of installed packages."""
 
 from __future__ import annotations
 

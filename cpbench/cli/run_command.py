@@ -17,6 +17,7 @@ from cpbench.cli.progress import Display
 from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from, require_near, run_options
 from cpbench.cli.run_output import announce, finish, print_removed
 from cpbench.errors import StoreError
+from cpbench.extensions import function
 from cpbench.generators.collection import builtin_folder, quick_problems
 from cpbench.imports import import_ahead
 
@@ -59,9 +60,7 @@ def command(
     if no_report:
         given["report"] = None
     if certify:
-        from cpbench_lab.certifying import require_flint  # with the solvers, which other runs need not wait for
-
-        require_flint()
+        function("require_flint")()
     values = (file.top, file.sets) if file is not None else ({}, [])
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
     plan = run_plan.make(given, *values, only=only_sets, suite=suite)

@@ -176,9 +176,10 @@ def _apart(problem: str, asked: Mapping[str, Any]) -> dict[str, Any]:
         require_new(Path(asked["output"]), asked["force"])
     address = ADDRESS.convert(problem, None, None)
     if asked["all"]:
-        from cpbench_lab.enumerating import reply_to
+        from cpbench.extensions import function
 
-        return reply_to(address, asked)
+        reply: dict[str, Any] = function("reply_to")(address, asked)
+        return reply
     answered = solve_apart(
         address,
         asked["solver"],

@@ -1,8 +1,8 @@
 """The kinds of single figures that `cpbench plot` draws: a module each, found by its name and imported when asked for.
 
-A kind `lcp-cones` is the module `lcp_cones` of a package (`report/pictures` for problems, `report/plots` for runs),
-with one function registered here. Its options are the keyword arguments of that function, with their defaults; the
-first line of the module's docstring tells what it shows.
+A kind `lcp-cones` is the module `lcp_cones` of a package (`report/plots` for runs; for problems those behind the entry
+points ``cpbench.figures``), with one function registered here. Its options are the keyword arguments of that function,
+with their defaults; the first line of the module's docstring tells what it shows.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class FigureKind:
 
     Attributes
     ----------
-    draw : draw(problem, point, **options) -> Drawing in `report/pictures`, draw(run, choice, **options) in
-        `report/plots`; raises CpbenchError on what it cannot draw.
+    draw : draw(problem, point, **options) -> Drawing for problems, draw(run, choice, **options) for runs; raises
+        CpbenchError on what it cannot draw.
     problem, answer : whether `problem` and `point` may be None.
     helps : option -> what it means.
     """
@@ -86,7 +86,7 @@ def figure_kind(
 
 
 def summaries(package: str) -> dict[str, str]:
-    """List the kinds of a package (`cpbench_lab.pictures`) and the first line of each module, without importing
+    """List the kinds of a package (`cpbench.report.plots`) and the first line of each module, without importing
     them.
     """
     folder = Path(str(importlib.import_module(package).__file__)).parent

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from cpbench.bench.results.store import Store
-from cpbench_lab.bundle.agreement import Agreement, ordered
-from cpbench_lab.bundle.reproduction import Bundle
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
+from cpbench_lab.bundle.agreement import Agreement, ordered
+from cpbench_lab.bundle.reproduction import Bundle
 
 LISTED = 20
 """Differences that are shown; the two results files have all."""

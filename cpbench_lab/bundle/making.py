@@ -12,10 +12,10 @@ from typing import Any
 
 from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
+from cpbench.errors import CpbenchError
 from cpbench_lab.bundle import archive, guide, plan_of_rows, plugins, problems, results
 from cpbench_lab.bundle.plugins import Plugins
 from cpbench_lab.bundle.problems import Place, Unit
-from cpbench.errors import CpbenchError
 
 PLAN, GUIDE, REPORT = "plan.toml", "REPRODUCE.md", "report"
 MACHINE, VERSIONS = "machine.json", "versions.txt"

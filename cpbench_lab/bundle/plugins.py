@@ -19,9 +19,9 @@ from cpbench import toml_text
 from cpbench.bench.planning import plan_file
 from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
-from cpbench_lab.bundle.archive import name_of
 from cpbench.errors import CpbenchError
 from cpbench.registry import PLUGIN_FILES
+from cpbench_lab.bundle.archive import name_of
 
 FOLDER = "plugins"
 VARIANTS = f"{FOLDER}/variants/variants.toml"

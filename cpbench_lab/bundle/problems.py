@@ -19,13 +19,13 @@ from cpbench import storage
 from cpbench.bench.planning.run_plan import BUILTIN
 from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
-from cpbench_lab.bundle.archive import name_of
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations.base import Point, Problem
 from cpbench.storage.base import SEPARATOR, split_address
 from cpbench.storage.hdf5_files import write_problem
 from cpbench.storage.hdf5_points import put_guesses, put_solution
 from cpbench.storage.hdf5_writer import new_file
+from cpbench_lab.bundle.archive import name_of
 
 FOLDER = "problems"
 FORBIDS = re.compile(

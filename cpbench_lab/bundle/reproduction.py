@@ -19,14 +19,14 @@ from cpbench.bench.planning import plan_file, run_plan
 from cpbench.bench.planning.assembly import Assembly, Reading
 from cpbench.bench.planning.run_plan import BUILTIN, RunPlan
 from cpbench.bench.results.store import Store
+from cpbench.errors import CpbenchError, UnknownName
+from cpbench.registry import PLUGIN_FILES
+from cpbench.storage.base import split_address
 from cpbench_lab.bundle import archive, plugins, problems, results
 from cpbench_lab.bundle.agreement import Agreement, agree
 from cpbench_lab.bundle.archive import BundleError
 from cpbench_lab.bundle.making import PLAN
 from cpbench_lab.bundle.plan_of_rows import PARTS, SETTINGS
-from cpbench.errors import CpbenchError, UnknownName
-from cpbench.registry import PLUGIN_FILES
-from cpbench.storage.base import split_address
 
 AGAIN = "again.sqlite"
 

@@ -15,8 +15,8 @@ from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results.limits import limits_of
 from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
-from cpbench_lab.bundle.problems import Place, Unit, unit
 from cpbench.errors import CpbenchError
+from cpbench_lab.bundle.problems import Place, Unit, unit
 
 NAME = "results.sqlite"
 _TABLES = ("refused", "references", "merged", "formats")

@@ -13,9 +13,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import lstsq
 
-from cpbench_lab.certificates.mixed import Mixed
 from cpbench.factorization import sparse_lu
 from cpbench.matrices import Vector
+from cpbench_lab.certificates.mixed import Mixed
 
 LOWER, BASIC, UPPER = -1, 0, 1
 States = NDArray[np.int8]

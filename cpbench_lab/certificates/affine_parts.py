@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from cpbench_lab.certificates.exact_rows import Index, rational
 from cpbench.expressions import Map
 from cpbench.expressions.operators import Operator as Op
+from cpbench_lab.certificates.exact_rows import Index, rational
 
 LARGEST = 400
 """Rows of the largest set that is looked at."""

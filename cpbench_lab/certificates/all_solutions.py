@@ -17,10 +17,10 @@ import numpy as np
 import scipy.sparse as sp
 from flint import fmpq, fmpq_mat, fmpz_mat
 
+from cpbench.formulations.base import Problem
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, States
 from cpbench_lab.certificates.exact_rows import ExactRows
 from cpbench_lab.certificates.mixed import Mixed, mixed
-from cpbench.formulations.base import Problem
 
 WORK = 1 << 20
 """The most bases times entries of K that are looked at, 12 pairs: a third of a second where few bases are singular."""

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from flint import fmpz
 
+from cpbench.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States, at_bounds
 from cpbench_lab.certificates.exact_rows import ExactRows, Index, blocks, over_one, rational, regular_part, solve
 from cpbench_lab.certificates.mixed import Mixed
-from cpbench.matrices import Vector
 
 LARGEST = 1200
 """Unknowns of the largest irreducible system that is solved: half a minute."""

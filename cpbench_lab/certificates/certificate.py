@@ -84,6 +84,15 @@ class Certificate:
     def __bool__(self) -> bool:
         return self.level in (ENCLOSED, PROVED, INFEASIBLE, UNBOUNDED)
 
+    def excluded_text(self, digits: str) -> str:
+        """Say how far from the answer a solution must be at least, with a number so written; '' where that is not
+        known."""
+        if not self.excluded:
+            return ""
+        whole = self.node in ("qp", "avi") and "direction" not in self.evidence
+        with_its = " with its multipliers" if whole else ""
+        return f"no solution is within {self.excluded:{digits}} of the answer's size{with_its}"
+
 
 def save(path: str | Path, certificate: Certificate, problem: Problem, *, force: bool = False) -> None:
     """Write a certificate with the data of its problem; raises FormatError where the file exists (unless `force`)."""

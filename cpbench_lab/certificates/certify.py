@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 from flint import arb
 
+from cpbench.formulations.base import Problem
+from cpbench.formulations.qp import QP
+from cpbench.matrices import Vector
 from cpbench_lab.certificates import polyhedral
 from cpbench_lab.certificates.active_sets import States
 from cpbench_lab.certificates.all_solutions import AllSolutions, all_solutions
@@ -36,9 +39,6 @@ from cpbench_lab.certificates.mixed import Mixed, mixed
 from cpbench_lab.certificates.nonlinear_boxes import Bounded, enclose_nonlinear, exact_point
 from cpbench_lab.certificates.refutation import ROWS, excluded
 from cpbench_lab.certificates.uniqueness import leading, uniqueness
-from cpbench.formulations.base import Problem
-from cpbench.formulations.qp import QP
-from cpbench.matrices import Vector
 
 ENUMERATION = "enumeration"
 """The fact that makes a solution unique where all bases were looked at."""

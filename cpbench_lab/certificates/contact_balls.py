@@ -21,9 +21,9 @@ import scipy.sparse as sp
 from flint import arb
 from numpy.typing import NDArray
 
+from cpbench.matrices import Dense, Sparse, Vector
 from cpbench_lab.certificates.krawczyk import up
 from cpbench_lab.certificates.mixed import linear_part
-from cpbench.matrices import Dense, Sparse, Vector
 
 OPEN, STICK, SLIDE, SMOOTH = 0, 1, 2, 3
 NAMES = ("open", "sticking", "sliding", "without friction")

@@ -7,11 +7,11 @@ import time
 import numpy as np
 import scipy.sparse as sp
 
+from cpbench.matrices import Vector
 from cpbench_lab.certificates.contact_balls import NAMES, OPEN, SLIDE, STICK, ContactSystem, Scene, States, states_of
 from cpbench_lab.certificates.exact_rows import Index
 from cpbench_lab.certificates.krawczyk import PARTS, Enclosed, digits, enclose, no_box
 from cpbench_lab.certificates.redundant import implied, reduced
-from cpbench.matrices import Vector
 
 ROUNDS = 12
 LARGEST = 3000

@@ -17,9 +17,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from cpbench_lab.certificates.exact_rows import ExactRows, rational, regular_part, solve
 from cpbench.matrices import Sparse, Vector
 from cpbench.verification.sets import INFINITE
+from cpbench_lab.certificates.exact_rows import ExactRows, rational, regular_part, solve
 
 LARGEST = 300
 """Unknowns of the largest system that is solved for a direction."""

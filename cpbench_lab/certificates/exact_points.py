@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
+from cpbench.matrices import Sparse, Vector
 from cpbench_lab.certificates.contact_balls import Scene
 from cpbench_lab.certificates.exact_rows import ExactRows, rational
-from cpbench.matrices import Sparse, Vector
 
 GRIDS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 20, 24)
 """Binary places after the point."""

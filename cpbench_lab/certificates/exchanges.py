@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from cpbench.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States
 from cpbench_lab.certificates.basic_points import ExactPoint, exact_point, row_value, violations
 from cpbench_lab.certificates.exact_rows import ExactRows, rational
 from cpbench_lab.certificates.mixed import Mixed
-from cpbench.matrices import Vector
 
 COMPLETIONS = 30
 """Steps that make a system regular."""

@@ -8,9 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.optimize import linprog
 
+from cpbench.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States, at_bounds
 from cpbench_lab.certificates.mixed import Mixed
-from cpbench.matrices import Vector
 
 
 def interior(P: Mixed, states: States, near: Vector) -> Vector | None:

@@ -16,8 +16,8 @@ from typing import Any, Protocol
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from cpbench_lab.certificates.exact_rows import Index
 from cpbench.matrices import Dense, Vector
+from cpbench_lab.certificates.exact_rows import Index
 
 PRECISION = 256
 """Bits of the balls."""

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from flint import arb, fmpq
 
-from cpbench_lab.certificates.contact_balls import pair
-from cpbench_lab.certificates.krawczyk import digits
 from cpbench.expressions import Map
 from cpbench.expressions.operators import Operator as Op
 from cpbench.matrices import Dense
+from cpbench_lab.certificates.contact_balls import pair
+from cpbench_lab.certificates.krawczyk import digits
 
 DERIVATIVE_BITS = 80
 """Bits of derivatives: they are rounded to doubles afterwards."""

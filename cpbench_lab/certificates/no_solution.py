@@ -7,8 +7,8 @@ import time
 import numpy as np
 
 from cpbench import verification
-from cpbench_lab.certificates.certificate import INFEASIBLE, TOLERANCE, UNBOUNDED, Certificate
 from cpbench.formulations.base import Problem
+from cpbench_lab.certificates.certificate import INFEASIBLE, TOLERANCE, UNBOUNDED, Certificate
 
 
 def without_solution(

@@ -9,6 +9,10 @@ from typing import Any
 import numpy as np
 from flint import arb
 
+from cpbench.expressions import Map
+from cpbench.formulations.base import Problem
+from cpbench.matrices import Dense, Vector
+from cpbench.verification.sets import INFINITE
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States
 from cpbench_lab.certificates.affine_parts import dependent_rows
 from cpbench_lab.certificates.exact_points import rounded
@@ -16,10 +20,6 @@ from cpbench_lab.certificates.exact_rows import Index, rational
 from cpbench_lab.certificates.krawczyk import PARTS, Enclosed, balls, digits, enclose, no_box
 from cpbench_lab.certificates.map_balls import exact_values, jacobian, slopes, values
 from cpbench_lab.certificates.redundant import reduced
-from cpbench.expressions import Map
-from cpbench.formulations.base import Problem
-from cpbench.matrices import Dense, Vector
-from cpbench.verification.sets import INFINITE
 
 LARGEST = 1500
 """Unknowns of the largest system that is enclosed: its inverse is dense, and derivatives are taken in balls."""

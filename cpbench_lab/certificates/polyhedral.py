@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from cpbench.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, States, candidates, solved
 from cpbench_lab.certificates.basic_points import ExactPoint, exact_point, violations
 from cpbench_lab.certificates.exact_rows import ExactRows, nearest
@@ -20,7 +21,6 @@ from cpbench_lab.certificates.exchanges import exchanged
 from cpbench_lab.certificates.faces import interior
 from cpbench_lab.certificates.mixed import Mixed
 from cpbench_lab.certificates.vertices import at_vertex
-from cpbench.matrices import Vector
 
 ROUNDS, SINGLE = 10, 40
 """Changes of the active set: at all wrong places, then at the first wrong one."""

@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from flint import arb
 
+from cpbench.formulations.base import Problem
+from cpbench.matrices import Vector
 from cpbench_lab.certificates.certificate import Evidence
 from cpbench_lab.certificates.contact_balls import BallRows, Scene, square
 from cpbench_lab.certificates.descent import WithRows, direction
@@ -21,8 +23,6 @@ from cpbench_lab.certificates.krawczyk import digits
 from cpbench_lab.certificates.map_balls import values
 from cpbench_lab.certificates.mixed import mixed
 from cpbench_lab.certificates.nonlinear_boxes import Bounded
-from cpbench.formulations.base import Problem
-from cpbench.matrices import Vector
 
 ROWS = ("qp", "avi")
 """Nodes whose answers have multipliers that are no part of what is asked."""

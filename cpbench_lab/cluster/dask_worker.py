@@ -20,8 +20,8 @@ from typing import Any, TypeAlias
 from distributed import Event, Worker, WorkerPlugin, get_worker
 
 import cpbench
-from cpbench_lab.cluster.remote_worker import WorkerSetup
 from cpbench.child_processes import start_python
+from cpbench_lab.cluster.remote_worker import WorkerSetup
 
 IDLE = 300.0
 """Seconds after which a remote worker ends that nothing was asked of."""

@@ -29,8 +29,6 @@ from distributed import Event
 
 from cpbench import storage
 from cpbench.bench.block import Block, Ending
-from cpbench_lab.cluster.dask_worker import RemoteWorkerPlugin, TaskResult, run_block
-from cpbench_lab.cluster.remote_worker import FilesWanted, PairEnded, RunBlock, WorkerSetup
 from cpbench.bench.events import EventHandler, Solving
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
@@ -38,6 +36,8 @@ from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
 from cpbench.registry import DECLARED, PLUGIN_FILES, TABLES
 from cpbench.storage.base import split_address
+from cpbench_lab.cluster.dask_worker import RemoteWorkerPlugin, TaskResult, run_block
+from cpbench_lab.cluster.remote_worker import FilesWanted, PairEnded, RunBlock, WorkerSetup
 
 logger = logging.getLogger("cpbench.bench")
 

@@ -1,4 +1,4 @@
-"""`cpbench bundle`."""
+"""Put a run, with everything needed to repeat it, into one zip file."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from pathlib import Path
 
 import click
 
-from cpbench_lab.bundle.making import BundleOptions, make
-from cpbench_lab.bundle.report import write_report
 from cpbench.cli.options import Command, ListOption, force_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FILE, PATH
 from cpbench.plurals import counted
+from cpbench_lab.bundle.making import BundleOptions, make
+from cpbench_lab.bundle.report import write_report
 
 
 @click.command(cls=Command)

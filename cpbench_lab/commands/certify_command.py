@@ -1,4 +1,4 @@
-"""`cpbench certify`."""
+"""Prove that a solution is near an answer, and show the distance."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ from typing import Any
 import click
 
 from cpbench import storage
-from cpbench_lab.certificate_text import certificate_lines
-from cpbench_lab.certifying import TOLERANCE, certify, certify_first, certify_rows, save_certificate
-from cpbench_lab.enumerating import EverySolution, every_solution, require_rows
 from cpbench.api.problems import load, verify
 from cpbench.api.results import is_results_file
 from cpbench.api.solving import solve
@@ -21,6 +18,9 @@ from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.generators.collection import address_text
 from cpbench.storage.base import require_new
+from cpbench_lab.certificate_text import certificate_lines
+from cpbench_lab.certifying import TOLERANCE, certify, certify_first, certify_rows, save_certificate
+from cpbench_lab.enumerating import EverySolution, every_solution, require_rows
 
 
 def _save_all(solutions: EverySolution, path: Path, force: bool) -> None:
@@ -64,7 +64,7 @@ def command(
     stationary when the program is not convex, so that only its first-order conditions are proved. With --all the
     command lists all solutions of a small LCP or MLCP, or of what is equivalent to one, and writes them. If there is no
     proof, the command says what prevents one. Without an answer it also looks for a proof that the problem has no
-    solution (infeasible, unbounded). The program in cpbench_lab/certificates/checker checks the proof in a file again. The
+    solution (infeasible, unbounded). The program cpbench_lab/certificates/checker checks the proof in a file again. The
     exit code is 0 when the answer is proved or enclosed, when there is proved to be none, and when a distant answer
     meets the tolerance by its error; else 1. With RESULTS all stored answers get their level and distance, as by
     cpbench run --certify; cpbench report shows them.

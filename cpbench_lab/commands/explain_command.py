@@ -1,4 +1,4 @@
-"""`cpbench explain`."""
+"""Say why a solver fails on a problem, and which remedy works."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 
 import click
 
-from cpbench_lab.diagnosing import MINUTES, SECONDS, diagnose_apart, trial_of, trial_of_row
 from cpbench.api.problems import load
 from cpbench.api.results import is_results_file
 from cpbench.bench.planning.plan import Limits
@@ -16,6 +15,7 @@ from cpbench.cli.progress import Steps
 from cpbench.cli.terminal import fitted, print_lines
 from cpbench.cli.types import ADDRESS, DURATION, POSITIVE
 from cpbench.generators.collection import address_text
+from cpbench_lab.diagnosing import MINUTES, SECONDS, diagnose_apart, trial_of, trial_of_row
 
 
 @click.command(cls=Command)

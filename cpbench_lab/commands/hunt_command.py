@@ -1,4 +1,4 @@
-"""`cpbench hunt`."""
+"""Search for problems on which a solver makes a false claim, crashes or is slow, and another does not."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench reduce`."""
+"""Reduce a problem on which a solver fails to the smallest and simplest that still fails."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench reproduce`."""
+"""Run a bundle again and compare."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from pathlib import Path
 
 import click
 
-from cpbench_lab.bundle import differences
-from cpbench_lab.bundle.reproduction import Bundle, adopt, compare, load_plugins, open_bundle, plan, run
 from cpbench.cli.options import Command, jobs_option, quiet_option
 from cpbench.cli.progress import Display
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FILE, FOLDER
 from cpbench.errors import CpbenchError
 from cpbench.plurals import counted
+from cpbench_lab.bundle import differences
+from cpbench_lab.bundle.reproduction import Bundle, adopt, compare, load_plugins, open_bundle, plan, run
 
 
 @click.command(cls=Command)

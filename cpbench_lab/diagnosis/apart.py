@@ -20,12 +20,12 @@ from cpbench.bench.processes.launch import context, limit_memory
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import GRACE, LOAD, WARM_UP
 from cpbench.bench.worker_pool import describe_exit
-from cpbench_lab.diagnosis.attempts import Raw, flat, named, solve_here
-from cpbench_lab.diagnosis.deadline import Deadline
 from cpbench.formulations.base import Problem
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget
 from cpbench.verification import Status
+from cpbench_lab.diagnosis.attempts import Raw, flat, named, solve_here
+from cpbench_lab.diagnosis.deadline import Deadline
 
 TEXTS, ARRAYS = ("status", "claim", "message"), ("answer", "certificate", "residuals", "iterations", "iterates")
 

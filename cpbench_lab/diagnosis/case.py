@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from cpbench_lab.diagnosis.attempts import SolverTrial, TrialOutcome
 from cpbench.facts import Fact, of_problem
 from cpbench.formulations.base import Problem
 from cpbench.solvers.automatic import automatic_solver
 from cpbench.solvers.base import Solver
+from cpbench_lab.diagnosis.attempts import SolverTrial, TrialOutcome
 
 TIGHT = 1e-2
 """A known solution is sought to this share of the tolerance, but to no more digits than doubles have."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from cpbench_lab.diagnosis.attempts import TrialOutcome
 from cpbench.plurals import counted
 from cpbench.solvers.base import Claim
+from cpbench_lab.diagnosis.attempts import TrialOutcome
 
 SLOWER = 10.0
 """How many times the time of the automatic choice is slow. One solve each is timed, which alone may differ by a factor

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from cpbench import verification
+from cpbench.solvers.base import Claim
+from cpbench.verification import Status
 from cpbench_lab.diagnosis.attempts import SolverTrial, TrialOutcome, attempt
 from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench_lab.diagnosis.causes import DETECTORS
@@ -14,8 +16,6 @@ from cpbench_lab.diagnosis.complaint import NOTICEABLE, Complaint, complaint_of
 from cpbench_lab.diagnosis.deadline import Deadline, OutOfTime
 from cpbench_lab.diagnosis.diagnosis import Diagnosis, Suspect, Tried
 from cpbench_lab.diagnosis.remedies import TRIES, choice, families
-from cpbench.solvers.base import Claim
-from cpbench.verification import Status
 
 
 def diagnose(

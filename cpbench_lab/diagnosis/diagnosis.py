@@ -6,11 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from cpbench.plurals import counted
+from cpbench.solvers.base import Claim
 from cpbench_lab.diagnosis.attempts import TrialOutcome
 from cpbench_lab.diagnosis.case import Cause, Remedy
 from cpbench_lab.diagnosis.complaint import Complaint
-from cpbench.plurals import counted
-from cpbench.solvers.base import Claim
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from cpbench import graph
-from cpbench_lab.diagnosis.case import FailedTrial, Remedy
 from cpbench.formulations.base import Problem
 from cpbench.solvers.automatic import automatic_solver
 from cpbench.solvers.base import Solver, missing, solvers
+from cpbench_lab.diagnosis.case import FailedTrial, Remedy
 
 TRIES = 3
 """Remedies of a family that are tried at most."""

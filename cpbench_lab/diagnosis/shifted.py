@@ -9,8 +9,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench import matrices
-from cpbench_lab.diagnosis.attempts import SolverTrial
 from cpbench.matrices import Matrix, Vector
+from cpbench_lab.diagnosis.attempts import SolverTrial
 
 MATRIX = {"lcp": "M", "relay": "M", "avi": "M", "mlcp": "A", "qp": "Q", "fc": "W"}
 """The matrix of each formulation that is shifted."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from cpbench.analysis.profiles import Curve, Profile
-from cpbench_lab.document.escape import text
 from cpbench.report.figures import INEXACT, right_end, shorten
 from cpbench.report.legend import PALETTE
+from cpbench_lab.document.escape import text
 
 CORNERS = 300
 """The most corners of a curve: TeX reads every one."""

@@ -20,15 +20,15 @@ from cpbench.analysis.participation import participating
 from cpbench.analysis.table import ResultGroup
 from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import UnknownName
+from cpbench.report.legend import EMPHASISED
+from cpbench.report.methods import METHODS
+from cpbench.report.run import Run, assembled, group_name_text
+from cpbench.report.text import counted, one_line
 from cpbench_lab.document import curves
 from cpbench_lab.document.bibliography import Bibliography
 from cpbench_lab.document.escape import label, markdown, text
 from cpbench_lab.document.macros import Macros, letters
 from cpbench_lab.document.tables import duration, small, solved_table, table
-from cpbench.report.legend import EMPHASISED
-from cpbench.report.methods import METHODS
-from cpbench.report.run import Run, assembled, group_name_text
-from cpbench.report.text import counted, one_line
 
 FACETS = ("family", "tolerance")
 LOOSER = (1e-2, 1e-4)

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from cpbench.analysis.cautions import Footnote, marks
-from cpbench_lab.document.escape import label, text
-from cpbench_lab.document.macros import Macros
 from cpbench.report.figures import MARKS
 from cpbench.report.tex import number
 from cpbench.report.text import seconds
+from cpbench_lab.document.escape import label, text
+from cpbench_lab.document.macros import Macros
 
 LINES = 42
 """Rows of a table that fit on a page."""

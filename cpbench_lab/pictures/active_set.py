@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cpbench_lab.figures.active_sets import ActiveSide, Pairs, active_set
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Point, Problem
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
+from cpbench_lab.figures.active_sets import ActiveSide, Pairs, active_set
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

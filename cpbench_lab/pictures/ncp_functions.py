@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cpbench_lab.figures import ncp_functions as ncp
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Point, Problem
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
+from cpbench_lab.figures import ncp_functions as ncp
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

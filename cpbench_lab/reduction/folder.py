@@ -12,20 +12,21 @@ from typing import Any
 import numpy as np
 
 from cpbench import matrices, storage
-from cpbench_lab.certifying import certify
 from cpbench.bench.results import answers
 from cpbench.bench.results.rows import Outcome
 from cpbench.errors import CpbenchError, PointError
 from cpbench.formulations.base import Problem
 from cpbench.plain_text import printable
 from cpbench.plurals import counted
+from cpbench.report import canvas, figure_kinds
+from cpbench.verification import MET_TOLERANCE
+from cpbench_lab import pictures
+from cpbench_lab.certifying import certify
 from cpbench_lab.reduction.forms import form
 from cpbench_lab.reduction.numbers import digits
 from cpbench_lab.reduction.reduce import LARGE, ReducedFailure, data_size
 from cpbench_lab.reduction.snippets import snippets
 from cpbench_lab.reduction.trials import Asked
-from cpbench.report import canvas, figure_kinds, pictures
-from cpbench.verification import MET_TOLERANCE
 
 PICTURES = ("lcp-cones", "contact", "sparsity")
 """Kinds of pictures, the first that takes the problem is drawn."""

@@ -19,11 +19,11 @@ from cpbench import matrices
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
 from cpbench.graph import arrive, nodes_of_maps
+from cpbench.solvers.base import solvers
 from cpbench_lab.reduction import numbers
 from cpbench_lab.reduction.minimize import minimized
 from cpbench_lab.reduction.parts import RemovablePart, condensed, kinds, without
 from cpbench_lab.reduction.trials import CandidateOutcome, Trials
-from cpbench.solvers.base import solvers
 
 LARGE = 400
 """Numbers of a problem up to which they are made simple one by one: beyond, a pass takes longer than a minute."""

@@ -19,9 +19,9 @@ from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, NoRoute, PointError
 from cpbench.formulations.base import Problem
-from cpbench_lab.reduction.predicate import Predicate
 from cpbench.temporary import RUN, TemporaryHome
 from cpbench.verification import MET_TOLERANCE
+from cpbench_lab.reduction.predicate import Predicate
 
 OTHERS = 4
 """Solvers that are asked, at most, whether a problem has a solution."""

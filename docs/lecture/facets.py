@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench import FrictionContact, make
-from cpbench_lab.figures.facet_errors import FAST, bounds, faceted_slide
 from cpbench.matrices import Vector, norm
 from cpbench.report import canvas
+from cpbench_lab.figures.facet_errors import FAST, bounds, faceted_slide
 from cpbench_lab.pictures import facets as picture
 from lecture import cells, svg
 from lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, table, text

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cpbench_lab.figures import ncp_functions as ncp
 from cpbench.report import canvas
+from cpbench_lab.figures import ncp_functions as ncp
 from cpbench_lab.pictures import ncp_functions as picture
 from lecture import cells, solvable, svg
 from lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, table, text

@@ -24,9 +24,9 @@ import numpy as np
 
 import cpbench
 from cpbench import storage
-from cpbench_lab.certifying import save_certificate, verified_answers
 from cpbench.errors import CpbenchError
 from cpbench.generators.collection import builtin_folder
+from cpbench_lab.certifying import save_certificate, verified_answers
 
 NODES = "lcp,mlcp,relay,avi,qp,fc,fcm,gfc,ncp,micp,equation"
 CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"

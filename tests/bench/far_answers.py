@@ -20,8 +20,8 @@ import numpy as np
 import cpbench as cp
 from cpbench.analysis import certainty
 from cpbench.analysis.table import normalised
-from cpbench_lab.certifying import certify_rows
 from cpbench.bench.results.store import Store
+from cpbench_lab.certifying import certify_rows
 
 SOLVERS = ("pgs", "psor", "mprgp", "interior-point-lcp", "newton-fb", "clarabel", "osqp", "nesterov-qp", "admm-coneqp")
 

@@ -24,14 +24,14 @@ from typing import Any
 import numpy as np
 
 import cpbench as cp
-from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
-from cpbench_lab.diagnosis.complaint import complaint_of
-from cpbench_lab.diagnosis.diagnose import diagnose
-from cpbench_lab.diagnosis.diagnosis import Diagnosis
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.generators.symbols import log, mapped, unknowns
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.verification import PROVEN
+from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
+from cpbench_lab.diagnosis.complaint import complaint_of
+from cpbench_lab.diagnosis.diagnose import diagnose
+from cpbench_lab.diagnosis.diagnosis import Diagnosis
 
 Random = np.random.Generator
 

@@ -18,11 +18,11 @@ from lecture.numerics import examples, friction, newton
 from lecture.numerics.examples import maps, nonlinear
 from lecture.numerics.round_trips import answer, outcome, round_trip
 
-from cpbench_lab.figures.facet_errors import faceted_slide
 from cpbench.cli import cli
 from cpbench.conversions.base import conversions
 from cpbench.expressions import infix
 from cpbench.formulations.base import Kind
+from cpbench_lab.figures.facet_errors import faceted_slide
 
 
 @pytest.fixture(scope="module")

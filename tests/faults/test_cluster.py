@@ -22,10 +22,6 @@ import pytest
 import cpbench
 from cpbench import storage
 from cpbench.bench.block import Block
-from cpbench_lab.cluster import connect, executor
-from cpbench_lab.cluster.dask_worker import RemoteWorker
-from cpbench_lab.cluster.executor import DaskExecutor
-from cpbench_lab.cluster.remote_worker import RunBlock
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.results.store import Store
@@ -35,6 +31,10 @@ from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, FormatError, UnknownName
 from cpbench.formulations import LCP
 from cpbench.generators.collection import write_collections
+from cpbench_lab.cluster import connect, executor
+from cpbench_lab.cluster.dask_worker import RemoteWorker
+from cpbench_lab.cluster.executor import DaskExecutor
+from cpbench_lab.cluster.remote_worker import RunBlock
 
 PLUGIN = Path(__file__).with_name("cluster_solvers.py")
 DASK = [sys.executable, "-m", "dask"]

@@ -22,8 +22,8 @@ from cpbench_solvers.lcp.enumeration import enumerate_bases, scale
 
 flint = pytest.importorskip("flint", reason="certificates need python-flint")
 from cpbench_lab.certificate_text import summary  # noqa: E402
-from cpbench_lab.certifying import save_certificate  # noqa: E402
 from cpbench_lab.certificates.all_solutions import all_solutions, nonnegative  # noqa: E402
+from cpbench_lab.certifying import save_certificate  # noqa: E402
 
 CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
 REFUSALS = (ValueError, KeyError, TypeError, IndexError)

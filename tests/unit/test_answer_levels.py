@@ -21,8 +21,8 @@ from cpbench.testing.cases import infeasible
 from cpbench.verification import Status, prove
 
 pytest.importorskip("flint", reason="certificates need python-flint")
-from cpbench_lab.certifying import save_certificate
 from cpbench_lab.certificates.no_solution import without_solution
+from cpbench_lab.certifying import save_certificate
 
 CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
 LCP2 = LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0])

@@ -22,13 +22,13 @@ from edited_results import seal_anew
 
 from cpbench import storage
 from cpbench.bench.results.store import Store
-from cpbench_lab.bundle import archive, problems, reproduction
-from cpbench_lab.bundle.archive import BundleError
-from cpbench_lab.bundle.results import identity
 from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError
 from cpbench.formulations import LCP, FrictionContact, LCPPoint
 from cpbench.formulations.base import Info, Sequence
+from cpbench_lab.bundle import archive, problems, reproduction
+from cpbench_lab.bundle.archive import BundleError
+from cpbench_lab.bundle.results import identity
 
 MINE = """
 import numpy as np

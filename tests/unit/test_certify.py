@@ -23,11 +23,11 @@ from cpbench.formulations.base import Problem
 from cpbench.formulations.fc import FrictionContact
 
 flint = pytest.importorskip("flint", reason="certificates need python-flint")
-from cpbench_lab.certifying import save_certificate  # noqa: E402
 from cpbench_lab.certificates.active_sets import BASIC, LOWER  # noqa: E402
 from cpbench_lab.certificates.exact_rows import ExactRows, blocks, rational, solve  # noqa: E402
 from cpbench_lab.certificates.exchanges import exchanged  # noqa: E402
 from cpbench_lab.certificates.mixed import mixed  # noqa: E402
+from cpbench_lab.certifying import save_certificate  # noqa: E402
 
 CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
 SEEDS = pytest.mark.parametrize(

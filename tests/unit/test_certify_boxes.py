@@ -23,10 +23,10 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 
 flint = pytest.importorskip("flint", reason="certificates need python-flint")
-from cpbench_lab.certifying import save_certificate  # noqa: E402
 from cpbench_lab.certificates import krawczyk, map_balls  # noqa: E402
 from cpbench_lab.certificates.affine_parts import dependent_rows  # noqa: E402
 from cpbench_lab.certificates.redundant import implied  # noqa: E402
+from cpbench_lab.certifying import save_certificate  # noqa: E402
 
 CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
 SEEDS = pytest.mark.parametrize(

@@ -16,10 +16,10 @@ from command_line import cpbench as command
 import cpbench as cp
 from cpbench.analysis import certainty
 from cpbench.analysis.table import normalised
-from cpbench_lab.certifying import certify_first
 from cpbench.bench.results import schema
 from cpbench.bench.results.store import Store
 from cpbench.errors import SealError
+from cpbench_lab.certifying import certify_first
 
 pytest.importorskip("flint")
 EXACT = np.array([1.5, 2.0])

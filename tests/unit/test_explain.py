@@ -11,12 +11,12 @@ import pytest
 from command_line import cpbench as command
 
 import cpbench as cp
+from cpbench.solvers.base import Budget
 from cpbench_lab.diagnosis.apart import Apart
 from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
 from cpbench_lab.diagnosis.causes.cycling import period
 from cpbench_lab.diagnosis.diagnose import diagnose
 from cpbench_lab.diagnosis.scaled import scaled
-from cpbench.solvers.base import Budget
 
 sys.path.append(str(Path(__file__).parents[1] / "bench"))
 import planted_causes

@@ -15,8 +15,12 @@ import pytest
 from command_line import cpbench as command
 
 import cpbench as cp
-from cpbench_lab.diagnosing import CERTIFIED
 from cpbench.cli.progress import Steps
+from cpbench.formulations import LCPPoint
+from cpbench.formulations.base import formulations
+from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, solvers
+from cpbench.verification import Status
+from cpbench_lab.diagnosing import CERTIFIED
 from cpbench_lab.diagnosis.attempts import Raw, SolverTrial, TrialOutcome, attempt
 from cpbench_lab.diagnosis.case import FailedTrial
 from cpbench_lab.diagnosis.causes.magnitude import magnitude
@@ -26,10 +30,6 @@ from cpbench_lab.diagnosis.deadline import Deadline, OutOfTime
 from cpbench_lab.diagnosis.diagnose import diagnose
 from cpbench_lab.diagnosis.even_masses import even_masses
 from cpbench_lab.diagnosis.uniform import uniform
-from cpbench.formulations import LCPPoint
-from cpbench.formulations.base import formulations
-from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, solvers
-from cpbench.verification import Status
 
 sys.path.append(str(Path(__file__).parents[1] / "bench"))
 from planted_causes import local, tower

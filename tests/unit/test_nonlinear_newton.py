@@ -14,7 +14,6 @@ from scipy.linalg import solve
 from tiers import some_by_day
 
 from cpbench import solve as solve_one
-from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench.cones import box_defect, project_box
 from cpbench.conversions.base import conversions, make
 from cpbench.errors import UnknownName
@@ -26,6 +25,7 @@ from cpbench.ncp_functions import evtushenko_purtov, fischer_burmeister, minimum
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.solvers.shared.row_error import row_error
 from cpbench.verification import judge
+from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench_solvers.lcp.box_linear import BoxLinear
 from cpbench_solvers.nonlinear.normal_path import NormalPath, normal_point
 from cpbench_solvers.nonlinear.reformulation import Reformulation

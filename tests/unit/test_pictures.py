@@ -15,18 +15,18 @@ from click.testing import CliRunner, Result
 from tiers import some_by_day
 
 from cpbench import storage
-from cpbench_lab.figures import ncp_functions as ncp
-from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench.analysis.coarse import coarsened
 from cpbench.analysis.complementary_cones import complementary_cones, is_p_matrix, lemke_path, solutions
 from cpbench.analysis.contact_states import State, angle_between, contact_states, forces, most_rubbing
-from cpbench_lab.figures.facet_errors import bounds, faceted_slide
 from cpbench.cli import cli
 from cpbench.cli.plot_command import PACKAGES
 from cpbench.errors import CpbenchError, NotApplicable, PointError, ProblemError
 from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact, LCPPoint, QPPoint
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, Need, find, summaries
+from cpbench_lab.figures import ncp_functions as ncp
+from cpbench_lab.figures.active_sets import ActiveSide, active_set
+from cpbench_lab.figures.facet_errors import bounds, faceted_slide
 
 PICTURES = "cpbench_lab.pictures"
 PLANTED = "builtin/fc/contact-planted-3d.h5"
@@ -195,8 +195,8 @@ def test_wrong_answers_stay_in_the_picture(address: str, rng: np.random.Generato
 @pytest.mark.nightly
 def test_the_example_of_the_cone_slides_by_the_law() -> None:
     """W = I: r_T is the projection of −q_T on the disk, û is at a right angle to r."""
-    from cpbench_lab.pictures.cone import example
     from cpbench.solvers.base import solve
+    from cpbench_lab.pictures.cone import example
 
     problem = example()
     point = solve(problem, "nsgs").point

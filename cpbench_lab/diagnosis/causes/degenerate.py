@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from cpbench import matrices
-from cpbench_lab.diagnosis.case import Cause, FailedTrial
 from cpbench.plurals import counted
+from cpbench_lab.diagnosis.case import Cause, FailedTrial
 
 ROUNDING = 1e-12
 """Share of the terms of a row that its sum is taken to be accurate to."""

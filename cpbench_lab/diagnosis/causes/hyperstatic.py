@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from cpbench.formulations.contact import ContactProblem
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 from cpbench_lab.diagnosis.shifted import shifted
-from cpbench.formulations.contact import ContactProblem
 
 
 def hyperstatic(case: FailedTrial) -> Cause | None:

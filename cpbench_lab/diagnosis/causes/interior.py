@@ -10,10 +10,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from cpbench_lab.diagnosis.case import Cause, FailedTrial
 from cpbench.formulations.base import Problem
 from cpbench.product_cones import Cone, ProductCone
 from cpbench.verification.polyhedra import Polyhedron, conditions
+from cpbench_lab.diagnosis.case import Cause, FailedTrial
 
 ROOM = 1e-9
 """Room, over the size of the rows, below which there is none: what the linear program leaves."""

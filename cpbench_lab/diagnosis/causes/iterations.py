@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from cpbench import brackets
-from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.matrices import Vector
 from cpbench.solvers.base import Claim
 from cpbench.verification import Status
+from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 
 MORE = 100
 """How many times the limit is tried."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.verification import Status
+from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 
 FINEST = 1e-15
 """The tightest tolerance that is asked for."""

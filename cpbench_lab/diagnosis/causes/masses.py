@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from cpbench.plurals import counted
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 from cpbench_lab.diagnosis.even_masses import even_masses
-from cpbench.plurals import counted
 
 APART = 100.0
 """Ratio of masses for a trial to be worth it. Even bodies have gaps, too: a slender stack of them bends as a

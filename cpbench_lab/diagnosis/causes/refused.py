@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cpbench_lab.diagnosis.case import Cause, FailedTrial
 from cpbench.verification import Status
+from cpbench_lab.diagnosis.case import Cause, FailedTrial
 
 
 def refused(case: FailedTrial) -> Cause | None:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from cpbench import facts, matrices
+from cpbench.matrices import Matrix
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 from cpbench_lab.diagnosis.scaled import scaled
 from cpbench_lab.diagnosis.shifted import shifted
-from cpbench.matrices import Matrix
 
 BLOCKS = {"mlcp": "A", "qp": "Q", "lcp": "M", "relay": "M", "avi": "M"}
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.matrices import Vector
+from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 
 TRIED = (1.0, 0.1, 10.0)
 """Distances of other starts from the first one."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 from cpbench.verification import Status
+from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 
 MORE = 10.0
 LONGEST = 60.0

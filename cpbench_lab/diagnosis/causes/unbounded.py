@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench import verification
-from cpbench_lab.diagnosis.case import Cause, FailedTrial
 from cpbench.plurals import counted
 from cpbench.verification.certificates import Unbounded
+from cpbench_lab.diagnosis.case import Cause, FailedTrial
 
 SECONDS = 5.0
 

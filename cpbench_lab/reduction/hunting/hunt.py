@@ -28,6 +28,8 @@ from cpbench.errors import CpbenchError, NoRoute, PointError
 from cpbench.formulations.base import Problem
 from cpbench.generators.collection import builtin_folder
 from cpbench.graph import candidates
+from cpbench.solvers.base import solvers
+from cpbench.verification import MET_TOLERANCE, Status
 from cpbench_lab.reduction.cases import FailingCase, reduce_case
 from cpbench_lab.reduction.hunting.cells import AXES, Cell, cell
 from cpbench_lab.reduction.hunting.families import FAMILIES
@@ -36,8 +38,6 @@ from cpbench_lab.reduction.numbers import digits
 from cpbench_lab.reduction.predicate import FAILURES, SLOWER, Predicate
 from cpbench_lab.reduction.reduce import NoFailure, unknowns
 from cpbench_lab.reduction.trials import Asked, Trials
-from cpbench.solvers.base import solvers
-from cpbench.verification import MET_TOLERANCE, Status
 
 FACTOR = 100.0
 """How many times slower than the other solver is a failure."""

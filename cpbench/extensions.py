@@ -1,0 +1,59 @@
+"""What other installed packages add to cpbench, by entry points; nothing is imported before it is asked for.
+
+Groups of entry points, and what stands behind a name in each:
+
+- ``cpbench.plugins``: a module that registers solvers, conversions, formats and the like when it is imported
+  (`cpbench.registry` loads it);
+- ``cpbench.commands``: a click command of the command line. The first sentence of its module's docstring is its help;
+- ``cpbench.functions``: a function or class, offered as ``cpbench.NAME`` and to cpbench's own commands;
+- ``cpbench.executors``: a module that connects a run to other machines (`bench/execution`);
+- ``cpbench.figures``: a package of modules, each with a kind of figure of a problem (`report/figure_kinds`).
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+TYPE_CHECKING = False  # as of `typing`, whose import takes as long as the start of Python
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+    from typing import Any
+
+COMMANDS, FUNCTIONS = "cpbench.commands", "cpbench.functions"
+EXECUTORS, FIGURES = "cpbench.executors", "cpbench.figures"
+
+
+@cache
+def added(group: str) -> dict[str, EntryPoint]:
+    """Return the entry points of a group by name, in order of names."""
+    from importlib.metadata import entry_points  # a third of the start-up of `cpbench --help`
+
+    return {entry.name: entry for entry in sorted(entry_points(group=group), key=lambda entry: entry.name)}
+
+
+def load(group: str, name: str) -> Any:
+    """Import what has a name in a group; raises CpbenchError where no installed package has it."""
+    entry = added(group).get(name)
+    if entry is None:
+        from cpbench.errors import CpbenchError
+
+        raise CpbenchError(f"'{name}' is in no installed package (entry points {group}); cpbench_lab has it")
+    return entry.load()
+
+
+def function(name: str) -> Any:
+    """Return the function of this name (``cpbench.functions``); raises CpbenchError where no package has it."""
+    return load(FUNCTIONS, name)
+
+
+def summary(entry: EntryPoint) -> str:
+    """Return the first sentence of the docstring of an entry point's module, which is not imported."""
+    import ast
+    from importlib.util import find_spec
+    from pathlib import Path
+
+    place = find_spec(entry.module)
+    if place is None or place.origin is None:
+        return ""
+    text = ast.get_docstring(ast.parse(Path(place.origin).read_text("utf-8"))) or ""
+    return " ".join(text.split("\n\n")[0].split())

@@ -1,0 +1,4 @@
+"""The laboratory: proofs, diagnosis, reduction and search of failures, bundles, figures of problems, documents, Dask.
+
+It comes in by entry points, as any other package does; `cpbench` does not import it.
+"""

@@ -1,0 +1,1 @@
+"""Commands of the laboratory: one file each, found by the entry points ``cpbench.commands``."""
