@@ -6,10 +6,9 @@ from __future__ import annotations
 import ast
 from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
 
-PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
-EXEMPT = {"templates"}  # templates are sources with gaps
+from sources import module_name, modules
+
 OTHER_WORDS = """
     A All An And As At By Each Every For From How If In Into It Its Likewise No None Not Of On One Only Raises Returns
     Some That The Their Them There These They This Those To Under What Whatever When Where Whether Which Who Whose Why
@@ -40,11 +39,9 @@ def _refused(source: str) -> Iterator[tuple[int, str]]:
 
 def test_docstrings_begin_with_a_verb_or_a_noun() -> None:
     """Properties are read like attributes: theirs may be either."""
-    files = [path for path in PACKAGE.rglob("*.py") if path.relative_to(PACKAGE).parts[0] not in EXEMPT]
+    files = modules()
     assert len(files) > 400
-    found = [
-        f"{path.relative_to(PACKAGE)}:{line}: {word}" for path in files for line, word in _refused(path.read_text())
-    ]
+    found = [f"{module_name(path)}:{line}: {word}" for path in files for line, word in _refused(path.read_text())]
     assert not found, "\n".join(found)
 
 
@@ -56,8 +53,7 @@ def test_the_words_are_found() -> None:
 
 
 def test_no_public_class_name_is_defined_twice() -> None:
-    files = [path for path in PACKAGE.rglob("*.py") if path.relative_to(PACKAGE).parts[0] not in EXEMPT]
-    nodes = [node for path in files for node in ast.parse(path.read_text()).body]
+    nodes = [node for path in modules() for node in ast.parse(path.read_text()).body]
     names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef) and not node.name.startswith("_"))
     assert len(names) > 500
     assert [name for name, count in names.items() if count > 1] == []

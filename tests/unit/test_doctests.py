@@ -1,23 +1,18 @@
-"""The examples in the docstrings of the package hold."""
+"""The examples in the docstrings of the packages hold."""
 
 from __future__ import annotations
 
 import doctest
 import importlib
 import re
-from pathlib import Path
 
 import pytest
+from sources import module_name, modules
 
-import cpbench
-
-PACKAGE = Path(cpbench.__file__).parent
 MODULES = sorted(
-    ".".join(("cpbench", *path.relative_to(PACKAGE).with_suffix("").parts)).removesuffix(".__init__")
-    for path in PACKAGE.rglob("*.py")
-    if re.search(r"^ *>>> ", path.read_text("utf-8"), re.MULTILINE)
+    module_name(path) for path in modules() if re.search(r"^ *>>> ", path.read_text("utf-8"), re.MULTILINE)
 )
-"""Modules with examples. They are found in the text: importing all of the package only to look takes minutes."""
+"""Modules with examples. They are found in the text: importing all of them only to look takes minutes."""
 
 
 @pytest.mark.parametrize("module", MODULES)

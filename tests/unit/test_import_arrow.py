@@ -5,10 +5,13 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
-PACKAGE = Path(__file__).resolve().parents[2] / "cpbench"
+from sources import CORE as PACKAGE
+from sources import LAB, SOLVERS
+
 BASE = {
     "errors", "definite", "matrices", "transversal", "factorization", "cones", "product_cones", "registry",
-    "kernel_cache", "imports", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks", "temporary",
+    "extensions", "kernel_cache", "imports", "toml_text", "plain_text", "plurals", "expressions", "brackets", "locks",
+    "temporary",
     "ncp_functions", "frames", "child_processes", "help_text",
 }  # fmt: skip
 ROOMS = {"storage", "conversions", "solvers", "verification"}
@@ -22,7 +25,8 @@ ALLOWED: dict[str, set[str]] = {
     "product_cones": {"matrices", "cones"},
     "registry": {"errors"},
     "frames": set(),
-    "help_text": set(),
+    "extensions": {"errors"},
+    "help_text": {"extensions"},
     "child_processes": set(),
     "locks": set(),
     "ncp_functions": {"matrices", "expressions"},
@@ -48,17 +52,13 @@ ALLOWED: dict[str, set[str]] = {
     "analysis": BASE | {"formulations", "graph"} | ROOMS,
     "report": BASE | {"formulations", "graph", "analysis"} | ROOMS,
     "testing": BASE | {"formulations", "graph", "checking", "generators"} | ROOMS,
-    "certificates": BASE | {"formulations", "storage", "verification"},
-    "diagnosis": BASE | {"formulations", "facts", "graph", "bench"} | ROOMS,
     "api": BASE
-    | {"certificates", "diagnosis", "multipliers"}
+    | {"multipliers"}
     | {"formulations", "facts", "graph", "checking", "testing", "bench", "analysis", "report", "generators"}
     | ROOMS,
-    "bundle": BASE | {"formulations", "exchange", "graph", "bench", "analysis", "report", "generators"} | ROOMS,
-    "reduction": BASE | {"formulations", "graph", "bench", "analysis", "report", "generators", "api"} | ROOMS,
     "cli": BASE
     | {"formulations", "facts", "exchange", "graph", "checking", "testing", "bench", "analysis", "report", "generators"}
-    | {"api", "bundle", "reduction", "multipliers"}
+    | {"api", "multipliers"}
     | ROOMS,
 }
 EXCEPTIONS = {"generators/collection.py": {"storage"}}  # it reads what stands in files
@@ -69,17 +69,21 @@ def _room(module: str) -> str:
     return module.split(".")[1] if "." in module else ""
 
 
-def _imports(path: Path) -> set[str]:
+def _modules(path: Path) -> set[str]:
+    """Return the modules that a file imports, of all packages."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path.name}:{node.lineno} imports relatively: the arrow could not be read"
         if isinstance(node, ast.ImportFrom) and node.module:
-            names = [f"cpbench.{a.name}" for a in node.names] if node.module == "cpbench" else [node.module]
-            found.update(n for n in names if n.startswith("cpbench."))
+            found.update([f"cpbench.{a.name}" for a in node.names] if node.module == "cpbench" else [node.module])
         elif isinstance(node, ast.Import):
-            found.update(a.name for a in node.names if a.name.startswith("cpbench."))
-    return {_room(n) for n in found} & set(ALLOWED)
+            found.update(a.name for a in node.names)
+    return found
+
+
+def _imports(path: Path) -> set[str]:
+    return {_room(n) for n in _modules(path) if n.startswith("cpbench.")} & set(ALLOWED)
 
 
 def test_imports_point_one_way() -> None:
@@ -92,20 +96,32 @@ def test_imports_point_one_way() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-OPTIONAL = {
-    "bundle": {f"cli/{name}_command.py" for name in ("bundle", "reproduce")},
-    "certificates": {"api/certifying.py", "api/certificate_text.py", "api/enumerating.py"},
-    "diagnosis": {"api/diagnosing.py"},
-    "reduction": {f"cli/{name}_command.py" for name in ("reduce", "hunt")},
-}
-"""Packages that could leave, and the files that stand on them."""
+ALLOWED_TO_SOLVERS = BASE | {"formulations", "solvers"}
+NOT_TO_SOLVERS = ("cpbench_lab", "cpbench.solvers.adapters")
 
 
-def test_only_their_own_files_import_optional_packages() -> None:
-    for package, files in OPTIONAL.items():
-        importers = {path.relative_to(PACKAGE).as_posix() for path in FILES if package in _imports(path)}
-        outside = {name for name in importers if not name.startswith(f"{package}/")}
-        assert outside == files
+def test_the_benchmark_imports_neither_its_contestants_nor_the_laboratory() -> None:
+    """They come in by entry points, as another package does."""
+    outside = ("cpbench_solvers", "cpbench_lab")
+    wrong = [f"{path.relative_to(PACKAGE)} imports {name}" for path in FILES for name in sorted(_modules(path))
+             if name.split(".")[0] in outside]  # fmt: skip
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_contestants_import_data_and_the_base_of_solvers_alone() -> None:
+    wrong = [f"{path.relative_to(SOLVERS)} imports {room}" for path in sorted(SOLVERS.rglob("*.py"))
+             for room in sorted(_imports(path) - ALLOWED_TO_SOLVERS)]  # fmt: skip
+    wrong += [f"{path.relative_to(SOLVERS)} imports {name}" for path in sorted(SOLVERS.rglob("*.py"))
+              for name in sorted(_modules(path)) if name.startswith(NOT_TO_SOLVERS)]  # fmt: skip
+    assert not wrong, "\n".join(wrong)
+
+
+def test_the_laboratory_finds_solvers_by_the_registry() -> None:
+    """And only its commands read options as the command line does."""
+    wrong = [f"{path.relative_to(LAB)} imports {name}" for path in sorted(LAB.rglob("*.py"))
+             for name in sorted(_modules(path)) if name.startswith("cpbench_solvers")
+             or (name.startswith("cpbench.cli") and path.parent.name != "commands")]  # fmt: skip
+    assert not wrong, "\n".join(wrong)
 
 
 def test_the_command_line_is_thin() -> None:
@@ -168,20 +184,7 @@ def test_the_judge_shares_no_mathematics_with_solvers() -> None:
 
 def test_solvers_do_not_read_the_judge() -> None:
     wrong: list[str] = []
-    for path in sorted((PACKAGE / "solvers").rglob("*.py")):
+    for path in [*sorted((PACKAGE / "solvers").rglob("*.py")), *sorted(SOLVERS.rglob("*.py"))]:
         read = sorted(n for n in _names(path) if n.startswith("cpbench.verification"))
         wrong += [f"{path.name} imports {name}" for name in read]
     assert not wrong, "\n".join(wrong)
-
-
-def test_nothing_else_imports_the_native_solvers() -> None:
-    """They come in by the registry of solvers, as those of another package do."""
-    native = [PACKAGE / "solvers" / room for room in ("native", "kernels")]
-    others = [path for path in FILES if not any(path.is_relative_to(room) for room in native)]
-    found = {
-        f"{path.relative_to(PACKAGE)}: {name}"
-        for path in others
-        for name in _imports(path)
-        if name.startswith(("cpbench_solvers.", "cpbench_solvers.kernels"))
-    }
-    assert not found

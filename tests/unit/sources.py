@@ -1,0 +1,20 @@
+"""The sources of the packages, for tests that read them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+CORE, SOLVERS, LAB = PACKAGES = (ROOT / "cpbench", ROOT / "cpbench_solvers", ROOT / "cpbench_lab")
+TEMPLATES = "templates"
+"""Folder of sources with gaps, which are no modules."""
+
+
+def modules() -> list[Path]:
+    """Return the files of all packages that are here, without templates."""
+    return [path for package in PACKAGES for path in sorted(package.rglob("*.py")) if TEMPLATES not in path.parts]
+
+
+def module_name(path: Path) -> str:
+    """Return the name by which a file is imported."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
