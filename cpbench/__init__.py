@@ -36,11 +36,11 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from cpbench.bench.results.store import read_results as read_results
     from cpbench.conversions import make as make
     from cpbench.errors import CpbenchError as CpbenchError
+    from cpbench.foundation.product_cones import Cone as Cone
+    from cpbench.foundation.product_cones import ProductCone as ProductCone
     from cpbench.graph import arrive as arrive
     from cpbench.graph import lift as lift
     from cpbench.graph import push as push
-    from cpbench.product_cones import Cone as Cone
-    from cpbench.product_cones import ProductCone as ProductCone
     from cpbench.solvers.base import Budget as Budget
     from cpbench.solvers.base import Claim as Claim
     from cpbench.storage import Recorder as Recorder
@@ -98,7 +98,7 @@ def __getattr__(name: str) -> Any:
 
 
 def _module(name: str) -> ModuleType:
-    from cpbench.imports import uncollected
+    from cpbench.foundation.imports import uncollected
 
     with uncollected():
         return importlib.import_module(f"cpbench.{name}")

@@ -7,7 +7,7 @@ import sys
 def main() -> None:
     """Run the command line, or show its help, for which nothing else is imported."""
     if sys.argv[1:] in ([], ["-h"], ["--help"]) and "_CPBENCH_COMPLETE" not in os.environ:  # a shell asks without words
-        from cpbench.help_text import help_text
+        from cpbench.foundation.help_text import help_text
 
         try:
             print(help_text(), flush=True)

@@ -14,8 +14,8 @@ from cpbench import graph, storage
 from cpbench.api.problems import verify
 from cpbench.errors import CpbenchError, FormatError, NoRoute
 from cpbench.formulations.base import Kind, Point, Problem
-from cpbench.matrices import Dense
-from cpbench.plurals import counted
+from cpbench.foundation.matrices import Dense
+from cpbench.foundation.plurals import counted
 from cpbench.storage.base import write_atomic
 from cpbench_lab.certifying import require_flint
 

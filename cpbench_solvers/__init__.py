@@ -3,7 +3,7 @@
 They come in as those of any other package do, by the entry point `cpbench.plugins`.
 """
 
-from cpbench import kernel_cache
+from cpbench.foundation import kernel_cache
 from cpbench.solvers.base import solvers
 
 GROUPS = ("lcp", "mlcp", "qp", "avi", "cone", "contact", "nonlinear")

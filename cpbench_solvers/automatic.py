@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any, ClassVar, NamedTuple
 
 from cpbench.formulations.base import Problem
-from cpbench.kernel_cache import load_all
+from cpbench.foundation.kernel_cache import load_all
 from cpbench.solvers import warming
 from cpbench.solvers.base import (
     Budget,

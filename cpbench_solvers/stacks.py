@@ -11,8 +11,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from cpbench.formulations.stack import Stack
-from cpbench.kernel_cache import load
-from cpbench.matrices import power_of_two
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import power_of_two
 from cpbench_solvers.contact.sweeps import MEMORY
 from cpbench_solvers.lcp.lemke_batch import batch
 from cpbench_solvers.lcp.lemke_run import pivot_limit

@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cpbench import kernel_cache, registry
+from cpbench import registry
 from cpbench.bench.processes.launch import THREAD_VARIABLES
+from cpbench.foundation import kernel_cache
 from cpbench.registry import DECLARED, PLUGIN_FILES
 
 for _variable in THREAD_VARIABLES:  # as in a run; numba takes no other number once its threads are there
@@ -71,7 +72,7 @@ def shared_data() -> Path:
     return folder
 
 
-_COMPILE = "import sys; from cpbench.kernel_cache import load; [load(name) for name in sys.argv[1:]]"
+_COMPILE = "import sys; from cpbench.foundation.kernel_cache import load; [load(name) for name in sys.argv[1:]]"
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -15,7 +15,7 @@ import pandas as pd
 
 from cpbench.analysis.metrics import Metric
 from cpbench.analysis.starts import COLD
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 
 Sheets = Mapping[str, Mapping[str, Any]]
 CLOCKS = ("time", "solve", "cpu")

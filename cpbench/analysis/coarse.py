@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Dense, Matrix
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Dense, Matrix
 
 PLACES: dict[str, tuple[tuple[str, ...], ...]] = {
     "mlcp": (("A", "C"), ("D", "B")),

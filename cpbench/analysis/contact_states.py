@@ -12,7 +12,7 @@ from cpbench.errors import PointError, ProblemError
 from cpbench.formulations.afc import AnisotropicFrictionContact
 from cpbench.formulations.base import Contacts, Point, Problem
 from cpbench.formulations.contact import ContactProblem
-from cpbench.matrices import Dense, Vector, norm
+from cpbench.foundation.matrices import Dense, Vector, norm
 
 
 class State(StrEnum):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cpbench.analysis.contact_states import ContactStates, State, contact_states, forces
 from cpbench.formulations.base import Contacts, Point
 from cpbench.formulations.contact import ContactProblem
-from cpbench.matrices import Dense, Vector, norm
+from cpbench.foundation.matrices import Dense, Vector, norm
 
 ROLLS = "rolls"
 """State of a contact that does not slip while the bodies turn about it; only with rolling friction."""

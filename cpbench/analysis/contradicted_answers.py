@@ -13,7 +13,7 @@ from cpbench.analysis.contradictions import COMPARED, PROGRAMS, Conflict, Contra
 from cpbench.analysis.optimality import meets_conditions, objective_unit
 from cpbench.formulations import QP
 from cpbench.formulations.base import Point, Problem
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.verification import FALSE_CLAIMS, VERIFIED
 
 OFF = 10.0

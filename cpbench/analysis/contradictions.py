@@ -18,7 +18,7 @@ from cpbench.formulations import AVI, LCP, MLCP, QP
 from cpbench.formulations.base import Problem, formulations
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.relay import Relay
-from cpbench.plurals import some_of
+from cpbench.foundation.plurals import some_of
 from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, PROVEN, VERIFIED
 
 META = "contradictions"

@@ -24,11 +24,11 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from cpbench import matrices
 from cpbench.formulations import AVI, LCP, MLCP
 from cpbench.formulations.base import Problem
 from cpbench.formulations.relay import Relay
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 
 SLACK = 10.0
 """Largest miss of a row by a verified answer, in tolerances in the units of this module: those of the judge differ."""

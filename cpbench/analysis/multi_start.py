@@ -15,7 +15,7 @@ import pandas as pd
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
-from cpbench.matrices import Vector, norm
+from cpbench.foundation.matrices import Vector, norm
 
 EVERY = "file:all"
 """Name of the start of merged rows."""

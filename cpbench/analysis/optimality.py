@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations import QP
 from cpbench.formulations.qp import QPPoint
-from cpbench.matrices import max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import max_abs
 
 
 def meets_conditions(program: QP, x: QPPoint, share: float) -> bool:

@@ -7,7 +7,7 @@ import pandas as pd
 from cpbench.analysis import multi_start
 from cpbench.analysis.failures import flagged
 from cpbench.analysis.starts import honoured
-from cpbench.plurals import counted, some_of
+from cpbench.foundation.plurals import counted, some_of
 
 LISTED = 3
 """Files that are named, those with most rows."""

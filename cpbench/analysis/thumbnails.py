@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.analysis.coarse import arranged, coarsened
 from cpbench.analysis.complementary_cones import complementary_cones, is_p_matrix, solutions
 from cpbench.analysis.contact_states import ContactStates, State, contact_states
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.lcp import LCP
-from cpbench.matrices import Dense, Matrix, Vector, max_abs, norm
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Dense, Matrix, Vector, max_abs, norm
 
 CELLS = 48
 """Cells a side of the largest matrix, at most."""

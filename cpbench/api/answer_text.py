@@ -11,9 +11,9 @@ from cpbench.analysis.contact_table import ContactTable, contact_table
 from cpbench.errors import PointError
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
-from cpbench.matrices import Vector
-from cpbench.plain_text import printable
-from cpbench.plurals import counted
+from cpbench.foundation.matrices import Vector
+from cpbench.foundation.plain_text import printable
+from cpbench.foundation.plurals import counted
 from cpbench.storage.program_properties import SENSE, offset, unknowns
 from cpbench.verification import Status, error_text
 

@@ -16,7 +16,7 @@ from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.schema import MEASURED
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Point, Problem
-from cpbench.plain_text import printable
+from cpbench.foundation.plain_text import printable
 from cpbench.storage.vectors import save_vector
 from cpbench.verification import MET_TOLERANCE, PROVEN, REFUSED, error_text
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from cpbench.api.solver_tables import HEAD, WIDTH, cells, families, folded_names
 from cpbench.bench import availability
 from cpbench.bench.availability import SolverState
-from cpbench.plain_text import columns
+from cpbench.foundation.plain_text import columns
 from cpbench.solvers.base import solvers
 
 

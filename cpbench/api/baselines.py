@@ -10,7 +10,7 @@ from cpbench.analysis import baseline, participation, ratchet
 from cpbench.analysis.ratchet import Change
 from cpbench.bench.results.sealed import sealed
 from cpbench.errors import StoreError
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,7 +12,7 @@ from cpbench.api.sides import side
 from cpbench.bench import rerun
 from cpbench.bench.execution import RunObserver
 from cpbench.bench.results.store import Store
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 
 if TYPE_CHECKING:
     from cpbench.analysis.comparison import Comparison, ComparisonSide, Thresholds

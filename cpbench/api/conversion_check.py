@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from cpbench import checking
 from cpbench.api import verdict_text
 from cpbench.bench import starts
 from cpbench.errors import CpbenchError
 from cpbench.formulations import Problem
-from cpbench.graph import Arrival
+from cpbench.graph import Arrival, checking
 from cpbench.verification import error_text
 
 

@@ -19,10 +19,10 @@ from cpbench.analysis.contradictions import Conflict, Contradiction
 from cpbench.bench.results.answers import unpack
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
-from cpbench.extensions import function
 from cpbench.formulations.base import Problem
-from cpbench.plain_text import printable
-from cpbench.plurals import counted
+from cpbench.foundation.extensions import function
+from cpbench.foundation.plain_text import printable
+from cpbench.foundation.plurals import counted
 
 if TYPE_CHECKING:
     import pandas as pd

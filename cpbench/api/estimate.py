@@ -23,7 +23,7 @@ from cpbench.bench.planning.quantities import duration
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.bench.worker import SHORT
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 
 BEFORE = ("quick.sqlite", "standard.sqlite", "builtin.sqlite")
 """Results of the suites, where a run without `--output` leaves them."""

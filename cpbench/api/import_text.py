@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from cpbench.bench.results.imported import Imported
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 
 SHOWN = 10
 """Largest number of lines of a kind; the rest is counted."""

@@ -10,13 +10,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from cpbench import frames
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import START, WARM_UP
 from cpbench.bench.worker_pool import describe_exit
 from cpbench.errors import CpbenchError
+from cpbench.foundation import frames
 from cpbench.testing.conduct import Item, Mark, conduct, named, registered_by
 
 

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import Conversion
 from cpbench.formulations import Problem
+from cpbench.foundation import matrices
+from cpbench.foundation.plain_text import printable
 from cpbench.generators.collection import address_text
 from cpbench.graph import Apply
-from cpbench.plain_text import printable
 
 if TYPE_CHECKING:
-    from cpbench.facts import Fact
+    from cpbench.formulations.facts import Fact
 
 LABELS = ("title", "description", "math_info", "family", "source", "licence", "citation")
 SHOWN = 8

@@ -146,9 +146,10 @@ def explain(problem: Problem, to: str) -> list[str]:
     lcp-avi > avi-qp: avi-qp refuses: M is not symmetric, asymmetry = 5.0e-01: it is no gradient; use avi-mlcp
     lcp-qp-nonsymmetric leads there (equivalent)
     """
-    from cpbench import brackets, graph
+    from cpbench import graph
     from cpbench.errors import NoRoute
-    from cpbench.extensions import function
+    from cpbench.foundation import brackets
+    from cpbench.foundation.extensions import function
     from cpbench.solvers.base import solvers
 
     if to not in graph.formulations and brackets.read("solver", to)[0] in solvers:
@@ -192,7 +193,8 @@ def verify(
     >>> cpbench.verify(qp, [4 / 3, 7 / 3]).flags
     ('multipliers completed',)
     """
-    from cpbench import multipliers, verification
+    from cpbench import verification
+    from cpbench.bench import multipliers
 
     given = answer if isinstance(answer, Solution | Point | Primal) else primal_of(problem, answer) or answer
     whole = given if isinstance(given, Primal) else point_of(problem, given)

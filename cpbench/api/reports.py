@@ -92,7 +92,7 @@ def write_tex(results: Path, folder: Path, title: str, facets: Sequence[str], **
     facets : profiles by `family`, `tolerance`, or both. choices : `publishable`, `with_imported`, `count_stationary`.
     """
     from cpbench.bench.results.citations import citations
-    from cpbench.extensions import function
+    from cpbench.foundation.extensions import function
 
     write_document = function("write_document")
     with sealed(results) as store:

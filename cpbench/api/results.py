@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.bench.results.sealed import sealed
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cpbench.bench.events import Compiling, Event, Solving, Starting
 from cpbench.errors import CpbenchError
-from cpbench.plain_text import printable
+from cpbench.foundation.plain_text import printable
 
 
 def run_log(verbose: bool, log: Path | None) -> logging.Logger | None:

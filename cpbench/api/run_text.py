@@ -13,8 +13,8 @@ from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.processes.isolation import address_space, address_space_allowed
 from cpbench.bench.results.store import Store
-from cpbench.plain_text import on_one_line, printable
-from cpbench.plurals import counted, some_of, summary
+from cpbench.foundation.plain_text import on_one_line, printable
+from cpbench.foundation.plurals import counted, some_of, summary
 from cpbench.verification import CONTRADICTION, Status
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from cpbench.formulations.base import Kind, Problem
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.verification import MET_TOLERANCE, Status, Verdict, error_text
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from cpbench import brackets, graph, kernel_cache, storage
+from cpbench import graph, storage
 from cpbench.api.answered import Answered
 from cpbench.api.solution import Solution
 from cpbench.api.solving import JUDGE, SOLVE, Way, solve_there, way_to
@@ -30,8 +30,9 @@ from cpbench.bench.processes.isolation import address_space, die_with_parent, me
 from cpbench.bench.results.rows import Outcome
 from cpbench.conversions.base import Conversion
 from cpbench.errors import CpbenchError, NoRoute, NotApplicable, Unavailable
-from cpbench.extensions import function
 from cpbench.formulations.base import Kind, Problem
+from cpbench.foundation import brackets, kernel_cache
+from cpbench.foundation.extensions import function
 from cpbench.generators.collection import builtin_folder
 from cpbench.solvers import warming
 from cpbench.solvers.base import Trait, solvers

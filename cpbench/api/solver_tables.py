@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from cpbench.bench.availability import SolverState
-from cpbench.plain_text import columns
+from cpbench.foundation.plain_text import columns
 from cpbench.solvers.base import Solver, SolverSpec, solvers
 from cpbench.solvers.options import choices, written
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from cpbench import brackets, graph, verification
+from cpbench import graph, verification
 from cpbench.api.solution import Solution
 from cpbench.bench.judging import PROOF_SECONDS, judge_answer, look_for_proof
 from cpbench.bench.planning.nearest import AUTO, nearest_automatic
 from cpbench.conversions.base import Conversion
 from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
+from cpbench.foundation import brackets
 from cpbench.graph import EXACT
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, missing, parse_options, solvers

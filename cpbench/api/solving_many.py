@@ -15,7 +15,7 @@ from cpbench.bench.stacked import call_for, solve_measured
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.stack import Stack
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.verification import Status
 
 

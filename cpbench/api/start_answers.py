@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from cpbench.analysis import multi_start
 from cpbench.analysis import table as rows_of
 from cpbench.bench.results.answers import unpack
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,12 +11,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from cpbench import frames, storage
+from cpbench import storage
 from cpbench.analysis.thumbnails import Thumbnail, thumbnail
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import limit_memory
 from cpbench.bench.results.answers import unpack
 from cpbench.formulations.base import Problem
+from cpbench.foundation import frames
 from cpbench.generators import generators
 from cpbench.report.text import cut
 

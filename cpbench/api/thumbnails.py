@@ -18,7 +18,6 @@ from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cpbench import frames
 from cpbench.analysis import table as rows_of
 from cpbench.api import thumbnail_process
 from cpbench.api.thumbnail_process import MEMORY, UNREADABLE, Sitter
@@ -27,6 +26,7 @@ from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.errors import FormatError
 from cpbench.formulations.base import formulations
 from cpbench.formulations.contact import ContactProblem
+from cpbench.foundation import frames
 from cpbench.storage.base import split_address
 
 if TYPE_CHECKING:

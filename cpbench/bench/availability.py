@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import groupby
 
-from cpbench import frames
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import Context, context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import START, WARM_UP
 from cpbench.bench.worker_pool import describe_exit
+from cpbench.foundation import frames
 from cpbench.solvers.base import Solver, package_version, solvers
 
 PATIENCE = START.floor

@@ -11,10 +11,10 @@ import os
 from collections import deque
 from collections.abc import Sequence
 
-from cpbench import frames
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import Context
 from cpbench.bench.processes.process import Child, Died, TimedOut
+from cpbench.foundation import frames
 from cpbench.solvers.base import solvers
 
 NICE = 10

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
-from cpbench import extensions
 from cpbench.bench import planned_run
 from cpbench.bench.planning.assembly import Assembly, Reading, assemble
 from cpbench.bench.planning.run_plan import RunPlan
@@ -16,6 +15,7 @@ from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Executor, settings
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
+from cpbench.foundation import extensions
 
 
 class RunObserver(planned_run.RoundObserver, Protocol):

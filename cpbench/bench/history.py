@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpbench import frames
 from cpbench.bench.messages import JudgeHistory, Recorded
 from cpbench.bench.results.rows import Outcome
 from cpbench.errors import PointError, StoreError
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Vector
+from cpbench.foundation import frames
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput
 from cpbench.verification import Status
 

@@ -1,6 +1,6 @@
 """Messages between the runner, its referee and its workers: a frozen class each.
 
-A message is sent as a frame (`cpbench.frames`): a header with the name of its class and its fields, followed by its
+A message is sent as a frame (`cpbench.foundation.frames`): a header with the name of its class and its fields, followed by its
 `vectors` as raw numbers. What is read is brought to the types of the fields or refused: a worker has run foreign code,
 and may send anything.
 """
@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, ClassVar, NewType, TypeAlias, cast, dataclass_transform, get_args, get_origin, get_type_hints
 
-from cpbench import frames
 from cpbench.bench.planning.plan import Pair, Request
-from cpbench.frames import FrameError
+from cpbench.foundation import frames
+from cpbench.foundation.frames import FrameError
 
 Seconds = NewType("Seconds", float)
 """A duration, which is finite and not negative."""

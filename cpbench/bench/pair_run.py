@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import cpbench.bench.worker as worker_process
-from cpbench import frames
 from cpbench.bench import messages
 from cpbench.bench.judging import PROOF_SECONDS
 from cpbench.bench.outcome import CLOCK, iqr, late, marks, reason, remembered, runners_time
@@ -26,6 +25,7 @@ from cpbench.bench.time_limits import GRACE, LOAD, REFEREE, WARM_UP
 from cpbench.bench.worker_pool import RefereeClient, Reply, Setting, WorkerPool, describe_exit, hear
 from cpbench.errors import NotApplicable
 from cpbench.formulations.base import Kind
+from cpbench.foundation import frames
 from cpbench.solvers.base import Trait, solvers
 from cpbench.verification import MET_TOLERANCE, PROVEN
 

@@ -20,7 +20,7 @@ from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Executor, execute
 from cpbench.bench.slot import Slot
 from cpbench.errors import CpbenchError
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import declared
 

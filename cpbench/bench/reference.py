@@ -11,12 +11,12 @@ import time
 
 import numpy as np
 
-from cpbench import frames
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import START
 from cpbench.bench.worker_pool import Setting
+from cpbench.foundation import frames
 
 ORDER = 200
 """Order of the dense system: about a millisecond, and a third of a megabyte, which stays in the cache."""

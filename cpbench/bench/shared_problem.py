@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import frames, matrices
-from cpbench.expressions import Map
 from cpbench.formulations.base import Problem, formulations
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.stack import Stack
+from cpbench.foundation import frames, matrices
 
 ALIGNED = 64
 LEFT_BEHIND = frozenset({"name", "info", "provenance", "sequence", "contacts"})

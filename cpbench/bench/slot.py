@@ -22,10 +22,10 @@ from cpbench.bench.results.rows import Outcome
 from cpbench.bench.time_limits import REFEREE
 from cpbench.bench.worker_pool import RefereeClient, Setting, WorkerPool
 from cpbench.errors import CpbenchError
+from cpbench.foundation.temporary import RUN, TemporaryHome
 from cpbench.solvers.base import solvers
 from cpbench.solvers.external import folder
 from cpbench.solvers.stopping import second_tolerance
-from cpbench.temporary import RUN, TemporaryHome
 from cpbench.verification import FALSE_CLAIMS
 
 

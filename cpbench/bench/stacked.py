@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.stack import Stack
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.solvers.automatic import automatic_solver
 from cpbench.solvers.base import Budget, Claim, Solver, StackCall, solvers
 from cpbench.verification.stacked import judge_stack

@@ -27,7 +27,7 @@ from cpbench.errors import CpbenchError, NotApplicable, ProblemError, UnknownNam
 from cpbench.formulations.base import Contacts, Problem
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.transfer import BY_ID, BY_ORDER, BY_POSITION, transfer
-from cpbench.matrices import Vector, norm
+from cpbench.foundation.matrices import Vector, norm
 
 EVERY = 0
 """The number that stands for every guess of a file."""

@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import kernel_cache
 from cpbench.bench import messages, shared_problem, stacked
 from cpbench.bench.history import recorded
 from cpbench.bench.outcome import method_seconds
@@ -31,11 +30,12 @@ from cpbench.bench.processes.forked import run_forked
 from cpbench.bench.processes.launch import confine, forks, limit_memory
 from cpbench.bench.processes.meter import Meter, checksum
 from cpbench.errors import Ended, NotApplicable, Unavailable
-from cpbench.expressions import interpreter
 from cpbench.formulations import formulations
 from cpbench.formulations.base import Problem
+from cpbench.formulations.expressions import interpreter
 from cpbench.formulations.stack import Stack
-from cpbench.matrices import Vector
+from cpbench.foundation import kernel_cache
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers
 
 SHORT = 1.0

@@ -11,12 +11,12 @@ from typing import Any, TypeVar
 
 import cpbench.bench.referee as referee_process
 import cpbench.bench.worker as worker_process
-from cpbench import frames
 from cpbench.bench import messages
 from cpbench.bench.processes.isolation import memory_around
 from cpbench.bench.processes.launch import Context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import START, WARM_UP
+from cpbench.foundation import frames
 
 Reply = TypeVar("Reply", bound=messages.Message)
 

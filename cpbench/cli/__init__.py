@@ -13,12 +13,12 @@ import click
 from cpbench import __version__
 from cpbench.cli import ahead
 from cpbench.errors import CpbenchError, FormatError, SealError
-from cpbench.extensions import COMMANDS as ADDED
-from cpbench.extensions import added, load
-from cpbench.help_text import COMMANDS as COMMANDS
-from cpbench.help_text import OPTIONS, help_text
-from cpbench.imports import uncollected
-from cpbench.plain_text import printable
+from cpbench.foundation.extensions import COMMANDS as ADDED
+from cpbench.foundation.extensions import added, load
+from cpbench.foundation.help_text import COMMANDS as COMMANDS
+from cpbench.foundation.help_text import OPTIONS, help_text
+from cpbench.foundation.imports import uncollected
+from cpbench.foundation.plain_text import printable
 
 
 def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[str, ...]) -> None:

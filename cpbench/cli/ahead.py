@@ -24,7 +24,7 @@ AUTO = "auto"
 FEW = 4
 """The most solvers of which each loads what it needs, in place of all that there is once for all."""
 SOLVE_CODE = (
-    "from cpbench.imports import uncollected\n"
+    "from cpbench.foundation.imports import uncollected\n"
     "with uncollected():\n    from cpbench.api.solve_process import main\n"
     "main()"
 )

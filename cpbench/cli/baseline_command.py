@@ -11,7 +11,7 @@ from cpbench.cli.options import ListOption, Sections, fail_on_option, force_opti
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FILE, PATH
 from cpbench.errors import CpbenchError, UnknownName
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 from cpbench.storage.base import require_new
 
 FAIL_ON = ("regression", "wrong", "crash", "fixed", "changed", "new", "vanished", "unmeasured")

@@ -14,7 +14,7 @@ from cpbench.cli.progress import Display
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import LABELS, PATH
 from cpbench.errors import UnknownName
-from cpbench.plain_text import printable
+from cpbench.foundation.plain_text import printable
 from cpbench.verification import CONTRADICTION, PROVEN, VERIFIED, Status
 
 WHOLE = ("regression", "inconclusive")

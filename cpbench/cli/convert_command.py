@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 import psutil
 
-from cpbench import checking, graph, storage
+from cpbench import graph, storage
 from cpbench.api import conversion_check
 from cpbench.api.problem_text import sizes_line
 from cpbench.api.problems import convert, load
@@ -29,6 +29,7 @@ from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, MEMORY, PATH, SETTINGS
 from cpbench.formulations import Kind, formulations
 from cpbench.generators.collection import address_text
+from cpbench.graph import checking
 from cpbench.report.show import slip_angle
 from cpbench.storage.base import require_new
 

@@ -7,13 +7,13 @@ from collections.abc import Iterable
 
 import click
 
-from cpbench import kernel_cache
 from cpbench.api.availability_text import checkup_lines
 from cpbench.bench import availability, machine, time_limits
 from cpbench.bench.availability import SolverState
 from cpbench.bench.processes import isolation
 from cpbench.cli.options import Command
 from cpbench.cli.terminal import fitted, folded, print_lines, reading_width
+from cpbench.foundation import kernel_cache
 
 
 @click.command(cls=Command)
@@ -36,7 +36,7 @@ def command(warm: bool) -> None:
     seen: dict[str, SolverState] = {}
     if warm:
         click.echo("compiling what is not in the cache yet, minutes the first time", err=True)
-        for module in kernel_cache.modules("cpbench.expressions.kernels", "cpbench.conversions.kernels"):
+        for module in kernel_cache.modules("cpbench.formulations.expressions.kernels", "cpbench.conversions.kernels"):
             kernel_cache.load(module)
     for one in availability.examine(chosen, warm):
         seen[one.name] = one

@@ -17,8 +17,8 @@ from cpbench.cli.options import Command, force_option, format_option, measure_op
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import COUNT, FILE, PATH
 from cpbench.errors import CpbenchError
+from cpbench.foundation.plurals import counted
 from cpbench.generators.collection import builtin_folder
-from cpbench.plurals import counted
 
 
 @click.command("import", cls=Command)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import click
 
-from cpbench import facts, storage
+from cpbench import storage
 from cpbench.api import problem_text
 from cpbench.api.results import is_results_file
 from cpbench.cli import terminal
@@ -19,7 +19,8 @@ from cpbench.cli.options import Command, format_option, reached_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS
 from cpbench.errors import CpbenchError
-from cpbench.plurals import counted
+from cpbench.formulations import facts
+from cpbench.foundation.plurals import counted
 
 MANY = 3
 """Number of problems up to which each is shown by itself."""

@@ -12,7 +12,7 @@ from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FILE, PATH
-from cpbench.plurals import counted, summary
+from cpbench.foundation.plurals import counted, summary
 
 
 @click.command(cls=Command)

@@ -15,7 +15,7 @@ OF_RUNS, OF_PROBLEMS = ("cpbench.cli.plot_run", "Of runs"), ("cpbench.cli.plot_p
 
 def packages() -> dict[str, tuple[str, str]]:
     """Return the packages of kinds of figures: of runs cpbench's own, of problems those of installed packages."""
-    from cpbench.extensions import FIGURES, added
+    from cpbench.foundation.extensions import FIGURES, added
 
     return {RUNS: OF_RUNS} | {entry.value: OF_PROBLEMS for entry in added(FIGURES).values()}
 

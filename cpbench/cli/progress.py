@@ -21,8 +21,8 @@ from cpbench.cli.standings import Standings
 from cpbench.conversions import Conversion
 from cpbench.errors import NotApplicable
 from cpbench.formulations import Problem
+from cpbench.foundation.plurals import counted
 from cpbench.graph import Apply
-from cpbench.plurals import counted
 
 if TYPE_CHECKING:
     from rich.console import Group

@@ -17,9 +17,9 @@ from cpbench.cli.progress import Display
 from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from, require_near, run_options
 from cpbench.cli.run_output import announce, finish, print_removed
 from cpbench.errors import StoreError
-from cpbench.extensions import function
+from cpbench.foundation.extensions import function
+from cpbench.foundation.imports import import_ahead
 from cpbench.generators.collection import builtin_folder, quick_problems
-from cpbench.imports import import_ahead
 
 
 @click.command(cls=Sections, sections=SECTIONS, examples=EXAMPLES)

@@ -12,7 +12,7 @@ from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.cli.terminal import fitted, folded, print_lines, width
-from cpbench.extensions import function
+from cpbench.foundation.extensions import function
 from cpbench.verification import Status
 
 

@@ -176,7 +176,7 @@ def _apart(problem: str, asked: Mapping[str, Any]) -> dict[str, Any]:
         require_new(Path(asked["output"]), asked["force"])
     address = ADDRESS.convert(problem, None, None)
     if asked["all"]:
-        from cpbench.extensions import function
+        from cpbench.foundation.extensions import function
 
         reply: dict[str, Any] = function("reply_to")(address, asked)
         return reply

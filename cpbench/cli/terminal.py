@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import click
 
-from cpbench.plain_text import columns
+from cpbench.foundation.plain_text import columns
 
 NARROWEST, WIDEST = 40, 110
 

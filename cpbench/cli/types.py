@@ -8,9 +8,9 @@ from typing import Any
 
 import click
 
-from cpbench import brackets
 from cpbench.bench.planning import quantities
 from cpbench.errors import CpbenchError
+from cpbench.foundation import brackets
 
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)

@@ -8,9 +8,10 @@ from pathlib import Path
 
 import click
 
-from cpbench import multipliers, storage, verification
+from cpbench import storage, verification
 from cpbench.api import verdict_text
 from cpbench.api.problems import load, verify
+from cpbench.bench import multipliers
 from cpbench.cli.options import Command, format_option, measure_option, number, tolerance_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH

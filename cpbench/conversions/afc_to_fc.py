@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.afc import AnisotropicFrictionContact
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.foundation import matrices
 
 
 @conversions.register("afc-fc")

@@ -13,13 +13,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cpbench import matrices
 from cpbench.conversions import kkt
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.conversions.convexity import indefinite
 from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.qp import QP, QPPoint
+from cpbench.foundation import matrices
 
 
 @conversions.register("avi-qp")

@@ -10,7 +10,7 @@ import numpy as np
 
 from cpbench.errors import NotApplicable, UnknownName
 from cpbench.formulations.base import Kind, Problem, Step, Trace
-from cpbench.matrices import index_dtype
+from cpbench.foundation.matrices import index_dtype
 from cpbench.registry import Registry
 
 

@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.conversions.shift import amplification
 from cpbench.formulations.base import Trace
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 
 FAR = 1e8
 """Largest ratio of Mc to q: half of the digits of q are left."""

@@ -21,10 +21,10 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 
 from cpbench.conversions.base import Conversion
-from cpbench.expressions import Map
-from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.recording import MapRecorder
 from cpbench.formulations.micp import MiCP, MiCPPoint
 
 TSENG = (2.0 - 2.0**0.5) / (2.0 + 2.0**0.5)

@@ -11,13 +11,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import elimination
 from cpbench.conversions.base import Conversion, Size
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 
 NO_LOCAL = "no contact problem in r alone exists: take constrained or massless unknowns out of the model first"
 

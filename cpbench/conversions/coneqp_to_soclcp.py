@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import qualification
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.conversions.convexity import indefinite
@@ -23,7 +22,8 @@ from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation import matrices
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 @conversions.register("coneqp-soclcp")

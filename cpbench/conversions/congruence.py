@@ -15,10 +15,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench import kernel_cache, matrices
 from cpbench.conversions.base import Size
 from cpbench.conversions.operators import ContactOperator
-from cpbench.matrices import Dense, Matrix, Sparse, Vector, index_dtype
+from cpbench.foundation import kernel_cache, matrices
+from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector, index_dtype
 
 COMPILED_ABOVE = 500_000
 """Entries of W above which the compiled loop is used: SciPy then takes longer than it takes to import numba."""

@@ -14,15 +14,15 @@ import numpy as np
 from cpbench.conversions import contact_maps, shift
 from cpbench.conversions.base import Conversion
 from cpbench.conversions.contact_maps import Units
-from cpbench.expressions import Map
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.cp import CP, CPPoint
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 class OverCones(Conversion):

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
-from cpbench.expressions import Map
-from cpbench.expressions.recording import MapRecorder, either, less, product, recorded, where
 from cpbench.formulations.base import Trace
 from cpbench.formulations.contact import FCPoint, LocalContact
-from cpbench.matrices import Dense, Vector, max_abs, power_of_two
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.recording import MapRecorder, either, less, product, recorded, where
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Dense, Vector, max_abs, power_of_two
 
 STEPS = 200
 """Projections before a problem is handed to methods that need a start."""

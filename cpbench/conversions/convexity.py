@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from cpbench import matrices
-from cpbench.matrices import Matrix
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix
 
 LARGEST = 1000
 """Rows up to which the least eigenvalue is computed for a message (0.1 s)."""

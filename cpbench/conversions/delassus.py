@@ -14,9 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench.factorization import Blocks, Factorization
-from cpbench.kernel_cache import load
-from cpbench.matrices import Sparse, index_dtype
+from cpbench.foundation.factorization import Blocks, Factorization
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Sparse, index_dtype
 
 KERNELS = "cpbench.conversions.kernels.delassus"
 FEW = 15_000

@@ -15,12 +15,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import blas
 
-from cpbench import factorization, matrices
 from cpbench.conversions import delassus, sparse_schur
 from cpbench.conversions.base import Size
-from cpbench.factorization import Factorization
 from cpbench.formulations.base import Kind
-from cpbench.matrices import Dense, Matrix, Sparse
+from cpbench.foundation import factorization, matrices
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Dense, Matrix, Sparse
 
 BUNDLE = 64
 """Right-hand sides of one sparse solve: more of them leave the cache."""

@@ -26,7 +26,7 @@ from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.formulations.rfc import RollingFrictionContact
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 
 INTERVAL = np.array([[1.0, -1.0]])
 """The two directions of the plane."""

@@ -16,7 +16,7 @@ from cpbench.conversions.base import conversions
 from cpbench.conversions.facets import INTERVAL, PolygonEdge
 from cpbench.formulations.base import Kind
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import Dense
+from cpbench.foundation.matrices import Dense
 
 
 @conversions.register("fc-lcp-2d")

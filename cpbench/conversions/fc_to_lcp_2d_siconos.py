@@ -15,14 +15,14 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.conversions.congruence import repeat
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import Matrix
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix
 
 _SELECT = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 _SHEAR = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])

@@ -17,7 +17,7 @@ from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 
 
 @conversions.register("fc-lcp-frictionless")

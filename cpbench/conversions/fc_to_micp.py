@@ -34,13 +34,13 @@ from numpy.typing import NDArray
 from cpbench.conversions import contact_maps
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.conversions.contact_maps import Units
-from cpbench.expressions import Map
-from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.recording import MapRecorder
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.matrices import Dense, max_abs
+from cpbench.foundation.matrices import Dense, max_abs
 
 FORMS = ("regular", "lecture")
 NOTHING = 1e-8

@@ -22,7 +22,7 @@ from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.matrices import Dense
+from cpbench.foundation.matrices import Dense
 
 
 @conversions.register("fc-mlcp-outer")

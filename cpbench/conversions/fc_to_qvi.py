@@ -19,7 +19,7 @@ from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.qvi import QVI, QVIPoint
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 @conversions.register("fc-qvi")

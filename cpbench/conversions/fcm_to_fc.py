@@ -16,13 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import elimination
 from cpbench.conversions.base import Conversion, Size, conversions
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.fcm import FCMPoint, MixedFrictionContact
+from cpbench.foundation import matrices
 
 PSEUDO_INVERSE_LIMIT = 2000
 """Most constraints whose singular R is pseudo-inverted (a dense singular value decomposition)."""

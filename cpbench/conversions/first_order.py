@@ -11,16 +11,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import maps, qualification
 from cpbench.conversions.base import Conversion
-from cpbench.expressions import Map
-from cpbench.expressions.recording import MapRecorder, product
 from cpbench.formulations.base import Kind, Problem, Trace
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.recording import MapRecorder, product
 from cpbench.formulations.nlp import NLP, Convexity, NLPPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
-from cpbench.matrices import Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Vector
 
 # ------------------------------------------------------------------------------------------- programs
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.contact import ContactProblem, DelassusContact
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 
 
 def per_contact(values: tuple[float, ...], nc: int) -> Vector:

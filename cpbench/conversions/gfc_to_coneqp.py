@@ -13,14 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import frozen
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation import matrices
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 @conversions.register("gfc-coneqp")

@@ -13,13 +13,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cpbench import matrices
 from cpbench.conversions import condensation, elimination
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.fcm import FCMPoint, MixedFrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
+from cpbench.foundation import matrices
 
 
 @conversions.register("gfc-fcm")

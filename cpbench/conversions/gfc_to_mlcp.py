@@ -13,14 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.matrices import Matrix
-from cpbench.plurals import counted
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix
+from cpbench.foundation.plurals import counted
 
 
 @conversions.register("gfc-mlcp")

@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from cpbench.conversions.base import Conversion, conversions
-from cpbench.expressions.recording import product, recorded
 from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.expressions.recording import product, recorded
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.formulations.nfc import NFCPoint, NonlinearFrictionContact

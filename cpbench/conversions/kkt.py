@@ -14,12 +14,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Trace
 from cpbench.formulations.mlcp import MLCP
 from cpbench.formulations.qp import QP
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 
 
 @dataclass(frozen=True)

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.formulations.qp import QP, QPPoint
+from cpbench.foundation import matrices
 
 
 @conversions.register("lcp-qp")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from cpbench import matrices
-from cpbench.expressions import Builder, Map, Operator
-from cpbench.expressions.map import LARGEST
 from cpbench.formulations.base import Trace
-from cpbench.matrices import Matrix, Vector
+from cpbench.formulations.expressions import Builder, Map, Operator
+from cpbench.formulations.expressions.map import LARGEST
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 
 
 def affine(M: Matrix, q: Vector) -> Map:

@@ -14,7 +14,7 @@ from typing import Any
 from cpbench.conversions.base import conversions
 from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation
 from cpbench.formulations.base import Trace
-from cpbench.ncp_functions import symbolic_fischer_burmeister
+from cpbench.formulations.ncp_functions import symbolic_fischer_burmeister
 
 
 @conversions.register("micp-equation-fb")

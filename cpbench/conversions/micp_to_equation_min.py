@@ -13,7 +13,7 @@ from typing import Any
 
 from cpbench.conversions.base import conversions
 from cpbench.conversions.complementarity_functions import MiCPtoEquation
-from cpbench.expressions.recording import minimum
+from cpbench.formulations.expressions.recording import minimum
 
 
 @conversions.register("micp-equation-min")

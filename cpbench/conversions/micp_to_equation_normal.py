@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench.cones import project_box
 from cpbench.conversions import maps
 from cpbench.conversions.base import Conversion, conversions
-from cpbench.expressions.recording import MapRecorder, maximum, minimum
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.formulations.expressions.recording import MapRecorder, maximum, minimum
 from cpbench.formulations.micp import MiCP, MiCPPoint
+from cpbench.foundation.cones import project_box
 
 
 @conversions.register("micp-equation-normal")

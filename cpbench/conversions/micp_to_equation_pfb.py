@@ -14,10 +14,10 @@ from typing import Any
 
 from cpbench.conversions.base import conversions
 from cpbench.conversions.complementarity_functions import TSENG, MiCPtoEquation
-from cpbench.expressions.recording import maximum
 from cpbench.formulations.base import Trace
+from cpbench.formulations.expressions.recording import maximum
 from cpbench.formulations.micp import MiCP
-from cpbench.ncp_functions import symbolic_fischer_burmeister
+from cpbench.formulations.ncp_functions import symbolic_fischer_burmeister
 
 
 @conversions.register("micp-equation-pfb")

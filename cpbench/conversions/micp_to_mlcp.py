@@ -16,14 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
-from cpbench.cones import project_box
 from cpbench.conversions import bounds
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.cones import project_box
+from cpbench.foundation.matrices import Matrix, Vector
 
 
 @conversions.register("micp-mlcp")

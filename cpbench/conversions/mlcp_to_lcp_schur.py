@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cpbench import matrices
 from cpbench.conversions import elimination
 from cpbench.conversions.base import Conversion, Size, conversions
 from cpbench.conversions.shift import amplification
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.foundation import matrices
 
 
 @conversions.register("mlcp-lcp-schur")

@@ -23,12 +23,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.matrices import Dense, Matrix, Sparse, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector
 
 
 @conversions.register("mlcp-lcp-split")

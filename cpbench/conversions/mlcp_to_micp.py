@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import maps
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.foundation import matrices
 
 
 @conversions.register("mlcp-micp")

@@ -18,7 +18,7 @@ from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.formulations.nfc import NFCPoint, NonlinearFrictionContact
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 
 PLACES = ("free", "start")
 

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import maps
 from cpbench.conversions.base import Conversion, conversions
-from cpbench.expressions.derivatives import has_constant_curvature
 from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.expressions.derivatives import has_constant_curvature
 from cpbench.formulations.nlp import NLP, NLPPoint
 from cpbench.formulations.qp import QP, QPPoint
+from cpbench.foundation import matrices
 
 
 @conversions.register("nlp-qp")

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse.linalg as spla
 
-from cpbench.matrices import Dense, Matrix
-from cpbench.matrices import sparse as csr_of
+from cpbench.foundation.matrices import Dense, Matrix
+from cpbench.foundation.matrices import sparse as csr_of
 
 
 class ContactOperator(spla.LinearOperator):

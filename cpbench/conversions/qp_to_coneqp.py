@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import kkt
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.qp import QP, QPPoint
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation import matrices
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 @conversions.register("qp-coneqp")

@@ -14,8 +14,8 @@ from functools import reduce
 
 from cpbench.conversions import maps
 from cpbench.conversions.base import Conversion, conversions
-from cpbench.expressions import Builder, Map, Operator
 from cpbench.formulations.base import Kind, Trace
+from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.formulations.nlp import NLP, NLPPoint
 from cpbench.formulations.qp import QP, QPPoint
 

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import elimination, kkt
 from cpbench.conversions.base import Conversion, Size, conversions
 from cpbench.conversions.shift import amplification
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.qp import QP, QPPoint
+from cpbench.foundation import matrices
 
 
 @conversions.register("qp-qp-dual")

@@ -15,13 +15,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.expressions import Map
 from cpbench.formulations.coneqp import ConeQP
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.nlp import NLP, Convexity
 from cpbench.formulations.sizes import least_squares
 from cpbench.formulations.vi import VI
-from cpbench.matrices import Matrix, Vector, max_abs
-from cpbench.product_cones import Cone
+from cpbench.foundation.matrices import Matrix, Vector, max_abs
+from cpbench.foundation.product_cones import Cone
 
 ROUNDING = 1e-10
 """Distance from an affine row or a bound, beside what the terms of the rows and the point make of it, that is none."""

@@ -16,9 +16,9 @@ import numpy as np
 
 from cpbench.conversions import maps, simple_sets
 from cpbench.conversions.base import Conversion, conversions
-from cpbench.expressions import Map
-from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations.base import Kind, Problem, Trace
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.recording import MapRecorder
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.formulations.qvi import QVI, QVIPoint
 

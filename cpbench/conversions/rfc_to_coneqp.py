@@ -17,7 +17,7 @@ from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 @conversions.register("rfc-coneqp")

@@ -17,7 +17,7 @@ from cpbench.conversions.base import conversions
 from cpbench.conversions.facets import PolygonEdge
 from cpbench.formulations.base import Kind
 from cpbench.formulations.rfc import RollingFrictionContact
-from cpbench.matrices import Dense
+from cpbench.foundation.matrices import Dense
 
 
 @conversions.register("rfc-lcp-facets")

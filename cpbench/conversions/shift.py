@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 
 MOST = 1e4
 """The most that is asked for beyond the tolerance: methods of first order do not reach every factor."""

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 
 from cpbench.formulations.variational import SimpleSetProblem
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 def no_box(problem: SimpleSetProblem, instead: str) -> str | None:

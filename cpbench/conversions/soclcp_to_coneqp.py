@@ -11,12 +11,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from cpbench import matrices
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.conversions.convexity import indefinite
 from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
+from cpbench.foundation import matrices
 
 
 @conversions.register("soclcp-coneqp")

@@ -18,10 +18,10 @@ import scipy.sparse as sp
 import scipy.sparse.csgraph as csgraph
 from numpy.typing import NDArray
 
-from cpbench import matrices
-from cpbench.factorization import Factorization
-from cpbench.kernel_cache import load
-from cpbench.matrices import Dense, Matrix, Sparse
+from cpbench.foundation import matrices
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Dense, Matrix, Sparse
 
 KERNELS = "cpbench.conversions.kernels.triangular"
 PIVOT = 0.1

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions import maps, simple_sets
 from cpbench.conversions.base import Conversion, conversions
 from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
+from cpbench.foundation import matrices
 
 
 @conversions.register("vi-avi")

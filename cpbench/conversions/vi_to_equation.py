@@ -17,7 +17,7 @@ from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
-from cpbench.product_cones import Cone
+from cpbench.foundation.product_cones import Cone
 
 
 @conversions.register("vi-equation")

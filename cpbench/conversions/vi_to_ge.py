@@ -19,7 +19,7 @@ from cpbench.formulations.base import Kind, Problem, Trace
 from cpbench.formulations.ge import GE, GEPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
-from cpbench.product_cones import Cone
+from cpbench.foundation.product_cones import Cone
 
 
 @conversions.register("vi-ge")

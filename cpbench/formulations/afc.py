@@ -8,11 +8,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.cones import Coulomb, Law
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, vector_field
 from cpbench.formulations.contact import FCPoint, LocalContact
-from cpbench.matrices import Dense, Matrix, Vector, dense, freeze
+from cpbench.foundation.cones import Coulomb, Law
+from cpbench.foundation.matrices import Dense, Matrix, Vector, dense, freeze
 
 
 @formulations.register("afc")

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from cpbench import matrices
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Matrix
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix
 
 
 class _HasMap:

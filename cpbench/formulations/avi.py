@@ -9,7 +9,6 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.cones import box_defect, project_box
 from cpbench.formulations.affine import AffineProblem
 from cpbench.formulations.base import (
     Point,
@@ -21,7 +20,8 @@ from cpbench.formulations.base import (
 )
 from cpbench.formulations.box import box_residuals, check_bounds, largest_in_box, own_scale, top
 from cpbench.formulations.sizes import least, ratio, row_sizes
-from cpbench.matrices import Matrix, Vector, max_abs, norm
+from cpbench.foundation.cones import box_defect, project_box
+from cpbench.foundation.matrices import Matrix, Vector, max_abs, norm
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,10 +19,10 @@ from typing import Any, ClassVar, Self, TypeAlias
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import PointError, ProblemError
-from cpbench.expressions import Map
-from cpbench.matrices import Matrix, Vector
+from cpbench.formulations.expressions import Map
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.registry import Registry
 
 Trace: TypeAlias = Mapping[str, Any]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.cones import box_defect
 from cpbench.errors import ProblemError
-from cpbench.matrices import Vector, max_abs, norm
+from cpbench.foundation.cones import box_defect
+from cpbench.foundation.matrices import Vector, max_abs, norm
 
 
 def check_bounds(node: str, lb: Vector, ub: Vector) -> None:

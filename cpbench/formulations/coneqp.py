@@ -8,14 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
 from cpbench.formulations.conic import ConicProblem, cone_fields, cone_residuals
 from cpbench.formulations.defects import cone_defect
 from cpbench.formulations.sizes import group_max, least, ratio, row_sizes
-from cpbench.matrices import Matrix, Vector, freeze, max_abs, norm
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector, freeze, max_abs, norm
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 @dataclass(frozen=True, eq=False)

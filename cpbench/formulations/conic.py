@@ -12,8 +12,8 @@ import numpy as np
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.defects import cone_defect
-from cpbench.matrices import Vector, norm
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.matrices import Vector, norm
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 class _HasCone:

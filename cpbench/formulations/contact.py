@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
-from cpbench.cones import Coulomb, Law, RollingCoulomb
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Contacts, Point, Problem, Residuals, Sequence, scaled, squared
-from cpbench.matrices import Dense, Matrix, Vector, norm
+from cpbench.foundation import matrices
+from cpbench.foundation.cones import Coulomb, Law, RollingCoulomb
+from cpbench.foundation.matrices import Dense, Matrix, Vector, norm
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,12 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench.errors import ProblemError
-from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, matrix_field, vector_field
 from cpbench.formulations.conic import ConicProblem
 from cpbench.formulations.defects import cone_defect
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.nonlinear import NonlinearProblem
-from cpbench.matrices import Matrix, Vector, norm
+from cpbench.foundation.matrices import Matrix, Vector, norm
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.matrices import Dense, Vector
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.matrices import Dense, Vector
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 COMPARABLE = 1e-3
 """Parts of x and w of a factor whose sizes differ by less lose no digits that matter; 0 loses none at all."""

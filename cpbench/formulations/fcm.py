@@ -8,12 +8,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench import matrices
-from cpbench.factorization import Factorization
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, squared, vector_field
 from cpbench.formulations.contact import DelassusContact
 from cpbench.formulations.sizes import least_squares
-from cpbench.matrices import Dense, Matrix, Vector, norm
+from cpbench.foundation import matrices
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Dense, Matrix, Vector, norm
 
 
 @dataclass(frozen=True, eq=False)

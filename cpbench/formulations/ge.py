@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, vector_field
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.variational import SimpleSetProblem
-from cpbench.matrices import Vector, norm
+from cpbench.foundation.matrices import Vector, norm
 
 
 @dataclass(frozen=True, eq=False)

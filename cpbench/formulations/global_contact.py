@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse.linalg as spla
 
-from cpbench import matrices
-from cpbench.factorization import DENSE_LIMIT, Factorization
 from cpbench.formulations.base import Point, Residuals, scaled, squared
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.sizes import least_squares
-from cpbench.matrices import Dense, Matrix, Vector, norm
+from cpbench.foundation import matrices
+from cpbench.foundation.factorization import DENSE_LIMIT, Factorization
+from cpbench.foundation.matrices import Dense, Matrix, Vector, norm
 
 BUNDLE = 512
 """Columns of H that are solved for at once."""

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from cpbench.formulations.base import Point, formulations, matrix_field, vector_field
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation.matrices import Matrix, Vector
 
 
 @formulations.register("grfc")

@@ -17,7 +17,7 @@ from cpbench.formulations.base import (
     scaled,
     vector_field,
 )
-from cpbench.matrices import Matrix, Vector, max_abs, norm
+from cpbench.foundation.matrices import Matrix, Vector, max_abs, norm
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,13 +8,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.cones import box_defect, project_box
-from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, vector_field
 from cpbench.formulations.box import check_bounds
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.models import complementarity_of
 from cpbench.formulations.nonlinear import NonlinearProblem
-from cpbench.matrices import Vector, norm
+from cpbench.foundation.cones import box_defect, project_box
+from cpbench.foundation.matrices import Vector, norm
 
 
 @dataclass(frozen=True, eq=False)

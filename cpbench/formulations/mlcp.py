@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.factorization import Factorization
 from cpbench.formulations.base import (
     Point,
     Problem,
@@ -19,7 +18,8 @@ from cpbench.formulations.base import (
     vector_field,
 )
 from cpbench.formulations.lcp import unit_free_complementarity
-from cpbench.matrices import Matrix, Vector, max_abs, norm
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Matrix, Vector, max_abs, norm
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from cpbench.expressions.from_mof import Affine, Function, Functions, Nonlinear, Quadratic
-from cpbench.expressions.mof_model import Model, ModelRow, read_model
-from cpbench.expressions.operators import Operator
+from cpbench.formulations.expressions.from_mof import Affine, Function, Functions, Nonlinear, Quadratic
+from cpbench.formulations.expressions.mof_model import Model, ModelRow, read_model
+from cpbench.formulations.expressions.operators import Operator
 
 SOURCE = "MathOptFormat"
 """Name in messages of a text that is not a file."""

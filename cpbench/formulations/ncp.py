@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.errors import ProblemError
-from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, vector_field
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.models import complementarity_of
 from cpbench.formulations.nonlinear import NonlinearProblem
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation.matrices import Vector, max_abs
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.expressions import Map
-from cpbench.factorization import Factorization
 from cpbench.formulations.base import (
     Point,
     Residuals,
@@ -21,8 +19,10 @@ from cpbench.formulations.base import (
     vector_field,
 )
 from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.matrices import Dense, Matrix, Vector, norm
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Dense, Matrix, Vector, norm
 
 FREE_STEPS = 50
 """Newton steps to the motion without contact; the start is taken where they do not get there."""

@@ -10,15 +10,15 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
-from cpbench.cones import project_box
 from cpbench.errors import ProblemError
-from cpbench.expressions import Map
-from cpbench.expressions.derivatives import has_constant_curvature
 from cpbench.formulations.base import Point, Problem, Residuals, formulations, map_field, scaled, vector_field
 from cpbench.formulations.box import check_bounds
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.derivatives import has_constant_curvature
 from cpbench.formulations.models import program_of
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.cones import project_box
+from cpbench.foundation.matrices import Vector, max_abs
 
 LARGEST = 2_000
 """Operations of the largest map whose second derivatives are formed to check them, in a third of a second."""

@@ -9,9 +9,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from cpbench.expressions import Map
 from cpbench.formulations.base import Problem, Residuals, scaled
-from cpbench.matrices import Vector, norm
+from cpbench.formulations.expressions import Map
+from cpbench.foundation.matrices import Vector, norm
 
 
 class _HasMap:

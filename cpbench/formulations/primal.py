@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import PointError, ProblemError
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Vector
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import ProblemError
-from cpbench.factorization import Factorization
 from cpbench.formulations.base import (
     Point,
     Problem,
@@ -20,7 +18,9 @@ from cpbench.formulations.base import (
     vector_field,
 )
 from cpbench.formulations.box import check_bounds
-from cpbench.matrices import Matrix, Vector, max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Matrix, Vector, max_abs
 
 
 @dataclass(frozen=True, eq=False)

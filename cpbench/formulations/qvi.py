@@ -8,13 +8,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.cones import project_box
 from cpbench.errors import ProblemError
-from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Residuals, formulations, map_field, vector_field
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.variational import SimpleSetProblem
-from cpbench.matrices import Sparse, Vector, norm
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import project_box
+from cpbench.foundation.matrices import Sparse, Vector, norm
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 @dataclass(frozen=True, eq=False)

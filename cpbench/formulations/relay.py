@@ -9,13 +9,13 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.cones import box_defect, project_box
 from cpbench.formulations.affine import AffineProblem
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, vector_field
 from cpbench.formulations.box import box_residuals, check_bounds, largest_in_box, own_scale, top
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.sizes import least, ratio
-from cpbench.matrices import Matrix, Vector, max_abs, norm
+from cpbench.foundation.cones import box_defect, project_box
+from cpbench.foundation.matrices import Matrix, Vector, max_abs, norm
 
 
 @formulations.register("relay")

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from cpbench.formulations.base import Point, formulations, matrix_field, vector_field
 from cpbench.formulations.contact import FCPoint, LocalContact
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation.matrices import Matrix, Vector
 
 
 @formulations.register("rfc")

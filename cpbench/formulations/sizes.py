@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from cpbench.matrices import Matrix, Vector, freeze
+from cpbench.foundation.matrices import Matrix, Vector, freeze
 
 
 def least(*sizes: float) -> float:

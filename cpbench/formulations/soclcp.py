@@ -12,7 +12,7 @@ from cpbench.formulations.affine import AffineProblem
 from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
 from cpbench.formulations.conic import ConicProblem, cone_residuals
 from cpbench.formulations.defects import cone_defect
-from cpbench.matrices import Matrix, Vector, max_abs, norm
+from cpbench.foundation.matrices import Matrix, Vector, max_abs, norm
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
+from cpbench.foundation import matrices
 
 
 @dataclass(frozen=True, eq=False)

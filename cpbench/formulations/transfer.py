@@ -28,7 +28,7 @@ import numpy as np
 from cpbench.errors import NotApplicable, PointError
 from cpbench.formulations.base import Contacts, Point, Problem
 from cpbench.formulations.contact import ContactProblem
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 
 Index: TypeAlias = np.ndarray[Any, np.dtype[np.intp]]
 BY_ID, BY_ORDER = "contacts matched by id", "contacts matched by order"

@@ -8,15 +8,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.cones import box_defect, project_box
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Point, Residuals
 from cpbench.formulations.box import check_bounds
 from cpbench.formulations.conic import ConicProblem
 from cpbench.formulations.defects import cone_defect
 from cpbench.formulations.nonlinear import NonlinearProblem
-from cpbench.matrices import Matrix, Vector, norm
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.cones import box_defect, project_box
+from cpbench.foundation.matrices import Matrix, Vector, norm
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 @dataclass(frozen=True, eq=False)

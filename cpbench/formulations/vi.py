@@ -7,10 +7,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.expressions import Map
 from cpbench.formulations.base import Point, formulations, map_field, matrix_field, vector_field
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.variational import RowsProblem, VIPoint
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation.matrices import Matrix, Vector
 
 
 @formulations.register("vi")

@@ -9,9 +9,9 @@ import numpy as np
 
 from cpbench.formulations.afc import AnisotropicFrictionContact
 from cpbench.formulations.contact import FCPoint
+from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, generator
 from cpbench.generators.contact_planted import DIRECTIONS, delassus
-from cpbench.matrices import Dense
 
 
 @collection(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.base import Info, Point, Problem
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.registry import Registry
 
 LICENCE = "Apache-2.0"

@@ -14,10 +14,10 @@ import numpy as np
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
+from cpbench.foundation.matrices import Dense, Vector
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench.generators.contact_planted import DIRECTIONS
-from cpbench.matrices import Dense, Vector
-from cpbench.product_cones import Cone, ProductCone
 
 MU, MU_R, RADIUS = 0.625, 0.3125, 5.0
 

@@ -7,9 +7,9 @@ import scipy.sparse as sp
 
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
+from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench.generators.contact_planted import MU, contact_states
-from cpbench.matrices import Dense
 
 GRAVITY = 9.8125
 """[m/s²], a multiple of 1/16, so that the reactions of a stack are exact."""

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.fcm import FCMPoint, MixedFrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench.generators.contact_global import GRAVITY, STEP
 from cpbench.generators.contact_planted import MU, contact_states
-from cpbench.matrices import Dense
 
 WEIGHT = GRAVITY * STEP
 """Impulse of 1 kg over a step [N s]."""

@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.nfc import NFCPoint, NonlinearFrictionContact
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator, snapped
 from cpbench.generators.contact_planted import MU, STATES, contact_states
 from cpbench.generators.symbols import Symbol, cos, mapped, sin, sqrt, total, unknowns
-from cpbench.matrices import Dense, Vector
 
 STEP, SWING = 2.0**-4, 2.0**-5
 """[s], the second for pendulums; long, so that the dynamics are far from linear within them."""

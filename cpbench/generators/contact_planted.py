@@ -12,11 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Dense, Matrix, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
-from cpbench.matrices import Dense, Matrix, Vector
 
 MU = 0.625
 """Friction of the planted contacts: r_N = 8 carries ‖r_T‖ = 5."""

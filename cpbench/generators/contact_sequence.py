@@ -27,15 +27,15 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.cones import de_saxce, project_friction_cone
 from cpbench.formulations.base import Contacts, Sequence
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
+from cpbench.foundation.cones import de_saxce, project_friction_cone
+from cpbench.foundation.matrices import Dense, Vector, norm
 from cpbench.generators.base import Instance, collection, generator
 from cpbench.generators.contact_global import GRAVITY
-from cpbench.matrices import Dense, Vector, norm
 
 STEPS = 32
 SETTLING = 130

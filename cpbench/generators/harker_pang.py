@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.expressions import Map
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.ncp import NCP, NCPPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench.generators.portable import arctan
 from cpbench.generators.symbols import atan, mapped, product, unknowns
-from cpbench.matrices import Dense, Vector
 
 CITATION = (
     "Harker and Pang 1990, Lectures in Applied Mathematics 26:265; Taji, Fukushima, Ibaraki 1993, Math. Prog. 58:369 "

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
-from cpbench.matrices import Dense, Vector
 
 
 @collection(

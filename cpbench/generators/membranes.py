@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.expressions import Map
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.micp import MiCP
+from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection
 from cpbench.generators.portable import sine
 from cpbench.generators.symbols import Symbol, exp, mapped, sqrt, total, unknowns
-from cpbench.matrices import Dense
 
 
 @collection(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
-from cpbench.matrices import Dense
 
 
 @collection("mlcp-planted", "mlcp", "mixed LCPs of known structure with a planted solution", "planted by cpbench")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.expressions import Map
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.ncp import NCP, NCPPoint
 from cpbench.generators.base import Instance, collection
 from cpbench.generators.symbols import Symbol, mapped, product, unknowns

@@ -7,8 +7,8 @@ import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.qp import QP
+from cpbench.foundation.matrices import Sparse, Vector
 from cpbench.generators.base import Instance, collection, snapped
-from cpbench.matrices import Sparse, Vector
 
 RADIUS = 0.6979651482233737
 """Contact radius of the radial obstacle: the root of r²(1 − log(r/2)) = 1 (Majava and Tai 2004)."""

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from cpbench.formulations.ncp import NCP, NCPPoint
+from cpbench.foundation.matrices import Vector
 from cpbench.generators.base import Instance, collection, generator
 from cpbench.generators.ncp_classics import points
 from cpbench.generators.symbols import mapped, total, unknowns
-from cpbench.matrices import Vector
 
 FIVE = (36.93251081573577, 41.818141660437625, 43.706578522274214, 42.659239743305115, 39.17895251662502)
 """Equilibrium of the five firms, published as 36.93, 41.82, 43.71, 42.66, 39.18; digits by mpmath with 50 of them."""

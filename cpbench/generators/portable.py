@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 
 
 def arctan(z: Vector) -> Vector:

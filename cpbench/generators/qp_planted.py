@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench.formulations.qp import QP, QPPoint
+from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
-from cpbench.matrices import Dense
 
 
 @collection("qp-planted", "qp", "convex QPs of known structure with planted z and multipliers", "planted by cpbench")

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.qvi import QVI, QVIPoint
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench.generators.contact_planted import STATES, contact_states
 from cpbench.generators.ncp_classics import formula_map
 from cpbench.generators.symbols import Symbol, mapped, product, unknowns
-from cpbench.product_cones import Cone, ProductCone
 
 
 @collection(

@@ -13,8 +13,8 @@ import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator
-from cpbench.matrices import Matrix, Vector
 
 STEP = 2.0**-6
 

@@ -13,9 +13,9 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.formulations.grfc import GlobalRollingFrictionContact
 from cpbench.formulations.rfc import RollingFrictionContact
+from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench.generators.contact_planted import DIRECTIONS
-from cpbench.matrices import Dense
 
 CITATION = "Acary and Bourrier 2021, Eur. J. Mech. A/Solids 85:104046; planted by cpbench"
 DISC = np.array([[0.0, 1, 0], [1, 0, 0], [0, 1, 1]])

@@ -9,10 +9,10 @@ import itertools
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from cpbench import matrices
-from cpbench.expressions import Builder, Map, Operator
-from cpbench.expressions.symbol import Symbol
-from cpbench.matrices import Matrix
+from cpbench.formulations.expressions import Builder, Map, Operator
+from cpbench.formulations.expressions.symbol import Symbol
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix
 
 
 def unknowns(n: int) -> list[Symbol]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.expressions import Map
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.formulations.ncp import NCP, NCPPoint
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, generator
 from cpbench.generators.symbols import Symbol, mapped, total, unknowns
-from cpbench.matrices import Dense, Vector
 
 CONGESTION = 0.15
 """Of the Bureau of Public Roads: time = free time · (1 + 0.15 (flow/capacity)⁴)."""

@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.expressions import Map
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.cp import CP, CPPoint
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.ge import GE, GEPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
+from cpbench.foundation.matrices import Vector
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench.generators.ncp_classics import formula_map, kojima_shindo_map
 from cpbench.generators.symbols import Symbol, mapped, product, total, unknowns
-from cpbench.matrices import Vector
-from cpbench.product_cones import Cone, ProductCone
 
 BASIN = (21.14479601540966, 16.027853447025258, 2.7259627008817033)
 """Normalized equilibrium of the river basin, published as 21.149, 16.028, 2.722; digits by exact fractions."""

@@ -16,9 +16,9 @@ from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.formulations.ncp import NCP, NCPPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import Instance, collection, generator
 from cpbench.generators.symbols import Symbol, mapped, product, sqrt, unknowns
-from cpbench.matrices import Dense, Vector
 
 PRICES = (0.25, 1.0, 4.0)
 """Powers of four, whose roots are exact too."""

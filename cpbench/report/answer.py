@@ -10,7 +10,7 @@ from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.ranking import RankedSolver, Ranking
 from cpbench.analysis.ranking_order import LEVEL
 from cpbench.analysis.ranking_sentence import FALSE
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 from cpbench.report import overview_figure
 from cpbench.report.details import file_of
 from cpbench.report.run import Run

@@ -14,12 +14,12 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench import brackets
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.metrics import MetricValues, measured, metric
 from cpbench.analysis.participation import participating
 from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import CpbenchError, UnknownName
+from cpbench.foundation import brackets
 from cpbench.report.run import Run
 from cpbench.report.text import counted, listed_plainly, one_line, seconds
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.report import markdown, row_files
 from cpbench.report.html import page, vega
 from cpbench.report.run import assembled

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cpbench.analysis.multi_start import SAME, ReachedSolutions, solutions
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.report.run import Run
 from cpbench.report.text import code, counted, listed, plain, table
 

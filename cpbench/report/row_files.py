@@ -16,7 +16,7 @@ from typing import Any, BinaryIO
 import pandas as pd
 
 from cpbench.errors import FormatError
-from cpbench.plain_text import cell
+from cpbench.foundation.plain_text import cell
 from cpbench.storage.base import write_atomic
 
 FORMATS = ("csv", "json", "parquet")

@@ -22,7 +22,7 @@ from cpbench.analysis.participation import participating, restricted, without
 from cpbench.analysis.ranking import Ranking, rankings
 from cpbench.analysis.reached import SENTENCE, at_reached
 from cpbench.analysis.table import ResultGroup
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.report.legend import PALETTE
 from cpbench.report.text import counted, one_line, plain
 from cpbench.verification import Status

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions.base import conversions
-from cpbench.expressions import Map
-from cpbench.expressions.infix import formulas
 from cpbench.formulations.base import Kind, Problem, Step
-from cpbench.matrices import Matrix, Vector
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.infix import formulas
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.report.text import counted, cut, one_line
 
 SMALL = 12

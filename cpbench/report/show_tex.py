@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions.base import conversions
-from cpbench.expressions import Map
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Matrix, Vector
+from cpbench.formulations.expressions import Map
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.report import show
 from cpbench.report.tex import law, name, number, prose
 from cpbench.report.text import one_line

@@ -19,7 +19,7 @@ from cpbench import __version__
 from cpbench.errors import NotApplicable, UnknownName
 from cpbench.formulations.base import Kind, Point, Problem
 from cpbench.formulations.stack import Stack
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.registry import Registry
 from cpbench.solvers.options import choices, written
 from cpbench.solvers.renamed import RENAMED

@@ -9,7 +9,7 @@ import contextlib
 import time
 from collections.abc import Callable, Generator
 
-from cpbench import kernel_cache
+from cpbench.foundation import kernel_cache
 from cpbench.solvers.base import Solver, solvers
 
 _warm: set[str] = set()

@@ -19,10 +19,10 @@ import h5py
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.errors import FormatError, ProblemError
-from cpbench.factorization import Factorization
 from cpbench.formulations.base import Contacts, Info, Problem, Sequence, Step
+from cpbench.foundation import matrices
+from cpbench.foundation.factorization import Factorization
 from cpbench.storage.hdf5_matrices import read_matrix, write_sparse
 from cpbench.storage.hdf5_tree import Tree
 from cpbench.storage.hdf5_writer import put_array, put_attribute, put_text

@@ -9,9 +9,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Problem
+from cpbench.foundation import matrices
 from cpbench.storage import array_problems, dialects
 from cpbench.storage.array_containers import folder_files, headers, values
 from cpbench.storage.arrays import npz_names

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.formulations import QP, ConeQP, FrictionContact
 from cpbench.formulations.base import Info, Problem, formulations
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.contact import ContactProblem
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation import matrices
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.storage import dialects
 from cpbench.storage.arrays import sparse_from_parts
 from cpbench.storage.base import build, stem

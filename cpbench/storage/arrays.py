@@ -16,9 +16,9 @@ import scipy.sparse as sp
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.errors import FormatError
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.storage.base import read_head, read_text
 
 _SPARSE_KEYS = frozenset({"data", "indices", "indptr", "shape"})

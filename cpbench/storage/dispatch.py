@@ -6,9 +6,9 @@ import logging
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from cpbench import brackets
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations.base import Point, Problem
+from cpbench.foundation import brackets
 from cpbench.storage.array_containers import folder_files, is_array_folder
 from cpbench.storage.base import (
     SEPARATOR,

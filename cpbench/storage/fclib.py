@@ -19,13 +19,13 @@ from typing import Any
 import h5py
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.fcm import MixedFrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.grfc import GlobalRollingFrictionContact
-from cpbench.matrices import Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Vector
 from cpbench.storage.annotations import read_info, read_place, read_provenance, write_texts
 from cpbench.storage.base import build
 from cpbench.storage.hdf5_matrices import read_matrix, write_sparse

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from operator import add, mul, sub, truediv
 
 from cpbench.errors import ProblemError
-from cpbench.expressions.map import Builder
-from cpbench.expressions.mof_operators import combine
-from cpbench.expressions.operators import Operator
+from cpbench.formulations.expressions.map import Builder
+from cpbench.formulations.expressions.mof_operators import combine
+from cpbench.formulations.expressions.operators import Operator
 from cpbench.storage.gams_text import Tokens
 
 _SAME = {

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.expressions.from_mof import Affine, Function, Functions, Nonlinear
-from cpbench.expressions.mof_model import Model, ModelRow
-from cpbench.expressions.operators import Operator
-from cpbench.expressions.plain_rows import PlainRows
+from cpbench.formulations.expressions.from_mof import Affine, Function, Functions, Nonlinear
+from cpbench.formulations.expressions.mof_model import Model, ModelRow
+from cpbench.formulations.expressions.operators import Operator
+from cpbench.formulations.expressions.plain_rows import PlainRows
 from cpbench.formulations.models import slack
 from cpbench.storage.gams_expressions import GAMSExpressions
 from cpbench.storage.gams_statements import COMPLEMENTARY, GAMSSolve, Statements

@@ -18,8 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench import matrices
-from cpbench.matrices import Matrix, Sparse
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Sparse
 from cpbench.storage.hdf5_tree import Tree
 from cpbench.storage.hdf5_writer import put_array, put_integer
 

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from cpbench.errors import FormatError
 from cpbench.formulations.base import Info, Problem
 from cpbench.formulations.qp import QP
-from cpbench.plain_text import printable
+from cpbench.foundation.plain_text import printable
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
 from cpbench.storage.mps import noted, program
 from cpbench.storage.trial import require_survivor

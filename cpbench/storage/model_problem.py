@@ -16,11 +16,10 @@ from typing import Any, cast
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
-from cpbench.expressions.from_mof import Affine, Nonlinear, Quadratic
-from cpbench.expressions.mof_model import Model, ModelRow
 from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Info, Problem
+from cpbench.formulations.expressions.from_mof import Affine, Nonlinear, Quadratic
+from cpbench.formulations.expressions.mof_model import Model, ModelRow
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.micp import MiCP
 from cpbench.formulations.mlcp import MLCP
@@ -29,7 +28,8 @@ from cpbench.formulations.ncp import NCP
 from cpbench.formulations.nlp import NLP
 from cpbench.formulations.qp import QP
 from cpbench.formulations.relay import Relay
-from cpbench.matrices import Sparse, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Sparse, Vector
 from cpbench.storage.base import build
 from cpbench.storage.program_properties import OFFSET
 

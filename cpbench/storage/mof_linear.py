@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.errors import FormatError
-from cpbench.matrices import Matrix, Sparse, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Sparse, Vector
 from cpbench.storage.mof_write import FEASIBILITY, Written, joined, numbered, one_sided
 from cpbench.storage.program_properties import offset
 

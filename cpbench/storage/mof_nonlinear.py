@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.expressions import Map, to_mof
+from cpbench.formulations.expressions import Map, to_mof
 from cpbench.storage.mof_read import CONVEX
 from cpbench.storage.mof_write import FEASIBILITY, Written, numbered
 

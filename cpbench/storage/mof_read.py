@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.errors import FormatError
-from cpbench.expressions.mof_json import parse
-from cpbench.expressions.mof_model import read_model
 from cpbench.formulations.base import Problem
+from cpbench.formulations.expressions.mof_json import parse
+from cpbench.formulations.expressions.mof_model import read_model
 from cpbench.storage.base import read_bytes, read_head
 from cpbench.storage.compressed import plain
 from cpbench.storage.model_problem import problem_of

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cpbench.expressions import to_mof
-from cpbench.matrices import Vector
+from cpbench.formulations.expressions import to_mof
+from cpbench.foundation.matrices import Vector
 
 FEASIBILITY = '{"sense": "feasibility"}'
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.errors import FormatError
-from cpbench.plain_text import printable
+from cpbench.foundation.plain_text import printable
 from cpbench.storage.program_text import REFUSED, ProgramText
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?\Z")

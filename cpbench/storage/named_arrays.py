@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import FormatError
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.storage.arrays import sparse_from_parts
 from cpbench.storage.dialects import Dialect, Symbols
 from cpbench.storage.half_stored import Half, whole

@@ -18,10 +18,10 @@ from typing import Any, cast
 
 import h5py
 
-from cpbench import matrices
 from cpbench.errors import FormatError, UnknownName
-from cpbench.expressions import Map, from_mof, mof_json, to_mof
 from cpbench.formulations.base import Info, Problem, counted, formulations
+from cpbench.formulations.expressions import Map, from_mof, mof_json, to_mof
+from cpbench.foundation import matrices
 from cpbench.storage import fclib
 from cpbench.storage.annotations import (
     read_info,

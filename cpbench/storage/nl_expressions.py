@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from cpbench.errors import ProblemError
-from cpbench.expressions.map import Builder
+from cpbench.formulations.expressions.map import Builder
 from cpbench.storage.nl_operators import applied, arity, is_condition
 from cpbench.storage.nl_source import NLSource
 

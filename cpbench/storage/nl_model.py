@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.expressions.from_mof import Affine, Function, Nonlinear, Quadratic
-from cpbench.expressions.mof_model import Model, ModelRow
-from cpbench.expressions.plain_rows import PlainRows
+from cpbench.formulations.expressions.from_mof import Affine, Function, Nonlinear, Quadratic
+from cpbench.formulations.expressions.mof_model import Model, ModelRow
+from cpbench.formulations.expressions.plain_rows import PlainRows
 from cpbench.formulations.models import slack
 from cpbench.storage.nl_segments import LinearTerms, Segments
 

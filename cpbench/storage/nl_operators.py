@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from cpbench.expressions.map import Builder
-from cpbench.expressions.mof_operators import combine
-from cpbench.expressions.operators import Operator
+from cpbench.formulations.expressions.map import Builder
+from cpbench.formulations.expressions.mof_operators import combine
+from cpbench.formulations.expressions.operators import Operator
 
 UNARY: Mapping[int, Operator] = {
     13: Operator.FLOOR, 14: Operator.CEIL, 15: Operator.ABS, 16: Operator.NEG, 34: Operator.NOT, 37: Operator.TANH,

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.expressions.from_mof import Affine, Functions
-from cpbench.expressions.operators import Operator
+from cpbench.formulations.expressions.from_mof import Affine, Functions
+from cpbench.formulations.expressions.operators import Operator
 from cpbench.storage.nl_expressions import NLExpressions
 from cpbench.storage.nl_header import read_header
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench.expressions.from_mof import Affine, Functions, Quadratic
-from cpbench.expressions.map import Map
-from cpbench.expressions.operators import Operator
-from cpbench.expressions.plain_rows import PlainRows
+from cpbench.formulations.expressions.from_mof import Affine, Functions, Quadratic
+from cpbench.formulations.expressions.map import Map
+from cpbench.formulations.expressions.operators import Operator
+from cpbench.formulations.expressions.plain_rows import PlainRows
 from cpbench.storage.nl_encoders import Encoder
 from cpbench.storage.nl_operators import CONDITIONS, IF, NOT_EQUAL, SUM, WRITTEN
 

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.expressions.from_mof import Affine
-from cpbench.expressions.operators import Operator
-from cpbench.matrices import Vector
+from cpbench.formulations.expressions.from_mof import Affine
+from cpbench.formulations.expressions.operators import Operator
+from cpbench.foundation.matrices import Vector
 from cpbench.storage.mof_linear import kept, quadratic
 from cpbench.storage.nl_encoders import Encoder
 from cpbench.storage.nl_operators import SUM, UNWRITTEN, WRITTEN

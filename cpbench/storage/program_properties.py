@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from cpbench.expressions.mof_json import as_float
 from cpbench.formulations.base import Info
+from cpbench.formulations.expressions.mof_json import as_float
 
 OFFSET, SENSE, UNKNOWNS = "objective_offset", "objective_sense", "unknowns"
 """Names of the properties: the constant of ½zᵀQz + pᵀz, `max` where that with its constant is the opposite of the

@@ -22,7 +22,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench.errors import FormatError
-from cpbench.matrices import Matrix, Sparse, Vector
+from cpbench.foundation.matrices import Matrix, Sparse, Vector
 from cpbench.storage.base import read_text
 
 logger = logging.getLogger("cpbench.storage")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.formulations.avi import AVI
 from cpbench.formulations.contact import ContactProblem, LocalContact
@@ -14,8 +13,9 @@ from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP
 from cpbench.formulations.relay import Relay
 from cpbench.formulations.soclcp import SOCLCP
-from cpbench.matrices import Matrix, Vector
-from cpbench.product_cones import Cone
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
+from cpbench.foundation.product_cones import Cone
 
 
 def write_lcp(p: LCP) -> str:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cpbench.expressions.from_mof import Affine
-from cpbench.expressions.mof_model import Model
+from cpbench.formulations.expressions.from_mof import Affine
+from cpbench.formulations.expressions.mof_model import Model
 from cpbench.formulations.models import slack
-from cpbench.plurals import counted, some_of
+from cpbench.foundation.plurals import counted, some_of
 
 _SHOWN = 3
 

@@ -11,8 +11,8 @@ import signal
 from collections.abc import Callable
 from pathlib import Path
 
-from cpbench.child_processes import fork
 from cpbench.errors import FormatError
+from cpbench.foundation.child_processes import fork
 
 
 def require_survivor(path: Path, read: Callable[[], object], reader: str, seconds: float = 0.0) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.errors import FormatError
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 
 INFINITE = 1e19
 """Sides from here on stand for none: 1e20 in Maros' and Meszaros' files, or 1e20 after a scaling of the row."""

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.expressions import Map
-from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, LCPPoint, Problem
 from cpbench.formulations.conic import ConicProblem
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.recording import MapRecorder
 from cpbench.generators import generators
 from cpbench.testing import (
     cases_conic,

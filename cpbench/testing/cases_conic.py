@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations import Problem
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing import planted, planted_conic
 
 

@@ -13,10 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cpbench import graph, matrices, storage
+from cpbench import graph, storage
 from cpbench.conversions import Conversion
 from cpbench.errors import NotApplicable
 from cpbench.formulations import Problem, formulations
+from cpbench.foundation import matrices
 from cpbench.testing.cases import Case
 from cpbench.testing.expect import refused
 

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices, storage
+from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import Info
+from cpbench.foundation import matrices
 from cpbench.storage import Format
 from cpbench.testing.cases import Case
 from cpbench.testing.expect import only_for, refused

@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import PointError, ProblemError
-from cpbench.expressions import Builder
 from cpbench.formulations import Problem
+from cpbench.formulations.expressions import Builder
+from cpbench.foundation import matrices
 from cpbench.testing.cases import Case, renumbered
 from cpbench.testing.expect import refused
 from cpbench.verification import judge

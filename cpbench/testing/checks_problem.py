@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
-from cpbench import matrices, storage
+from cpbench import storage
 from cpbench.formulations import formulations
+from cpbench.foundation import matrices
 from cpbench.generators import Instance
 from cpbench.generators.base import Collection
 from cpbench.generators.collection import write_collections

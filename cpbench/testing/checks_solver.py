@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import Ended, NotApplicable, UnknownName
 from cpbench.formulations import Kind, Problem, formulations
+from cpbench.foundation import matrices
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait, parse_options
 from cpbench.solvers.external.session import ProgramError
 from cpbench.testing.cases import Case, infeasible

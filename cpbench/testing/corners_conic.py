@@ -9,7 +9,7 @@ import numpy as np
 
 from cpbench.formulations import AVI, SOCLCP, AVIPoint, ConeQP, ConeQPPoint, LCPPoint, Problem, Relay, SOCLCPPoint
 from cpbench.formulations.conic import cone_fields
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing import planted_conic
 
 UNITS = (1e-8, 1e8)

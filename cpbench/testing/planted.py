@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations import (
     LCP,
     MLCP,
@@ -21,6 +20,7 @@ from cpbench.formulations import (
     MLCPPoint,
     QPPoint,
 )
+from cpbench.foundation import matrices
 
 SQUARE = ("positive definite", "singular semidefinite", "monotone", "symmetric indefinite", "any")
 """Classes of square matrices that `square` makes; the first three have a semidefinite symmetric part."""

@@ -7,8 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.expressions import Map
-from cpbench.expressions.recording import maximum, recorded
 from cpbench.formulations import (
     CP,
     GE,
@@ -30,8 +28,10 @@ from cpbench.formulations import (
     VIPoint,
 )
 from cpbench.formulations.conic import cone_fields
-from cpbench.matrices import Vector
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.recording import maximum, recorded
+from cpbench.foundation.matrices import Vector
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing import planted, planted_conic
 from cpbench.testing.planted import bodies_and_contacts, contact_state, friction, square
 

@@ -14,10 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from cpbench import checking, graph, storage
+from cpbench import graph, storage
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.formulations import Kind
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
+from cpbench.graph import checking
 from cpbench.testing.cases import Case, cases
 
 EQUIVALENT = frozenset({Kind.EQUIVALENT})

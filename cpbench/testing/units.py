@@ -9,8 +9,8 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from cpbench.expressions import Map
-from cpbench.expressions.recording import MapRecorder
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.recording import MapRecorder
 from cpbench.testing.cases import Case
 
 

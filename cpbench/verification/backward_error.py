@@ -26,7 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.verification.frame import Frame, System, Terms, inverse, largest, segment_max
 from cpbench.verification.sets import Flags
 

@@ -21,7 +21,7 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.verification import hints, margins
 from cpbench.verification.exact_vectors import exact_multipliers, exact_point, exact_rays
 from cpbench.verification.margins import FallingRay, FarkasMultipliers

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.matrices import Dense, Vector, dense
-from cpbench.product_cones import Cone
+from cpbench.foundation.matrices import Dense, Vector, dense
+from cpbench.foundation.product_cones import Cone
 from cpbench.verification import sets
 from cpbench.verification.frame import Frame, System, Terms
 from cpbench.verification.systems import kept, stack

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 
 SWEEPS, STEPS = 32, 100
 ENOUGH = 5e-4

@@ -19,7 +19,7 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation.matrices import Matrix, Vector
 
 Rationals: TypeAlias = list[Fraction]
 _Integers: TypeAlias = NDArray[np.int64]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.verification import hints
 from cpbench.verification.exact_linear import Exact, Rationals, rationals, rounded, solve
 from cpbench.verification.polyhedra import Polyhedron

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.verification.sets import Flags, Set, joined
 from cpbench.verification.vanishing import Caps
 

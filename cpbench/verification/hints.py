@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as sl
 import scipy.sparse as sp
 
-from cpbench.matrices import Matrix, Vector, power_of_two
+from cpbench.foundation.matrices import Matrix, Vector, power_of_two
 from cpbench.verification.polyhedra import Objective, Polyhedron
 
 ACCURACY = 1e-10

@@ -23,8 +23,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cpbench import matrices
-from cpbench.matrices import Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Vector
 from cpbench.verification.exact_linear import Exact, dot, rationals
 from cpbench.verification.polyhedra import Objective, Polyhedron
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.verification.sets import INFINITE
 
 NODES = ("lcp", "mlcp", "relay", "ncp", "micp", "equation")

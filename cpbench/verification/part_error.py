@@ -33,7 +33,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.base import squared
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.verification.backward_error import EPS, ROUNDINGS, BackwardError
 from cpbench.verification.frame import Frame, System, inverse, largest
 from cpbench.verification.parts import Measure, Parts

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.verification.equilibration import WHOLE, Sums, equilibrate, equilibrate_apart
 from cpbench.verification.frame import Frame
 

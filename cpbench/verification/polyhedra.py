@@ -11,7 +11,6 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Problem
 from cpbench.formulations.coneqp import ConeQP
@@ -19,8 +18,9 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP
 from cpbench.formulations.qp import QP
-from cpbench.matrices import Matrix, Vector
-from cpbench.product_cones import Cone
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
+from cpbench.foundation.product_cones import Cone
 from cpbench.verification.exact_linear import Exact, dot
 from cpbench.verification.sets import INFINITE
 

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Vector, max_abs
-from cpbench.product_cones import Cone
+from cpbench.foundation.matrices import Vector, max_abs
+from cpbench.foundation.product_cones import Cone
 from cpbench.verification import sets
 from cpbench.verification.merit_functions import NODES, path_norms
 from cpbench.verification.projections import project

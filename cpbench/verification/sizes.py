@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.verification.frame import System, inverse
 from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cpbench.errors import PointError
 from cpbench.formulations.stack import Stack
-from cpbench.matrices import Vector, is_psd
+from cpbench.foundation.matrices import Vector, is_psd
 from cpbench.verification.frame import System
 from cpbench.verification.measures import BY_PARTS, SYSTEMS
 from cpbench.verification.part_error import BlockErrors, block_errors

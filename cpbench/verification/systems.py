@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.verification import sets
 from cpbench.verification.frame import Frame, System, Terms
 

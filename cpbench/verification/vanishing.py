@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 
 EXPLAINED = 0.5
 """A term explains its row where the row without it is less than this share of the row."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 from cpbench_lab.bundle.agreement import Agreement, ordered
 from cpbench_lab.bundle.reproduction import Bundle
 

@@ -15,11 +15,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cpbench import toml_text
 from cpbench.bench.planning import plan_file
 from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
+from cpbench.foundation import toml_text
 from cpbench.registry import PLUGIN_FILES
 from cpbench_lab.bundle.archive import name_of
 

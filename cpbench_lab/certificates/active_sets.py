@@ -13,8 +13,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import lstsq
 
-from cpbench.factorization import sparse_lu
-from cpbench.matrices import Vector
+from cpbench.foundation.factorization import sparse_lu
+from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.mixed import Mixed
 
 LOWER, BASIC, UPPER = -1, 0, 1

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from flint import fmpq, fmpq_mat
 
-from cpbench.expressions import Map
-from cpbench.expressions.operators import Operator as Op
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.operators import Operator as Op
 from cpbench_lab.certificates.exact_rows import Index, rational
 
 LARGEST = 400

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from flint import fmpz
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States, at_bounds
 from cpbench_lab.certificates.exact_rows import ExactRows, Index, blocks, over_one, rational, regular_part, solve
 from cpbench_lab.certificates.mixed import Mixed

@@ -25,9 +25,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Vector
 from cpbench.storage.base import write_atomic
 from cpbench.storage.hdf5_writer import new_file, put_array, put_attribute
 

@@ -14,7 +14,7 @@ from flint import arb
 
 from cpbench.formulations.base import Problem
 from cpbench.formulations.qp import QP
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates import polyhedral
 from cpbench_lab.certificates.active_sets import States
 from cpbench_lab.certificates.all_solutions import AllSolutions, all_solutions

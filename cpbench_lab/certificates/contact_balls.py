@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from flint import arb
 from numpy.typing import NDArray
 
-from cpbench.matrices import Dense, Sparse, Vector
+from cpbench.foundation.matrices import Dense, Sparse, Vector
 from cpbench_lab.certificates.krawczyk import up
 from cpbench_lab.certificates.mixed import linear_part
 

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.contact_balls import NAMES, OPEN, SLIDE, STICK, ContactSystem, Scene, States, states_of
 from cpbench_lab.certificates.exact_rows import Index
 from cpbench_lab.certificates.krawczyk import PARTS, Enclosed, digits, enclose, no_box

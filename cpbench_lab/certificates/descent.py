@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from cpbench.matrices import Sparse, Vector
+from cpbench.foundation.matrices import Sparse, Vector
 from cpbench.verification.sets import INFINITE
 from cpbench_lab.certificates.exact_rows import ExactRows, rational, regular_part, solve
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from flint import fmpq
 
-from cpbench.matrices import Sparse, Vector
+from cpbench.foundation.matrices import Sparse, Vector
 from cpbench_lab.certificates.contact_balls import Scene
 from cpbench_lab.certificates.exact_rows import ExactRows, rational
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 from scipy.sparse.csgraph import connected_components, maximum_bipartite_matching
 
-from cpbench.matrices import Sparse, Vector
+from cpbench.foundation.matrices import Sparse, Vector
 
 PRIME = 2**61 - 1
 """A Mersenne prime: a matrix of integers loses rank modulo it only by a rare accident, which a proof then lacks."""

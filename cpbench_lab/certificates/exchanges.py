@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States
 from cpbench_lab.certificates.basic_points import ExactPoint, exact_point, row_value, violations
 from cpbench_lab.certificates.exact_rows import ExactRows, rational

@@ -16,7 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench_lab.certificates.exact_rows import Index
 
 PRECISION = 256

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from flint import arb, fmpq
 
-from cpbench.expressions import Map
-from cpbench.expressions.operators import Operator as Op
-from cpbench.matrices import Dense
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.operators import Operator as Op
+from cpbench.foundation.matrices import Dense
 from cpbench_lab.certificates.contact_balls import pair
 from cpbench_lab.certificates.krawczyk import digits
 

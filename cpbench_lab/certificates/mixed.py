@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Sparse, Vector
+from cpbench.foundation.matrices import Sparse, Vector
 from cpbench.verification.sets import INFINITE
 
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from flint import arb
 
-from cpbench.expressions import Map
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Dense, Vector
+from cpbench.formulations.expressions import Map
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.verification.sets import INFINITE
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States
 from cpbench_lab.certificates.affine_parts import dependent_rows

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, States, candidates, solved
 from cpbench_lab.certificates.basic_points import ExactPoint, exact_point, violations
 from cpbench_lab.certificates.exact_rows import ExactRows, nearest

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from flint import arb, fmpq_mat
 from scipy.linalg import qr
 
-from cpbench.matrices import Dense, Sparse, Vector
+from cpbench.foundation.matrices import Dense, Sparse, Vector
 from cpbench_lab.certificates.exact_rows import ExactRows, Index, rational, regular_part
 from cpbench_lab.certificates.krawczyk import SmoothSystem
 

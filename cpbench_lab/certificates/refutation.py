@@ -15,7 +15,7 @@ import numpy as np
 from flint import arb
 
 from cpbench.formulations.base import Problem
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.certificate import Evidence
 from cpbench_lab.certificates.contact_balls import BallRows, Scene, square
 from cpbench_lab.certificates.descent import WithRows, direction

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from flint import fmpz_mat
 from scipy.linalg import solve_triangular
 
-from cpbench.matrices import Sparse
+from cpbench.foundation.matrices import Sparse
 
 LARGEST = 1200
 """Rows of the largest matrix that is looked at."""

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.active_sets import BASIC, LOWER, UPPER, States, at_bounds
 from cpbench_lab.certificates.basic_points import LARGEST, ExactPoint, Support, row_value, sides, violations
 from cpbench_lab.certificates.exact_rows import ExactRows, Index, rational, solve

@@ -20,7 +20,7 @@ from typing import Any, TypeAlias
 from distributed import Event, Worker, WorkerPlugin, get_worker
 
 import cpbench
-from cpbench.child_processes import start_python
+from cpbench.foundation.child_processes import start_python
 from cpbench_lab.cluster.remote_worker import WorkerSetup
 
 IDLE = 300.0

@@ -22,8 +22,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from cpbench.foundation.temporary import RUN, TemporaryHome
 from cpbench.registry import DECLARED, PLUGIN_FILES
-from cpbench.temporary import RUN, TemporaryHome
 
 if TYPE_CHECKING:  # what knows solvers and conversions looks for plugins when it is imported: not before these are set
     from cpbench.bench.block import Block

@@ -9,7 +9,7 @@ import click
 from cpbench.cli.options import Command, ListOption, force_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FILE, PATH
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 from cpbench_lab.bundle.making import BundleOptions, make
 from cpbench_lab.bundle.report import write_report
 

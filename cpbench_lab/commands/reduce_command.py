@@ -11,8 +11,8 @@ from cpbench.bench.planning.plan import Limits
 from cpbench.cli.options import Command, memory_option, quiet_option, tolerance_option, via_option
 from cpbench.cli.types import DURATION, FOLDER, POSITIVE
 from cpbench.errors import CpbenchError
+from cpbench.foundation.plurals import counted
 from cpbench.generators.collection import address_text
-from cpbench.plurals import counted
 from cpbench_lab.reduction.cases import case_of, case_of_row, reduce_case
 from cpbench_lab.reduction.predicate import parse_predicate
 from cpbench_lab.reduction.reduce import data_size

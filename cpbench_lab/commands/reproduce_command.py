@@ -12,7 +12,7 @@ from cpbench.cli.progress import Display
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FILE, FOLDER
 from cpbench.errors import CpbenchError
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 from cpbench_lab.bundle import differences
 from cpbench_lab.bundle.reproduction import Bundle, adopt, compare, load_plugins, open_bundle, plan, run
 

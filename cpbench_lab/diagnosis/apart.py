@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import frames
 from cpbench.bench import shared_problem
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import context, limit_memory
@@ -21,6 +20,7 @@ from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import GRACE, LOAD, WARM_UP
 from cpbench.bench.worker_pool import describe_exit
 from cpbench.formulations.base import Problem
+from cpbench.foundation import frames
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget
 from cpbench.verification import Status

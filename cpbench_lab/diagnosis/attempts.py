@@ -13,12 +13,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench import brackets, graph, verification
+from cpbench import graph, verification
 from cpbench.bench.judging import judge_answer, look_for_proof
 from cpbench.bench.planning import plan
 from cpbench.errors import NoRoute, NotApplicable, Unavailable
 from cpbench.formulations.base import Kind, Problem
-from cpbench.matrices import Vector
+from cpbench.foundation import brackets
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, Trait, parse_options, solvers
 from cpbench.verification import MET_TOLERANCE, Status

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from cpbench.facts import Fact, of_problem
 from cpbench.formulations.base import Problem
+from cpbench.formulations.facts import Fact, of_problem
 from cpbench.solvers.automatic import automatic_solver
 from cpbench.solvers.base import Solver
 from cpbench_lab.diagnosis.attempts import SolverTrial, TrialOutcome

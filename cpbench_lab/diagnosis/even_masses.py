@@ -19,11 +19,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations.base import Problem
 from cpbench.formulations.contact import LocalContact
 from cpbench.formulations.global_contact import GlobalContact
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Dense, Vector
 
 RANGE = 1e-10
 """Share of the largest eigenvalue of a pair of bodies below which one counts as 0: W was rounded, and often printed."""

@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.base import Problem
+from cpbench.foundation import matrices
 
 MATRIX = {"lcp": ("M", "z"), "relay": ("M", "z"), "fc": ("W", "r")}
 """Matrix and unknowns of the formulations of one matrix and a vector q."""

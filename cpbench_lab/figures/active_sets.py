@@ -16,7 +16,7 @@ from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.formulations.ncp import NCP, NCPPoint
 from cpbench.formulations.qp import QP, QPPoint
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation.matrices import Vector, max_abs
 
 
 class ActiveSide(StrEnum):

@@ -15,7 +15,7 @@ from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError, ProblemError
 from cpbench.formulations.contact import opposition
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, solve
 
 SIDES = ("inner", "outer")

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import ncp_functions as ncp
-from cpbench.matrices import Dense
+from cpbench.formulations import ncp_functions as ncp
+from cpbench.foundation.matrices import Dense
 
 Values = tuple[Dense, Dense, Dense]
 """ψ(w, z) and an element of its subdifferential, by w and by z."""

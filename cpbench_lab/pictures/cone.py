@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cpbench.analysis.contact_states import ContactStates, State, angle_between, contact_states, most_rubbing
-from cpbench.cones import de_saxce
 from cpbench.conversions.base import make
 from cpbench.conversions.facets import wrong_knobs
 from cpbench.errors import NotApplicable, ProblemError
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import Dense, Vector, norm
+from cpbench.foundation.cones import de_saxce
+from cpbench.foundation.matrices import Dense, Vector, norm
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
 from cpbench.solvers.base import solve

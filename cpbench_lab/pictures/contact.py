@@ -14,7 +14,7 @@ from cpbench.analysis.contact_states import ContactStates, State, contact_states
 from cpbench.errors import CpbenchError, NotApplicable
 from cpbench.formulations.base import Contacts, Point, Problem
 from cpbench.formulations.contact import ContactProblem
-from cpbench.matrices import Dense
+from cpbench.foundation.matrices import Dense
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
 from cpbench.report.text import counted

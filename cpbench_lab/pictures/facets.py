@@ -15,7 +15,7 @@ from cpbench import graph
 from cpbench.errors import NotApplicable
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import Dense
+from cpbench.foundation.matrices import Dense
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
 from cpbench_lab.figures.facet_errors import FAST, SIDES, FacetedSlide, bounds, faceted_slide

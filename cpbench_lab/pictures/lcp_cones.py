@@ -19,7 +19,7 @@ from cpbench.analysis.complementary_cones import (
 )
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.lcp import LCP
-from cpbench.matrices import Dense, Vector, dense, max_abs
+from cpbench.foundation.matrices import Dense, Vector, dense, max_abs
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, figure_kind
 from cpbench.report.text import counted

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.analysis.coarse import arranged, coarsened
 from cpbench.errors import NotApplicable
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
-from cpbench.matrices import Matrix
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, figure_kind
 from cpbench.report.show import shape as symbols_of

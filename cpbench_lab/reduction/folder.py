@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices, storage
+from cpbench import storage
 from cpbench.bench.results import answers
 from cpbench.bench.results.rows import Outcome
 from cpbench.errors import CpbenchError, PointError
 from cpbench.formulations.base import Problem
-from cpbench.plain_text import printable
-from cpbench.plurals import counted
+from cpbench.foundation import matrices
+from cpbench.foundation.plain_text import printable
+from cpbench.foundation.plurals import counted
 from cpbench.report import canvas, figure_kinds
 from cpbench.verification import MET_TOLERANCE
 from cpbench_lab import pictures

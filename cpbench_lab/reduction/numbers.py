@@ -12,9 +12,9 @@ from typing import Any, TypeVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.errors import NotApplicable
 from cpbench.formulations.base import Problem
+from cpbench.foundation import matrices
 from cpbench_lab.reduction.parts import SQUARE, bare
 
 P = TypeVar("P", bound=Problem)

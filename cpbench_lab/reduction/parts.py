@@ -18,13 +18,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.errors import NotApplicable
-from cpbench.expressions import Map
-from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations.base import Info, Problem
-from cpbench.matrices import Matrix, Vector
-from cpbench.product_cones import Cone
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.recording import MapRecorder
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
+from cpbench.foundation.product_cones import Cone
 
 P = TypeVar("P", bound=Problem)
 Index = NDArray[np.int64]

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
+from cpbench.foundation import matrices
 from cpbench.graph import arrive, nodes_of_maps
 from cpbench.solvers.base import solvers
 from cpbench_lab.reduction import numbers

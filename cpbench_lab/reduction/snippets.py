@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench_lab.reduction.forms import Form
 
 MET = 1e-6

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from cpbench.kernel_cache import load
-from cpbench.matrices import Dense, Vector, max_abs
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Dense, Vector, max_abs
 
 SLICE = 256
 """Pivots between two looks at the clock."""

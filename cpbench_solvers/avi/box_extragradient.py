@@ -11,11 +11,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.cones import box_defect, project_box
 from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation.cones import box_defect, project_box
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.nonlinear import projection_run
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate

@@ -16,11 +16,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
-from cpbench.matrices import Dense, Vector, max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Dense, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers import linear_program
 from cpbench_solvers.avi.bounded_lemke import BoxLCP, PivotOptions, Walk

@@ -7,10 +7,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.cones import project_box
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation.cones import project_box
+from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.jacobians import box_jacobian
 from cpbench_solvers.nonlinear.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run

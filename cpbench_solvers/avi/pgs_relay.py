@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.cones import project_box
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation.cones import project_box
+from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import Progress, next_stop
 
@@ -85,7 +85,7 @@ class PGSRelay(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        from cpbench.kernel_cache import load
+        from cpbench.foundation.kernel_cache import load
 
         kernel = load("cpbench_solvers.kernels.box_splitting")
         problem = prepared.problem

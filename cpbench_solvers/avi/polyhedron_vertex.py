@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from cpbench.matrices import Dense, Vector, max_abs
+from cpbench.foundation.matrices import Dense, Vector, max_abs
 from cpbench_solvers import linear_program
 
 ACTIVE = 1e-9

@@ -14,11 +14,11 @@ from typing import ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.errors import ProblemError
-from cpbench.factorization import Factorization
-from cpbench.matrices import Vector, dense, norm, transpose
-from cpbench.product_cones import Cone
+from cpbench.foundation import matrices
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Vector, dense, norm, transpose
+from cpbench.foundation.product_cones import Cone
 from cpbench.solvers.base import SolverSpec, Trait, register
 from cpbench_solvers.cone.run import ConicSolver, Iterates
 from cpbench_solvers.cone.scaled_form import ConicForm

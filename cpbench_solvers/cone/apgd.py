@@ -18,10 +18,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
-from cpbench.matrices import Matrix, Vector
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate

@@ -17,12 +17,12 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.errors import ProblemError
-from cpbench.factorization import Factorization
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.soclcp import SOCLCP
-from cpbench.matrices import Matrix, Vector, least_eigenvalue, max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Matrix, Vector, least_eigenvalue, max_abs
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register, solvers
 from cpbench.solvers.shared.lorentz_rows import lorentz_rows
 from cpbench.solvers.shared.polish import polish

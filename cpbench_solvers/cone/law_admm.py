@@ -16,9 +16,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.cones import Law
 from cpbench.errors import ProblemError
-from cpbench.matrices import Dense, Vector, norm
+from cpbench.foundation.cones import Law
+from cpbench.foundation.matrices import Dense, Vector, norm
 from cpbench.solvers.base import Budget
 from cpbench_solvers.contact.run import ContactMethod, MethodOptions
 

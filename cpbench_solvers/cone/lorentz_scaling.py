@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench.matrices import Dense, Sparse, Vector
+from cpbench.foundation.matrices import Dense, Sparse, Vector
 
 TINY = 1e-300
 TOUCHING = 1e-12

@@ -9,8 +9,8 @@ import numpy as np
 
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
-from cpbench.matrices import Vector, max_abs
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.matrices import Vector, max_abs
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.jacobians import projection_jacobian
 from cpbench_solvers.nonlinear.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run

@@ -6,7 +6,7 @@ import numpy as np
 
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.qp import QP
-from cpbench.product_cones import Cone
+from cpbench.foundation.product_cones import Cone
 from cpbench_solvers.qp.claims import ErrorMeasure
 
 FLAT = (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE)

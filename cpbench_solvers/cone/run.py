@@ -12,8 +12,8 @@ import numpy as np
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP
-from cpbench.matrices import Vector, least_eigenvalue
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.matrices import Vector, least_eigenvalue
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.cone.scaled_form import ConicForm, conic_form

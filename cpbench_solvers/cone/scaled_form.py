@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.sizes import least
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
-from cpbench.matrices import Matrix, Vector, max_abs
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector, max_abs
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench_solvers.cone.polyhedral import PolyhedralError
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 

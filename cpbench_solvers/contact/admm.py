@@ -11,11 +11,11 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from cpbench.definite import By, Factors, definite_factors
 from cpbench.errors import NotApplicable
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import Matrix, Vector, is_symmetric
+from cpbench.foundation.definite import By, Factors, definite_factors
+from cpbench.foundation.matrices import Matrix, Vector, is_symmetric
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts

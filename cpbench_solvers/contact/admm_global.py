@@ -16,10 +16,10 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.factorization import Factorization
 from cpbench.formulations.base import formulations
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
-from cpbench.matrices import Matrix, Vector, block, identity, max_abs, sparse, transpose, zeros
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Matrix, Vector, block, identity, max_abs, sparse, transpose, zeros
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
 from cpbench_solvers.contact.dynamics_error import DynamicsError

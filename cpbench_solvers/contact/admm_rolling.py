@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.factorization import Factorization
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
-from cpbench.matrices import Vector, identity, scaled_both
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Vector, identity, scaled_both
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
 from cpbench_solvers.contact.by_parts import SolverByParts

@@ -11,8 +11,8 @@ import numpy as np
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.kernel_cache import load_all
-from cpbench.matrices import Vector
+from cpbench.foundation.kernel_cache import load_all
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, StackCall, Trait, register, solved
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.phases import Phases, counters

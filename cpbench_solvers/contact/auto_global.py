@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
-from cpbench.kernel_cache import load_all
-from cpbench.matrices import EPS
+from cpbench.foundation.kernel_cache import load_all
+from cpbench.foundation.matrices import EPS
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
 from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec

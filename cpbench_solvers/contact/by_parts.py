@@ -20,7 +20,7 @@ import numpy as np
 
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved
 from cpbench_solvers.contact.parts import (
     Contact,

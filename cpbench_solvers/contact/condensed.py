@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
+from cpbench.foundation import matrices
 
 MOST = 2e7
 """Numbers of K⁻¹[H; 0] that are computed at most (160 MB): as much work as some hundred sweeps over such a W."""

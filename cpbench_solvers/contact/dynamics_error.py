@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
-from cpbench.matrices import Vector, entries, norm, transpose
+from cpbench.foundation.matrices import Vector, entries, norm, transpose
 from cpbench_solvers.contact.sweeps import kernel
 
 

@@ -23,7 +23,7 @@ from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.lcp import LCP
-from cpbench.matrices import Dense, Vector, dense
+from cpbench.foundation.matrices import Dense, Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.sweeps import ScaledContacts, conclude, scaled_contacts

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.frozen_law import Frozen
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations.contact import diagonal_blocks
-from cpbench.matrices import Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Vector
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
 
 AT_ONCE = 10

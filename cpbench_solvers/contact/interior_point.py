@@ -24,11 +24,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from cpbench.cones import Coulomb
-from cpbench.factorization import DENSE_LIMIT, sparse_lu
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint, contact_residuals
-from cpbench.matrices import EPS, Dense, Matrix, Vector, dense, max_abs, scaled_both
+from cpbench.foundation.cones import Coulomb
+from cpbench.foundation.factorization import DENSE_LIMIT, sparse_lu
+from cpbench.foundation.matrices import EPS, Dense, Matrix, Vector, dense, max_abs, scaled_both
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.contact.newton_equation import DENSE_FROM
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, contact_spec, finish, iterate

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget
 from cpbench_solvers.contact.admm import ADMMContactOptions, ContactSplitting
 from cpbench_solvers.contact.interior_point import ContactInteriorPoint, ContactInteriorPointOptions

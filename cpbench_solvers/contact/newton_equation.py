@@ -12,8 +12,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from cpbench.factorization import sparse_lu
-from cpbench.matrices import Dense, Matrix, Vector, dense, norm
+from cpbench.foundation.factorization import sparse_lu
+from cpbench.foundation.matrices import Dense, Matrix, Vector, dense, norm
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
 from cpbench_solvers.lcp.claims import solve_linear
 

@@ -12,16 +12,16 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.errors import UnknownName
-from cpbench.expressions.recording import recorded
 from cpbench.formulations.contact import FCPoint
+from cpbench.formulations.expressions.recording import recorded
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.formulations.nfc import NFCPoint, NonlinearFrictionContact
 from cpbench.formulations.sizes import row_sizes
-from cpbench.matrices import norm
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solvers
 
 NODES = ("fc", "gfc")

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.kernel_cache import compiled, load_all
+from cpbench.foundation.kernel_cache import compiled, load_all
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.contact.relaxation import (
     AT_FIRST,

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.relaxation import TRAITS

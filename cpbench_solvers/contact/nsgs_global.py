@@ -12,10 +12,10 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.factorization import Blocks, assembled, components, diagonal_blocks
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
-from cpbench.matrices import Dense, Matrix, Sparse, Vector, dense, entries, freeze, sparse
+from cpbench.foundation.factorization import Blocks, assembled, components, diagonal_blocks
+from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector, dense, entries, freeze, sparse
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.contact.dynamics_error import DynamicsError
 from cpbench_solvers.contact.run import ContactMethod, MethodOptions, iterate_on

@@ -10,7 +10,7 @@ import numpy as np
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
-from cpbench.kernel_cache import compiled
+from cpbench.foundation.kernel_cache import compiled
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts

@@ -14,8 +14,8 @@ from scipy.sparse.csgraph import connected_components
 
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.rfc import RollingFrictionContact
-from cpbench.kernel_cache import compiled
-from cpbench.matrices import Vector
+from cpbench.foundation.kernel_cache import compiled
+from cpbench.foundation.matrices import Vector
 from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
 from cpbench_solvers.contact.sweeps import BlockRows, ScaledContacts, block_rows, kernel
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Record
 from cpbench_solvers.contact.members import (
     PIECE,

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import scipy.sparse as sp
 
-from cpbench.factorization import DENSE_LIMIT
-from cpbench.matrices import Matrix
+from cpbench.foundation.factorization import DENSE_LIMIT
+from cpbench.foundation.matrices import Matrix
 from cpbench_solvers.contact.sweeps import BlockRows
 
 SWEEP, PER_BLOCK, PER_CONTACT = 500.0, 3.0, 25.0

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.frozen_law import block_csr
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec

@@ -15,8 +15,8 @@ import time
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from cpbench.kernel_cache import load_all
-from cpbench.matrices import Vector
+from cpbench.foundation.kernel_cache import load_all
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions, NewtonPhase

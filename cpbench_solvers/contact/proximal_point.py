@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from cpbench.errors import UnknownName
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverSpec, register, solvers
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
 from cpbench_solvers.contact.sweeps import ScaledContacts

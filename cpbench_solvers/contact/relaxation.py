@@ -13,8 +13,8 @@ import numpy as np
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.kernel_cache import compiled
-from cpbench.matrices import Vector
+from cpbench.foundation.kernel_cache import compiled
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, Trait
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts

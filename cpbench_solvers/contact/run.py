@@ -15,7 +15,7 @@ import numpy as np
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.contact.by_parts import SolverByParts

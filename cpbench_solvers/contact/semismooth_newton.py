@@ -17,8 +17,8 @@ import numpy as np
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.kernel_cache import load_all
-from cpbench.matrices import Vector
+from cpbench.foundation.kernel_cache import load_all
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, Trait
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts

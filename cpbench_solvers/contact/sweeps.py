@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.fc import FrictionContact
-from cpbench.kernel_cache import compiled, load
-from cpbench.matrices import Dense, Matrix, Vector, scaled_both, sparse
+from cpbench.foundation.kernel_cache import compiled, load
+from cpbench.foundation.matrices import Dense, Matrix, Vector, scaled_both, sparse
 from cpbench.solvers.base import Budget, Claim, SolverOutput, solved
 
 APART = 1e-11

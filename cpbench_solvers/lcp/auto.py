@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import is_sparse, nnz
+from cpbench.foundation.matrices import is_sparse, nnz
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, SolverSpec, StackCall, register
 from cpbench_solvers.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec

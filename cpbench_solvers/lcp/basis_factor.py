@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lapack
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 
 ROUNDING = 1e-6
 """A residual of M_FF z_F = -q_F beyond this share of its largest term means that M_FF is as good as singular."""

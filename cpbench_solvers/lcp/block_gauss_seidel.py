@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench_solvers.lcp.claims import dense_obstacle
 from cpbench_solvers.lcp.pgs import MatrixColumns, PGSOptions, SplittingSolver, Sweeps
@@ -65,7 +65,7 @@ class BlockGS(SplittingSolver):
         return DiagonalBlocks(**vars(columns), size=size, blocks=diagonal_blocks(problem, size))
 
     def sweeps(self, prepared: Any, options: BlockGSOptions) -> Sweeps:
-        from cpbench.kernel_cache import load
+        from cpbench.foundation.kernel_cache import load
 
         kernel = load("cpbench_solvers.kernels.block_splitting")
         sweep = kernel.sweeps_dense if prepared.start is None else kernel.sweeps_sparse

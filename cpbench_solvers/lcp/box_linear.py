@@ -17,13 +17,13 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.errors import CpbenchError
-from cpbench.factorization import Factorization
 from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Solver
 
 NODES = ("lcp", "mlcp", "avi")

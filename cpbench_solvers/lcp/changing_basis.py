@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import lapack
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench_solvers.lcp.basis_factor import BasisFactor, judged_basic
 
 

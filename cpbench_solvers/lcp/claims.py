@@ -14,10 +14,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import lapack
 
-from cpbench.factorization import sparse_lu
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.kernel_cache import compiled, load
-from cpbench.matrices import Matrix, Vector, dense, max_abs, sparse
+from cpbench.foundation.factorization import sparse_lu
+from cpbench.foundation.kernel_cache import compiled, load
+from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs, sparse
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench_solvers import linear_program
 

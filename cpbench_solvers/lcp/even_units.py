@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.kernel_cache import load
-from cpbench.matrices import Vector
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import SolverOutput
 from cpbench_solvers.lcp.first_basis import DenseLCP, dense_lcp
 

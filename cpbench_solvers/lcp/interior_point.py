@@ -18,11 +18,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.matrices import Vector, max_abs
-from cpbench.ncp_functions import fischer_burmeister, minimum
+from cpbench.formulations.ncp_functions import fischer_burmeister, minimum
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.lcp.claims import CLOSE, conclude, recorded

@@ -10,9 +10,9 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
-from cpbench import matrices
-from cpbench.definite import factor_on_diagonal
-from cpbench.matrices import Matrix, Vector, max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.definite import factor_on_diagonal
+from cpbench.foundation.matrices import Matrix, Vector, max_abs
 
 REGULARISATION = 1e-11
 """Shift of the diagonal of the free unknowns where matrices are sparse or singular; refinement takes it out again."""

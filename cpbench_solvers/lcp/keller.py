@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.lcp import LCP
-from cpbench.matrices import SYMMETRY_TOLERANCE, asymmetry
+from cpbench.foundation.matrices import SYMMETRY_TOLERANCE, asymmetry
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.lcp.claims import ScaledLCP, dense_obstacle
 from cpbench_solvers.lcp.principal_pivoting import TRAITS, PrincipalPivoting, PrincipalPivotingOptions, Tableau

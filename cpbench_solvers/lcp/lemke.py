@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.kernel_cache import compiled, load
+from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench_solvers import linear_program
 from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of

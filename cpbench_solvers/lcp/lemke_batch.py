@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.errors import ProblemError
-from cpbench.kernel_cache import compiled, load
+from cpbench.foundation.kernel_cache import compiled, load
 from cpbench_solvers.lcp.lemke_run import PIVOTING, LemkeOptions, pivot_limit
 from cpbench_solvers.threads import in_parts
 

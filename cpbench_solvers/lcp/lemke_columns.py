@@ -8,8 +8,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from scipy.linalg import blas
 
-from cpbench.kernel_cache import load
-from cpbench.matrices import Vector
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Vector
 
 BLOCKS = "cpbench_solvers.kernels.column_blocks"
 BLOCK = 32

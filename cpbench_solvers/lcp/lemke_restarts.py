@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.kernel_cache import load
-from cpbench.matrices import Vector
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Vector
 
 PAIRS_KERNEL = "cpbench_solvers.kernels.lemke_pairs"
 

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.lcp import LCP
-from cpbench.kernel_cache import compiled, load
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation.kernel_cache import compiled, load
+from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers.lcp.claims import conclude, ended_in_basis, farkas
 from cpbench_solvers.lcp.first_basis import DenseLCP

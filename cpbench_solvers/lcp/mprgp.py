@@ -14,9 +14,9 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import Matrix, Vector, max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench_solvers import linear_program
@@ -105,7 +105,7 @@ def minimize(
 ) -> MinimizationResult:
     """Take steps until the error is at most the tolerance; it is measured where the projected gradient says that
     it may be, and after every chunk."""
-    from cpbench.kernel_cache import load
+    from cpbench.foundation.kernel_cache import load
 
     kernel = load("cpbench_solvers.kernels.mprgp")
     n = box.q.size

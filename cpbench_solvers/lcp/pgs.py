@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of, recorded
@@ -86,7 +86,7 @@ class SplittingSolver(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        from cpbench.kernel_cache import load
+        from cpbench.foundation.kernel_cache import load
 
         kernel = load("cpbench_solvers.kernels.splitting")
         problem, q = prepared.problem, prepared.problem.q
@@ -152,7 +152,7 @@ class _Pointwise(SplittingSolver):
         )
 
     def sweeps(self, prepared: MatrixColumns, options: PGSOptions) -> Sweeps:
-        from cpbench.kernel_cache import load
+        from cpbench.foundation.kernel_cache import load
 
         kernel = load("cpbench_solvers.kernels.splitting")
         sweep = kernel.sweeps_dense if prepared.start is None else kernel.sweeps_sparse

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation.matrices import Vector, max_abs
 from cpbench_solvers.lcp.basis_factor import BasisFactor
 from cpbench_solvers.lcp.first_basis import DenseLCP
 

@@ -14,9 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.kernel_cache import load
-from cpbench.matrices import Matrix, Vector, identity
-from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
+from cpbench.formulations.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Matrix, Vector, identity
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.lcp.claims import (
     ScaledLCP,

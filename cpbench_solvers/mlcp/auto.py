@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.matrices import is_sparse
+from cpbench.foundation.matrices import is_sparse
 from cpbench.solvers.base import SolverSpec, StackCall, register
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
 from cpbench_solvers.mlcp.claims import scale

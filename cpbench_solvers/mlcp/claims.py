@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.kernel_cache import compiled, load
-from cpbench.matrices import Matrix, Vector, dense, max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import compiled, load
+from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers import linear_program
 from cpbench_solvers.lcp.claims import CLOSE, DENSE_BYTES, WORTH, principal, solve_linear

@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.matrices import Matrix, Vector
-from cpbench.ncp_functions import NCPFunction, fischer_burmeister, minimum
+from cpbench.formulations.ncp_functions import NCPFunction, fischer_burmeister, minimum
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, scale, settled
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run

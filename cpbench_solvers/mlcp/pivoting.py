@@ -7,11 +7,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.factorization import Factorization
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
-from cpbench.kernel_cache import compiled, load
-from cpbench.matrices import Vector, dense
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.kernel_cache import compiled, load
+from cpbench.foundation.matrices import Vector, dense
 from cpbench.solvers.base import (
     Budget,
     Claim,

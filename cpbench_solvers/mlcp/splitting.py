@@ -14,12 +14,12 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse import csgraph
 
-from cpbench import matrices
 from cpbench.formulations.mlcp import MLCP
-from cpbench.matrices import Vector, sparse
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Vector, sparse
+from cpbench.foundation.transversal import has_full_structural_rank
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
-from cpbench.transversal import has_full_structural_rank
 from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale
 
 CHUNK = 256
@@ -105,7 +105,7 @@ class _Splitting(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        from cpbench.kernel_cache import load
+        from cpbench.foundation.kernel_cache import load
 
         kernel = load("cpbench_solvers.kernels.mlcp_splitting")
         sweep = kernel.sweeps_sparse if len(prepared.matrix) == 3 else kernel.sweeps_dense

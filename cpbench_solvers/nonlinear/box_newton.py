@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.cones import box_defect, project_box
-from cpbench.expressions import Builder, Operator
-from cpbench.factorization import Factorization
 from cpbench.formulations.base import scaled
+from cpbench.formulations.expressions import Builder, Operator
 from cpbench.formulations.micp import MiCP, MiCPPoint
-from cpbench.matrices import Matrix, Sparse, Vector, dense, norm
+from cpbench.foundation.cones import box_defect, project_box
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Matrix, Sparse, Vector, dense, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.shared.row_error import row_error
 from cpbench_solvers.lcp.claims import CLOSE

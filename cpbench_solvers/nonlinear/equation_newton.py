@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.vi import VI
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.nonlinear.natural_newton import NaturalNewton, NaturalNewtonOptions, VIConditions
 from cpbench_solvers.nonlinear.projection_run import exponential, run

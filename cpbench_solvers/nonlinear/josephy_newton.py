@@ -9,10 +9,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.cones import box_defect, project_box
 from cpbench.errors import UnknownName
-from cpbench.matrices import Matrix, Vector, norm
-from cpbench.ncp_functions import fischer_burmeister
+from cpbench.formulations.ncp_functions import fischer_burmeister
+from cpbench.foundation.cones import box_defect, project_box
+from cpbench.foundation.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, Solver, SolverSpec, Trait, register, solvers
 from cpbench_solvers.lcp.box_linear import NODES, BoxLinear
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, BoxMethod, BoxNewton, CountedBox

@@ -12,8 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import lapack
 
-from cpbench.matrices import Matrix, Vector, dense, max_abs, norm
-from cpbench.ncp_functions import NCPFunction
+from cpbench.formulations.ncp_functions import NCPFunction
+from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs, norm
 from cpbench_solvers.nonlinear.box_newton import CountedBox
 
 ARMIJO = 1e-4

@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.factorization import sparse_lu
-from cpbench.matrices import Matrix, Sparse, Vector, dense, identity, norm
+from cpbench.foundation.factorization import sparse_lu
+from cpbench.foundation.matrices import Matrix, Sparse, Vector, dense, identity, norm
 from cpbench.solvers.base import Budget, Claim, Record
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.lcp.claims import solve_linear

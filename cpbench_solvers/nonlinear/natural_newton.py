@@ -23,12 +23,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.factorization import Factorization
 from cpbench.formulations.qvi import QVI, QVIPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
-from cpbench.matrices import Sparse, Vector, norm
-from cpbench.product_cones import Cone
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Sparse, Vector, norm
+from cpbench.foundation.product_cones import Cone
 from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 from cpbench_solvers.nonlinear.projection_run import Field, ProjectionMethod, VIProjectionOptions
 from cpbench_solvers.nonlinear.vi_extragradient import Extragradient, ExtragradientOptions

@@ -12,8 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench.matrices import Matrix, Vector, identity, max_abs, norm
-from cpbench.ncp_functions import fischer_burmeister
+from cpbench.formulations.ncp_functions import fischer_burmeister
+from cpbench.foundation.matrices import Matrix, Vector, identity, max_abs, norm
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench_solvers.nonlinear.merit_search import ARMIJO, SHARES, Descent, damped, fall_back

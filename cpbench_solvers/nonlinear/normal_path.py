@@ -19,9 +19,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench.cones import project_box
-from cpbench.factorization import Factorization
-from cpbench.matrices import Matrix, Vector, dense, max_abs
+from cpbench.foundation.cones import project_box
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs
 
 REFRESH = 100
 """Pivots after which the basis is factorized again."""

@@ -8,9 +8,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.cones import project_box
-from cpbench.matrices import Matrix, Vector, norm
-from cpbench.ncp_functions import fischer_burmeister
+from cpbench.formulations.ncp_functions import fischer_burmeister
+from cpbench.foundation.cones import project_box
+from cpbench.foundation.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench_solvers.lcp.claims import principal
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox

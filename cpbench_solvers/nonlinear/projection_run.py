@@ -18,12 +18,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.expressions import Builder, Map, Operator
 from cpbench.formulations.base import scaled
+from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.formulations.qvi import QVI, QVIPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
-from cpbench.matrices import Sparse, Vector, norm
+from cpbench.foundation.matrices import Sparse, Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.shared.progress import Progress
 from cpbench.solvers.shared.row_error import row_error

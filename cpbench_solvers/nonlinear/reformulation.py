@@ -10,8 +10,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.matrices import Vector
-from cpbench.ncp_functions import NCPFunction, Values, smoothed
+from cpbench.formulations.ncp_functions import NCPFunction, Values, smoothed
+from cpbench.foundation.matrices import Vector
 
 
 class Reformulation:

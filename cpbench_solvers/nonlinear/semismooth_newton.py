@@ -8,8 +8,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.matrices import Vector, norm
-from cpbench.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
+from cpbench.formulations.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
+from cpbench.foundation.matrices import Vector, norm
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench_solvers.nonlinear.merit_search import Descent, MeritPoint, fall_back

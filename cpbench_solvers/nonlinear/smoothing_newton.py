@@ -9,8 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.matrices import Vector, norm
-from cpbench.ncp_functions import fischer_burmeister
+from cpbench.formulations.ncp_functions import fischer_burmeister
+from cpbench.foundation.matrices import Vector, norm
 from cpbench.solvers.base import Budget, SolverSpec, Trait, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench_solvers.nonlinear.merit_search import ARMIJO, Descent, MeritPoint, fall_back

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from cpbench.matrices import Vector, norm
+from cpbench.foundation.matrices import Vector, norm
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.nonlinear.projection_run import (
     SHRINKS,

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.nonlinear.projection_run import (
     SHRINKS,

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.formulations.qp import QP, QPPoint
-from cpbench.kernel_cache import load
+from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import load
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers.lcp.claims import CLOSE
 from cpbench_solvers.qp.claims import PARTS_KERNEL, SPARSE_KERNEL, ErrorMeasure

@@ -10,10 +10,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.qp import QP, QPPoint
-from cpbench.kernel_cache import load
-from cpbench.matrices import Matrix, Vector, max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench_solvers.lcp.claims import CLOSE
 from cpbench_solvers.qp.kkt_system import entries

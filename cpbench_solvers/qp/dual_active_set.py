@@ -10,10 +10,10 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from cpbench import matrices
 from cpbench.formulations.qp import QP
-from cpbench.kernel_cache import load
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import SHARE
 from cpbench_solvers.qp.claims import (

@@ -11,8 +11,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.qp import QP
-from cpbench.kernel_cache import load, load_all
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation.kernel_cache import load, load_all
+from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench_solvers.qp.claims import ErrorMeasure, Parts, convex_obstacle, infeasible, unbounded

@@ -12,9 +12,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench import matrices
-from cpbench.kernel_cache import load
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Matrix, Vector
 
 Entries: TypeAlias = tuple[NDArray[np.int32], NDArray[np.int32], Vector]
 """Row pointers, columns and numbers of a sparse matrix."""

@@ -6,10 +6,10 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from cpbench import matrices
-from cpbench.cones import project_box
 from cpbench.formulations.qp import QP, QPPoint
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.cones import project_box
+from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers import linear_program
 from cpbench_solvers.lcp.claims import CLOSE

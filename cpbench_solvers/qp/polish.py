@@ -13,7 +13,7 @@ import time
 import numpy as np
 
 from cpbench.formulations.qp import QP, QPPoint
-from cpbench.matrices import transpose
+from cpbench.foundation.matrices import transpose
 from cpbench_solvers.qp.claims import ErrorMeasure, Parts
 from cpbench_solvers.qp.kkt_system import KKT, entries
 from cpbench_solvers.qp.scaling import scaled

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations.qp import QP
-from cpbench.kernel_cache import load
-from cpbench.matrices import Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Vector
 from cpbench_solvers.qp.claims import Parts
 from cpbench_solvers.qp.kkt_system import Entries, entries
 

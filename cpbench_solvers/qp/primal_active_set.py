@@ -10,10 +10,10 @@ import numpy as np
 import scipy.linalg as sla
 from scipy.linalg import blas, lapack
 
-from cpbench import matrices
 from cpbench.formulations.qp import QP
-from cpbench.kernel_cache import load
-from cpbench.matrices import Vector, max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.qp.claims import (
     SPARSE_KERNEL,

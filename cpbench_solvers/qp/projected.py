@@ -15,10 +15,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.qp import QP
-from cpbench.kernel_cache import load_all
-from cpbench.matrices import Vector, norm
+from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import load_all
+from cpbench.foundation.matrices import Vector, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.qp.claims import ErrorMeasure, convex_obstacle, definite_obstacle, infeasible, unbounded

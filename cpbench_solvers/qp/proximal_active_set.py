@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.qp import QP, QPPoint
-from cpbench.kernel_cache import compiled, load
-from cpbench.matrices import max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import compiled, load
+from cpbench.foundation.matrices import max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.qp.claims import (

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations.qp import QP, QPPoint
-from cpbench.kernel_cache import load
-from cpbench.matrices import Dense, Matrix, Vector, max_abs
+from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Dense, Matrix, Vector, max_abs
 from cpbench_solvers.qp.claims import KERNEL
 from cpbench_solvers.qp.kkt_system import Entries
 from cpbench_solvers.qp.presolve import SparseQP, sparse_data

@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from page_parts import table, verbatim
 
 from cpbench.conversions import Conversion
-from cpbench.exchange import exchanges
 from cpbench.formulations import Problem, formulations
+from cpbench.formulations.exchange import exchanges
 from cpbench.graph import edges
 from cpbench.report import canvas
 from cpbench.report.graph_drawing import promise

@@ -6,7 +6,7 @@ from html import escape
 from typing import Any
 
 from cpbench import Point
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from lecture import numbers
 from lecture.blocks import Html
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cpbench import GlobalFrictionContact, NonlinearFrictionContact
-from cpbench.matrices import dense, max_abs, norm
+from cpbench.foundation.matrices import dense, max_abs, norm
 from cpbench.report import canvas
 from cpbench_lab.pictures import contact as picture
 from lecture import cells, svg

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench import FrictionContact, make
-from cpbench.matrices import Vector, norm
+from cpbench.foundation.matrices import Vector, norm
 from cpbench.report import canvas
 from cpbench_lab.figures.facet_errors import FAST, bounds, faceted_slide
 from cpbench_lab.pictures import facets as picture

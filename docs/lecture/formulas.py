@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 
 from cpbench import Problem
-from cpbench.expressions.infix import formulas
+from cpbench.formulations.expressions.infix import formulas
 from lecture.blocks import Data, Formula, formula
 
 LONGEST = 400

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench import FrictionContact
-from cpbench.cones import de_saxce
+from cpbench.foundation.cones import de_saxce
 from cpbench.report import canvas
 from cpbench_lab.pictures import cone as picture
 from lecture import cells, svg

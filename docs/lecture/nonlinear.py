@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.report import canvas
 from lecture import cells, svg
 from lecture.blocks import Block, Figure, Heading, Section, Try, formula, table, text

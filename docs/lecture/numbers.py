@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cpbench import Point
-from cpbench.matrices import Matrix, Vector, dense
+from cpbench.foundation.matrices import Matrix, Vector, dense
 
 NOISE = 1e-9
 GREEK = {"lam": "λ", "mu": "μ", "nu": "ν"}

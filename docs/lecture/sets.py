@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from cpbench import QVI, VI
-from cpbench.matrices import Vector, norm
+from cpbench.foundation.matrices import Vector, norm
 from cpbench.report import canvas
 from lecture import cells, svg
 from lecture.blocks import Block, Figure, Formula, Heading, Try, text

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench import AVI
-from cpbench.matrices import Vector, dense
+from cpbench.foundation.matrices import Vector, dense
 from cpbench.report import canvas
 from lecture import cells, sets, svg
 from lecture.blocks import Block, Figure, Heading, Section, Try, aside, formula, table, text

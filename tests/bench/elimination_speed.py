@@ -18,7 +18,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from cpbench.conversions import elimination
-from cpbench.factorization import Factorization
+from cpbench.foundation.factorization import Factorization
 
 COLUMNS = 64
 SECONDS = 4.0

@@ -28,7 +28,7 @@ WARM_MOST, FRESH_MOST = 0.8, 15.0
 """Seconds that are allowed."""
 COMPILE = """
 import sys, time
-from cpbench import kernel_cache
+from cpbench.foundation import kernel_cache
 from cpbench.solvers import solvers
 solver = solvers.get(sys.argv[1])
 kernel_cache.ensure_cache_dir()

@@ -28,8 +28,8 @@ import numpy as np
 
 from cpbench import storage
 from cpbench.errors import FormatError
-from cpbench.expressions import Map, from_mof, to_mof
 from cpbench.formulations import LCP, MLCP, NCP, NLP, QP, MiCP
+from cpbench.formulations.expressions import Map, from_mof, to_mof
 
 SECONDS, BYTES = 10, 1_000_000_000
 LONGEST = 4_000_000

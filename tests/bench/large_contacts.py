@@ -27,7 +27,7 @@ from numba import njit
 from sphere_lattice import lattice
 
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import sparse
+from cpbench.foundation.matrices import sparse
 from cpbench.solvers import Budget, solvers
 from cpbench_solvers.contact.nsgs_coloured import Coloured, ColouredSweeps, helpers
 from cpbench_solvers.contact.nsgs_global import Bodies, VelocitySweeps

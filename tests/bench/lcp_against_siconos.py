@@ -285,7 +285,7 @@ def kernel(problems: list) -> Side:
     """Lemke's compiled loop, one call a problem."""
     import numpy as np
 
-    from cpbench.kernel_cache import load
+    from cpbench.foundation.kernel_cache import load
 
     pivot = load("cpbench_solvers.kernels.pivoting").lemke
     limit = 50 * problems[0].q.size + 1000

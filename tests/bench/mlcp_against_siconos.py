@@ -233,7 +233,7 @@ def kernel(problems: list) -> MixedSide:
     """The compiled call of lemke-mlcp, one a problem."""
     import numpy as np
 
-    from cpbench.kernel_cache import load
+    from cpbench.foundation.kernel_cache import load
     from cpbench.solvers import Budget, solvers
 
     solver = solvers.get("lemke-mlcp")
@@ -255,7 +255,7 @@ def rows_of(label: str, problems: list, races: list[str], siconos: Siconos, fold
     """All races on one set of problems."""
     import numpy as np
 
-    from cpbench.matrices import dense
+    from cpbench.foundation.matrices import dense
     from cpbench.solvers import solvers
 
     stacked = {name: np.array([dense(getattr(p, name)) for p in problems]) for name in "ABCD"}

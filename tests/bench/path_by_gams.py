@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cpbench.expressions import Map, Operator
 from cpbench.formulations import MiCP
+from cpbench.formulations.expressions import Map, Operator
 from cpbench.solvers.adapters import gams_licence
 
 SIGNS = {Operator.ADD: "+", Operator.SUB: "-", Operator.MUL: "*", Operator.DIV: "/"}

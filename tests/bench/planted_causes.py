@@ -25,8 +25,8 @@ import numpy as np
 
 import cpbench as cp
 from cpbench.formulations.coneqp import ConeQP
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators.symbols import log, mapped, unknowns
-from cpbench.product_cones import Cone, ProductCone
 from cpbench.verification import PROVEN
 from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
 from cpbench_lab.diagnosis.complaint import complaint_of

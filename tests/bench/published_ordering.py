@@ -70,7 +70,7 @@ def ranked(W: Any) -> int:
     """Numerical rank, threshold nε‖W‖₂."""
     import numpy as np
 
-    from cpbench.matrices import dense
+    from cpbench.foundation.matrices import dense
 
     full = dense(W)
     symmetric = np.allclose(full, full.T, rtol=0.0, atol=1e-14 * np.abs(full).max())

@@ -15,10 +15,11 @@ from pathlib import Path
 
 import click
 
-from cpbench import checking, graph, storage
+from cpbench import graph, storage
 from cpbench.conversions import Conversion
 from cpbench.errors import CpbenchError, NoRoute, NotApplicable
 from cpbench.formulations import Problem
+from cpbench.graph import checking
 
 TOLERANCE = 1e-6
 

@@ -69,7 +69,7 @@ def _whole(name: str) -> Callable[[Rng, int], Problem]:
 def _facets(rng: Rng, size: int) -> Problem:
     name = str(rng.choice(list(scenes.SCENES)))
     fc = _contact(name)(rng, max(1, size // 6))
-    return algebra.facets(np.asarray(cpbench.matrices.dense(fc.W)), fc.q, fc.mu, int(rng.choice([4, 8])))
+    return algebra.facets(np.asarray(cpbench.foundation.matrices.dense(fc.W)), fc.q, fc.mu, int(rng.choice([4, 8])))
 
 
 FAMILIES: dict[str, Callable[[Rng, int], Problem]] = {

@@ -13,10 +13,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.conversions.mlcp_to_lcp_schur import MLCPtoLCPSchur
 from cpbench.errors import FormatError, NotApplicable
 from cpbench.formulations import LCP, Kind, LCPPoint, MLCPPoint, Residuals
+from cpbench.foundation import matrices
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.stopping import Stopping
 from cpbench.storage import Format

@@ -20,8 +20,8 @@ from lecture.numerics.round_trips import answer, outcome, round_trip
 
 from cpbench.cli import cli
 from cpbench.conversions.base import conversions
-from cpbench.expressions import infix
 from cpbench.formulations.base import Kind
+from cpbench.formulations.expressions import infix
 from cpbench_lab.figures.facet_errors import faceted_slide
 
 

@@ -8,10 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from cpbench import graph, routes
+from cpbench import graph
 from cpbench.conversions.base import conversions, make
 from cpbench.errors import NoRoute
 from cpbench.formulations import formulations
+from cpbench.graph import routes
 from cpbench.testing import cases
 
 FIRST = frozenset(

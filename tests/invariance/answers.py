@@ -16,8 +16,8 @@ import numpy as np
 from inclusions import pairs_of
 from pairs import groups
 
-from cpbench.expressions import Map
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.formulations.expressions import Map
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing import planted, planted_conic, planted_contact
 from cpbench.testing import planted_nonlinear as nonlinear
 

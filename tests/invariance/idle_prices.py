@@ -10,8 +10,8 @@ import numpy as np
 import scipy.linalg as sl
 from answers import RNG, Answer
 
-from cpbench import matrices
-from cpbench.product_cones import Cone
+from cpbench.foundation import matrices
+from cpbench.foundation.product_cones import Cone
 
 PRICED = {"qp": ("Q", "p"), "coneqp": ("Q", "p"), "avi": ("M", "q"), "mlcp": ("B", "b")}
 """Nodes with the matrix and the constants of the rows beside the unknown that is added."""

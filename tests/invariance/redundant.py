@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from answers import RNG, Answer
 
-from cpbench import matrices
-from cpbench.expressions import Map
-from cpbench.product_cones import Cone
+from cpbench.formulations.expressions import Map
+from cpbench.foundation import matrices
+from cpbench.foundation.product_cones import Cone
 
 
 def _size(rng: RNG, tolerance: float) -> float:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from answers import RNG, Answer
 
-from cpbench.expressions import Map
 from cpbench.formulations.conic import ConicProblem
-from cpbench.product_cones import Cone
+from cpbench.formulations.expressions import Map
+from cpbench.foundation.product_cones import Cone
 
 Vector = np.ndarray
 Scale = Any

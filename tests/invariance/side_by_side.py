@@ -11,11 +11,11 @@ import rescaled
 import scipy.linalg as sl
 from answers import RNG, VARIANTS, Answer
 
-from cpbench import matrices
-from cpbench.expressions import Map
 from cpbench.formulations import formulations
 from cpbench.formulations.conic import cone_fields
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.formulations.expressions import Map
+from cpbench.foundation import matrices
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing.planted_nonlinear import graph
 
 

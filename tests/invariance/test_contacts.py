@@ -12,8 +12,9 @@ from answers import missed_by
 from inclusions import pairs_of
 
 import cpbench
-from cpbench import matrices, storage
+from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
+from cpbench.foundation import matrices
 from cpbench.testing import planted
 from cpbench.verification import judge
 

@@ -20,10 +20,10 @@ import real_files
 import scipy.linalg
 
 import cpbench
-from cpbench import matrices
 from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError
 from cpbench.formulations import MLCP
+from cpbench.foundation import matrices
 from cpbench.verification import judge
 
 Array = np.ndarray

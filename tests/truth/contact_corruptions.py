@@ -19,8 +19,8 @@ import numpy as np
 import real_files
 
 import cpbench
-from cpbench import matrices
 from cpbench.errors import CpbenchError
+from cpbench.foundation import matrices
 from cpbench.verification import judge
 
 Array = np.ndarray

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.factorization import Factorization
 from cpbench.formulations import (
     AVI,
     LCP,
@@ -30,7 +29,8 @@ from cpbench.formulations import (
     Step,
 )
 from cpbench.formulations.conic import cone_fields
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 INFO = Info(
     title="Würfel",

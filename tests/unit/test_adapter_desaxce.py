@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.adapters.desaxce_fixed_point import DeSaxceOptions
 from cpbench.verification import judge

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench import cones
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.foundation import cones
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from tiers import some_by_day
 
-from cpbench.expressions import Builder, Map, Operator
-from cpbench.expressions.recording import MapRecorder, maximum
 from cpbench.formulations import NLP, Equation, EquationPoint, MiCP
+from cpbench.formulations.expressions import Builder, Map, Operator
+from cpbench.formulations.expressions.recording import MapRecorder, maximum
 from cpbench.generators import generators
 from cpbench.solvers.adapters import gams_model
 from cpbench.solvers.base import Budget, Claim, solvers

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from tiers import some_by_day
 
-from cpbench import frames, graph, storage
+from cpbench import graph, storage
 from cpbench.bench import messages, pair_run, shared_problem
 from cpbench.bench import slot as slots
 from cpbench.bench.messages import RefereeCase, Survey
@@ -29,8 +29,9 @@ from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.conversions.base import make
 from cpbench.errors import StoreError, UnknownName
-from cpbench.factorization import Factorization
 from cpbench.formulations import LCP, MLCP, FrictionContact, GlobalFrictionContact
+from cpbench.foundation import frames
+from cpbench.foundation.factorization import Factorization
 from cpbench.testing import planted
 
 LIMITS = plan.Limits(seconds=20.0, repeats=1)

@@ -9,7 +9,7 @@ import pytest
 import scipy.sparse as sp
 
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import adopt
+from cpbench.foundation.matrices import adopt
 from cpbench_solvers.contact.sweeps import block_rows
 
 

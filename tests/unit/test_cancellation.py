@@ -12,7 +12,6 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from cpbench.expressions import Map
 from cpbench.formulations import (
     AVI,
     CP,
@@ -30,10 +29,11 @@ from cpbench.formulations import (
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.cp import CPPoint
 from cpbench.formulations.defects import cone_defect
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.ge import GEPoint
 from cpbench.formulations.qvi import QVIPoint
 from cpbench.formulations.variational import VIPoint
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 MU, MU_R = 0.5, 0.25
 DIGITS = 1e-13

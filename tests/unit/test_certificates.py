@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations import AVI, LCP, MLCP, QP, ConeQP
 from cpbench.formulations.fc import FrictionContact
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing import planted
 from cpbench.testing.cases import infeasible
 from cpbench.verification import Status, certified_infeasible, holds, no_answer, packed, prove, status, unpacked

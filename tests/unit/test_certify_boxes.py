@@ -14,11 +14,11 @@ import pytest
 import scipy.sparse as sp
 
 import cpbench
-from cpbench.expressions import Map
-from cpbench.expressions.map import Builder
-from cpbench.expressions.operators import NUMPY, Operator
 from cpbench.formulations import NCP, Equation, MiCP
 from cpbench.formulations.base import Problem
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.map import Builder
+from cpbench.formulations.expressions.operators import NUMPY, Operator
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 

@@ -12,7 +12,7 @@ import pytest
 
 from cpbench.bench.processes import channel
 from cpbench.bench.processes.channel import Channel
-from cpbench.frames import FrameError
+from cpbench.foundation.frames import FrameError
 
 HEAD = "<4sIQ"
 

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from tiers import by_night
 
-from cpbench import checking, graph, storage
+from cpbench import graph, storage
 from cpbench.cli import main
 from cpbench.conversions import Conversion, conversions, make
 from cpbench.conversions.base import Size
 from cpbench.formulations import LCP, MLCP, FrictionContact, Kind, LCPPoint, MLCPPoint
+from cpbench.graph import checking
 from cpbench.testing import planted, residual_matrix
 from cpbench.testing.cases import cases
 

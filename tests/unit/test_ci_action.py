@@ -27,7 +27,7 @@ from cpbench.bench.results.store import Store
 ROOT = Path(__file__).resolve().parents[2]
 ACTION = ROOT / ".github/actions/compare/action.yml"
 WORKFLOWS = sorted((ROOT / ".github/workflows").glob("*.yml"))
-SCRIPT = ROOT / "cpbench/templates/ci/shell/compare.sh"
+SCRIPT = ROOT / "cpbench/testing/templates/ci/shell/compare.sh"
 TOY = ROOT / "tests/ci_toy"
 COMPILER = shutil.which("c++") or shutil.which("g++")
 ENV = {
@@ -206,8 +206,8 @@ def test_the_install_step_installs_the_version_that_the_action_is_part_of(tmp_pa
     command = step["run"].replace("pip install", "pip install --no-deps --target there")  # this Python stays as it is
     assert command != step["run"]
     run(tmp_path, "bash", "-c", command, GITHUB_ACTION_PATH=str(ACTION.parent), WANTED="")
-    assert (tmp_path / "there/cpbench/templates/ci/shell/compare.sh").read_text() == SCRIPT.read_text()
-    assert (tmp_path / "there/cpbench/templates/ci/github/cpbench.yml.in").is_file()
+    assert (tmp_path / "there/cpbench/testing/templates/ci/shell/compare.sh").read_text() == SCRIPT.read_text()
+    assert (tmp_path / "there/cpbench/testing/templates/ci/github/cpbench.yml.in").is_file()
 
 
 # --------------------------------------------------------------------------------- builds, and what is said of them

@@ -20,7 +20,7 @@ from cpbench import storage
 from cpbench.bench.results.store import Store
 from cpbench.cli import COMMANDS, cli, main
 from cpbench.formulations import LCP, MLCP, FrictionContact
-from cpbench.help_text import OPTIONS, help_text
+from cpbench.foundation.help_text import OPTIONS, help_text
 
 
 def cpbench(monkeypatch: pytest.MonkeyPatch, *arguments: object) -> int:

@@ -13,12 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
-from cpbench import graph, matrices, storage
+from cpbench import graph, storage
 from cpbench.conversions import elimination, facets
 from cpbench.conversions.base import make
 from cpbench.errors import NotApplicable
-from cpbench.factorization import Factorization
 from cpbench.formulations import FCPoint, FrictionContact, GlobalFrictionContact, Kind
+from cpbench.foundation import matrices
+from cpbench.foundation.factorization import Factorization
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.testing import planted
 

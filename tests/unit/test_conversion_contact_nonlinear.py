@@ -11,11 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cpbench import cones, graph, storage
+from cpbench import graph, storage
 from cpbench.conversions.base import make
 from cpbench.errors import NotApplicable
-from cpbench.expressions import Map
 from cpbench.formulations import FCPoint, FrictionContact, Kind, MiCPPoint, NFCPoint, NonlinearFrictionContact
+from cpbench.formulations.expressions import Map
+from cpbench.foundation import cones
 from cpbench.solvers import Budget, solvers
 from cpbench.testing import planted, planted_contact
 from cpbench.verification import judge

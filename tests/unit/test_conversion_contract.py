@@ -13,10 +13,9 @@ import scipy.sparse as sp
 from tiers import some_by_day
 
 sys.path.insert(0, str(Path(__file__).parent))
-from cpbench import graph, matrices, storage
+from cpbench import graph, storage
 from cpbench.conversions.base import Conversion, conversions, find_via, make
 from cpbench.errors import NotApplicable, UnknownName
-from cpbench.expressions import Builder
 from cpbench.formulations import (
     LCP,
     MLCP,
@@ -25,7 +24,9 @@ from cpbench.formulations import (
     GlobalFrictionContact,
     Kind,
 )
-from cpbench.routes import nodes_of_maps
+from cpbench.formulations.expressions import Builder
+from cpbench.foundation import matrices
+from cpbench.graph.routes import nodes_of_maps
 from cpbench.testing import planted
 from cpbench.testing.cases import Case, cases
 

@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 sys.path.insert(0, str(Path(__file__).parent))
-from cpbench import factorization, graph, matrices, storage
+from cpbench import graph, storage
 from cpbench.conversions.base import make
 from cpbench.conversions.mlcp_to_lcp_split import semidefinite_transform
 from cpbench.errors import NotApplicable
 from cpbench.formulations import LCP, MLCP, QP, AVIPoint, Kind, LCPPoint, MLCPPoint, Relay
+from cpbench.foundation import factorization, matrices
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge

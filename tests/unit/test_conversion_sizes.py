@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench import graph, matrices
+from cpbench import graph
 from cpbench.conversions.base import conversions, make
 from cpbench.formulations import GlobalFrictionContact, LCPPoint, Relay
+from cpbench.foundation import matrices
 from cpbench.testing.cases import cases
 
 SAID = [n for n in conversions.names() if any("predict" in vars(k) for k in conversions.get(n).__mro__[:1])]

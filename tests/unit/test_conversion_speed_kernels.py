@@ -11,12 +11,12 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cpbench import kernel_cache, matrices
 from cpbench.conversions import congruence, facets
 from cpbench.conversions.base import Size, make
 from cpbench.conversions.congruence import Congruence, index_dtype
 from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, FrictionContact
+from cpbench.foundation import kernel_cache, matrices
 from cpbench.testing import planted
 
 quick = settings(max_examples=60, deadline=None, derandomize=True)

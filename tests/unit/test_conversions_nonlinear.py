@@ -13,7 +13,6 @@ from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import plan
 from cpbench.conversions import make
 from cpbench.errors import NoRoute, NotApplicable
-from cpbench.expressions.recording import recorded
 from cpbench.formulations import (
     LCP,
     NCP,
@@ -26,10 +25,11 @@ from cpbench.formulations import (
     NLPPoint,
 )
 from cpbench.formulations.conic import cone_fields
+from cpbench.formulations.expressions.recording import recorded
+from cpbench.formulations.ncp_functions import symbolic_fischer_burmeister
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators import generators
-from cpbench.ncp_functions import symbolic_fischer_burmeister
-from cpbench.product_cones import Cone, ProductCone
-from cpbench.routes import nodes_of_maps
+from cpbench.graph.routes import nodes_of_maps
 from cpbench.solvers.base import solvers
 from cpbench.testing import planted, planted_conic, planted_nonlinear
 from cpbench.testing.planted_nonlinear import graph as formula

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench.definite import By, definite_factors, factor_on_diagonal, is_definite
 from cpbench.errors import NotApplicable
 from cpbench.formulations import FrictionContact
+from cpbench.foundation.definite import By, definite_factors, factor_on_diagonal, is_definite
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge

@@ -10,10 +10,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cpbench.expressions import Builder, Map, Operator
-from cpbench.expressions.derivatives import derivative, second_derivative
-from cpbench.expressions.interpreter import Interpreted
-from cpbench.expressions.recording import MapRecorder, either, less, maximum, minimum, product, recorded, where
+from cpbench.formulations.expressions import Builder, Map, Operator
+from cpbench.formulations.expressions.derivatives import derivative, second_derivative
+from cpbench.formulations.expressions.interpreter import Interpreted
+from cpbench.formulations.expressions.recording import (
+    MapRecorder,
+    either,
+    less,
+    maximum,
+    minimum,
+    product,
+    recorded,
+    where,
+)
 
 SPECIAL = (0.0, -0.0, 1.0, -1.0, 0.5, -3.2, 1e300, 1e-300, np.inf, -np.inf, np.nan)
 SMOOTH = (

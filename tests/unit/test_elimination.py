@@ -7,10 +7,10 @@ import pytest
 import scipy.sparse as sp
 from tiers import some_by_day
 
-from cpbench import factorization, matrices
 from cpbench.conversions import delassus, elimination, sparse_schur
-from cpbench.factorization import Factorization
-from cpbench.kernel_cache import load
+from cpbench.foundation import factorization, matrices
+from cpbench.foundation.factorization import Factorization
+from cpbench.foundation.kernel_cache import load
 
 TOLERANCE = 1e-12
 

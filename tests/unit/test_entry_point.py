@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import cpbench
-from cpbench import toml_text
+from cpbench.foundation import toml_text
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -20,8 +20,8 @@ from storage_cases import cases, same
 
 from cpbench import storage
 from cpbench.errors import FormatError
-from cpbench.exchange import exchanges
 from cpbench.formulations import AVI, LCP, MLCP, QP, FrictionContact, LCPPoint
+from cpbench.formulations.exchange import exchanges
 
 CASES = {name: problem for name, problem in cases().items() if not name.endswith("-large")}
 MINE = ("hdf5", "fclib", "mtx", "mof", "nl")

@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from lecture.numerics.examples.maps import mapped
 
 from cpbench.errors import ProblemError
-from cpbench.expressions import Builder, Map, Operator
-from cpbench.expressions.batches import Batches
-from cpbench.expressions.infix import formulas
+from cpbench.formulations.expressions import Builder, Map, Operator
+from cpbench.formulations.expressions.batches import Batches
+from cpbench.formulations.expressions.infix import formulas
 
 # Of every operator: the same function of mpmath, and pairs of arguments (the second one for two).
 ANY = ((0.7, 1.3), (-1.2, 0.4), (2.5, -0.6), (0.0, 1.0))

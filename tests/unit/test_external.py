@@ -16,8 +16,8 @@ import pytest
 from tiers import some_by_day
 
 from cpbench.errors import Ended, NotApplicable, Unavailable
-from cpbench.exchange import exchanges
 from cpbench.formulations import LCP
+from cpbench.formulations.exchange import exchanges
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.solvers.base import Budget, Claim, SolverSpec, solvers
 from cpbench.solvers.external import served, session

@@ -14,8 +14,8 @@ import scipy.sparse as sp
 from tiers import some_by_day
 
 from cpbench.errors import FormatError
-from cpbench.exchange import exchanges
 from cpbench.formulations import LCP, formulations
+from cpbench.formulations.exchange import exchanges
 from cpbench.testing import cases
 
 NAMES = ["npy-dir", "npz"]

@@ -24,7 +24,7 @@ class Blocked:
 sys.meta_path.insert(0, Blocked())
 import numpy as np
 from cpbench.conversions import make
-from cpbench.expressions.recording import recorded
+from cpbench.formulations.expressions.recording import recorded
 from cpbench.formulations import NCP
 
 problem = NCP(F=recorded(2, lambda z: np.exp(z) - 2.0), start=[1.0, 1.0])

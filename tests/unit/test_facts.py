@@ -14,15 +14,16 @@ from click.testing import CliRunner
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cpbench import facts, matrices, storage
+from cpbench import storage
 from cpbench.cli import cli
-from cpbench.expressions import Builder
-from cpbench.facts import How
-from cpbench.facts.copositivity import simplex_minima
-from cpbench.facts.fact import Fact, decided, undecided
-from cpbench.facts.sign_classes import exact_minor, least_ratio
-from cpbench.formulations import LCP, MLCP, QP, FrictionContact, Info, formulations
+from cpbench.formulations import LCP, MLCP, QP, FrictionContact, Info, facts, formulations
 from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.expressions import Builder
+from cpbench.formulations.facts import How
+from cpbench.formulations.facts.copositivity import simplex_minima
+from cpbench.formulations.facts.fact import Fact, decided, undecided
+from cpbench.formulations.facts.sign_classes import exact_minor, least_ratio
+from cpbench.foundation import matrices
 from cpbench.generators.lcp_classics import csizmadia, fathi, murty
 
 small_matrices = st.integers(1, 5).flatmap(

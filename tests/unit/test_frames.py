@@ -8,9 +8,9 @@ import struct
 import numpy as np
 import pytest
 
-from cpbench import frames
 from cpbench.bench.results.rows import Outcome
-from cpbench.frames import FrameError
+from cpbench.foundation import frames
+from cpbench.foundation.frames import FrameError
 
 
 def test_frames_of_earlier_versions_are_read() -> None:

@@ -227,7 +227,7 @@ def test_affine_pairs_become_the_linear_formulation_that_fits(tmp_path: Path) ->
     rows = "e.. 2*x - y =G= 3;\nd.. x + y =G= -1;"
     lcp = read(tmp_path, model(rows, pairs="d.y, e.x", bounds="x.lo = 0; y.lo = 0;"))
     assert isinstance(lcp, LCP)
-    assert cpbench.matrices.dense(lcp.M).tolist() == [[2.0, -1.0], [1.0, 1.0]]
+    assert cpbench.foundation.matrices.dense(lcp.M).tolist() == [[2.0, -1.0], [1.0, 1.0]]
     assert lcp.q.tolist() == [-3.0, 1.0]
     mlcp = read(tmp_path, model(rows.replace("G", "E", 1), pairs="e.x, d.y", bounds="y.lo = 0;"))
     assert isinstance(mlcp, MLCP)
@@ -284,9 +284,9 @@ def test_a_quadratic_program_keeps_the_numbers_of_the_file(tmp_path: Path) -> No
     problem = read(tmp_path, model(rows, kind="QCP minimizing z", names="x, y, z", bounds="y.up = 2;"))
     assert isinstance(problem, QP)
     assert problem.info.properties == {"objective_offset": 7.0}
-    assert cpbench.matrices.dense(problem.Q).tolist() == [[0.2, 1.0], [1.0, 0.0]]
+    assert cpbench.foundation.matrices.dense(problem.Q).tolist() == [[0.2, 1.0], [1.0, 0.0]]
     assert (problem.p.tolist(), problem.b.tolist(), problem.d.tolist()) == ([0.0, -3.0], [0.3], [1.0])
-    assert cpbench.matrices.dense(problem.A).tolist() == [[0.1, 1.0]]
+    assert cpbench.foundation.matrices.dense(problem.A).tolist() == [[0.1, 1.0]]
 
 
 def test_the_way_of_writing_changes_nothing(tmp_path: Path) -> None:

@@ -10,9 +10,10 @@ import pytest
 from click.testing import CliRunner
 from generated import instances
 
-from cpbench import graph, matrices, storage
+from cpbench import graph, storage
 from cpbench.cli.generate_command import command
 from cpbench.formulations.transfer import BY_ID, transfer
+from cpbench.foundation import matrices
 from cpbench.generators import generators
 from cpbench.generators.contact_global import GRAVITY
 from cpbench.generators.contact_sequence import DT, SPIN, scene

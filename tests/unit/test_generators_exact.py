@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from tiers import some_by_day
 
-from cpbench import matrices
+from cpbench.foundation import matrices
+from cpbench.foundation.product_cones import Cone
 from cpbench.generators import Instance, generators
-from cpbench.product_cones import Cone
 
 INSTANCES = {
     f"{c.name}-{i.name}": i

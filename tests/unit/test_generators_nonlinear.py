@@ -14,10 +14,11 @@ import pytest
 from scipy.optimize import linprog, minimize, root
 from tiers import some_by_day
 
-from cpbench import matrices, verification
-from cpbench.expressions import Map, Operator
-from cpbench.expressions.recording import maximum
+from cpbench import verification
 from cpbench.formulations import NCP, VI, Equation, MiCP, NCPPoint, QVIPoint
+from cpbench.formulations.expressions import Map, Operator
+from cpbench.formulations.expressions.recording import maximum
+from cpbench.foundation import matrices
 from cpbench.generators import Instance, generators, membranes, oligopoly, portable, traffic, vi_sets, walras
 from cpbench.generators import ncp_classics as classics
 from cpbench.testing.checks_problem import KNOWN, _marks

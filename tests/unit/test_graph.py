@@ -15,13 +15,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cpbench import graph, routes
+from cpbench import graph
 from cpbench.cli import main
 from cpbench.conversions import Conversion
 from cpbench.errors import NoRoute
 from cpbench.formulations import Kind, Problem
 from cpbench.formulations.base import Point, Residuals, formulations, vector_field
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
+from cpbench.graph import routes
 from cpbench.report.graph_drawing import draw, solvers_of
 
 SIZE, EDGES = 14, 35

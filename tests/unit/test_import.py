@@ -20,8 +20,8 @@ from cpbench.bench.results.merge import merge
 from cpbench.bench.results.rejudge import rejudge_file
 from cpbench.bench.results.store import Store
 from cpbench.cli import cli, main
-from cpbench.exchange import exchanges
 from cpbench.formulations import LCP, MLCP
+from cpbench.formulations.exchange import exchanges
 
 
 def lcp(seed: int, n: int = 4) -> tuple[LCP, np.ndarray]:

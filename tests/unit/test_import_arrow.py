@@ -149,8 +149,8 @@ def test_the_graph_knows_no_mathematics() -> None:
 
 
 JUDGED_DATA = {
-    "cpbench.errors", "cpbench.matrices", "cpbench.formulations.base", "cpbench.formulations.stack.Stack",
-    "cpbench.product_cones.Cone", "cpbench.product_cones.ProductCone",
+    "cpbench.errors", "cpbench.foundation.matrices", "cpbench.formulations.base", "cpbench.formulations.stack.Stack",
+    "cpbench.foundation.product_cones.Cone", "cpbench.foundation.product_cones.ProductCone",
 }  # fmt: skip
 """What the judge may read from outside its own room: data and errors, and no mathematics of the solvers."""
 READ_AS_DATA = {

@@ -18,7 +18,7 @@ from cpbench.bench.processes.cgroup import Cgroup
 from cpbench.bench.processes.launch import context, limit_memory
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.errors import CpbenchError, UnknownName
-from cpbench.frames import FrameError
+from cpbench.foundation.frames import FrameError
 
 linux = pytest.mark.skipif(sys.platform != "linux", reason="does not apply: Linux only")
 WAYS = ["", "group", "spawn"] if sys.platform == "linux" else ["spawn"]

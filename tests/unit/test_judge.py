@@ -13,7 +13,6 @@ import scipy.sparse as sp
 from lecture.numerics.examples.maps import mapped
 
 from cpbench.conversions.base import make
-from cpbench.expressions import Map
 from cpbench.formulations import (
     AVI,
     LCP,
@@ -29,12 +28,13 @@ from cpbench.formulations import (
     Relay,
 )
 from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.formulations.expressions import Map
 from cpbench.formulations.ncp import NCP, NCPPoint
 from cpbench.formulations.nlp import NLPPoint
 from cpbench.formulations.qvi import QVIPoint
+from cpbench.foundation.matrices import dense
 from cpbench.generators import generators
 from cpbench.generators.equations import powell_singular
-from cpbench.matrices import dense
 from cpbench.testing import planted, planted_contact
 from cpbench.testing.cases import Case, cases
 from cpbench.verification import judge

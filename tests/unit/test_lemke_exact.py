@@ -15,8 +15,8 @@ import exact_lemke
 import numpy as np
 import pytest
 
-from cpbench import kernel_cache
 from cpbench.formulations import AVI, LCP, MLCP
+from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge, prove
 from cpbench_solvers.lcp.lemke_columns import PivotingState

@@ -12,7 +12,7 @@ import pytest
 from tiers import some_by_day
 
 from cpbench.bench import availability
-from cpbench.plain_text import columns
+from cpbench.foundation.plain_text import columns
 from cpbench.solvers.base import solvers
 
 PLUGIN = '''

@@ -10,9 +10,11 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench import cones, facts, matrices, storage
+from cpbench import storage
 from cpbench.errors import ProblemError
-from cpbench.factorization import Factorization, sparse_lu
+from cpbench.formulations import facts
+from cpbench.foundation import cones, matrices
+from cpbench.foundation.factorization import Factorization, sparse_lu
 
 
 @pytest.mark.parametrize("n", [2, 5, 40, 350])

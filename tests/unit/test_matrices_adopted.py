@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.errors import ProblemError
+from cpbench.foundation import matrices
 
 
 def fresh() -> sp.csr_array:

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.io import loadmat, savemat
 
-from cpbench import matrices
+from cpbench.foundation import matrices
 
 
 def test_data_from_a_mat_file_have_the_plain_dtype() -> None:

@@ -23,10 +23,10 @@ from mof_schema import violations
 
 from cpbench import storage
 from cpbench.errors import FormatError, ProblemError
-from cpbench.exchange import exchanges
-from cpbench.expressions import Builder, Map, Operator, from_mof, mof_json, to_mof
-from cpbench.expressions.mof_operators import KNOWN
 from cpbench.formulations import NCP, NLP, QP, QVI, MiCP, NLPPoint, formulations
+from cpbench.formulations.exchange import exchanges
+from cpbench.formulations.expressions import Builder, Map, Operator, from_mof, mof_json, to_mof
+from cpbench.formulations.expressions.mof_operators import KNOWN
 from cpbench.testing.cases import draw
 
 NODES = ("nlp", "ncp", "micp", "equation", "cp", "vi", "qvi", "ge", "nfc")

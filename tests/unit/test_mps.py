@@ -12,8 +12,9 @@ import scipy.sparse as sp
 from tiers import some_by_day
 
 import cpbench as cp
-from cpbench import matrices, storage
+from cpbench import storage
 from cpbench.errors import FormatError
+from cpbench.foundation import matrices
 
 highspy = pytest.importorskip("highspy", reason="needs HiGHS: pip install highspy")
 

@@ -13,14 +13,14 @@ from command_line import cpbench as command
 
 import cpbench
 from cpbench import storage
+from cpbench.bench.multipliers import COMPLETED, completed
 from cpbench.bench.results import answers
 from cpbench.bench.results.store import Store
 from cpbench.errors import PointError
-from cpbench.exchange import exchanges
 from cpbench.formulations import NLP, QP, VI, ConeQP, Point, Problem
+from cpbench.formulations.exchange import exchanges
 from cpbench.formulations.primal import Primal, primal_of
-from cpbench.multipliers import COMPLETED, completed
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing import planted, planted_conic, planted_nonlinear
 from cpbench.testing.planted_nonlinear import graph as formula
 from cpbench.verification import judge

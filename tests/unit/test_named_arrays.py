@@ -18,7 +18,7 @@ from tiers import some_by_day
 from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import LCP, QP, ConeQP, FrictionContact, formulations
-from cpbench.product_cones import Cone
+from cpbench.foundation.product_cones import Cone
 from cpbench.storage import dialects
 from cpbench.storage.exchanges.mtx import MatrixMarket
 

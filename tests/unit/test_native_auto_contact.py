@@ -10,8 +10,9 @@ import pytest
 from claims import assert_claim
 from tiers import some_by_day
 
-from cpbench import kernel_cache, storage
+from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
+from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge

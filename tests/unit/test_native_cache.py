@@ -16,9 +16,9 @@ import pytest
 import scipy.sparse as sp
 from tiers import some_by_day
 
-from cpbench import kernel_cache as cache
 from cpbench import storage
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, Problem
+from cpbench.foundation import kernel_cache as cache
 from cpbench.solvers import Budget, Solver, solvers
 
 MADE: dict[str, Callable[[Any, Any], Problem]] = {
@@ -138,7 +138,9 @@ def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_cha
     found = []
     for share in ("0.5", "0.25"):
         inner.write_text(decorated.format("", "half", f"{share} * x"))
-        code = "from cpbench.kernel_cache import load; print(load('cpbench_solvers.kernels.outer').twice(1.0))"
+        code = (
+            "from cpbench.foundation.kernel_cache import load; print(load('cpbench_solvers.kernels.outer').twice(1.0))"
+        )
         environment = {**os.environ, "PYTHONPATH": str(tmp_path), cache.VARIABLE: ""}
         command = [sys.executable, "-c", code]
         done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)

@@ -8,7 +8,7 @@ from tiers import some_by_day
 
 from cpbench.formulations import AVI, SOCLCP, ConeQP, Relay
 from cpbench.formulations.conic import cone_fields
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted_conic
 from cpbench.verification import judge

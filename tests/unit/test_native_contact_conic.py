@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench import kernel_cache, storage
+from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact, Kind
+from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
 from cpbench.testing import planted

@@ -10,8 +10,9 @@ import scipy.sparse as sp
 from claims import assert_claim
 from tiers import some_by_day
 
-from cpbench import cones, kernel_cache, storage
+from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
+from cpbench.foundation import cones, kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.solvers.base import parse_options
 from cpbench.testing import planted

@@ -9,8 +9,9 @@ import pytest
 import scipy.sparse as sp
 from claims import assert_claim
 
-from cpbench import cones, kernel_cache, storage
+from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
+from cpbench.foundation import cones, kernel_cache
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge

@@ -10,8 +10,9 @@ import scipy.sparse as sp
 from numpy.polynomial import polynomial
 from tiers import some_by_day
 
-from cpbench import cones, kernel_cache, storage
+from cpbench import storage
 from cpbench.formulations import FCPoint, FrictionContact
+from cpbench.foundation import cones, kernel_cache
 from cpbench.solvers import Budget, Claim, SolverOutput, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge

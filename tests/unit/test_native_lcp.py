@@ -9,8 +9,9 @@ import pytest
 import scipy.sparse as sp
 from claims import assert_claim, assert_own_measure, row_error
 
-from cpbench import kernel_cache, storage
+from cpbench import storage
 from cpbench.formulations import LCP, LCPPoint
+from cpbench.foundation import kernel_cache
 from cpbench.generators.lcp_classics import csizmadia, fathi, isolated_perturbed, munson1, murty, unbounded_ray
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted

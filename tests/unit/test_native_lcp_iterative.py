@@ -11,7 +11,7 @@ from claims import assert_claim
 
 from cpbench import storage
 from cpbench.formulations import LCP, QP
-from cpbench.ncp_functions import minimum
+from cpbench.formulations.ncp_functions import minimum
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge

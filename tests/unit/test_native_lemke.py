@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cpbench import kernel_cache
 from cpbench.errors import ProblemError
 from cpbench.formulations import LCP, LCPPoint
+from cpbench.foundation import kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge

@@ -11,8 +11,9 @@ import pytest
 import scipy.sparse as sp
 from claims import row_error
 
-from cpbench import kernel_cache, matrices, storage
+from cpbench import storage
 from cpbench.formulations import LCP, MLCP, MLCPPoint
+from cpbench.foundation import kernel_cache, matrices
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.testing.cases import Case, infeasible

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench import kernel_cache
 from cpbench.formulations import LCP, LCPPoint
+from cpbench.foundation import kernel_cache
 from cpbench.generators.lcp_classics import csizmadia, isolated_perturbed, murty, unbounded_ray
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted

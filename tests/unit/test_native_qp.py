@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations import QP
 from cpbench.formulations.qp import QPPoint
-from cpbench.kernel_cache import load
+from cpbench.foundation.kernel_cache import load
 from cpbench.solvers import Budget, Claim, Trait, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations import QP, QPPoint
 from cpbench.formulations.coneqp import ConeQP
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.verification import judge
 from cpbench_solvers.qp.claims import ErrorMeasure

@@ -16,8 +16,8 @@ from tiers import by_night
 from cpbench import storage
 from cpbench.cli import main
 from cpbench.errors import CpbenchError, FormatError, UnknownName
-from cpbench.exchange import exchanges
 from cpbench.formulations import LCP
+from cpbench.formulations.exchange import exchanges
 from cpbench.registry import DECLARED
 from cpbench.solvers import Budget, Claim
 from cpbench.solvers.external import declared, served

@@ -18,8 +18,8 @@ from tiers import by_night, some_by_day
 import cpbench
 from cpbench import storage
 from cpbench.errors import FormatError
-from cpbench.expressions import Builder, Map, Operator
 from cpbench.formulations import NCP, NLP, QP, MiCP
+from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.storage.nl_operators import UNWRITTEN
 from cpbench.testing.cases import draw
 
@@ -268,9 +268,9 @@ def test_a_quadratic_program_has_the_numbers_of_the_file(tmp_path: Path) -> None
     problem = load(tmp_path, text(*QUADRATIC, **SIZES))
     assert isinstance(problem, QP)
     assert problem.name == "by-hand"
-    assert cpbench.matrices.dense(problem.Q).tolist() == [[1.0, -1.0], [-1.0, 0.0]]
+    assert cpbench.foundation.matrices.dense(problem.Q).tolist() == [[1.0, -1.0], [-1.0, 0.0]]
     assert problem.p.tolist() == [-0.3, 0.0]
-    assert cpbench.matrices.dense(problem.A).tolist() == [[3.0, -1.0], [-3.0, 1.0]]
+    assert cpbench.foundation.matrices.dense(problem.A).tolist() == [[3.0, -1.0], [-3.0, 1.0]]
     assert problem.b.tolist() == [-1.0, -4.0]
     assert (problem.lb.tolist(), problem.ub.tolist()) == ([-1.0, -np.inf], [2.0, np.inf])
     assert problem.info.properties == {"objective_offset": -7.0}  # a maximum: of the opposite

@@ -11,8 +11,8 @@ from command_line import cpbench as command
 
 from cpbench import storage
 from cpbench.errors import FormatError
-from cpbench.exchange import exchanges
 from cpbench.formulations import NCP, NLP, QP
+from cpbench.formulations.exchange import exchanges
 
 # CasADi's own reader of .nl files and Ipopt, with the words and the file that AMPL expects
 PROGRAM = """
@@ -63,7 +63,7 @@ def _program() -> NLP:
     """min z1 z4 (z1 + z2 + z3) + z3: the 71st of Hock and Schittkowski."""
     import casadi as ca
 
-    from cpbench.expressions import Map
+    from cpbench.formulations.expressions import Map
 
     z = ca.SX.sym("z", 4)
     return NLP(
@@ -128,7 +128,7 @@ def test_a_solution_that_cannot_be_read_is_refused_in_one_line(text: str, words:
 
 
 def test_what_has_no_number_in_the_format_is_an_obstacle() -> None:
-    from cpbench.expressions import Builder, Operator
+    from cpbench.formulations.expressions import Builder, Operator
 
     build = Builder(1)
     problem = NCP(F=build.finish([build.apply(Operator.ERF, 0)]))

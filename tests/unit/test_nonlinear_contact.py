@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from cpbench.errors import UnknownName
-from cpbench.expressions import Map
 from cpbench.formulations import GFCPoint, NFCPoint, NonlinearFrictionContact
+from cpbench.formulations.expressions import Map
 from cpbench.generators import contact_nonlinear
 from cpbench.solvers import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.verification import judge

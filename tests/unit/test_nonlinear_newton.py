@@ -14,14 +14,14 @@ from scipy.linalg import solve
 from tiers import some_by_day
 
 from cpbench import solve as solve_one
-from cpbench.cones import box_defect, project_box
 from cpbench.conversions.base import conversions, make
 from cpbench.errors import UnknownName
-from cpbench.expressions import Map
 from cpbench.formulations import AVI, LCP, AVIPoint, MiCP, MiCPPoint, NCPPoint
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.ncp_functions import evtushenko_purtov, fischer_burmeister, minimum, penalized, smoothed
+from cpbench.foundation.cones import box_defect, project_box
 from cpbench.generators.base import generators
 from cpbench.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
-from cpbench.ncp_functions import evtushenko_purtov, fischer_burmeister, minimum, penalized, smoothed
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.solvers.shared.row_error import row_error
 from cpbench.verification import judge

@@ -21,8 +21,8 @@ from cpbench import graph, storage
 from cpbench.cli import cli
 from cpbench.conversions.base import conversions
 from cpbench.errors import CpbenchError, FormatError, ProblemError
-from cpbench.expressions import Map
 from cpbench.formulations import NCP, NLP, QP, MiCP, Problem
+from cpbench.formulations.expressions import Map
 
 Z, NU = ca.SX.sym("z", 2), ca.SX.sym("nu")
 AT = np.array([0.5, 2.0])

@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.verification import judge
 

@@ -15,7 +15,6 @@ from scipy.optimize import approx_fprime
 from cpbench import storage
 from cpbench.cli.verify_command import command
 from cpbench.errors import UnknownName
-from cpbench.expressions import Map
 from cpbench.formulations import (
     LCP,
     MLCP,
@@ -29,6 +28,7 @@ from cpbench.formulations import (
     QPPoint,
     Relay,
 )
+from cpbench.formulations.expressions import Map
 from cpbench.testing.cases import cases
 from cpbench.verification import judge, judge_by_all
 from cpbench.verification.merit_functions import path_norms

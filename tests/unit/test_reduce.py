@@ -209,7 +209,7 @@ def lies(folder: Path) -> Path:
 def test_a_lie_is_reduced_to_the_entry_it_hangs_on(lies: Path) -> None:
     """Two unknowns, one entry > 0.5 between them, and only ones elsewhere: nothing less makes the solver lie."""
     problem = cpbench.load(lies / "problem.h5")
-    M = cpbench.matrices.dense(problem.M)
+    M = cpbench.foundation.matrices.dense(problem.M)
     assert problem.q.size == 2
     assert sorted(M[~np.eye(2, dtype=bool)].tolist()) == [0.0, 1.0]
     assert numbers.digits(problem) == 1

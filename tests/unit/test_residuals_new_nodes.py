@@ -37,7 +37,7 @@ from cpbench.formulations import (
     SOCLCPPoint,
 )
 from cpbench.formulations.conic import cone_fields
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing import cases, corners_contact, planted_conic, planted_contact
 from cpbench.testing.cases import infeasible
 from cpbench.verification import judge

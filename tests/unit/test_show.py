@@ -17,11 +17,11 @@ from matplotlib.mathtext import MathTextParser
 from cpbench import storage
 from cpbench.cli import cli
 from cpbench.conversions.base import make
-from cpbench.expressions import Builder, Map, Operator
 from cpbench.formulations import LCP, FrictionContact, Problem, formulations
 from cpbench.formulations.base import counted
 from cpbench.formulations.contact import ContactProblem
-from cpbench.product_cones import Cone
+from cpbench.formulations.expressions import Builder, Map, Operator
+from cpbench.foundation.product_cones import Cone
 from cpbench.report import show, show_tex, tex
 
 

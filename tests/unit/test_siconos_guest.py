@@ -15,11 +15,11 @@ import psutil
 import pytest
 from tiers import some_by_day
 
-from cpbench import matrices
 from cpbench.bench.planning import plan
 from cpbench.bench.slot import Slot
 from cpbench.errors import Ended
 from cpbench.formulations import FrictionContact
+from cpbench.foundation import matrices
 from cpbench.solvers import solvers
 from cpbench.solvers.adapters import siconos
 from cpbench.solvers.adapters.siconos import SiconosSolver

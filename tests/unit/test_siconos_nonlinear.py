@@ -15,12 +15,12 @@ from tiers import some_by_day
 
 from cpbench.conversions.base import conversions
 from cpbench.errors import Ended, FormatError
-from cpbench.exchange import exchanges
-from cpbench.expressions import Builder, Map, Operator
 from cpbench.formulations import NCP, VI, MiCP, MiCPPoint, NCPPoint
+from cpbench.formulations.exchange import exchanges
+from cpbench.formulations.expressions import Builder, Map, Operator
+from cpbench.foundation.product_cones import Cone
 from cpbench.generators.base import generators
 from cpbench.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
-from cpbench.product_cones import Cone
 from cpbench.solvers import solvers
 from cpbench.solvers.adapters import siconos, siconos_nonlinear
 from cpbench.solvers.base import Budget, Claim

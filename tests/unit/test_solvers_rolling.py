@@ -10,8 +10,8 @@ import scipy.sparse as sp
 from scipy.optimize import brentq
 from tiers import some_by_day
 
-from cpbench import cones, kernel_cache, matrices
 from cpbench.formulations import FCPoint, FrictionContact, RollingFrictionContact
+from cpbench.foundation import cones, kernel_cache, matrices
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted, planted_contact
 from cpbench.verification import judge

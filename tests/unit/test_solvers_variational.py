@@ -6,12 +6,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cpbench.expressions.recording import MapRecorder
 from cpbench.formulations import QVI, VI, Equation, VIPoint
 from cpbench.formulations.conic import cone_fields
+from cpbench.formulations.expressions.recording import MapRecorder
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.generators import generators
 from cpbench.graph import arrive, lift
-from cpbench.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.testing import cases
 from cpbench.testing import planted_nonlinear as plant

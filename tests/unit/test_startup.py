@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from tiers import some_by_day
 
-from cpbench import kernel_cache, storage
+from cpbench import storage
 from cpbench.formulations import LCP
+from cpbench.foundation import kernel_cache
 
 ROOT = Path(kernel_cache.__file__).parents[1]
 
@@ -72,7 +73,7 @@ def test_commands_load_nothing_beyond_click() -> None:
     assert _said(code).splitlines()[-1].split() == [f"cpbench.{name}" for name in ours]
 
 
-LIBRARIES = "import scipy.sparse.linalg; from cpbench.kernel_cache import load; load('cpbench_solvers.kernels.tableau')"
+LIBRARIES = "import scipy.sparse.linalg; from cpbench.foundation.kernel_cache import load; load('cpbench_solvers.kernels.tableau')"
 """What no first solve can do without: SciPy's sparse matrices, numba, and the first of its kernels."""
 
 

@@ -18,8 +18,8 @@ from cpbench import storage
 from cpbench.bench.outcome import of_both
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
-from cpbench.expressions.recording import recorded
 from cpbench.formulations import NCP, MiCP, NCPPoint
+from cpbench.formulations.expressions.recording import recorded
 from cpbench.solvers.adapters import siconos, siconos_families
 from cpbench.solvers.adapters.qp_stopping import TESTS
 from cpbench.solvers.base import Budget, Claim, solvers

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import LCP
-from cpbench.matrices import matrix
+from cpbench.foundation.matrices import matrix
 
 
 @pytest.mark.nightly

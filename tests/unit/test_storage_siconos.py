@@ -27,7 +27,7 @@ from cpbench.formulations import (
     RollingFrictionContact,
 )
 from cpbench.formulations.conic import cone_fields
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.storage import siconos_matrix
 
 SYSTEM_PYTHON = "/usr/bin/python3"

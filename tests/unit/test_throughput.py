@@ -25,7 +25,7 @@ from cpbench.bench.results.store import Store
 from cpbench.bench.slot import Slot
 from cpbench.errors import StoreError
 from cpbench.formulations.stack import Stack
-from cpbench.matrices import Dense
+from cpbench.foundation.matrices import Dense
 from cpbench.solvers.base import Budget, Claim, solvers
 
 PLAN = """

@@ -11,8 +11,8 @@ from scipy.sparse import csgraph
 
 from cpbench import storage
 from cpbench.conversions.base import make
-from cpbench.matrices import sparse
-from cpbench.transversal import has_full_structural_rank
+from cpbench.foundation.matrices import sparse
+from cpbench.foundation.transversal import has_full_structural_rank
 
 
 @settings(max_examples=300, deadline=None, derandomize=True)

@@ -12,7 +12,7 @@ import cpbench
 from cpbench import storage
 from cpbench.api import verdict_text
 from cpbench.formulations import LCP, NLP, QP, ConeQP, Problem
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing.planted_nonlinear import graph as formula
 from cpbench.verification import Verdict, error_text
 

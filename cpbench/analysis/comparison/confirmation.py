@@ -12,7 +12,7 @@ import pandas as pd
 
 from cpbench.analysis.comparison.gates import PairVerdict
 from cpbench.analysis.comparison.verdicts import NOT_AGAIN, Comparison, worst
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 
 PAIR = ["fingerprint", "label_new", "request", "tolerance", "measure", "start", "threads", "step", "problem"]
 """Columns by which a pair of the second comparison is found."""

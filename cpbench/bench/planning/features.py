@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations import MLCP, NonlinearFrictionContact
 from cpbench.formulations.base import Problem, formulations
-from cpbench.matrices import Matrix
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix
 
 DENSE = 200
 """Rows of the largest matrix whose eigenvalues or singular values are computed: some milliseconds."""

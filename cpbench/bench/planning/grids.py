@@ -18,10 +18,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import fields
 from decimal import Decimal
 
-from cpbench import brackets
 from cpbench.bench.planning.nearest import AUTO, all_automatic
 from cpbench.bench.planning.plan import Entry, entry_of
 from cpbench.errors import CpbenchError, UnknownName
+from cpbench.foundation import brackets
 from cpbench.solvers.base import solvers
 from cpbench.solvers.external.declared import declare_text
 

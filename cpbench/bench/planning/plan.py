@@ -14,11 +14,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpbench import brackets
 from cpbench.bench.planning.nearest import nearest_reached
 from cpbench.conversions.base import Conversion, find_via, make
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Kind
+from cpbench.foundation import brackets
 from cpbench.graph import nodes_of_maps
 from cpbench.solvers.base import SolverSpec, parse_options, solvers
 from cpbench.solvers.external.declared import declare_text

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from cpbench import toml_text
+from cpbench.foundation import toml_text
 
 
 def lines(table: Mapping[str, Any]) -> list[str]:

@@ -11,7 +11,7 @@ import socket
 import struct
 import time
 
-from cpbench.frames import FrameError
+from cpbench.foundation.frames import FrameError
 
 MOST = 2**30
 """Bytes of the largest message that is accepted."""

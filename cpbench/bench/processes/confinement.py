@@ -10,10 +10,10 @@ import os
 import tempfile
 from pathlib import Path
 
-from cpbench import kernel_cache
 from cpbench.bench.processes import landlock
 from cpbench.bench.processes.isolation import Isolation
 from cpbench.bench.results import seal_key
+from cpbench.foundation import kernel_cache
 
 DEVICES = ("/dev", "/proc/self")
 CACHES = (("XDG_CACHE_HOME", "~/.cache"), ("JULIA_DEPOT_PATH", "~/.julia"), ("CUDA_CACHE_PATH", "~/.nv"))

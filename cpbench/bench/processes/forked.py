@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 from cpbench.bench.processes import guard
-from cpbench.child_processes import fork
+from cpbench.foundation.child_processes import fork
 
 
 def run_forked(work: Callable[[], Any]) -> Any:

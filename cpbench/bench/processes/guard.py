@@ -18,7 +18,7 @@ from typing import NoReturn
 import psutil
 
 from cpbench.bench.processes import cgroup, isolation
-from cpbench.child_processes import fork
+from cpbench.foundation.child_processes import fork
 
 PATIENCE = 5.0
 """Seconds for which processes that do not die are killed again and again."""

@@ -24,7 +24,7 @@ from typing import Any
 from cpbench.bench.processes import cgroup, confinement, guard, isolation
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.isolation import Isolation
-from cpbench.child_processes import THREAD_VARIABLES as THREAD_VARIABLES
+from cpbench.foundation.child_processes import THREAD_VARIABLES as THREAD_VARIABLES
 from cpbench.registry import DECLARED, PLUGIN_FILES
 
 SAFE_PATH = "PYTHONSAFEPATH"

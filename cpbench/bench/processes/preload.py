@@ -10,7 +10,7 @@ import gc
 import importlib
 import os
 
-from cpbench.imports import uncollected
+from cpbench.foundation.imports import uncollected
 
 MODULES = (
     "numpy",

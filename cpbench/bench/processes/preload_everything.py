@@ -10,8 +10,9 @@ import contextlib
 import gc
 import importlib
 
-from cpbench import conversions, formulations, kernel_cache, solvers, storage
-from cpbench.imports import uncollected
+from cpbench import conversions, formulations, solvers, storage
+from cpbench.foundation import kernel_cache
+from cpbench.foundation.imports import uncollected
 from cpbench.solvers.base import package_version
 
 

@@ -14,8 +14,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 
-from cpbench.child_processes import kill_tree, start_python, wait
 from cpbench.errors import CpbenchError
+from cpbench.foundation.child_processes import kill_tree, start_python, wait
 
 LARGEST = 2**20
 """Bytes that are read at once."""

@@ -20,8 +20,8 @@ from typing import Any, TypeAlias, cast
 
 from cpbench import storage
 from cpbench.errors import CpbenchError, FormatError, PointError
-from cpbench.exchange import Exchange, exchanges
 from cpbench.formulations.base import Problem
+from cpbench.formulations.exchange import Exchange, exchanges
 from cpbench.formulations.primal import Primal, primal_alone, primal_of, primal_part
 from cpbench.solvers.base import Claim
 from cpbench.storage.hdf5_tree import SIGNATURE, open_tree

@@ -19,7 +19,7 @@ from typing import Any
 from cpbench.bench.results import schema
 from cpbench.bench.results.schema import SCHEMA
 from cpbench.errors import SealError, StoreError
-from cpbench.locks import Held, Lock
+from cpbench.foundation.locks import Held, Lock
 
 PATIENCE = 30.0
 """Seconds to wait for another program that holds the database for a moment."""

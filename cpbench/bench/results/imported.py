@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cpbench import multipliers, storage, verification
-from cpbench.bench import machine
+from cpbench import storage, verification
+from cpbench.bench import machine, multipliers
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results import answer_files, answers
 from cpbench.bench.results.answer_files import ENDINGS, ForeignAnswer, Names, Reported

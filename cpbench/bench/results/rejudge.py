@@ -16,7 +16,7 @@ from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, FormatError, PointError, SealError
 from cpbench.formulations.base import Kind, Problem
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 
 NO_ROUTE = ("", "direct")
 """Routes of an answer made elsewhere, and of a solver of the source problem itself."""

@@ -15,7 +15,7 @@ from contextlib import closing
 from functools import cache
 
 from cpbench.bench.results.rows import Measured, Planned, columns
-from cpbench.plain_text import printable
+from cpbench.foundation.plain_text import printable
 
 SCHEMA = 9
 SEALED_SINCE = 4

@@ -28,7 +28,7 @@ from cpbench.bench.results.seal_key import Key
 from cpbench.bench.results.seals import Audit, WrittenSeals
 from cpbench.bench.results.whole import whole_table
 from cpbench.errors import SealError, StoreError
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 from cpbench.solvers.renamed import current_label
 from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, Status
 

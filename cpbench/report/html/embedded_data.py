@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import frames
+from cpbench.foundation import frames
 
 Column = np.ndarray[tuple[int], np.dtype[Any]]
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from cpbench.analysis import deadlines
 from cpbench.errors import CpbenchError
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 from cpbench.report import canvas, figures, legend, run_canvas
 from cpbench.report.chosen import Choice, choose
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind

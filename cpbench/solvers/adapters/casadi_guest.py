@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.matrices import Matrix
+from cpbench.foundation.matrices import Matrix
 
 CITATION = "Andersson et al., CasADi, Math. Prog. Comp. 11 (2019)"
 LICENCE = "LGPL-3.0-or-later"

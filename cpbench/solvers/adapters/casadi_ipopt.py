@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations import LCP, MLCP
-from cpbench.matrices import norm
+from cpbench.foundation.matrices import norm
 from cpbench.solvers.adapters.casadi_guest import CITATION, INSTALL, as_dm, too_large
 from cpbench.solvers.adapters.scaled_mcp import ScaledMCP, scaled_mcp
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.adapters.cone_program import ConeProgram, cone_program, obstacle
 from cpbench.solvers.adapters.conic_models import ConicModel
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput

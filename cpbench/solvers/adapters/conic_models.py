@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.adapters.qp_stopping import TESTS
 from cpbench.solvers.base import Budget, Claim
 from cpbench.solvers.stopping import Stopping, no_looser

@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.foundation import matrices
 from cpbench.solvers.adapters.cvxpy_claims import CLAIMS
 from cpbench.solvers.adapters.qp_stopping import TESTS
 from cpbench.solvers.base import (

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.lcp import LCP
-from cpbench.matrices import Dense
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Dense
 
 DENSE_BYTES = 4e9
 """Most memory that a guest's matrices may take."""

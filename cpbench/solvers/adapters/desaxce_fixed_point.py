@@ -30,13 +30,13 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
-from cpbench.cones import Law, RollingCoulomb
 from cpbench.formulations.contact import FCPoint, LocalContact
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.rfc import RollingFrictionContact
-from cpbench.matrices import Vector
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation import matrices
+from cpbench.foundation.cones import Law, RollingCoulomb
+from cpbench.foundation.matrices import Vector
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.adapters.conic_models import ConicModel
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.shared.lorentz_rows import lorentz_rows

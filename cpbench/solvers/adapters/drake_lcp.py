@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import max_abs
+from cpbench.foundation.matrices import max_abs
 from cpbench.solvers.adapters.dense_lcp import dense_matrix, too_large
 from cpbench.solvers.base import (
     Budget,

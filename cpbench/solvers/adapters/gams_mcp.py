@@ -18,7 +18,7 @@ import numpy as np
 
 from cpbench.errors import Unavailable
 from cpbench.formulations import LCP, MLCP
-from cpbench.matrices import Matrix
+from cpbench.foundation.matrices import Matrix
 from cpbench.solvers.adapters import gams_licence
 from cpbench.solvers.adapters.gams_stopping import stopping
 from cpbench.solvers.adapters.gams_workspace import explained, workspace

@@ -11,9 +11,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cpbench.expressions import Map, Operator
+from cpbench.formulations.expressions import Map, Operator
 from cpbench.formulations.micp import MiCP
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 
 LONGEST = 4_000_000
 """Characters of all expressions."""

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.errors import Ended, Unavailable
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.adapters import gams_licence
 from cpbench.solvers.adapters.scaled_mcp import ScaledMCP
 from cpbench.solvers.base import Budget

@@ -24,11 +24,11 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.errors import NotApplicable
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
-from cpbench.matrices import Dense, Vector
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Dense, Vector
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.stopping import Stopping, no_looser
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.nlp import NLP, NLPPoint
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 
 CLOSE = 100.0
@@ -65,7 +65,7 @@ def compile_program(problem: NLP) -> None:
 
 def small_program() -> NLP:
     """Return min exp(z) − 2z, for a warm-up."""
-    from cpbench.expressions import Builder, Operator
+    from cpbench.formulations.expressions import Builder, Operator
 
     build = Builder(1)
     value = build.apply(Operator.MUL, build.constant(2.0), 0)

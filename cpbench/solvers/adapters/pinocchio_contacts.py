@@ -14,9 +14,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.formulations.fc import FrictionContact
-from cpbench.matrices import Matrix, Vector
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.stopping import Stopping, no_looser
 
 SYMMETRY_LIMIT = 1e-8

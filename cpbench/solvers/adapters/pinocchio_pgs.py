@@ -21,9 +21,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.foundation import matrices
 from cpbench.solvers.adapters import pinocchio_contacts
 from cpbench.solvers.adapters.pinocchio_contacts import PinocchioContacts
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register

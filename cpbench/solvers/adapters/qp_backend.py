@@ -13,9 +13,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.formulations.qp import QP
-from cpbench.matrices import Matrix
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix
 from cpbench.solvers.adapters.qp_standard_form import StandardForm, standard_form
 from cpbench.solvers.adapters.qp_tolerances import Settings, stopping, translate
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, package_version

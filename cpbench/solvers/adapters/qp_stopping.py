@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 
 from cpbench.formulations.qp import QP
-from cpbench.matrices import max_abs
+from cpbench.foundation.matrices import max_abs
 from cpbench.solvers.stopping import Stopping
 
 ABSOLUTE = "absolute where data are below 1: it may pass too early, by the factor that they are below it"

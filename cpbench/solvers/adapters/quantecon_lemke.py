@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.solvers.adapters.dense_lcp import dense_matrix, too_large
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.stopping import Stopping

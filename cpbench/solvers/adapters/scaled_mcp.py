@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench import matrices
 from cpbench.formulations import LCP, MLCP, LCPPoint, MLCPPoint
-from cpbench.matrices import Matrix, Vector, max_abs, norm
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector, max_abs, norm
 
 SAFETY = 0.1
 """Share of our tolerance that a guest is asked for: its norm of the residual is not ours."""

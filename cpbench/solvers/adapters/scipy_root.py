@@ -16,7 +16,7 @@ import numpy as np
 
 from cpbench.formulations.base import scaled
 from cpbench.formulations.equation import Equation, EquationPoint
-from cpbench.matrices import Vector, norm
+from cpbench.foundation.matrices import Vector, norm
 from cpbench.solvers.base import (
     Budget,
     Claim,
@@ -132,7 +132,7 @@ class ScipyRoot(Solver):
         return package_version("scipy")
 
     def warmup(self) -> None:
-        from cpbench.expressions import Builder, Operator
+        from cpbench.formulations.expressions import Builder, Operator
 
         build = Builder(1)
         value = build.apply(Operator.SUB, build.apply(Operator.EXP, 0), build.constant(2.0))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.product_cones import Cone
+from cpbench.foundation.product_cones import Cone
 from cpbench.solvers.adapters.siconos import SiconosEntry, SiconosSolver, index_sets
 from cpbench.solvers.adapters.siconos_nonlinear import SiconosNonlinear
 from cpbench.solvers.adapters.siconos_tolerances import Bound

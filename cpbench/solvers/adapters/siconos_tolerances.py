@@ -34,7 +34,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.matrices import max_abs, norm
+from cpbench.foundation.matrices import max_abs, norm
 from cpbench.solvers.base import Budget
 from cpbench.solvers.stopping import Stopping, no_looser
 

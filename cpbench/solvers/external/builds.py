@@ -22,8 +22,9 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from cpbench import registry, toml_text
+from cpbench import registry
 from cpbench.errors import CpbenchError
+from cpbench.foundation import toml_text
 from cpbench.solvers.base import solvers
 from cpbench.solvers.external import declared
 from cpbench.solvers.external.command import PLACEHOLDERS

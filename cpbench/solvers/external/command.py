@@ -18,9 +18,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from cpbench.child_processes import kill_tree, start, wait
 from cpbench.errors import CpbenchError, Ended, FormatError, Unavailable
-from cpbench.exchange import exchanges
+from cpbench.formulations.exchange import exchanges
+from cpbench.foundation.child_processes import kill_tree, start, wait
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.external.served import ANSWERED, CLAIM, HandedOver, backstop, missing_executable, output
 from cpbench.solvers.external.session import ProgramError

@@ -31,8 +31,8 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.errors import CpbenchError, DuplicateName, UnknownName
-from cpbench.exchange import exchanges
 from cpbench.formulations.base import Kind, formulations
+from cpbench.formulations.exchange import exchanges
 from cpbench.registry import DECLARED, PLUGIN_MODULE
 from cpbench.solvers.base import NoOptions, Solver, SolverSpec, Trait, solvers
 from cpbench.solvers.external.command import PLACEHOLDERS, CommandSolver

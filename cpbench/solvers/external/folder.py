@@ -12,8 +12,8 @@ import tempfile
 import weakref
 from pathlib import Path
 
-from cpbench import temporary
-from cpbench.temporary import EXCHANGE, TemporaryHome
+from cpbench.foundation import temporary
+from cpbench.foundation.temporary import EXCHANGE, TemporaryHome
 
 MEMORY = Path("/dev/shm")
 SMALL = 2**20

@@ -24,8 +24,8 @@ from pathlib import Path
 from typing import IO, Any
 
 from cpbench.errors import CpbenchError, FormatError, NotApplicable, Unavailable
-from cpbench.exchange import Exchange, exchanges
 from cpbench.formulations.base import Problem
+from cpbench.formulations.exchange import Exchange, exchanges
 from cpbench.solvers.base import Budget, Solver, SolverOutput, solvers
 
 Reply = dict[str, Any]

@@ -31,10 +31,10 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import CpbenchError, FormatError, Unavailable
-from cpbench.exchange import Exchange, exchanges
 from cpbench.formulations.base import Problem
+from cpbench.formulations.exchange import Exchange, exchanges
+from cpbench.foundation import matrices
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, SolverSpec
 from cpbench.solvers.external.folder import Folder
 from cpbench.solvers.external.session import ProgramError, Session

@@ -20,8 +20,8 @@ from typing import Any, NoReturn
 
 import psutil
 
-from cpbench.child_processes import end_descriptor, kill_tree, start, wait_by
 from cpbench.errors import CpbenchError, Ended, NotApplicable, Unavailable
+from cpbench.foundation.child_processes import end_descriptor, kill_tree, start, wait_by
 
 LONGEST = 2**20
 """Bytes of a line that are taken."""

@@ -19,15 +19,15 @@ import numpy as np
 from siconos_memory import DENSE, LIBRARY, NumericsMatrix, copied, structure
 from siconos_problems import INT, POINTER, Loaded
 
-PACKAGES = ("cpbench", "cpbench.expressions")
+PACKAGES = ("cpbench", "cpbench.formulations.expressions")
 for _package in PACKAGES:  # empty ones: nothing but the modules below is read
     _module = ModuleType(_package)
     _module.__path__ = [str(Path(__file__).resolve().parents[3] / _package.replace(".", "/"))]
     sys.modules[_package] = _module
 
-from cpbench.cones import project_box  # noqa: E402
-from cpbench.expressions.batches import Batches  # noqa: E402
-from cpbench.product_cones import ProductCone  # noqa: E402
+from cpbench.formulations.expressions.batches import Batches  # noqa: E402
+from cpbench.foundation.cones import project_box  # noqa: E402
+from cpbench.foundation.product_cones import ProductCone  # noqa: E402
 
 F_OF_SELF = ctypes.CFUNCTYPE(None, POINTER, INT, POINTER, POINTER)
 """(env, n, z, F) of NCP, MCP and VI, and (env, n, z, NumericsMatrix*) of their Jacobians."""

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.factorization import sparse_lu
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
-from cpbench.matrices import max_abs
+from cpbench.foundation.factorization import sparse_lu
+from cpbench.foundation.matrices import max_abs
 from cpbench.solvers.shared.jacobians import projection_jacobian
 
 SHIFTS = (1e-13, 1e-10, 1e-7)

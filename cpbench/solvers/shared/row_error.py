@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.cones import box_defect
-from cpbench.matrices import Vector
+from cpbench.foundation.cones import box_defect
+from cpbench.foundation.matrices import Vector
 
 SMALL = 1e-3
 """A row is measured by no less than this share of the largest: a smaller one has its error from others, by rounding."""

@@ -20,11 +20,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from cpbench import matrices
 from cpbench.errors import FormatError
-from cpbench.exchange import Exchange, exchanges
-from cpbench.expressions import Map
 from cpbench.formulations.base import Point, Problem
+from cpbench.formulations.exchange import Exchange, exchanges
+from cpbench.formulations.expressions import Map
+from cpbench.foundation import matrices
 from cpbench.storage.arrays import read_npy, read_npz, sparse_from_parts
 from cpbench.storage.exchanges import header
 from cpbench.storage.exchanges.header import HEADER

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cpbench.exchange import exchanges
 from cpbench.formulations.base import Problem
+from cpbench.formulations.exchange import exchanges
 from cpbench.storage import dispatch
 from cpbench.storage.exchanges.hdf5 import HDF5File
 from cpbench.storage.fclib import GROUPS

@@ -14,9 +14,9 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from cpbench import matrices
-from cpbench.exchange import Exchange, exchanges
 from cpbench.formulations.base import Point, Problem
+from cpbench.formulations.exchange import Exchange, exchanges
+from cpbench.foundation import matrices
 from cpbench.storage import answers, dispatch
 from cpbench.storage.base import write_atomic
 from cpbench.storage.hdf5_points import put_point

@@ -2,7 +2,7 @@
 
 A map F of n unknowns is the arrays F.inputs (n, alone), F.constants, F.heads, F.left, F.right and F.outputs of `Map`;
 its Jacobian is one more map, to the entries of a CSR, in F.jacobian.constants and so on, with F.jacobian.indices and
-F.jacobian.indptr. What the heads mean is told by `cpbench.expressions.operators`, which needs NumPy alone.
+F.jacobian.indptr. What the heads mean is told by `cpbench.formulations.expressions.operators`, which needs NumPy alone.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.errors import FormatError, ProblemError
-from cpbench.exchange import exchanges
-from cpbench.expressions import Map
-from cpbench.expressions.derivatives import derivative
 from cpbench.formulations.base import Problem
+from cpbench.formulations.exchange import exchanges
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.derivatives import derivative
 from cpbench.storage.exchanges.arrays import NpyFolder
 
 _PARTS = ("inputs", "constants", "heads", "left", "right", "outputs")

@@ -24,10 +24,10 @@ from typing import Any, cast
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.exchange import Exchange, exchanges
-from cpbench.expressions.mof_json import as_float
 from cpbench.formulations.base import Point, Problem
-from cpbench.matrices import Vector
+from cpbench.formulations.exchange import Exchange, exchanges
+from cpbench.formulations.expressions.mof_json import as_float
+from cpbench.foundation.matrices import Vector
 from cpbench.storage import mof
 from cpbench.storage.base import write_atomic
 from cpbench.storage.mof_read import load_json, read

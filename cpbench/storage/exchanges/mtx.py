@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import FormatError
-from cpbench.exchange import Exchange, exchanges
 from cpbench.formulations.base import Point, Problem
-from cpbench.matrices import Matrix, Vector
+from cpbench.formulations.exchange import Exchange, exchanges
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.storage.arrays import read_matrix, read_vector
 from cpbench.storage.exchanges import header
 from cpbench.storage.exchanges.header import HEADER

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.exchange import Exchange, exchanges
 from cpbench.formulations.base import Point, Problem
-from cpbench.matrices import Vector
+from cpbench.formulations.exchange import Exchange, exchanges
+from cpbench.foundation.matrices import Vector
 from cpbench.storage import nl, nl_write
 from cpbench.storage.base import read_text, write_atomic
 

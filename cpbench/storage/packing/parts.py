@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import FormatError
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, GlobalFrictionContact, Problem
 from cpbench.formulations.contact import ContactProblem
+from cpbench.foundation import matrices
 from cpbench.storage.half_stored import Half, whole
 
 NODES: Mapping[str, type[Problem]] = {

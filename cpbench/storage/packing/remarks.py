@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
-from cpbench.plurals import counted
+from cpbench.foundation import matrices
+from cpbench.foundation.plurals import counted
 
 SLIPPERY = 3.0
 """μ above this is no pair of materials: rubber on dry concrete has about 1."""

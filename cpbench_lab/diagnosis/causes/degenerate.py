@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
-from cpbench.plurals import counted
+from cpbench.foundation import matrices
+from cpbench.foundation.plurals import counted
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 
 ROUNDING = 1e-12

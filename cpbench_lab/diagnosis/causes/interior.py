@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 
 from cpbench.formulations.base import Problem
-from cpbench.product_cones import Cone, ProductCone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.verification.polyhedra import Polyhedron, conditions
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from cpbench import brackets
-from cpbench.matrices import Vector
+from cpbench.foundation import brackets
+from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Claim
 from cpbench.verification import Status
 from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import facts, matrices
-from cpbench.matrices import Matrix
+from cpbench.formulations import facts
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 from cpbench_lab.diagnosis.scaled import scaled
 from cpbench_lab.diagnosis.shifted import shifted

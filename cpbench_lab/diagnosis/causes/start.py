@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.matrices import Vector
+from cpbench.foundation.matrices import Vector
 from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 
 TRIED = (1.0, 0.1, 10.0)

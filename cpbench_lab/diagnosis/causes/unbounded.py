@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench import verification
-from cpbench.plurals import counted
+from cpbench.foundation.plurals import counted
 from cpbench.verification.certificates import Unbounded
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
+from cpbench.foundation import matrices
 from cpbench_lab.figures.active_sets import ActiveSide, active_set
 from cpbench_lab.reduction.numbers import OPERATORS, ROUNDING
 from cpbench_lab.reduction.reduce import unknowns

@@ -15,7 +15,7 @@ from cpbench.formulations import LCP, MLCP, QP, Relay
 from cpbench.formulations.base import Problem
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 
 Rng = np.random.Generator
 

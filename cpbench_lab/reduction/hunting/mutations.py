@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cpbench import matrices
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
-from cpbench.matrices import dense
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import dense
 from cpbench_lab.reduction.numbers import FIXED, FRICTION, OPERATORS, rounded
 from cpbench_lab.reduction.parts import RemovablePart, bare, kinds, shapes_of, without
 from cpbench_lab.reduction.reduce import semidefinite

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench import LCP, FCPoint, FrictionContact, NonlinearFrictionContact, make
-from cpbench.matrices import Dense, Vector, max_abs, norm
+from cpbench.foundation.matrices import Dense, Vector, max_abs, norm
 from lecture.numerics.round_trips import answer
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cpbench import AVI
-from cpbench.cones import project_box
-from cpbench.matrices import Dense, Vector, dense
+from cpbench.foundation.cones import project_box
+from cpbench.foundation.matrices import Dense, Vector, dense
 from lecture.numerics.examples.nonlinear import NonlinearExample
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench import QP
-from cpbench.matrices import Dense, Vector, dense
+from cpbench.foundation.matrices import Dense, Vector, dense
 
 
 def lagrangian(qp: QP, z: Vector, lam: Vector, mu: Vector) -> float:

@@ -10,8 +10,8 @@ import numpy as np
 
 from cpbench import Budget, Claim, CpbenchError, Kind, Point, Problem, arrive, lift, make
 from cpbench.errors import NoRoute, NotApplicable
+from cpbench.foundation.matrices import Vector
 from cpbench.graph import Arrival
-from cpbench.matrices import Vector
 from cpbench.solvers.base import solve
 
 TOLERANCE = 1e-12

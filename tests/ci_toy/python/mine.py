@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 import sweeps
 
-from cpbench import matrices
 from cpbench.formulations import LCP, LCPPoint
+from cpbench.foundation import matrices
 from cpbench.solvers import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from cpbench import CP, NCP, NLP, QVI, VI, Cone, NonlinearFrictionContact, Problem, ProductCone, make
-from cpbench.expressions import Map
-from cpbench.expressions.recording import recorded
 from cpbench.formulations.conic import cone_fields
-from cpbench.matrices import Vector
+from cpbench.formulations.expressions import Map
+from cpbench.formulations.expressions.recording import recorded
+from cpbench.foundation.matrices import Vector
 
 STEP, DRAG, MASS, GRAVITY = 0.05, 0.4, 1.0, 9.81
 """Time step [s], drag [kg/m], mass [kg] and acceleration [m/s²] of the ball in a heavy fluid."""

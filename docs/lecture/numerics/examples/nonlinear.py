@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cpbench.matrices import Dense, Vector
+from cpbench.foundation.matrices import Dense, Vector
 
 
 @dataclass(frozen=True, eq=False)

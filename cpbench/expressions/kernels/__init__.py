@@ -1,5 +1,0 @@
-"""The compiled loop (numba, cached) that evaluates maps; imported through :func:`cpbench.kernel_cache.load`."""
-
-from cpbench.kernel_cache import ensure_cache_dir
-
-ensure_cache_dir()

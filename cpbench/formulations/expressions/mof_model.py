@@ -1,0 +1,227 @@
+"""A model in MathOptFormat (JSON, schema 1.x), whatever problem it may be: variables, an objective, rows, and pairs of
+functions and variables that stand beside each other in Complements.
+
+Bounds are constraints of a bare variable. Read are the sets GreaterThan, LessThan, EqualTo, Interval, Parameter,
+Nonnegatives, Nonpositives, Zeros, HyperRectangle and Complements; a model with any other is refused. A variable in
+Parameter is a parameter of the maps where there are any; in a linear or quadratic program it is a fixed variable.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cpbench.errors import FormatError
+from cpbench.formulations.expressions.from_mof import Affine, Function, Functions, parameter_of, parameters
+from cpbench.formulations.expressions.mof_json import Fields, parse, shown
+from cpbench.foundation.matrices import Vector
+
+_SIDES: dict[str, tuple[str | float, str | float]] = {
+    "GreaterThan": ("lower", math.inf),
+    "LessThan": (-math.inf, "upper"),
+    "EqualTo": ("value", "value"),
+    "Parameter": ("value", "value"),
+    "Interval": ("lower", "upper"),
+    "Nonnegatives": (0.0, math.inf),
+    "Nonpositives": (-math.inf, 0.0),
+    "Zeros": (0.0, 0.0),
+    "HyperRectangle": ("lower", "upper"),
+}
+"""Lower and upper side of a set: a field of it, or a number."""
+SETS = f"{', '.join(_SIDES)} and Complements"
+
+
+@dataclass(frozen=True)
+class ModelRow:
+    """function ≥ side, or ≤ side where it is `below`; in an equation `below` says nothing."""
+
+    function: Function
+    side: float
+    below: bool = False
+
+
+@dataclass
+class Model:
+    """Contents of a text, in the order of its variables.
+
+    Attributes
+    ----------
+    lb, ub, start : (n,) bounds, infinite where there are none, and starting values, 0 where none is given.
+    sense : min, max or feasibility, which has no `objective`.
+    above, equal : rows. pairs : variable -> the function beside it in Complements.
+    complementary : whether there is a constraint in Complements. functions : what all functions are values of.
+    """
+
+    source: str | Path
+    name: str
+    description: str
+    names: list[str]
+    lb: Vector
+    ub: Vector
+    start: Vector
+    functions: Functions
+    sense: str = "feasibility"
+    objective: Function | None = None
+    above: list[ModelRow] = field(default_factory=list)
+    equal: list[ModelRow] = field(default_factory=list)
+    pairs: dict[int, Function] = field(default_factory=dict)
+    complementary: bool = False
+
+    @property
+    def affine(self) -> bool:
+        """True if everything but the objective is affine. False where there are parameters, which no matrix keeps."""
+        if self.functions.parametric:
+            return False
+        rows = (row.function for row in (*self.above, *self.equal))
+        return all(isinstance(function, Affine) for function in (*rows, *self.pairs.values()))
+
+    def refused(self, where: str, cause: str) -> FormatError:
+        return FormatError(self.source, where, cause)
+
+    def beside(self) -> list[Function]:
+        """Return the functions of a complementarity problem, each beside its variable; raises FormatError for another
+        model.
+        """
+        if self.sense != "feasibility":
+            raise self.refused("objective", f"is {self.sense} beside Complements, expected feasibility")
+        rows = len(self.above) + len(self.equal)
+        if rows:
+            raise self.refused("constraints", f"has {rows} rows beside Complements")
+        alone = [shown(name) for k, name in enumerate(self.names) if k not in self.pairs]
+        if alone:
+            raise self.refused("constraints", f"has no function beside {alone[0]} (and {len(alone) - 1} more)")
+        return [self.pairs[k] for k in range(len(self.names))]
+
+
+def read_model(text: bytes | str, source: str | Path) -> Model:
+    """Read the model in a text; `source` is what messages name. Raises FormatError."""
+    raw = text.encode("utf-8", "replace") if isinstance(text, str) else text
+    return _Reader(source, parse(raw, source)).model
+
+
+class _Reader:
+    def __init__(self, source: str | Path, model: dict[str, Any]) -> None:
+        fields = self._fields = Fields(source)
+        version = fields.get(model, "version", dict, "")
+        if version.get("major") != 1:
+            raise fields.refused("version", f"is {shown(version.get('major'))}, cpbench reads MathOptFormat 1")
+        values = parameters(fields, model) if _has_maps(model) else {}
+        names = [name for name in fields.names(model) if name not in values]
+        starts = [
+            fields.number(variable, "primal_start", f"variables/{k}") if "primal_start" in variable else 0.0
+            for k, variable in enumerate(model["variables"])
+            if variable["name"] not in values
+        ]
+        n = len(names)
+        self._functions = Functions(source, {name: k for k, name in enumerate(names)}, values)
+        self.model = Model(
+            source=source,
+            name=_text(model, "name"),
+            description=_text(model, "description"),
+            names=names,
+            lb=np.full(n, -np.inf),
+            ub=np.full(n, np.inf),
+            start=np.array(starts),
+            functions=self._functions,
+        )
+        self._objective(fields.get(model, "objective", dict, ""))
+        for k, constraint in fields.items(model, "constraints"):
+            if parameter_of(constraint) not in values:
+                self._constrain(constraint, f"constraints/{k}")
+
+    def _objective(self, objective: dict[str, Any]) -> None:
+        fields, model = self._fields, self.model
+        model.sense = fields.get(objective, "sense", str, "objective")
+        if model.sense not in ("min", "max", "feasibility"):
+            raise fields.refused("objective/sense", f"is '{shown(model.sense)}', expected min, max or feasibility")
+        if model.sense != "feasibility":
+            function = fields.get(objective, "function", dict, "objective")
+            model.objective = self._functions.scalar(function, "objective/function")
+
+    def _constrain(self, constraint: Any, where: str) -> None:
+        fields = self._fields
+        function, set_ = (fields.get(constraint, key, dict, where) for key in ("function", "set"))
+        kind = fields.get(set_, "type", str, f"{where}/set")
+        if kind not in _SIDES and kind != "Complements":
+            raise fields.refused(f"{where}/set", f"is {shown(kind)}, cpbench reads {SETS}")
+        rows = self._functions.rows(function, f"{where}/function")
+        size = set_.get("dimension", len(rows))
+        if size != len(rows):
+            raise fields.refused(f"{where}/set", f"has dimension {shown(size)}, its function {len(rows)} values")
+        if kind == "Complements":
+            self._complement(rows, where)
+            return
+        low, high = (self._side(set_, side, len(rows), f"{where}/set") for side in _SIDES[kind])
+        bare = function["type"] in ("Variable", "VectorOfVariables")
+        for row, least, most in zip(rows, low, high, strict=True):
+            if bare and isinstance(row, Affine):
+                if row.columns[0] >= len(self.model.names):
+                    raise fields.refused(where, "bounds a parameter")
+                self._bound(row.columns[0], least, most)
+            elif least == most:
+                self.model.equal.append(ModelRow(row, least))
+            else:
+                self.model.above += [ModelRow(row, least)] if least > -math.inf else []
+                self.model.above += [ModelRow(row, most, below=True)] if most < math.inf else []
+
+    def _side(self, set_: Any, side: str | float, rows: int, where: str) -> Sequence[float]:
+        """Return a side of a set, for each of its rows."""
+        fields = self._fields
+        if not isinstance(side, str):
+            return [side] * rows
+        if isinstance(set_.get(side), list):
+            values = [fields.finite(value, f"{where}/{side}/{k}") for k, value in enumerate(set_[side])]
+            if len(values) != rows:
+                raise fields.refused(f"{where}/{side}", f"has {len(values)} numbers, expected {rows}")
+            return values
+        return [fields.number(set_, side, where)] * rows
+
+    def _bound(self, column: int, low: float, high: float) -> None:
+        lb, ub = self.model.lb, self.model.ub
+        if low > lb[column]:
+            lb[column] = low
+        if high < ub[column]:
+            ub[column] = high
+
+    def _complement(self, rows: list[Function], where: str) -> None:
+        """Add functions, followed by as many variables."""
+        model, fields = self.model, self._fields
+        model.complementary = True
+        if len(rows) % 2:
+            raise fields.refused(where, f"has {len(rows)} values in Complements, expected an even number")
+        half = len(rows) // 2
+        for row, itself in zip(rows[:half], rows[half:], strict=True):
+            column = self._functions.bare(itself)
+            if column is None:
+                raise fields.refused(where, "has no bare variable in the second half of Complements")
+            if column in model.pairs:
+                raise fields.refused(where, f"has variable {column + 1} beside two functions")
+            model.pairs[column] = row
+
+
+def _has_maps(model: dict[str, Any]) -> bool:
+    """Return whether a model becomes a problem with maps if it has parameters: it has Complements or a nonlinear
+    function.
+    """
+    objective, constraints = model.get("objective"), model.get("constraints")
+    parts = [objective, *(constraints if isinstance(constraints, list) else [])]
+    kinds = [
+        part[key].get("type")
+        for part in parts
+        for key in ("function", "set")
+        if isinstance(part, dict) and isinstance(part.get(key), dict)
+    ]
+    return any(kind in ("Complements", "ScalarNonlinearFunction", "VectorNonlinearFunction") for kind in kinds)
+
+
+def _text(model: dict[str, Any], key: str) -> str:
+    """Return a text of the model, "" where there is none; characters that no file could be written with are
+    replaced.
+    """
+    value = model.get(key, "")
+    return value.encode("utf-8", "replace").decode() if isinstance(value, str) else ""

@@ -1,0 +1,25 @@
+"""Facts about problems and matrices: measured, each with its number and how it was found.
+
+`of_problem(problem)` measures every matrix of a problem, `of_matrix(M, name)` one of them. No test takes longer than a
+bound that its module states; beyond it a fact is `not decided`, with the reason.
+"""
+
+from cpbench.formulations.facts.copositivity import copositivity
+from cpbench.formulations.facts.fact import Fact, How
+from cpbench.formulations.facts.problem import of_matrix, of_problem
+from cpbench.formulations.facts.sign_classes import m_matrix, p_matrix, z_matrix
+from cpbench.formulations.facts.spectrum import definiteness, rank, symmetry
+
+__all__ = [
+    "Fact",
+    "How",
+    "copositivity",
+    "definiteness",
+    "m_matrix",
+    "of_matrix",
+    "of_problem",
+    "p_matrix",
+    "rank",
+    "symmetry",
+    "z_matrix",
+]

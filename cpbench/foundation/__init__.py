@@ -1,0 +1,1 @@
+"""Parts that everything stands on: arrays and cones, files and processes, text."""
