@@ -14,6 +14,7 @@ The names below are imported on first use, so that `import cpbench` costs nothin
 from __future__ import annotations
 
 import importlib
+import os
 
 TYPE_CHECKING = False  # as of `typing`, whose import takes as long as the start of Python
 if TYPE_CHECKING:  # what follows is found on first use, which a type checker does not see
@@ -52,8 +53,8 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
 __version__ = "0.1.0"
 
 _HOMES = {
-    "Cone": "product_cones",
-    "ProductCone": "product_cones",
+    "Cone": "foundation.product_cones",
+    "ProductCone": "foundation.product_cones",
     "load": "api.problems",
     "save": "storage",
     "Recorder": "storage",
@@ -92,8 +93,8 @@ def __getattr__(name: str) -> Any:
         found = _own_formulations().get(name) or _all_formulations().get(name)
         if found is not None:
             return found
-    if not name.startswith("_") and name in _added_functions():
-        return _module("extensions").function(name)
+    if not (name.startswith("_") or _is_module(name)) and name in _added_functions():
+        return _module("foundation.extensions").function(name)
     raise AttributeError(f"module 'cpbench' has no attribute '{name}'")
 
 
@@ -104,9 +105,14 @@ def _module(name: str) -> ModuleType:
         return importlib.import_module(f"cpbench.{name}")
 
 
+def _is_module(name: str) -> bool:
+    """Return whether a module of this package has the name: Python asks here first, and then imports it."""
+    return any(os.path.exists(f"{folder}/{name}{suffix}") for folder in __path__ for suffix in ("", ".py"))
+
+
 def _added_functions() -> dict[str, Any]:
     """Return the functions of other installed packages, by name: their entry points."""
-    extensions = _module("extensions")
+    extensions = _module("foundation.extensions")
     found: dict[str, Any] = extensions.added(extensions.FUNCTIONS)
     return found
 

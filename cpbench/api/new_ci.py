@@ -23,7 +23,7 @@ HOSTS: Mapping[str, tuple[str, str]] = {
 def texts(host: str, solver: str | None, build: str) -> dict[str, str]:
     """Return texts by path; raises CpbenchError without a solver, or where it cannot be one in a repository."""
     template, place = HOSTS[host]
-    text = (files("cpbench") / "templates" / "ci" / host / template).read_text(encoding="utf-8")
+    text = (files("cpbench.testing") / "templates" / "ci" / host / template).read_text(encoding="utf-8")
     if host == "shell":
         return {place: text}
     if solver is None:

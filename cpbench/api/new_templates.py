@@ -23,7 +23,7 @@ ONLY = "lcp"
 def texts(kind: str, words: Mapping[str, str], lang: str, node: str) -> dict[str, str]:
     """Return the texts by name of the file, for a plugin with the names in `words`; raises CpbenchError where there is
     none."""
-    folder = files("cpbench") / "templates" / kind
+    folder = files("cpbench.testing") / "templates" / kind
     own = folder / lang
     nodes = _nodes(own)
     if node not in nodes:

@@ -1,8 +1,8 @@
 """Messages between the runner, its referee and its workers: a frozen class each.
 
-A message is sent as a frame (`cpbench.foundation.frames`): a header with the name of its class and its fields, followed by its
-`vectors` as raw numbers. What is read is brought to the types of the fields or refused: a worker has run foreign code,
-and may send anything.
+A message is sent as a frame (`cpbench.foundation.frames`): a header with the name of its class and its fields, followed
+by its `vectors` as raw numbers. What is read is brought to the types of the fields or refused: a worker has run foreign
+code, and may send anything.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from sources import CORE, SOLVERS
 from tiers import some_by_day
 
 from cpbench import storage
@@ -128,9 +129,9 @@ def test_several_are_compiled_side_by_side_and_each_once(tmp_path: Path) -> None
 @pytest.mark.nightly
 def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_changed(tmp_path: Path) -> None:
     """numba looks at the file of the kernel alone, and would go on with what it compiled of the other as it was."""
-    package = tmp_path / "cpbench"
-    shutil.copytree(cache._PACKAGE, package, ignore=shutil.ignore_patterns("__pycache__"))
-    inner, outer = (package / "solvers" / "kernels" / f"{name}.py" for name in ("inner", "outer"))
+    for package in (CORE, SOLVERS):
+        shutil.copytree(package, tmp_path / package.name, ignore=shutil.ignore_patterns("__pycache__"))
+    inner, outer = (tmp_path / SOLVERS.name / "kernels" / f"{name}.py" for name in ("inner", "outer"))
     decorated = (
         "import numba\n{}\n@numba.njit('float64(float64)', cache=True)\ndef {}(x):\n    return {}\nREADY = True\n"
     )
@@ -138,9 +139,8 @@ def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_cha
     found = []
     for share in ("0.5", "0.25"):
         inner.write_text(decorated.format("", "half", f"{share} * x"))
-        code = (
-            "from cpbench.foundation.kernel_cache import load; print(load('cpbench_solvers.kernels.outer').twice(1.0))"
-        )
+        outside = "cpbench_solvers.kernels.outer"
+        code = f"from cpbench.foundation.kernel_cache import load; print(load('{outside}').twice(1.0))"
         environment = {**os.environ, "PYTHONPATH": str(tmp_path), cache.VARIABLE: ""}
         command = [sys.executable, "-c", code]
         done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)

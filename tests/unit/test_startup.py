@@ -73,7 +73,10 @@ def test_commands_load_nothing_beyond_click() -> None:
     assert _said(code).splitlines()[-1].split() == [f"cpbench.{name}" for name in ours]
 
 
-LIBRARIES = "import scipy.sparse.linalg; from cpbench.foundation.kernel_cache import load; load('cpbench_solvers.kernels.tableau')"
+LIBRARIES = (
+    "import scipy.sparse.linalg\n"
+    "from cpbench.foundation.kernel_cache import load\nload('cpbench_solvers.kernels.tableau')"
+)
 """What no first solve can do without: SciPy's sparse matrices, numba, and the first of its kernels."""
 
 

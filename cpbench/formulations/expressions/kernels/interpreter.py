@@ -1,7 +1,7 @@
 """Interpreter of all maps: it goes through a list of operations, so that no map is ever compiled by itself.
 
-The numbers of the operators are those of `cpbench.formulations.expressions.operators`, written out: as constants they become one
-jump table.
+The numbers of the operators are those of `cpbench.formulations.expressions.operators`, written out: as constants they
+become one jump table.
 """
 
 import math
