@@ -14,6 +14,7 @@ import synthetic_results as synthetic
 from command_line import cpbench as command
 
 import cpbench as cp
+import cpbench_lab
 from cpbench.analysis import certainty
 from cpbench.analysis.table import normalised
 from cpbench.bench.results import schema
@@ -94,7 +95,7 @@ def test_a_file_of_the_version_before_gets_the_columns_and_keeps_its_seals(resul
         assert db.execute("PRAGMA user_version").fetchone()[0] == schema.SCHEMA
 
 
-CHECKER = Path(cp.__file__).parent / "certificates" / "checker"
+CHECKER = Path(cpbench_lab.__file__).parent / "certificates" / "checker"
 
 
 def checked(*paths: Path) -> tuple[int, list[str]]:

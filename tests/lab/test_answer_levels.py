@@ -15,6 +15,7 @@ from command_line import cpbench as command
 from test_certificates import infeasible_lcp, infeasible_mlcp, infeasible_qp, unbounded_qp
 
 import cpbench
+import cpbench_lab
 from cpbench.bench.judging import judge_answer, look_for_proof
 from cpbench.formulations import LCP, MLCP, QP
 from cpbench.testing.cases import infeasible
@@ -24,7 +25,7 @@ pytest.importorskip("flint", reason="certificates need python-flint")
 from cpbench_lab.certificates.no_solution import without_solution
 from cpbench_lab.certifying import save_certificate
 
-CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
+CHECKER = Path(cpbench_lab.__file__).parent / "certificates" / "checker"
 LCP2 = LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0])
 EXACT = np.array([4 / 3, 7 / 3])
 FALLING = QP.build(np.diag([-1.0, 1.0]), np.zeros(2), lb=[0.0, -np.inf])

@@ -15,6 +15,7 @@ import pytest
 from command_line import cpbench as command
 
 import cpbench
+import cpbench_lab
 from cpbench.formulations import LCP, MLCP
 from cpbench.formulations.base import Problem
 from cpbench.solvers.base import Budget
@@ -25,7 +26,7 @@ from cpbench_lab.certificate_text import summary  # noqa: E402
 from cpbench_lab.certificates.all_solutions import all_solutions, nonnegative  # noqa: E402
 from cpbench_lab.certifying import save_certificate  # noqa: E402
 
-CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
+CHECKER = Path(cpbench_lab.__file__).parent / "certificates" / "checker"
 REFUSALS = (ValueError, KeyError, TypeError, IndexError)
 
 

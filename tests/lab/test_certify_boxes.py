@@ -14,6 +14,7 @@ import pytest
 import scipy.sparse as sp
 
 import cpbench
+import cpbench_lab
 from cpbench.formulations import NCP, Equation, MiCP
 from cpbench.formulations.base import Problem
 from cpbench.formulations.expressions import Map
@@ -28,7 +29,7 @@ from cpbench_lab.certificates.affine_parts import dependent_rows  # noqa: E402
 from cpbench_lab.certificates.redundant import implied  # noqa: E402
 from cpbench_lab.certifying import save_certificate  # noqa: E402
 
-CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
+CHECKER = Path(cpbench_lab.__file__).parent / "certificates" / "checker"
 SEEDS = pytest.mark.parametrize(
     "seed", [*range(6), *(pytest.param(k, marks=pytest.mark.nightly) for k in range(6, 60))]
 )

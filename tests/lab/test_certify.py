@@ -17,6 +17,7 @@ import scipy.sparse as sp
 from command_line import cpbench as command
 
 import cpbench
+import cpbench_lab
 from cpbench.errors import PointError
 from cpbench.formulations import AVI, LCP, MLCP, QP, Relay
 from cpbench.formulations.base import Problem
@@ -29,7 +30,7 @@ from cpbench_lab.certificates.exchanges import exchanged  # noqa: E402
 from cpbench_lab.certificates.mixed import mixed  # noqa: E402
 from cpbench_lab.certifying import save_certificate  # noqa: E402
 
-CHECKER = Path(cpbench.__file__).parent / "certificates" / "checker"
+CHECKER = Path(cpbench_lab.__file__).parent / "certificates" / "checker"
 SEEDS = pytest.mark.parametrize(
     "seed", [*range(6), *(pytest.param(k, marks=pytest.mark.nightly) for k in range(6, 60))]
 )
