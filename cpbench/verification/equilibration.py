@@ -8,12 +8,12 @@ that are far smaller than others of their row and column, rounding mostly, chang
 
 The first guess is the least-squares solution of log D_i A_ij C_j = 0 (Curtis and Reid 1972). Newton steps for log D
 follow where sweeps over rows and columns are slow, by conjugate gradients, with the C that makes the columns right.
+Connected parts side by side come out as each by itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -33,140 +33,106 @@ INEXACT = 0.1
 FARTHEST = 3.0
 """A Newton step changes no log D_i by more: it is right near 0 only."""
 LARGEST = 80.0
-"""Logarithms of entries that the first guess leaves are cut off here, so that sums of them are numbers."""
-SINGLE = np.float32
-"""Sizes need six digits at most, and take half of the time with these."""
+"""Logarithms of entries that the first guess leaves are cut off here, so that sums of products are numbers."""
 
 
-@dataclass(frozen=True)
-class Sums:
-    """The sums of conjugate gradients: over all rows, or over those of each of several problems side by side.
-
-    Attributes
-    ----------
-    dot : xᵀy, a number or one for each problem. spread : these, for every row. any : whether one of the flags is true.
-    ratio : x/y where the flag is true, else 0.
-    """
-
-    dot: Callable[[Vector, Vector], Any]
-    spread: Callable[[Any], Any]
-    any: Callable[[Any], bool]
-    ratio: Callable[[Any, Any, Any], Any]
-
-    @classmethod
-    def of_each(cls, number: Any, count: int) -> Sums:
-        """Add up by the number of the problem of each row."""
-        size = number.size // max(count, 1)
-        runs = bool((number == np.repeat(np.arange(count), size)).all()) if size * count == number.size else False
-
-        def dot(x: Vector, y: Vector) -> Any:
-            if runs:  # half of the time
-                return np.einsum("ij,ij->i", x.reshape(count, size), y.reshape(count, size))
-            return np.bincount(number, x * y, count)
-
-        return cls(
-            dot=dot,
-            spread=lambda values: np.repeat(values, size) if runs else values[number],
-            any=lambda flags: bool(np.any(flags)),
-            ratio=lambda x, y, flags: np.divide(x, y, out=np.zeros(count), where=flags),
-        )
-
-
-WHOLE = Sums(
-    dot=lambda x, y: float(x @ y),
-    spread=lambda value: value,
-    any=bool,
-    ratio=lambda x, y, flag: x / y if flag else 0.0,
-)
-
-
-def equilibrate(K: Any, sums: Sums = WHOLE) -> Vector:
-    """Return D of a symmetric CSR matrix of nonnegative entries, so that D_i K_ij D_j are about 1; 1 for an empty
-    row."""
-    D, C = equilibrate_apart(K, sums)
+def equilibrate(K: Any, part: Any = None) -> Vector:
+    """Return D of a symmetric matrix of nonnegative entries, so that D_i K_ij D_j are about 1; 1 for an empty row."""
+    D, C = equilibrate_apart(K, part)
     return np.sqrt(D) * np.sqrt(C)
 
 
-def equilibrate_apart(A: Any, sums: Sums = WHOLE) -> tuple[Vector, Vector]:
-    """Return D and C of the rows and the columns of a CSR matrix of nonnegative entries, so that D_i A_ij C_j are
-    about 1; 1 for those that are empty.
+def equilibrate_apart(A: Any, part: Any = None) -> tuple[Vector, Vector]:
+    """Return D and C of the rows and the columns of a matrix of nonnegative entries, an array or CSR, so that D_i A_ij
+    C_j are about 1; 1 for those that are empty.
 
-    Problems side by side, as `sums` says, come out as each by itself; columns have the numbers of the rows.
+    part : (n,) the numbers of the connected parts of the rows, None where all are one.
     """
-    A = A if A.data.all() else _without_zeros(A)
-    entries, logs = _Entries.of(A), np.log(A.data).astype(SINGLE)
-    counts, beside = entries.row_sums(), entries.column_sums()
-    d, e = _first_guess(entries, logs, counts, beside, sums)
-    logs += np.repeat(d, entries.lengths)
-    logs += np.take(e, A.indices, mode="clip")  # the default looks at every index: three times as long
-    np.exp(np.clip(logs, -LARGEST, LARGEST, out=logs), out=entries.data)
-    D, C = np.exp(d, dtype=np.float64), np.exp(e, dtype=np.float64)
-    factor = _ratio(counts, entries.row_sums())
-    enough = ENOUGH**2 * sums.dot(counts, np.ones(counts.size))
-    going: Any = True
-    before: Any = None
+    pattern = _at_places_of(A, (_entries(A) > 0).astype(np.float64))
+    counts, beside = pattern @ np.ones(A.shape[1]), pattern.T @ np.ones(A.shape[0])
+    D, C = _first_guess(A, pattern, counts, beside, part)
+    W = _at_places_of(A, np.exp(np.clip(_logs(A) + _by_entry(A, D, C), -LARGEST, LARGEST)) * _entries(pattern))
+    turned, enough = W.T, ENOUGH**2 * _sums(counts, part)
+    d, c, before = _ratio(counts, W @ np.ones(A.shape[1])), np.ones(A.shape[1]), np.inf
     for _ in range(SWEEPS):
-        D *= factor
-        entries.multiply_rows(factor)
-        factor = _where(going, _ratio(beside, entries.column_sums()), 1.0, sums)
-        C *= factor
-        entries.multiply_columns(factor)
-        found = entries.row_sums()
+        c = _ratio(beside, turned @ d)
+        found = d * (W @ c)
         r = counts - found
-        off = sums.dot(r, r * _inverse(counts))
-        going = (off > enough) & going
-        if not sums.any(going):
+        off = _sums(r * r * _inverse(counts), part)
+        going = off > enough
+        if not np.any(going):
             break
-        factor = _where(going, _ratio(counts, found), 1.0, sums)
-        slow = going & (off > FAST * before) if before is not None else False
-        if sums.any(slow):
-            r = _where(slow, r, 0.0, sums)
-            least = INEXACT**2 * sums.dot(r, r * _inverse(found))
-            step = _solved(entries, found, _inverse(beside), r, least, sums)
-            factor = _where(slow, np.exp(np.clip(step, -FARTHEST, FARTHEST)), factor, sums)
-        before = off
-    return D, C
+        factor, slow = _ratio(counts, found), going & (off > FAST * before)
+        if np.any(slow):
+            bent = c * c * _inverse(beside)
+            r = np.where(_spread(slow, part), r, 0.0)
+            least = INEXACT**2 * _sums(r * r * _inverse(found), part)
+            step = _solved(lambda p: found * p - d * (W @ (bent * (turned @ (d * p)))), found, r, least, part)
+            factor = np.where(_spread(slow, part), np.exp(np.clip(step, -FARTHEST, FARTHEST)), factor)
+        d, before = d * np.where(_spread(going, part), factor, 1.0), off
+    return np.exp(D) * d, np.exp(C) * c
 
 
-@dataclass(frozen=True)
-class _Entries:
-    """Positive numbers at the places of a sparse matrix; they change, the places stay.
-
-    Attributes
-    ----------
-    by_rows, by_columns : the matrix and its transposed, with the same `data`. lengths : how many each row has.
-    """
-
-    by_rows: Any
-    by_columns: Any
-    data: Vector
-    lengths: Any
-
-    @classmethod
-    def of(cls, A: Any) -> _Entries:
-        """Put a 1 at the places of a CSR matrix."""
-        by_rows = sp.csr_array((np.ones(A.nnz, SINGLE), A.indices, A.indptr), shape=A.shape)
-        by_columns = by_rows.T
-        by_columns.data = by_rows.data
-        return cls(by_rows, by_columns, by_rows.data, np.diff(A.indptr))
-
-    def row_sums(self) -> Vector:
-        return self.by_rows @ np.ones(self.by_rows.shape[1], SINGLE)  # a tenth of the time of `sum`
-
-    def column_sums(self) -> Vector:
-        return self.by_columns @ np.ones(self.by_rows.shape[0], SINGLE)
-
-    def multiply_rows(self, factors: Vector) -> None:
-        self.data[:] *= np.repeat(factors, self.lengths)
-
-    def multiply_columns(self, factors: Vector) -> None:
-        self.data[:] *= np.take(factors, self.by_rows.indices, mode="clip")
+def _first_guess(A: Any, pattern: Any, counts: Vector, beside: Vector, part: Any) -> tuple[Vector, Vector]:
+    """Return the d and e with the least Σ (l_ij + d_i + e_j)², l the logarithms of the entries."""
+    logs, turned, per_column = _at_places_of(A, _logs(A)), pattern.T, _inverse(beside)
+    e = -per_column * (logs.T @ np.ones(A.shape[0]))
+    r = -(logs @ np.ones(A.shape[1]) + pattern @ e)
+    enough = GUESSED**2 * _sums(counts, part)
+    d = _solved(lambda p: counts * p - pattern @ (per_column * (turned @ p)), counts, r, enough, part)
+    return d, e - per_column * (turned @ d)
 
 
-def _without_zeros(A: Any) -> Any:
-    A = A.copy()
-    A.eliminate_zeros()
-    return A
+def _solved(times: Callable[[Vector], Vector], diagonal: Vector, r: Vector, enough: Any, part: Any) -> Vector:
+    """Solve a semidefinite system by conjugate gradients, scaled by the diagonal, until rᵀr/diagonal is `enough`."""
+    x, p, old, scale = np.zeros_like(r), np.zeros_like(r), 1.0, _inverse(diagonal)
+    for _ in range(STEPS):
+        z = scale * r
+        new = _sums(z * r, part)
+        going = new > enough
+        if not np.any(going):
+            break
+        p = z + _spread(new / old, part) * p
+        q = times(p)
+        curvature = _sums(p * q, part)
+        alpha = np.where(going & (curvature > 0), new / curvature, 0.0)  # else nothing is left but rounding
+        if not np.any(alpha):
+            break
+        alpha = _spread(alpha, part)
+        x, r, old = x + alpha * p, r - alpha * q, np.where(new > 0, new, 1.0)
+    return x
+
+
+def _entries(A: Any) -> Any:
+    return A if isinstance(A, np.ndarray) else A.data
+
+
+def _at_places_of(A: Any, entries: Any) -> Any:
+    """Return a matrix with other entries."""
+    return entries if isinstance(A, np.ndarray) else sp.csr_array((entries, A.indices, A.indptr), shape=A.shape)
+
+
+def _logs(A: Any) -> Any:
+    """Return the logarithms of the entries, 0 of those that are 0."""
+    entries = _entries(A)
+    return np.log(entries, out=np.zeros(entries.shape), where=entries > 0)
+
+
+def _by_entry(A: Any, d: Vector, e: Vector) -> Any:
+    """Return d_i + e_j of every entry."""
+    if isinstance(A, np.ndarray):
+        return d[:, None] + e
+    return np.repeat(d, np.diff(A.indptr)) + e[A.indices]
+
+
+def _sums(values: Vector, part: Any) -> Any:
+    """Return the sum over each part."""
+    return values.sum() if part is None else np.bincount(part, values)
+
+
+def _spread(values: Any, part: Any) -> Any:
+    """Return the value of its part, for every row."""
+    return values if part is None else values[part]
 
 
 def _inverse(x: Vector) -> Vector:
@@ -175,43 +141,3 @@ def _inverse(x: Vector) -> Vector:
 
 def _ratio(x: Vector, y: Vector) -> Vector:
     return np.divide(x, y, out=np.ones_like(x), where=y > 0)
-
-
-def _where(flags: Any, values: Any, others: Any, sums: Sums) -> Any:
-    """Return the values of flagged problems, and `others` of the rest."""
-    return values if flags is True else np.where(sums.spread(flags), values, others).astype(SINGLE, copy=False)
-
-
-def _first_guess(entries: _Entries, logs: Vector, counts: Vector, beside: Vector, sums: Sums) -> tuple[Vector, Vector]:
-    """Return the d and e with the least Σ (l_ij + d_i + e_j)². The entries are 1."""
-    per_column = _inverse(beside)
-    entries.data[:] = logs
-    of_rows, e = entries.row_sums(), -per_column * entries.column_sums()
-    entries.data[:] = 1.0
-    r = -(of_rows + entries.by_rows @ e)
-    enough = GUESSED**2 * sums.dot(counts, np.ones(counts.size))
-    d = _solved(entries, counts, per_column, r, enough, sums)
-    return d, e - per_column * (entries.by_columns @ d)
-
-
-def _solved(entries: _Entries, diagonal: Vector, per_column: Vector, r: Vector, enough: Any, sums: Sums) -> Vector:
-    """Solve (diagonal − W per_column Wᵀ) x = r by conjugate gradients, W the entries, scaled by the diagonal, until
-    rᵀr/diagonal is `enough`."""
-    x, p, old = np.zeros_like(r), np.zeros_like(r), 1.0
-    scale = _inverse(diagonal)
-    going: Any = True
-    for step in range(STEPS):
-        z = scale * r
-        new = sums.dot(z, r)
-        going = (new > enough) & going
-        if not sums.any(going):
-            break
-        p = z if not step else z + sums.spread(sums.ratio(new, old, going)) * p
-        q = diagonal * p - entries.by_rows @ (per_column * (entries.by_columns @ p))
-        curvature = sums.dot(p, q)
-        going = going & (curvature > 0)  # else nothing is left but rounding
-        if not sums.any(going):
-            break
-        alpha = sums.spread(sums.ratio(new, curvature, going))
-        x, r, old = x + alpha * p, r - alpha * q, new
-    return x

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from cpbench.foundation.matrices import Vector
-from cpbench.verification.equilibration import WHOLE, Sums, equilibrate, equilibrate_apart
+from cpbench.verification.equilibration import equilibrate, equilibrate_apart
 from cpbench.verification.frame import Frame
 
 
@@ -97,19 +97,18 @@ class Parts:
     problem: Any = None
 
     @classmethod
-    def of(cls, frame: Frame, sizes: Any, measure: Measure, problem: Any = None, count: int = 1) -> Parts:
+    def of(cls, frame: Frame, sizes: Any, measure: Measure, problem: Any = None) -> Parts:
         """Find them by the sizes of the problem's terms; `problem` : (k,) number of the problem of each block, of
-        `count` problems side by side."""
-        sums = WHOLE if problem is None else Sums.of_each(problem, count)
+        several problems side by side."""
         joined = _joined(sizes)
         part = None if joined else connected_components(sizes, directed=False)[1]
         whole = _groups(part, frame.k)
         multiplier = frame.multiplier if frame.multiplier is not None and frame.multiplier.any() else None
         if measure is Measure.PAIRS:  # rows and unknowns may have units of their own
-            per_row = equilibrate_apart(sizes, sums)[0]
+            per_row = equilibrate_apart(sizes, whole.of)[0]
             label = part if joined and sizes.diagonal().all() else _rows_joined_by_unknowns(sizes)
         else:
-            per_row, label = equilibrate(sizes + sizes.T, sums), part
+            per_row, label = equilibrate(sizes + sizes.T, whole.of), part
         if multiplier is not None:
             label = 2 * (np.zeros(frame.k, np.int64) if label is None else label) + multiplier
         if problem is not None:

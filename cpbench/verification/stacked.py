@@ -2,8 +2,8 @@
 
 The judge measures a problem part by part (`part_error`), and problems side by side are parts of one large problem: its
 blocks have the errors that they have by themselves. So answers to thousands of problems are measured in one go, by the
-code and the definition that measure one. What belongs to a whole problem is taken for each: where the equilibration
-ends, whether multipliers of parallel rows cancel, which numbers are finite, and the largest error.
+code and the definition that measure one. What belongs to a whole problem is taken for each: which numbers are finite,
+and the largest error.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ def _measured(stack: Stack, some: slice, answers: dict[str, Any]) -> tuple[Vecto
             system = _system(problem, answers, finite)
             sums = system.frame.terms.sums(system.sizes())
         node = stack.kind.node
-        parts = Parts.of(system.frame, system.frame.terms.rows, BY_PARTS[node], own.blocks, count)
+        parts = Parts.of(system.frame, system.frame.terms.rows, BY_PARTS[node], own.blocks)
         error, floor = own.worst(block_errors(system, parts, sums))
     return np.where(finite, error, np.inf), np.where(finite, floor, 0.0)
 
