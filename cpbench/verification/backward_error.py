@@ -81,7 +81,7 @@ def row_errors(system: System) -> RowErrors:
         relative = _measure(system, sizes, scale, sure, outside)
         by_itself = _measure(system, sizes, np.where(homogeneous, 1.0, scale), sure, outside, homogeneous)
         error = min(by_itself, relative, key=lambda errors: largest(float(errors.max(initial=0.0))))
-    floor = EPS * (4.0 + np.diff(frame.terms.rows.indptr).max(initial=0))
+    floor = EPS * (4.0 + frame.terms.lengths.max(initial=0))
     return RowErrors(error, bool(homogeneous.any()), float(floor))
 
 

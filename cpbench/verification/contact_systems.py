@@ -81,9 +81,8 @@ def _dynamics(
     def frame() -> Frame:
         block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(n + p)])
         at = np.arange(P.nc + n + p)
-        H, Gs = _scaled(P.H, np.ones(n), unit), sp.csr_array(G)
-        empty = sp.csr_array((rows, rows)), sp.csr_array((rows, p)), sp.csr_array((p, p))
-        whole = stack([[empty[0], H.T, empty[1]], [H, mass(), Gs], [empty[1].T, Gs.T, empty[2]]])
+        H = _scaled(P.H, np.ones(n), unit)
+        whole = stack([[None, H.T, None], [H, mass(), G], [None, G.T, None]])
         return Frame(
             terms=Terms.of_blocks(whole, block, block),
             constants=np.concatenate([_norms(P.w * unit, P.dimension), load, drift]),
@@ -172,7 +171,9 @@ def _units(P: Any) -> Vector:
 
 def _scaled(M: Any, left: Vector, right: Vector) -> Any:
     if (left == 1.0).all() and (right == 1.0).all():
-        return sp.csr_array(M)
+        return M
+    if isinstance(M, np.ndarray):
+        return left[:, None] * M * right
     return sp.csr_array(sp.diags_array(left) @ sp.csr_array(M) @ sp.diags_array(right))
 
 

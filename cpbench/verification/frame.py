@@ -18,31 +18,28 @@ from cpbench.foundation.matrices import Vector
 from cpbench.verification.sets import Flags, Set, joined
 from cpbench.verification.vanishing import Caps
 
+SMALL = 2**10
+"""Entries of the largest matrix that is an array whatever it holds: a sparse one takes longer."""
+
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """Sizes of the blocks of a Jacobian, rows and unknowns by block: as CSR and, for its columns, as CSC."""
+    """Sizes of the blocks of a Jacobian, rows and unknowns by block: an array where it is full or small, else CSR."""
 
-    rows: Any
+    sizes: Any
 
     @classmethod
     def of(cls, sizes: Any) -> Terms:
         """Make them of a matrix of nonnegative sizes; zeros that are stored are no terms, and join no parts."""
-        if isinstance(sizes, np.ndarray) and sizes.all():  # without a search for entries
-            rows, columns = sizes.shape
-            indices = np.tile(np.arange(columns, dtype=np.int32), rows)
-            indptr = np.arange(0, rows * columns + 1, max(columns, 1), dtype=np.int32)[: rows + 1]
-            return cls(sp.csr_array((sizes.ravel(), indices, indptr), shape=sizes.shape))
+        if isinstance(sizes, np.ndarray) and (sizes.size <= SMALL or sizes.all()):
+            return cls(sizes)
+        if sizes.shape[0] * sizes.shape[1] <= SMALL:
+            return cls(sizes.toarray())
         entries = sp.csr_array(sizes)
         if not entries.data.all():
             entries = entries.copy()
             entries.eliminate_zeros()
         return cls(entries)
-
-    @cached_property
-    def columns(self) -> Any:
-        """The same as CSC."""
-        return sp.csc_array(self.rows)
 
     @classmethod
     def of_blocks(cls, matrix: Any, row_block: Any, column_block: Any, *, keep_zeros: bool = False) -> Terms:
@@ -50,33 +47,44 @@ class Terms:
 
         keep_zeros : every stored entry stays, for what is known of each by its place.
         """
+        if isinstance(matrix, np.ndarray) and matrix.size and not keep_zeros:
+            rows, columns = (np.flatnonzero(np.diff(block, prepend=-1)) for block in (row_block, column_block))
+            return cls.of(np.sqrt(np.add.reduceat(np.add.reduceat(matrix * matrix, rows), columns, axis=1)))
         entries: Any = sp.coo_array(matrix)
         shape = (int(row_block[-1]) + 1 if len(row_block) else 0, int(column_block[-1]) + 1 if len(column_block) else 0)
         squares = sp.coo_array((entries.data**2, (row_block[entries.row], column_block[entries.col])), shape=shape)
         sizes = np.sqrt(sp.csr_array(squares))
         return cls(sizes) if keep_zeros else cls.of(sizes)
 
-    def sums(self, sizes: Vector) -> Vector:
-        """Return Σ_c terms_dc sizes_c of every row."""
-        return np.asarray(self.rows @ sizes)
+    @cached_property
+    def rows(self) -> Any:
+        """The same as CSR."""
+        return sp.csr_array(self.sizes)
 
     @cached_property
-    def _starts(self) -> Any:
-        """Where the columns begin in the CSC data, None where some are empty."""
-        indptr = self.columns.indptr
-        return indptr[:-1] if indptr.size > 1 and (indptr[1:] > indptr[:-1]).all() else None
+    def columns(self) -> Any:
+        """The same as CSC."""
+        return sp.csc_array(self.rows)
+
+    def sums(self, sizes: Vector) -> Vector:
+        """Return Σ_c terms_dc sizes_c of every row."""
+        return self.sizes @ sizes
 
     def effects(self, weights: Vector) -> Vector:
         """Return max_d terms_dc weights_d of every unknown; 0 for one that is in no row."""
-        values = self.columns.data * weights[self.columns.indices]
-        if self._starts is None:
-            return segment_max(values, self.columns.indptr)
-        return np.maximum.reduceat(values, self._starts)
+        if isinstance(self.sizes, np.ndarray):
+            return (self.sizes * weights[:, None]).max(axis=0, initial=0.0)
+        return segment_max(self.columns.data * weights[self.columns.indices], self.columns.indptr)
+
+    @cached_property
+    def lengths(self) -> Any:
+        """How many terms each row has."""
+        return np.count_nonzero(self.sizes, axis=1) if isinstance(self.sizes, np.ndarray) else np.diff(self.rows.indptr)
 
     @cached_property
     def alone(self) -> Flags:
         """Whether an unknown is in no row."""
-        return segment_max(self.columns.data, self.columns.indptr) == 0
+        return self.effects(np.ones(self.sizes.shape[0])) == 0
 
 
 @dataclass(frozen=True, eq=False)

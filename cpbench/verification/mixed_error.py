@@ -18,13 +18,12 @@ from __future__ import annotations
 import dataclasses
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from cpbench.formulations.base import squared
 from cpbench.verification.backward_error import EPS, BackwardError, row_errors
 from cpbench.verification.frame import Frame, System, largest
 from cpbench.verification.part_error import block_errors, part_error, parts_of
-from cpbench.verification.parts import Measure, Parts
+from cpbench.verification.parts import Measure, Parts, connected
 from cpbench.verification.sets import Flags
 
 
@@ -40,7 +39,7 @@ def mixed_error(system: System) -> BackwardError:
     asked = _asked(frame)
     constants = np.where(asked, np.minimum(frame.steady, sums + frame.constants), 0.0)
     whole = dataclasses.replace(frame, constants=np.where(linear, frame.constants, constants), caps=None)
-    parts = Parts.of(whole, whole.terms.rows, Measure.PAIRS)
+    parts = Parts.of(whole, whole.terms.sizes, Measure.PAIRS)
     least = float(rows.blocks.max()) if not linear.any() else EPS
     found = block_errors(dataclasses.replace(system, frame=whole), parts, sums, least)
     counted = linear | (asked & (constants > 0))
@@ -55,7 +54,7 @@ def _asked(frame: Frame) -> Flags:
     """Return which rows do not say that an unknown is 0."""
     asked = np.ones(frame.k, dtype=bool)
     if frame.caps is not None:
-        row = np.repeat(np.arange(frame.k), np.diff(frame.terms.rows.indptr))
+        row = np.repeat(np.arange(frame.k), frame.terms.lengths)
         asked &= ~np.isfinite(frame.caps.constants)
         asked[row[np.isfinite(frame.caps.entries)]] = False
     return asked
@@ -66,7 +65,9 @@ def _linear_parts(frame: Frame) -> Flags:
     affine = frame.affine
     if affine is None or not affine.any():
         return np.zeros(frame.k, dtype=bool)
-    label = connected_components(frame.terms.rows, directed=False)[1]
+    label = connected(frame.terms.rows)
+    if label is None:
+        return np.full(frame.k, affine.all())
     bent = np.zeros(frame.k, dtype=bool)
     bent[label[~affine]] = True
     return ~bent[label]

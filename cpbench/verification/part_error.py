@@ -26,7 +26,7 @@ would solve other constants as well, and is `unresolvable`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -48,7 +48,7 @@ _PARTS: WeakKeyDictionary[Frame, Parts] = WeakKeyDictionary()
 def parts_of(frame: Frame, measure: Measure) -> Parts:
     """Return the parts of a problem whose matrix is the same for every answer, found once."""
     if frame not in _PARTS:
-        _PARTS[frame] = Parts.of(frame, frame.terms.rows, measure)
+        _PARTS[frame] = Parts.of(frame, frame.terms.sizes, measure)
     return _PARTS[frame]
 
 
@@ -146,7 +146,7 @@ def _count_also(system: System, units: AnswerUnits, errors: Vector) -> None:
 def _without_rounding(system: System, noise: Vector) -> System:
     """Return the answer with rows nearer to 0 by what rounding leaves of terms that cancel."""
     f = np.maximum(np.abs(system.f) - system.frame.spread(noise), 0.0)
-    return replace(system, f=np.copysign(f, system.f))
+    return System(system.frame, system.x, np.copysign(f, system.f))
 
 
 def _gap(system: System, parts: Parts, units: AnswerUnits) -> tuple[Vector, Vector]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import breadth_first_order, connected_components
+from scipy.sparse.csgraph import connected_components
 
 from cpbench.foundation.matrices import Vector
 from cpbench.verification.equilibration import equilibrate, equilibrate_apart
@@ -42,8 +42,9 @@ class Groups:
     def _runs(self) -> tuple[Any, Any, Any]:
         """The order in which blocks of a group stand together, where each group begins, and which groups occur."""
         order = np.argsort(self.of, kind="stable")
-        present, starts = np.unique(self.of[order], return_index=True)
-        return order, starts, present
+        of = self.of[order]
+        starts = np.flatnonzero(np.diff(of, prepend=-1))
+        return order, starts, of[starts]
 
     def largest(self, values: Vector) -> Vector:
         """Return the largest of the nonnegative values of each group; 0 for an empty group."""
@@ -100,13 +101,12 @@ class Parts:
     def of(cls, frame: Frame, sizes: Any, measure: Measure, problem: Any = None) -> Parts:
         """Find them by the sizes of the problem's terms; `problem` : (k,) number of the problem of each block, of
         several problems side by side."""
-        joined = _joined(sizes)
-        part = None if joined else connected_components(sizes, directed=False)[1]
+        part = connected(sizes)
         whole = _groups(part, frame.k)
         multiplier = frame.multiplier if frame.multiplier is not None and frame.multiplier.any() else None
         if measure is Measure.PAIRS:  # rows and unknowns may have units of their own
             per_row = equilibrate_apart(sizes, whole.of)[0]
-            label = part if joined and sizes.diagonal().all() else _rows_joined_by_unknowns(sizes)
+            label = part if sizes.diagonal().all() else _rows_joined_by_unknowns(sp.csr_array(sizes))
         else:
             per_row, label = equilibrate(sizes + sizes.T, whole.of), part
         if multiplier is not None:
@@ -125,8 +125,9 @@ class Parts:
         none = np.zeros(0, np.int64)
         if multiplier is None or self.measure is Measure.ENERGY:
             return none, none, np.zeros(0)
-        lengths = np.diff(terms.rows.indptr)
-        bound = np.flatnonzero(multiplier & (lengths == 1))
+        bound = np.flatnonzero(multiplier & (terms.lengths == 1))
+        if not bound.size:
+            return none, none, np.zeros(0)
         bound = bound[~multiplier[terms.rows.indices[terms.rows.indptr[bound]]]]
         at = terms.rows.indptr[bound]
         return bound, terms.rows.indices[at], terms.rows.data[at]
@@ -192,15 +193,12 @@ class Parts:
         """Whether a row beside z has a term in some z; shape (k,)."""
         multiplier = self.frame.multiplier
         if multiplier is None:
-            return np.diff(self.frame.terms.rows.indptr) > 0
+            return self.frame.terms.lengths > 0
         return ~multiplier & (self.frame.terms.sums((~multiplier).astype(np.float64)) > 0)
 
 
 def _groups(label: Any, k: int) -> Groups:
-    if label is None or not k:
-        return Groups(None, 1, k)
-    present, of = np.unique(label, return_inverse=True)
-    return Groups(None if present.size == 1 else of, present.size, k)
+    return Groups(None, 1, k) if label is None or not k else Groups(label, int(label.max()) + 1, k)
 
 
 def _rows_joined_by_unknowns(sizes: Any) -> Any:
@@ -211,7 +209,14 @@ def _rows_joined_by_unknowns(sizes: Any) -> Any:
     return connected_components(graph, directed=False)[1][:k]
 
 
-def _joined(sizes: Any) -> bool:
-    """Return whether terms lead from the first row to all: most problems are one part, and to see that is quick."""
-    k = sizes.shape[0]
-    return bool(k) and breadth_first_order(sizes, 0, return_predecessors=False).size == k
+def connected(sizes: Any) -> Any:
+    """Return the number of the connected part of each row; None where all are one."""
+    if isinstance(sizes, np.ndarray) and sizes.size:  # mostly all are, and to see that is quick
+        joined, reached, count = (sizes > 0) | (sizes.T > 0), np.arange(sizes.shape[0]) == 0, 0
+        while np.count_nonzero(reached) > count:
+            count = np.count_nonzero(reached)
+            reached |= joined[reached].any(axis=0)
+        if count == reached.size:
+            return None
+    count, label = connected_components(sp.csr_array(sizes), directed=False)
+    return None if count == 1 else label

@@ -108,7 +108,7 @@ def _measured(stack: Stack, some: slice, answers: dict[str, Any]) -> tuple[Vecto
             system = _system(problem, answers, finite)
             sums = system.frame.terms.sums(system.sizes())
         node = stack.kind.node
-        parts = Parts.of(system.frame, system.frame.terms.rows, BY_PARTS[node], own.blocks)
+        parts = Parts.of(system.frame, system.frame.terms.sizes, BY_PARTS[node], own.blocks)
         error, floor = own.worst(block_errors(system, parts, sums))
     return np.where(finite, error, np.inf), np.where(finite, floor, 0.0)
 

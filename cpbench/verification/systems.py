@@ -10,9 +10,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.base import Problem
-from cpbench.foundation.matrices import Matrix, Vector
+from cpbench.foundation.matrices import Matrix, Vector, dense, transpose
 from cpbench.verification import sets
-from cpbench.verification.frame import Frame, System, Terms
+from cpbench.verification.frame import SMALL, Frame, System, Terms
 
 _FRAMES: WeakKeyDictionary[Problem, Any] = WeakKeyDictionary()
 AnyFrame = TypeVar("AnyFrame", bound=Frame)
@@ -26,9 +26,17 @@ def kept(problem: Problem, make: Callable[[], AnyFrame]) -> AnyFrame:
 
 
 def stack(blocks: list[list[Any]]) -> Any:
-    """Return |K| of a matrix of blocks, None being zero."""
+    """Return |K| of a matrix of blocks, None being zero: an array where it is small, else CSR."""
     heights = [next(B.shape[0] for B in row if B is not None) for row in blocks]
     widths = [next(B.shape[1] for B in column if B is not None) for column in zip(*blocks, strict=True)]
+    if sum(heights) * sum(widths) <= SMALL:
+        rows = [
+            np.hstack(
+                [np.zeros((height, width)) if B is None else dense(B) for B, width in zip(row, widths, strict=True)]
+            )
+            for row, height in zip(blocks, heights, strict=True)
+        ]
+        return np.abs(np.vstack(rows))
     lines = [
         sp.hstack(
             [sp.csr_array((height, width) if B is None else B) for B, width in zip(row, widths, strict=True)],
@@ -97,8 +105,7 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
     lam, b = (np.where(bound, point.lam, 0.0), np.where(bound, P.b, 0.0)) if endless else (point.lam, P.b)
 
     def frame() -> Frame:
-        A, C = sp.csr_array(P.A), sp.csr_array(P.C)
-        sizes = stack([[M, A.T, C.T], [A, sp.csr_array((m, m)), sp.csr_array((m, k))], [C, None, sp.csr_array((k, k))]])
+        sizes = stack([[M, transpose(P.A), transpose(P.C)], [P.A, None, None], [P.C, None, None]])
         own: list[sets.Set] = [
             sets.Box.of(np.arange(n), P.lb, P.ub),
             sets.Box.of(np.arange(n, n + m), 0.0, np.inf),
