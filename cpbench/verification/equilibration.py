@@ -13,7 +13,6 @@ Connected parts side by side come out as each by itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -64,10 +63,9 @@ def equilibrate_apart(A: Any, part: Any = None) -> tuple[Vector, Vector]:
             break
         factor, slow = _ratio(counts, found), going & (off > FAST * before)
         if np.any(slow):
-            bent = c * c * _inverse(beside)
             r = np.where(_spread(slow, part), r, 0.0)
             least = INEXACT**2 * _sums(r * r * _inverse(found), part)
-            step = _solved(lambda p: found * p - d * (W @ (bent * (turned @ (d * p)))), found, r, least, part)
+            step = _solved(W, d, c * c * _inverse(beside), found, r, least, part)
             factor = np.where(_spread(slow, part), np.exp(np.clip(step, -FARTHEST, FARTHEST)), factor)
         d, before = d * np.where(_spread(going, part), factor, 1.0), off
     return np.exp(D) * d, np.exp(C) * c
@@ -75,17 +73,18 @@ def equilibrate_apart(A: Any, part: Any = None) -> tuple[Vector, Vector]:
 
 def _first_guess(A: Any, pattern: Any, counts: Vector, beside: Vector, part: Any) -> tuple[Vector, Vector]:
     """Return the d and e with the least Σ (l_ij + d_i + e_j)², l the logarithms of the entries."""
-    logs, turned, per_column = _at_places_of(A, _logs(A)), pattern.T, _inverse(beside)
+    logs, per_column = _at_places_of(A, _logs(A)), _inverse(beside)
     e = -per_column * (logs.T @ np.ones(A.shape[0]))
     r = -(logs @ np.ones(A.shape[1]) + pattern @ e)
     enough = GUESSED**2 * _sums(counts, part)
-    d = _solved(lambda p: counts * p - pattern @ (per_column * (turned @ p)), counts, r, enough, part)
-    return d, e - per_column * (turned @ d)
+    d = _solved(pattern, 1.0, per_column, counts, r, enough, part)
+    return d, e - per_column * (pattern.T @ d)
 
 
-def _solved(times: Callable[[Vector], Vector], diagonal: Vector, r: Vector, enough: Any, part: Any) -> Vector:
-    """Solve a semidefinite system by conjugate gradients, scaled by the diagonal, until rᵀr/diagonal is `enough`."""
-    x, p, old, scale = np.zeros_like(r), np.zeros_like(r), 1.0, _inverse(diagonal)
+def _solved(W: Any, left: Any, weights: Vector, diagonal: Vector, r: Vector, enough: Any, part: Any) -> Vector:
+    """Solve (diagonal − L weights Lᵀ)x = r, L_ij = left_i W_ij, by conjugate gradients, scaled by the diagonal, until
+    rᵀr/diagonal is `enough`."""
+    x, p, old, scale, turned = np.zeros_like(r), np.zeros_like(r), 1.0, _inverse(diagonal), W.T
     for _ in range(STEPS):
         z = scale * r
         new = _sums(z * r, part)
@@ -93,7 +92,7 @@ def _solved(times: Callable[[Vector], Vector], diagonal: Vector, r: Vector, enou
         if not np.any(going):
             break
         p = z + _spread(new / old, part) * p
-        q = times(p)
+        q = diagonal * p - left * (W @ (weights * (turned @ (left * p))))
         curvature = _sums(p * q, part)
         alpha = np.where(going & (curvature > 0), new / curvature, 0.0)  # else nothing is left but rounding
         if not np.any(alpha):

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.foundation.matrices import Vector
+from cpbench.foundation.matrices import Vector, dense
 from cpbench.verification.sets import Flags, Set, joined
 from cpbench.verification.vanishing import Caps
 
@@ -34,7 +34,7 @@ class Terms:
         if isinstance(sizes, np.ndarray) and (sizes.size <= SMALL or sizes.all()):
             return cls(sizes)
         if sizes.shape[0] * sizes.shape[1] <= SMALL:
-            return cls(sizes.toarray())
+            return cls(dense(sizes))
         entries = sp.csr_array(sizes)
         if not entries.data.all():
             entries = entries.copy()
@@ -53,7 +53,7 @@ class Terms:
         entries: Any = sp.coo_array(matrix)
         shape = (int(row_block[-1]) + 1 if len(row_block) else 0, int(column_block[-1]) + 1 if len(column_block) else 0)
         squares = sp.coo_array((entries.data**2, (row_block[entries.row], column_block[entries.col])), shape=shape)
-        sizes = np.sqrt(sp.csr_array(squares))
+        sizes: Any = sp.csr_array(squares).sqrt()
         return cls(sizes) if keep_zeros else cls.of(sizes)
 
     @cached_property
