@@ -94,7 +94,8 @@ def _solved(W: Any, left: Any, weights: Vector, diagonal: Vector, r: Vector, eno
         p = z + _spread(new / old, part) * p
         q = diagonal * p - left * (W @ (weights * (turned @ (left * p))))
         curvature = _sums(p * q, part)
-        alpha = np.where(going & (curvature > 0), new / curvature, 0.0)  # else nothing is left but rounding
+        some = going & (curvature > 0)  # else nothing is left but rounding
+        alpha = np.divide(new, curvature, out=np.zeros(np.shape(new)), where=some)
         if not np.any(alpha):
             break
         alpha = _spread(alpha, part)

@@ -25,15 +25,13 @@ from scipy.sparse.csgraph import connected_components
 
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
+from cpbench.verification.equilibration import equilibrate_apart
 from cpbench.verification.exact_linear import Exact, dot, rationals
 from cpbench.verification.polyhedra import Objective, Polyhedron
 
 REACH = 10.0
 """Times the size that sides and bounds set: solutions beyond are not excluded of problems near the one asked. Those of
 55 of 56 programs by Maros and Mészáros (1999) are within."""
-PASSES = 20
-"""Over rows and columns, until their units are known: one is enough where no entry is 0."""
-EPS = float(np.finfo(np.float64).eps)
 LEAST = 2.0**-200
 """The least share that is looked for."""
 _Numbers: TypeAlias = NDArray[Any]
@@ -118,39 +116,18 @@ def _by_rows(P: Polyhedron) -> tuple[Vector, Vector]:
 
 
 def reach(P: Polyhedron) -> Vector:
-    """Return R, shape (n,): REACH times the largest side or bound of every connected part, in the units of `_units`."""
+    """Return R, shape (n,): REACH times the largest side or bound of every connected part, in units in
+    which rows and columns have a mean of one."""
     blocks = [(P.G, P.h), (P.E, P.f), *([] if P.further is None else [P.further])]
     rows: Any = sp.vstack([sp.csr_array(matrix) for matrix, _ in blocks], format="csr")
     m, n = rows.shape
     _, part = connected_components(sp.block_array([[None, rows], [rows.T, None]]) if m else sp.csr_array((n, n)))
-    row, column = _units(rows)
+    row, column = equilibrate_apart(abs(rows), part[:m])
     low, high = (np.where(np.isfinite(side), np.abs(side), 0.0) for side in (P.lb, P.ub))
     sides = [np.where(np.isfinite(side), np.abs(side), 0.0) for _, side in blocks]
     size = np.zeros(part.size)
     np.maximum.at(size, part, np.concatenate([*sides, np.maximum(low, high)]) * np.concatenate([row, 1.0 / column]))
     return REACH * size[part[m:]] * column
-
-
-def _units(rows: Any) -> tuple[Vector, Vector]:
-    """Return powers of two by which rows and columns have a geometric mean of one, whatever units they are written in.
-
-    One row or column after the other is divided by its mean, PASSES times. Entries that are rounding of both their row
-    and their column have no part in it.
-    """
-    entries = sp.coo_array(rows)
-    if entries.nnz:
-        tops = (np.asarray(abs(sp.csr_array(rows)).max(axis=k).toarray()).ravel() for k in (1, 0))
-        least = EPS * np.minimum(*(top[at] for top, at in zip(tops, (entries.row, entries.col), strict=True)))
-    else:
-        least = np.zeros(0)
-    there = np.abs(entries.data) > least
-    place, other, logs = entries.row[there], entries.col[there], np.log2(np.abs(entries.data[there]))
-    row, column = np.zeros(rows.shape[0]), np.zeros(rows.shape[1])
-    counts = [np.maximum(np.bincount(at, minlength=x.size), 1) for at, x in ((place, row), (other, column))]
-    for _ in range(PASSES):
-        row = -np.bincount(place, logs + column[other], row.size) / counts[0]
-        column = -np.bincount(other, logs + row[place], column.size) / counts[1]
-    return np.exp2(np.round(row)), np.exp2(np.round(column))
 
 
 def optimality(P: Polyhedron, goal: Objective) -> tuple[Polyhedron, Vector]:
