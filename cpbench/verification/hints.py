@@ -13,7 +13,8 @@ import numpy as np
 import scipy.linalg as sl
 import scipy.sparse as sp
 
-from cpbench.foundation.matrices import Matrix, Vector, power_of_two
+from cpbench.foundation.matrices import Vector, power_of_two
+from cpbench.verification.equilibration import equilibrate_apart
 from cpbench.verification.polyhedra import Objective, Polyhedron
 
 ACCURACY = 1e-10
@@ -28,7 +29,7 @@ LARGEST = 1000
 
 @dataclass(frozen=True, eq=False)
 class _Scaled:
-    """The polyhedron in units in which rows and columns are of size one: x = column·x', multipliers = row·theirs."""
+    """The polyhedron in other units: x = column·x', multipliers = row·theirs."""
 
     G: Any
     h: Vector
@@ -160,15 +161,10 @@ def _curved(Q: Any, E: Any) -> list[Vector]:
 
 
 def _scaled(P: Polyhedron) -> _Scaled:
-    """Units by two passes over rows and columns, in powers of two."""
+    """Units in which rows and columns have a mean of one, in powers of two."""
     G, E = sp.csr_array(P.G), sp.csr_array(P.E)
-    whole: Any = abs(sp.vstack([G, E], format="csr"))
-    row, column = np.ones(whole.shape[0]), np.ones(whole.shape[1])
-    for _ in range(2 if whole.nnz else 0):
-        row = row * power_of_two(_largest(whole, 1))
-        whole = sp.csr_array(sp.diags_array(row) @ abs(sp.vstack([G, E])) @ sp.diags_array(column))
-        column = column * power_of_two(_largest(whole, 0))
-        whole = sp.csr_array(sp.diags_array(row) @ abs(sp.vstack([G, E])) @ sp.diags_array(column))
+    whole: Any = sp.vstack([G, E], format="csr")
+    row, column = (np.exp2(np.rint(np.log2(unit))) for unit in equilibrate_apart(abs(whole)))
     m = P.h.size
     right: Any = sp.diags_array(column)
     return _Scaled(
@@ -181,11 +177,6 @@ def _scaled(P: Polyhedron) -> _Scaled:
         row,
         column,
     )
-
-
-def _largest(M: Matrix, axis: int) -> Vector:
-    largest: Any = sp.csr_array(M).max(axis=axis)
-    return np.asarray(largest.toarray(), dtype=np.float64).ravel()
 
 
 def _least(cost: Vector, A: Any, b: Vector | None, E: Any, f: Vector, bounds: Any, deadline: float) -> Vector | None:
