@@ -230,9 +230,7 @@ class System:
 
     def excess(self, f_unit: Vector) -> Vector:
         """Return the rows that no unknown may have, in units of the blocks."""
-        frame = self.frame
-        units = frame.spread(f_unit)
-        return joined(frame.sets, frame.count, lambda part: part.excess(self.f, units))
+        return self.distances(np.zeros(self.frame.k), f_unit)
 
     def idle(self) -> Flags:
         """Return of each component whether the sign of its row alone holds it on its bound."""

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,75 +20,6 @@ INFINITE = 1e19
 """Bounds and sides from here on stand for none, as in most file formats."""
 
 
-class Set(ABC):
-    """A set that some of the unknowns are in, blocks of them by themselves; answers are values in their places."""
-
-    @cached_property
-    @abstractmethod
-    def place(self) -> Any:
-        """Where the unknowns are: a slice or their numbers."""
-        ...
-
-    @cached_property
-    @abstractmethod
-    def moored(self) -> bool:
-        """Whether a part of the boundary is not 0."""
-        ...
-
-    @cached_property
-    @abstractmethod
-    def has_0(self) -> bool:
-        """Whether 0 is in the set, so that the nearest point of it is never larger."""
-        ...
-
-    @abstractmethod
-    def nearest(self, x: Vector) -> Vector:
-        """Return P(x) in the places of this set, x elsewhere; x itself where it is in the set."""
-        ...
-
-    @abstractmethod
-    def anchored(self, x: Vector) -> Flags:
-        """Return whether a component is at, or beyond, a part of the boundary that is not 0."""
-        ...
-
-    @abstractmethod
-    def own_unit(self) -> Vector:
-        """Return 1 over the size of the set where that is finite, 0 elsewhere."""
-        ...
-
-    @abstractmethod
-    def idle(self, x: Vector, f: Vector) -> Flags:
-        """Return whether f holds a component on the boundary that it is at: only its sign matters."""
-        ...
-
-    @abstractmethod
-    def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
-        """Return the larger of the distances of x̂ from the set and of f̂ from the dual set."""
-        ...
-
-    @abstractmethod
-    def products(self, x: Vector, f: Vector, reach: Vector, rounding: float) -> Vector:
-        """Return x f, of boxes with x counted from the bound to which f pushes, at most `reach` and less by the share
-        `rounding` of that."""
-        ...
-
-    @abstractmethod
-    def excess(self, f: Vector, f_unit: Vector) -> Vector:
-        """Return the part of f̂ that no unknown may have beside it."""
-        ...
-
-    @abstractmethod
-    def amplification(self) -> Vector:
-        """Return by how much a rounding error of a row is larger in f; 1 or less but for a law with a large
-        coefficient."""
-        ...
-
-    @abstractmethod
-    def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
-        """Return x̂ − P(x̂ − f̂); the set is measured in the units of its part."""
-        ...
-
-
 def joined(parts: Sequence[Set], count: int, values: Callable[[Any], Any], dtype: type = np.float64) -> Any:
     """Return the values of all sets, each in its places."""
     if len(parts) == 1:
@@ -101,8 +31,8 @@ def joined(parts: Sequence[Set], count: int, values: Callable[[Any], Any], dtype
 
 
 @dataclass(frozen=True, eq=False)
-class Box(Set):
-    """lb ≤ x ≤ ub of the components `at`, each a block of its own."""
+class Box:
+    """lb ≤ x ≤ ub of the components `at`, each a block of its own; answers are values in the places of all sets."""
 
     at: Components
     lb: Vector
@@ -116,6 +46,7 @@ class Box(Set):
 
     @cached_property
     def place(self) -> Any:
+        """Where the unknowns are: a slice or their numbers."""
         return slice_of(self.at)
 
     @cached_property
@@ -133,13 +64,16 @@ class Box(Set):
 
     @cached_property
     def moored(self) -> bool:
+        """Whether a part of the boundary is not 0."""
         return any(((bound != 0) & some).any() for bound, some in zip((self.lb, self.ub), self.bounded, strict=True))
 
     @cached_property
     def has_0(self) -> bool:
+        """Whether 0 is in the set, so that the nearest point of it is never larger."""
         return bool((self.lb <= 0).all() and (self.ub >= 0).all())
 
     def nearest(self, x: Vector) -> Vector:
+        """Return P(x) in the places of this set, x elsewhere; x itself where it is in the set."""
         own = x[self.place]
         if self.kind == "free" or (self.kind == "orthant" and bool((own >= self.lb).all())):
             return x
@@ -148,6 +82,7 @@ class Box(Set):
         return result
 
     def anchored(self, x: Vector) -> Flags:
+        """Return whether a component is at, or beyond, a part of the boundary that is not 0."""
         own = x[self.place]
         result = np.zeros(own.size, dtype=bool)
         if self.moored:
@@ -159,19 +94,15 @@ class Box(Set):
         return result
 
     def idle(self, x: Vector, f: Vector) -> Flags:
-        w = f[self.place]
-        match self.kind:
-            case "free":
-                return np.zeros(w.size, dtype=bool)
-            case "orthant":
-                return w > 0
-            case _:
-                pass
-        own, (lower, upper) = x[self.place], self.bounded
+        """Return whether f holds a component on the boundary that it is at: only its sign matters."""
+        w, own, (lower, upper) = f[self.place], x[self.place], self.bounded
+        if self.kind == "orthant":
+            return w > 0
         below, above = np.abs(own - self.lb), np.abs(own - self.ub)
         return (lower & (below <= above) & (w > 0)) | (upper & (above <= below) & (w < 0))
 
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
+        """Return the larger of the distances of x̂ from the set and of f̂ from the dual set."""
         w = f[self.place] * f_unit[self.place]
         if self.kind == "free":
             return np.abs(w)
@@ -182,31 +113,25 @@ class Box(Set):
         return np.maximum(np.maximum(below, above), 0.0)
 
     def products(self, x: Vector, f: Vector, reach: Vector, rounding: float) -> Vector:
+        """Return x f, of boxes with x counted from the bound to which f pushes, at most `reach` and less by the share
+        `rounding` of that."""
         w, own = f[self.place], x[self.place]
         bound = np.where(w > 0, self.lb, self.ub)
         room = np.where(np.isfinite(bound), own - bound, own)
         far = reach[self.place]
         return w * np.sign(room) * np.maximum(np.minimum(np.abs(room), far) - rounding * far, 0.0)
 
-    def excess(self, f: Vector, f_unit: Vector) -> Vector:
-        w = f[self.place] * f_unit[self.place]
-        match self.kind:
-            case "free":
-                return np.abs(w)
-            case "orthant":
-                return -w
-            case _:
-                pass
-        lower, upper = self.bounded
-        return np.maximum(np.where(lower, 0.0, w), np.where(upper, 0.0, -w))
-
     def amplification(self) -> Vector:
+        """Return by how much a rounding error of a row is larger in f; 1 or less but for a law with a large
+        coefficient."""
         return np.ones(self.at.size)
 
     def own_unit(self) -> Vector:
+        """Return 1 over the size of the set where that is finite, 0 elsewhere."""
         return _inverse_size(np.maximum(np.abs(self.lb), np.abs(self.ub)))
 
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
+        """Return x̂ − P(x̂ − f̂); the set is measured in the units of its part."""
         step = f[self.place] * f_unit[self.place]
         if self.kind == "free":
             return step
@@ -220,8 +145,9 @@ class Box(Set):
 
 
 @dataclass(frozen=True, eq=False)
-class ConeFactors(Set):
-    """Factors of one kind and size, each a block; `rows` says that their rows f are in them, and −x in the normal cone.
+class ConeFactors:
+    """Factors of one kind and size, each a block, with the methods of a `Box`; `rows` says that their rows f are in
+    them, and −x in the normal cone.
 
     Attributes
     ----------
@@ -281,7 +207,7 @@ class ConeFactors(Set):
         outside = row_norms(own - project(self.kind, own, self.mu, self.mu_r))
         # Moreau: the part of −y in K is what y lacks of being in the dual cone
         negative = row_norms(project(self.kind, -other, self.mu, self.mu_r))
-        return self._of_each(np.maximum(outside, negative))
+        return self._of_each(np.maximum(np.maximum(outside, negative), 0.0 if self.rows else self._lacking(other)))
 
     def products(self, x: Vector, f: Vector, reach: Vector, rounding: float) -> Vector:
         own, other = (f[self.at], x[self.at]) if self.rows else (x[self.at], f[self.at])
@@ -291,18 +217,6 @@ class ConeFactors(Set):
         result = np.zeros(self.at.shape)
         result[:, 0] = gap
         return result
-
-    def excess(self, f: Vector, f_unit: Vector) -> Vector:
-        if self.kind in (Cone.CYLINDER, Cone.BALL):
-            nothing = np.zeros(f.size)
-            return self.conditions(nothing, f, nothing, f_unit)[0]
-        own = f[self.at] * f_unit[self.at]
-        if self.rows:
-            beside = own - project(self.kind, own, self.mu, self.mu_r)
-        else:  # Moreau: the part of −y in K is what y lacks of being in the dual cone
-            beside = project(self.kind, -own, self.mu, self.mu_r)
-        found = row_norms(beside)
-        return self._of_each(found if self.rows else np.maximum(found, self._lacking(own)))
 
     def _of_each(self, values: Vector) -> Any:
         """Return the numbers of factors, for each of their components."""
@@ -335,6 +249,9 @@ class ConeFactors(Set):
             own, other, unit = other, own, f_unit[self.at[:, 0]]
         radius = self.mu * unit if self.kind in (Cone.CYLINDER, Cone.BALL) else self.mu
         return own - project(self.kind, own - other, radius, self.mu_r)
+
+
+Set: TypeAlias = Box | ConeFactors
 
 
 def of_product(K: ProductCone, first: int = 0, *, rows: bool = False) -> list[Set]:
