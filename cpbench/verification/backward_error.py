@@ -22,9 +22,12 @@ in it (`vanishing`).
 
 from __future__ import annotations
 
+import heapq
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
 from cpbench.verification.frame import Frame, System, Terms, inverse, largest, segment_max
@@ -33,8 +36,6 @@ from cpbench.verification.sets import Flags
 EPS = float(np.finfo(np.float64).eps)
 ROUNDINGS = 8.0
 """Roundings of the largest term that a sum may carry."""
-PASSES = 200
-"""Passes after which rows that still become more definite count as definite without limit."""
 
 
 @dataclass(frozen=True)
@@ -133,13 +134,33 @@ def _definite(frame: Frame, sizes: Vector, scale: Vector, fixed: Flags) -> Vecto
     definite = np.where(frame.constants > 0, np.inf if caps is None else caps.constants, 0.0)
     if ((definite > 0) | (scale <= 0)).all():
         return definite
-    known = np.where(fixed & (sizes > 0), np.inf, 0.0)
-    effect = columns.data * inverse(scale)[columns.indices] * np.repeat(sizes, np.diff(columns.indptr))
-    some = np.where((rows.data > 0) & (sizes[rows.indices] > 0), np.inf if caps is None else caps.entries, 0.0)
-    for _ in range(PASSES):
-        unknowns = np.maximum(known, segment_max(np.minimum(effect, definite[columns.indices]), columns.indptr))
-        risen = np.maximum(definite, segment_max(np.minimum(some, unknowns[rows.indices]), rows.indptr))
-        if np.array_equal(risen, definite):
-            return definite
-        definite = risen
-    return np.where(definite > 0, np.inf, definite)
+    own = np.where(fixed & (sizes > 0), np.inf, 0.0)
+    effect = rows.data * np.repeat(inverse(scale), np.diff(rows.indptr)) * sizes[rows.indices]
+    some = columns.data * np.repeat(sizes, np.diff(columns.indptr)) > 0
+    top = np.where(some, np.inf, 0.0)
+    if caps is not None:
+        top = np.minimum(top, sp.csr_array((caps.entries, rows.indices, rows.indptr), shape=rows.shape).tocsc().data)
+    return _widest([(rows, effect), (columns, top)], [definite, own])[0]
+
+
+def _widest(steps: list[tuple[Any, Vector]], values: list[Vector]) -> list[Vector]:
+    """Return the largest values that reach rows and unknowns from those given: an entry takes from its row to its
+    unknown, or back, as much as it lets through.
+
+    steps : for rows and for unknowns the places of their entries, by rows and by columns, and what these let through.
+    """
+    heap = [(-v, side, at) for side, known in enumerate(values) for at, v in enumerate(known.tolist()) if v > 0]
+    heapq.heapify(heap)
+    found = [known.tolist() for known in values]
+    while heap:
+        value, side, at = heapq.heappop(heap)
+        if -value < found[side][at]:
+            continue
+        places, most = steps[side]
+        span = slice(places.indptr[at], places.indptr[at + 1])
+        beside = found[1 - side]
+        for to, v in zip(places.indices[span].tolist(), np.minimum(most[span], -value).tolist(), strict=True):
+            if v > beside[to]:
+                beside[to] = v
+                heapq.heappush(heap, (-v, 1 - side, to))
+    return [np.array(known) for known in found]

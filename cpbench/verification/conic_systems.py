@@ -19,7 +19,7 @@ from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.frame import Frame, System, Terms, block_norms
 from cpbench.verification.sets import Flags
 from cpbench.verification.systems import kept
-from cpbench.verification.vanishing import ROUNDING, caps
+from cpbench.verification.vanishing import caps
 
 
 def soclcp(P: Any, point: Any) -> System:
@@ -230,10 +230,6 @@ def _steady(P: Any, z: Vector, value: Vector, slope: Any, constant: Vector, bent
     return np.where(bent, np.where(np.isfinite(size), size, np.inf), np.abs(constant))
 
 
-DEGREES = (1.0, 2.0, 3.0, 4.0)
-"""Degrees of homogeneous rows that are told from others: F(2z) = 2ᵈF(z) holds without rounding."""
-
-
 def _of_one_degree(F: Any, z: Vector, value: Vector, slope: Any, constant: Vector) -> Vector:
     """Correct the constants of homogeneous rows: of degree 0 the size of their terms, of other degrees 0."""
     at_0 = F(np.zeros_like(z))
@@ -242,8 +238,9 @@ def _of_one_degree(F: Any, z: Vector, value: Vector, slope: Any, constant: Vecto
     if not (looks_linear | looks_curved).any():
         return constant
     doubled, terms = F(2.0 * z), abs(slope) @ np.abs(z)
-    result = np.where(looks_linear & (np.abs(doubled - value) <= ROUNDING * terms), terms, constant)
-    result[looks_curved & np.any([doubled == 2.0**degree * value for degree in DEGREES], axis=0)] = 0.0
+    result = np.where(looks_linear & (np.abs(doubled - value) <= ROUNDINGS * EPS * terms), terms, constant)
+    fraction, degree = np.frexp(np.divide(doubled, value, out=np.ones_like(value), where=value != 0))
+    result[looks_curved & (((fraction == 0.5) & (degree > 1)) | (doubled == value))] = 0.0  # 2ᵈ without rounding
     return result
 
 

@@ -16,7 +16,6 @@ import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector, dense
 from cpbench.verification.sets import Flags, Set, joined
-from cpbench.verification.vanishing import Caps
 
 SMALL = 2**10
 """Entries of the largest matrix that is an array whatever it holds: a sparse one takes longer."""
@@ -85,6 +84,14 @@ class Terms:
     def alone(self) -> Flags:
         """Whether an unknown is in no row."""
         return self.effects(np.ones(self.sizes.shape[0])) == 0
+
+
+@dataclass(frozen=True, eq=False)
+class Caps:
+    """Up to what rows are definite: (n,) by their constants, (nnz,) by the unknown of each of their entries."""
+
+    constants: Vector
+    entries: Vector
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,10 +5,13 @@ a = 1e-15 the rest of the row is 1e-30, constants and unknowns alike, and tells 
 linearization alone it would be what the row is measured by, and a = 1e-15 be wrong by as much as it is. In a product ab
 all terms vanish with a, at one rate.
 
-So a row that one of its terms explains is looked at again where the unknown of that term is halved, and where it is 0.
-What vanishes there makes the row as definite as its share changes in between, twice that change, for half of a is left:
-this is the size of a over that at which the row is no more linear in it. What does not vanish, as all of a linear
-row, counts in full.
+So a row that is less without one of its terms is looked at again where the unknown of that term is halved, and where it
+is 0. What vanishes there, but for rounding, makes the row as definite as its share changes in between, twice that
+change, for half of a is left: this is the size of a over that at which the row is no more linear in it. What does not
+vanish, as all of a linear row, counts in full.
+
+Without this rule answers to complementarity problems that are written as such equations are wrong where the problem
+itself is solved: a pair of 1e-15 would be wrong by 1 (`tests/unit/test_vanishing.py`).
 """
 
 from __future__ import annotations
@@ -20,21 +23,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
-
-EXPLAINED = 0.5
-"""A term explains its row where the row without it is less than this share of the row."""
-VANISHED = 0.25
-"""What is less than this share of itself where the unknown is 0 vanishes with it."""
-ROUNDING = 16 * float(np.finfo(np.float64).eps)
-"""A row below this share of its terms is 0."""
-
-
-@dataclass(frozen=True, eq=False)
-class Caps:
-    """Up to what rows are definite: (n,) by their constants, (nnz,) by the unknown of each of their entries."""
-
-    constants: Vector
-    entries: Vector
+from cpbench.verification.backward_error import EPS, ROUNDINGS
+from cpbench.verification.frame import Caps
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +51,10 @@ def caps(F: Any, z: Vector, value: Vector, slope: Any) -> Caps | None:
     """Find them for an answer z with F(z) and F′(z) as CSR; None where no row says that an unknown is 0."""
     terms = slope.data * z[slope.indices]
     row = np.repeat(np.arange(value.size), np.diff(slope.indptr))
-    large = np.abs(value) > ROUNDING * (abs(slope) @ np.abs(z))
     left = np.abs(value[row] - terms)
     best = np.full(value.size, np.inf)
     np.minimum.at(best, row, left)
-    explained = (left == best[row]) & (left < EXPLAINED * np.abs(value[row])) & large[row]
+    explained = (left == best[row]) & (left < np.abs(value[row]))
     faint = slope.indices[explained]
     if not faint.size:
         return None
@@ -77,8 +66,8 @@ def caps(F: Any, z: Vector, value: Vector, slope: Any) -> Caps | None:
     rows[row[explained]] = True
     known = rows & np.isfinite(end.constants) & np.isfinite(there.constants)
     known &= np.bincount(row, ~(np.isfinite(end.slope.data) & np.isfinite(there.slope.data)), value.size) == 0
-    gone = known & (end.constants < VANISHED * here.constants)
-    thin = known[row] & (np.abs(end.slope.data) < VANISHED * np.abs(here.slope.data))
+    gone = known & (end.constants < ROUNDINGS * EPS * here.constants)
+    thin = known[row] & (np.abs(end.slope.data) < ROUNDINGS * EPS * np.abs(here.slope.data))
     return Caps(
         constants=np.where(gone, 2.0 * np.abs(here.share - there.share), np.inf),
         entries=np.where(thin, 2.0 * np.abs(here.shares - there.shares), np.inf),
