@@ -20,7 +20,9 @@ import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
 
-SWEEPS, STEPS = 32, 100
+SWEEPS = 32
+STEPS = 100
+"""Of conjugate gradients, at most: for the first guess and for each Newton step."""
 ENOUGH = 5e-4
 """The mean of a row may be off by this much in the root mean square: sizes are compared, no digits."""
 GUESSED = 0.01

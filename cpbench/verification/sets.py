@@ -18,6 +18,8 @@ Components = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 INFINITE = 1e19
 """Bounds and sides from here on stand for none, as in most file formats."""
+NEAR = 0.5
+"""An unknown is at its bound where it is off by at most this share of it."""
 
 
 def joined(parts: Sequence[Set], count: int, values: Callable[[Any], Any], dtype: type = np.float64) -> Any:
@@ -90,7 +92,7 @@ class Box:
                 (self.lb, self.ub), self.bounded, (own <= self.lb, own >= self.ub), strict=True
             ):
                 some = finite & (bound != 0)
-                result |= some & (beyond | (np.abs(own - bound) <= 0.5 * np.abs(bound)))
+                result |= some & (beyond | (np.abs(own - bound) <= NEAR * np.abs(bound)))
         return result
 
     def idle(self, x: Vector, f: Vector) -> Flags:
@@ -183,7 +185,7 @@ class ConeFactors:
         if not self.moored:
             return np.zeros(self.at.shape, dtype=bool)
         part = x[self.at][:, 1:] if self.kind is Cone.CYLINDER else x[self.at]
-        near = (self.mu > 0) & (row_norms(part) >= 0.5 * self.mu)
+        near = (self.mu > 0) & (row_norms(part) >= NEAR * self.mu)
         return np.broadcast_to(near[:, None], self.at.shape)
 
     def amplification(self) -> Vector:

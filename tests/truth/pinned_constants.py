@@ -1,0 +1,144 @@
+"""Constants of the verdict, each doubled and halved: whether the tests that are named for it notice.
+
+    python tests/truth/pinned_constants.py [NAME ...]
+
+A constant that decides is pinned: with twice and with half of it, a named test fails. The others say how far a
+computation goes: with twice and with half of each the named tests pass, as the same number comes out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from pathlib import Path
+from typing import Any
+
+import cpbench.verification as package
+
+FOLDER = Path(next(iter(package.__path__)))
+TESTS = Path(__file__).resolve().parents[1]
+CONSTANTS, MARGINS, JUDGE = "unit/test_verdict_constants.py::", "unit/test_margins.py::", "unit/test_judge.py::"
+PROVED = "unit/test_certificates.py"
+PINNED = {
+    "backward_error.ROUNDINGS": f"{CONSTANTS}test_rounding_of_a_tenth_of_a_constant_hides_it",
+    "certificates.TOLERANCE": f"{MARGINS}test_the_tolerance_is_1e6_where_none_is_given",
+    "equilibration.ENOUGH": f"{CONSTANTS}test_means_of_rows_are_right_to_a_twentieth_of_a_percent",
+    "margins.REACH": f"{MARGINS}test_solutions_up_to_ten_times_what_is_asked_are_excluded",
+    "measures.NOTICED": f"{CONSTANTS}test_a_loaded_contact_that_misses_its_law_by_a_tenth_is_flagged",
+    "part_error.UNKNOWN": f"{CONSTANTS}test_rounding_of_a_tenth_of_a_constant_hides_it",
+    "sets.INFINITE": f"{CONSTANTS}test_bounds_from_1e19_on_are_none",
+    "sets.NEAR": f"{CONSTANTS}test_an_unknown_is_at_its_bound_within_half_of_it",
+    "sizes.BALANCED": f"{CONSTANTS}test_an_idle_constant_counts_from_a_tenth",
+    "status.INACCURATE_FACTOR": f"{CONSTANTS}test_a_claim_is_wrong_beyond_a_hundred_tolerances",
+    "verdict.DIRECTION_DEGREES": f"{CONSTANTS}test_a_direction_off_by_5_degrees_is_flagged",
+}
+"""Constants that decide, and the test of each."""
+EFFORT = {
+    "certificates.SECONDS": PROVED,
+    "equilibration.SWEEPS": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
+    "equilibration.STEPS": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
+    "equilibration.GUESSED": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
+    "equilibration.FAST": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
+    "equilibration.INEXACT": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
+    "equilibration.FARTHEST": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
+    "equilibration.LARGEST": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
+    "exact_linear.LARGEST": PROVED,
+    "exact_vectors.ROUNDING": PROVED,
+    "frame.SMALL": f"{JUDGE}test_zeros_that_are_stored_join_no_parts",
+    "hints.ACCURACY": PROVED,
+    "hints.CURVED": PROVED,
+    "hints.DESCENTS": PROVED,
+    "hints.LARGEST": PROVED,
+    "margins.LEAST": "unit/test_margins.py",
+    "stacked.ENTRIES": "unit/test_solve_many.py",
+}
+"""Constants of how a number is computed or a proof looked for."""
+ARITHMETIC = ("exact_linear.PRIME", "exact_linear._LIMB")
+"""What the exactness of sums in 63 bits rests on: any other number is another program."""
+
+
+class Changed(SourceFileLoader):
+    """Loads a module with other source, past its compiled file."""
+
+    source = ""
+
+    def get_code(self, fullname: str) -> Any:
+        return compile(self.source, self.path, "exec")
+
+
+def constants() -> Iterator[tuple[str, ast.expr]]:
+    """Yield the name (module.NAME) and the value of every numeric constant of the verdict's modules."""
+    for file in sorted(FOLDER.glob("*.py")):
+        for node in ast.parse(file.read_text()).body:
+            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and _numbers(node.value):
+                yield f"{file.stem}.{node.targets[0].id}", node.value
+
+
+def _numbers(value: ast.expr) -> list[ast.Constant]:
+    """Return the numbers of a constant; none of what is no number, or 0."""
+    if isinstance(value, ast.Constant | ast.Tuple | ast.BinOp | ast.UnaryOp):
+        return [n for n in ast.walk(value) if isinstance(n, ast.Constant) and type(n.value) in (int, float)]
+    return []
+
+
+def changed(name: str, factor: float) -> str:
+    """Return the source of the constant's module with the constant times a factor."""
+    source = (FOLDER / f"{name.partition('.')[0]}.py").read_text()
+    value = dict(constants())[name]
+    text = str(ast.get_source_segment(source, value))
+    whole = isinstance(ast.literal_eval(text) if "*" not in text else eval(text), int)
+    if isinstance(value, ast.Tuple):
+        other = f"tuple({factor} * x for x in {text})"
+    else:
+        other = f"int({factor} * ({text}))" if whole else f"{factor} * ({text})"
+    return source.replace(f" = {text}\n", f" = {other}\n", 1)
+
+
+def install(name: str, factor: float) -> None:
+    """Let the module of a constant be loaded with the constant times a factor, in this process."""
+    module = f"cpbench.verification.{name.partition('.')[0]}"
+    source = changed(name, factor)
+
+    class Finder(PathFinder):
+        @classmethod
+        def find_spec(cls, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+            spec = PathFinder.find_spec(fullname, path, target) if fullname == module else None
+            if spec is not None and spec.origin is not None:
+                spec.loader = Changed(fullname, spec.origin)
+                spec.loader.source = source
+            return spec
+
+    for loaded in [key for key in sys.modules if key.startswith("cpbench")]:
+        del sys.modules[loaded]
+    sys.meta_path.insert(0, Finder)
+
+
+def passes(name: str, factor: float) -> bool:
+    """Run the tests that are named for a constant with the constant times a factor; return whether all pass."""
+    program = (
+        "import sys, pinned_constants, pytest; "
+        f"pinned_constants.install({name!r}, {factor}); "
+        f"sys.exit(pytest.main(['-q', '-x', '-p', 'no:cacheprovider', {str(TESTS / (PINNED | EFFORT)[name])!r}]))"
+    )
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, cwd=Path(__file__).parent, capture_output=True, text=True)
+    if done.returncode not in (0, 1):
+        raise RuntimeError(f"{name}: {done.stdout[-2000:]}{done.stderr[-2000:]}")
+    return done.returncode == 0
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="module.NAME; all where none is named")
+    for name in parser.parse_args().names or sorted(PINNED | EFFORT):
+        found = ["passes" if passes(name, factor) else "fails" for factor in (2.0, 0.5)]
+        kind = "pinned" if name in PINNED else "effort"
+        print(f"{kind} {name:28} doubled: {found[0]:6} halved: {found[1]:6} {(PINNED | EFFORT)[name]}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
