@@ -31,7 +31,7 @@ FAST = 0.25
 """Where a sweep leaves more of the squares of what rows are off by, a Newton step follows."""
 INEXACT = 0.1
 """Conjugate gradients leave this share of the right side of a Newton step."""
-FARTHEST = 3.0
+FARTHEST = 2.0
 """A Newton step changes no log D_i by more: it is right near 0 only."""
 LARGEST = 80.0
 """Logarithms of entries that the first guess leaves are cut off here, so that sums of products are numbers."""
