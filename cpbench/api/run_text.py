@@ -13,6 +13,7 @@ from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.processes.isolation import address_space, address_space_allowed
 from cpbench.bench.results.store import Store
+from cpbench.foundation import kernel_cache
 from cpbench.foundation.plain_text import on_one_line, printable
 from cpbench.foundation.plurals import counted, some_of, summary
 from cpbench.verification import CONTRADICTION, Status
@@ -39,6 +40,8 @@ class Ending:
 
 def planned(assembly: Assembly) -> Iterator[str]:
     """Yield what a reader of the results should know before they are there."""
+    if remark := kernel_cache.remark():
+        yield on_one_line(remark)
     allowed = address_space_allowed()
     if any(allowed < (pair.limits.memory or 0) + address_space() for pair in assembly.pairs):
         yield (
@@ -78,7 +81,7 @@ def removed(store: Store) -> Iterator[str]:
     yield from store.opened.notes
 
 
-def absent(store: Store) -> Iterator[str]:
+def not_available(store: Store) -> Iterator[str]:
     """Yield the reasons why solvers could not run, a line for each of the first; the report has all."""
     rows = [row for row in store.rows() if row.status == Status.UNAVAILABLE]
     reasons = {row.solver: ((row.message or "").strip().splitlines() or ["no reason"])[-1] for row in rows}
@@ -118,6 +121,9 @@ def ending(
     gaps = planned_run.gaps(store, assembly)
     if gaps:
         failures.append(f"rows are missing: {', '.join(gaps)}; the same command goes on")
+    absent = planned_run.not_run(store, assembly)
+    if absent:
+        failures.append(f"named and not run: {some_of(absent, ABSENT)}")
     unreadable = named(plan, assembly.refused)
     if unreadable:
         failures.append(f"named and not read: {some_of(unreadable, ABSENT)}")

@@ -15,7 +15,7 @@ from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Executor, settings
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
-from cpbench.foundation import extensions
+from cpbench.foundation import extensions, kernel_cache
 
 
 class RunObserver(planned_run.RoundObserver, Protocol):
@@ -95,6 +95,7 @@ def open_run(plan: RunPlan, builtin: Callable[[], Path], reading: Reading) -> Ge
 
     Raises CpbenchError where the plan cannot be executed.
     """
+    kernel_cache.ensure_cache_dir()  # before processes start: they inherit it
     with ExitStack() as stack:
         setting = Setting(plan.threads, plan.memory, fresh=plan.isolate == "fresh")
         count = 1 if plan.dask or plan.cluster else plan.jobs  # with Dask, problems are only read here

@@ -12,6 +12,7 @@ from cpbench.bench import machine, reference, skipped
 from cpbench.bench.block import predecessors
 from cpbench.bench.events import Done, Event
 from cpbench.bench.pair_run import FELL_BACK
+from cpbench.bench.planning import grids
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
@@ -23,6 +24,7 @@ from cpbench.errors import CpbenchError
 from cpbench.foundation.plurals import counted
 from cpbench.solvers.base import Trait, solvers
 from cpbench.solvers.external import declared
+from cpbench.verification import Status
 
 
 class RoundObserver(Protocol):
@@ -154,6 +156,21 @@ def gaps(store: Store, assembly: Assembly) -> list[str]:
     files = [f"the content of {address} is unknown" for address in assembly.unread[:1]]
     more = [f"and that of {len(assembly.unread) - 1} more files"] if len(assembly.unread) > 1 else []
     return [*rows, *files, *more]
+
+
+def not_run(store: Store, assembly: Assembly) -> list[str]:
+    """Return the solvers that were named and could not be run: those with rows that are `unavailable`, and those that
+    no route leads to."""
+    status = str(Status.UNAVAILABLE)
+    absent: Counter[str] = Counter()
+    if store.counts().get(status):
+        named = {pair.key for pair in assembly.pairs if pair.named}
+        absent = Counter(row.solver for row in store.rows() if row.status == status and row.key in named)
+    asked = {name for part in assembly.parts if part.asked.chosen for name in grids.named(part.asked.solvers)}
+    return [
+        *(f"{name} ({counted(rows, 'row')} {status})" for name, rows in sorted(absent.items())),
+        *(f"{name} (no route)" for name in assembly.idle if name in asked),
+    ]
 
 
 def failures(store: Store, asked: RunPlan, planned: Sequence[Pair]) -> Counter[str]:

@@ -45,9 +45,9 @@ def command(
     the quick suite. After an interruption, the same command resumes. An option overrides the plan file.
 
     The exit code is 0 when every pair has its row, whatever its status. It is 1 for --fail-on, when rows are missing
-    because pairs were not run, when a file that was named (not found in a folder) could not be read, and when the
-    results were changed after a run wrote them. It is 2 for bad input, and 130 after an interruption, with a file that
-    can be resumed.
+    because pairs were not run, when a solver that was named (not matched by a pattern) could not run here or no route
+    leads to it, when a file that was named (not found in a folder) could not be read, and when the results were changed
+    after a run wrote them. It is 2 for bad input, and 130 after an interruption, with a file that can be resumed.
     """
     file = plan_from(plan_path, quiet)
     given = given_options(context)

@@ -50,7 +50,7 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> No
         store.end()
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):
-        print_lines(run_text.absent(store), err=True)
+        print_lines(run_text.not_available(store), err=True)
     table = store.table()
     found = cross_examine(store, table, lambda line: print_lines([line], err=True))
     print_answer(store)

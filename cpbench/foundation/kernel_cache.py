@@ -48,32 +48,51 @@ for module in sys.argv[1:]:
 """Program of the other process of `load_all`."""
 
 
-@cache
 def ensure_cache_dir() -> Path:
     """Return the directory of the compiled kernels; sets ``NUMBA_CACHE_DIR`` unless the default place is writable.
 
-    Called before numba is imported. A setting of the user is left alone. Where neither the package's nor the
-    user's cache directory can be written, a private temporary one serves this process and its children.
+    Called before numba is imported. A setting of the user is left alone where it can be written. Where neither the
+    package's nor the user's cache directory can be written, a private temporary one serves this process and its
+    children.
     """
+    return _cache_dir()[0]
+
+
+def remark() -> str:
+    """Return in one line where compiled loops go instead of where they were to go, '' where nothing was in the way."""
+    return _cache_dir()[1]
+
+
+@cache
+def _cache_dir() -> tuple[Path, str]:
+    """Return the directory of the compiled kernels, and the remark on it."""
     given = os.environ.get(VARIABLE)
-    if given:
-        with contextlib.suppress(OSError):  # numba makes it too, but later than the lock and the stamps need it
-            Path(given).mkdir(parents=True, exist_ok=True)
-        return Path(given)
-    beside = Path(__file__).resolve().parent / "__pycache__"
+    if given and _writable(Path(given)):
+        return Path(given), ""
+    why = f"{VARIABLE}: {given} cannot be written: " if given else ""
+    package = Path(__file__).resolve().parents[1]
+    beside = package / "__pycache__"
     if _writable(beside):
-        return beside
+        if given:  # empty, not absent: processes get variables from this one, and keep those that it lacks
+            _set_numba_dir("")
+        return beside, f"{why}compiled loops are kept beside their sources in {package}" if given else ""
     import platformdirs
 
     chosen = Path(platformdirs.user_cache_dir("cpbench", appauthor=False)) / "numba"
     if not _writable(chosen):
+        why = why or f"neither {beside} nor {chosen} can be written: "
         # mkdtemp, not a fixed name: a cache is code, and nobody else may be able to put it there
         chosen = Path(tempfile.mkdtemp(prefix="cpbench-numba-"))
-    os.environ[VARIABLE] = str(chosen)
+        why += f"set {VARIABLE}, or each command compiles anew; "
+    _set_numba_dir(str(chosen))
+    return chosen, f"{why}compiled loops are kept in {chosen}" if why else ""
+
+
+def _set_numba_dir(folder: str) -> None:
+    os.environ[VARIABLE] = folder
     numba = sys.modules.get("numba")
     if numba is not None:  # imported by somebody else before us: it has read the environment already
         numba.config.reload_config()
-    return chosen
 
 
 def load(module: str) -> ModuleType:

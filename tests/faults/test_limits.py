@@ -82,7 +82,7 @@ def test_a_hang_outside_of_solve_has_its_row(bench, name: str) -> None:
     begun = time.monotonic()
     done = subprocess.run(command, cwd=bench.folder, capture_output=True, text=True, timeout=600)
     taken = time.monotonic() - begun
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == (status == "unavailable"), done.stderr
     assert bench.living() == []
     (row,) = bench.store().table().itertuples()
     assert row.status == status, row.message

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -40,9 +41,9 @@ NATIVE = [
 def fresh(monkeypatch: pytest.MonkeyPatch):
     """`ensure_cache_dir` as in a new process, with the environment put back afterwards."""
     monkeypatch.setenv(cache.VARIABLE, "")
-    cache.ensure_cache_dir.cache_clear()
+    cache._cache_dir.cache_clear()
     yield monkeypatch
-    cache.ensure_cache_dir.cache_clear()
+    cache._cache_dir.cache_clear()
 
 
 def test_a_setting_of_the_user_is_left_alone(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -77,6 +78,53 @@ def test_a_private_place_where_nothing_is_writable(fresh: pytest.MonkeyPatch, tm
     chosen = cache.ensure_cache_dir()
     assert chosen.parent == tmp_path
     assert chosen.stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.parametrize("place", ["package", "home", "nowhere"])
+def test_a_setting_that_cannot_be_written_is_left_with_one_line(
+    fresh: pytest.MonkeyPatch, tmp_path: Path, place: str
+) -> None:
+    """And numba looks where the locks and the stamps are: else each process removes what the one before compiled."""
+    (tmp_path / "file").touch()
+    asked = tmp_path / "file" / "cache"
+    home = tmp_path / ("home" if place == "home" else "file")
+    fresh.setenv(cache.VARIABLE, str(asked))
+    fresh.setattr(cache, "_PACKAGE", tmp_path if place == "package" else tmp_path / "file")
+    fresh.setattr("platformdirs.user_cache_dir", lambda *_, **__: str(home))
+    chosen = cache.ensure_cache_dir()
+    with tempfile.TemporaryFile(dir=chosen):
+        assert os.environ[cache.VARIABLE] == ("" if place == "package" else str(chosen))
+    assert cache.remark().startswith(f"{cache.VARIABLE}: {asked} cannot be written: ")
+    assert "\n" not in cache.remark()
+    assert ("each command compiles anew" in cache.remark()) == (place == "nowhere")
+
+
+def test_a_setting_that_can_be_written_has_no_remark(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    fresh.setenv(cache.VARIABLE, str(tmp_path / "own"))
+    assert cache.remark() == ""
+
+
+@pytest.mark.nightly
+@pytest.mark.skipif(not Path("/proc/1").is_dir(), reason="does not apply: /proc is Linux's")
+def test_a_run_goes_on_where_no_folder_of_the_user_can_be_written(tmp_path: Path) -> None:
+    """The second run compiles nothing: the first one's kernels were kept."""
+    storage.save(LCP(M=[[4.0, 1.0], [0.0, 3.0]], q=[-2.0, -9.0]), tmp_path / "p.h5")
+    blocked = {"HOME": "", "XDG_STATE_HOME": "/s", "XDG_CACHE_HOME": "/c", cache.VARIABLE: "/n"}
+    command = [sys.executable, "-m", "cpbench", "run", "p.h5", "-s", "pgs", "--no-report", "--repeats", "1", "-o"]
+    for name in ("first", "second"):
+        done = subprocess.run(
+            [*command, f"{name}.sqlite"],
+            cwd=tmp_path,
+            env={**os.environ, **{key: f"/proc/1{value}" for key, value in blocked.items()}},
+            capture_output=True,
+            text=True,
+            timeout=600,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert "1 pair: 1 solved" in done.stdout
+        assert done.stderr.count("cannot be written") == done.stderr.count("could not be kept") == 1
+    assert "compiling" not in done.stderr
 
 
 def test_the_registry_does_not_import_numba() -> None:

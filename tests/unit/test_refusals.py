@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import pandas as pd
 import pytest
-from command_line import cpbench
+from command_line import cpbench, with_plugins
 
 import cpbench as cp
 from cpbench.analysis.remarks import clocks
@@ -59,6 +59,34 @@ def test_a_file_that_was_named_and_refused_ends_with_1(tmp_path: Path) -> None:
     done = cpbench(tmp_path, *args[:2], "broken.h5", *args[2:])
     assert done.returncode == 1
     assert "named and not read: broken.h5" in done.stderr
+
+
+GONE = '[solver.gone]\nnode = "lcp"\ncommand = "./no-such-program {problem} {answer}"\n'
+
+
+@pytest.mark.parametrize(
+    ("solvers", "code", "line"),
+    [
+        (["lemke", "nsgs", "gone"], 1, "named and not run: gone (2 rows unavailable), nsgs (no route)"),
+        (["lemke", "nsgs*", "gon*"], 0, ""),
+        pytest.param(["lemke", "gone"], 1, "named and not run: gone (2 rows unavailable)", marks=pytest.mark.nightly),
+        pytest.param(["lemke", "nsgs"], 1, "named and not run: nsgs (no route)", marks=pytest.mark.nightly),
+    ],
+)
+def test_a_solver_that_was_named_and_could_not_run_ends_with_1(
+    solvers: list[str], code: int, line: str, tmp_path: Path
+) -> None:
+    """One that a pattern matches, and that is not installed or has no route, was not asked for by itself."""
+    (tmp_path / "gone.toml").write_text(GONE)
+    _lcp(tmp_path / "a.h5")
+    _lcp(tmp_path / "b.h5", 1.5)
+    chosen = [word for name in solvers for word in ("-s", name)]
+    options = ["-o", "r.sqlite", "--no-report", "-q", "--repeats", "1"]
+    done = with_plugins(tmp_path, "--plugin", "gone.toml", "run", "a.h5", "b.h5", *chosen, *options)
+    assert done.returncode == code, done.stderr
+    assert "2 solved" in done.stdout
+    assert ("named and not run" in done.stderr) == bool(line)
+    assert line in done.stderr
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="does not apply: limits of the address space are Linux's")
