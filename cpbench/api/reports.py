@@ -10,6 +10,7 @@ from cpbench.api.folders import require_folder
 from cpbench.api.start_answers import start_answers
 from cpbench.api.thumbnails import Thumbnails
 from cpbench.bench import history
+from cpbench.bench.results import problem_files
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
 from cpbench.generators.collection import address_text
@@ -34,20 +35,21 @@ def write_report(
     with_imported: bool = False,
     count_stationary: bool = False,
     reached: bool = False,
+    changed: Sequence[str] = (),
 ) -> tuple[list[Path], list[str]]:
     """Write Markdown, the offline page, figures and rows into a folder; returns the files, and what was left out.
 
     Parameters
     ----------
     table : the rows of the store, read here where they are not at hand. data : formats of the rows; None for all that
-        are not too large. The other ones are those of `report.folder.write_folder`.
+        are not too large. changed : lines on problem files. The other ones are those of `report.folder.write_folder`.
     """
     rows = store.table() if table is None else table
     forms, notes = row_files.chosen(len(rows), data)
     places = {address: address_text(address) for address in rows["address"].unique()}
     files = write_folder(
         rows.assign(address=rows["address"].map(places)),
-        store.meta(),
+        {**store.meta(), "changed": list(changed)},
         folder,
         title,
         history.table(store.histories()),
@@ -77,11 +79,16 @@ def report_file(
 
     with sealed(results) as store:
         require_folder(folder)
+        changed = problem_files.changed(store)
         if baseline is None:
-            return write_report(store, folder, title, data=data, **choices)
+            files, notes = write_report(store, folder, title, data=data, changed=changed, **choices)
+            return files, [*notes, *changed]
         new = side_of(store)
         comparison = compare(base(baseline, new), new)
-        return write_report(store, folder, title, new.table, data=data, comparison=comparison, **choices)
+        files, notes = write_report(
+            store, folder, title, new.table, data=data, comparison=comparison, changed=changed, **choices
+        )
+        return files, [*notes, *changed]
 
 
 def write_tex(results: Path, folder: Path, title: str, facets: Sequence[str], **choices: bool) -> Path:
@@ -97,5 +104,6 @@ def write_tex(results: Path, folder: Path, title: str, facets: Sequence[str], **
     write_document = function("write_document")
     with sealed(results) as store:
         require_folder(folder)
-        table, meta, cited = store.table(), store.meta(), citations(store)
+        table, cited = store.table(), citations(store)
+        meta = {**store.meta(), "changed": problem_files.changed(store)}
         return write_document(table, meta, folder, title, citations=cited, facets=tuple(facets), **choices)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cpbench.bench.results import problem_files
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
@@ -26,7 +27,8 @@ def side_of(store: Store) -> ComparisonSide:
     table = store.table()
     if not len(table):
         raise CpbenchError(f"{store.path}: has no rows; make some with: cpbench run PROBLEMS -o {store.path}")
-    return ComparisonSide(str(store.path), table, store.meta(), store.machines())
+    meta = {**store.meta(), "changed": problem_files.changed(store)}
+    return ComparisonSide(str(store.path), table, meta, store.machines())
 
 
 def base(path: Path, new: ComparisonSide) -> ComparisonSide:

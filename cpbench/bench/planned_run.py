@@ -17,6 +17,7 @@ from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.planning.selection import RERUN, RETRIED
+from cpbench.bench.results import problem_files
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Executor, execute
 from cpbench.bench.slot import Slot
@@ -79,6 +80,7 @@ def enter_pairs(store: Store, asked: RunPlan, assembly: Assembly, command: str) 
         reference=reference.NAME,
         builtin=asked.builtin,
         formats=_formats(before.get("formats", {}), assembly.read),
+        files={**before.get("files", {}), **problem_files.digests(assembly.read)},
         plan=asked.effective(assembly.found),
     )
     return pairs

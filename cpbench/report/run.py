@@ -71,9 +71,9 @@ class Run:
 
     @cached_property
     def remarks(self) -> list[str]:
-        """`remarks.remarks` of all rows and of the seals of their file: what the first lines say."""
-        seals = [str(line) for line in self.meta.get("seals") or []]
-        return [*([SENTENCE] if self.reached else []), *remarks.remarks(self.read), *seals]
+        """`remarks.remarks` of all rows, of the seals of their file and of problem files: what the first lines say."""
+        of_files = [str(line) for name in ("seals", "changed") for line in self.meta.get(name) or []]
+        return [*([SENTENCE] if self.reached else []), *remarks.remarks(self.read), *of_files]
 
     @property
     def all_rows(self) -> str:

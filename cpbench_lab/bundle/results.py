@@ -19,7 +19,7 @@ from cpbench.errors import CpbenchError
 from cpbench_lab.bundle.problems import Place, Unit, unit
 
 NAME = "results.sqlite"
-_TABLES = ("refused", "references", "merged", "formats")
+_TABLES = ("refused", "references", "merged", "formats", "files")
 
 
 def rows_of(store: Store) -> list[Row]:

@@ -24,11 +24,13 @@ def on_publishing(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, A
     return [f"publishing figures of {name} is restricted: {term}" for name, term in sorted(terms.items())]
 
 
-def on_seals(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Note what is known of the seals of both sides: rows of other users or without a seal, files that were changed."""
-    sides = zip(("base", "new results"), tables, metas, strict=True)
+def on_files(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Note what is known of the files of both sides: rows of other users or without a seal, results and problem files
+    that were changed."""
     return [
-        f"{name}: {line}" for name, table, meta in sides for line in [*remarks.seals(table), *(meta.get("seals") or [])]
+        f"{name}: {line}"
+        for name, table, meta in zip(("base", "new results"), tables, metas, strict=True)
+        for line in [*remarks.seals(table), *(meta.get("seals") or []), *(meta.get("changed") or [])]
     ]
 
 

@@ -223,7 +223,7 @@ def _merge_facts(target: Store, stores: Sequence[Store], differences: Sequence[s
     merged: dict[str, Any] = {}
     for meta in reversed(metas):
         merged |= {name: value for name, value in meta.items() if name not in _TABLES | _OF_ALL_ROWS}
-    for name in ("solvers", "formats"):
+    for name in ("solvers", "formats", "files"):
         merged[name] = {k: v for meta in reversed(metas) for k, v in meta.get(name, {}).items()}
     plans = [meta["plan"] for meta in metas if meta.get("plan")]
     if plans and all(_whole(plan) == _whole(plans[0]) for plan in plans):
