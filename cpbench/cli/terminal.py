@@ -21,7 +21,7 @@ NARROWEST, WIDEST = 40, 110
 
 def width() -> int | None:
     """Return the characters of a line of the terminal (COLUMNS where set), None where the output goes elsewhere."""
-    if not (sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()):
+    if not (sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdecimal()):
         return None
     return max(shutil.get_terminal_size().columns, NARROWEST)
 

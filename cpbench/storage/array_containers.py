@@ -15,7 +15,7 @@ import scipy.sparse as sp
 
 from cpbench.errors import FormatError
 from cpbench.storage import dialects
-from cpbench.storage.arrays import npz_shapes, read_array, read_npz
+from cpbench.storage.arrays import first_line, npz_shapes, read_array, read_npz
 from cpbench.storage.base import read_head
 from cpbench.storage.hdf5_tree import Tree, open_tree
 from cpbench.storage.named_arrays import SPARSE, Shape, joined, sparse_names
@@ -156,7 +156,7 @@ def _guarded(path: Path, read: Any) -> Any:
     except NotImplementedError:
         raise FormatError(path, "", "is a MATLAB 7.3 file, expected one of version 5 (save -v7)") from None
     except Exception as cause:  # what SciPy's reader raises depends on where a broken file leads it
-        raise FormatError(path, "", f"is not a readable MATLAB file ({str(cause).splitlines()[0][:100]})") from None
+        raise FormatError(path, "", f"is not a readable MATLAB file ({first_line(cause)})") from None
 
 
 def _require_indices(path: Path, key: str, value: Any) -> None:

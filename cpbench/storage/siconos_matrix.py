@@ -28,7 +28,7 @@ from cpbench.storage.base import read_text
 logger = logging.getLogger("cpbench.storage")
 SIGNED = "cpbench"
 """The last line of our files: this and the name of the format."""
-_SIZE = re.compile(r"(\d+)-by-(\d+),?")
+_SIZE = re.compile(r"(\d{1,18})-by-(\d{1,18}),?")
 _warned: set[Path] = set()
 
 
@@ -70,7 +70,7 @@ class Cursor:
     def integer(self, field: str) -> int:
         """Read a count: digits only."""
         token = self.word(field)
-        if not token.isdigit() or len(token) > 18:
+        if not _is_count(token):
             raise self.error(field, f"is '{token[:24]}', expected a whole number")
         return int(token)
 
@@ -116,6 +116,11 @@ class Cursor:
             raise self.error("end", f"has more than {most} numbers after the last one of this layout, expected none")
         if extra and not (flag and extra == 1 and self.tokens[self.at] in ("0", "1")) and extra not in answers:
             raise self.error("end", f"has {extra} more numbers after the last one of this layout, expected none")
+
+
+def _is_count(token: str) -> bool:
+    """Return whether a token is a whole number, of so few digits that Python converts it."""
+    return token.isdecimal() and len(token) <= 18
 
 
 def is_number(token: str) -> bool:
@@ -199,7 +204,7 @@ def _sparse(c: Cursor, name: str, rows: int, cols: int) -> Sparse:
     for _ in ("nzmax:", "<number>", "nnz:"):
         c.word(name)
     token = c.word(f"{name}/nnz").rstrip(",")
-    if not token.isdigit():
+    if not _is_count(token):
         raise c.error(f"{name}/nnz", f"is '{token[:24]}', expected a whole number")
     if c.left and c.tokens[c.at] == "1-norm:":
         c.at += 2
@@ -232,7 +237,8 @@ def _compressed(c: Cursor, name: str, count: int, majors: int) -> tuple[list[str
     for k in range(majors if count or (c.left and c.tokens[c.at] in ("col", "row")) else 0):
         head = [part[0] for part in c.strided(f"{name}/column {k}", 1, 7)]
         first, last = head[4], head[6]
-        if head[0] not in ("col", "row") or head[1] != str(k) or not first.isdigit() or not last.lstrip("-").isdigit():
+        counts = _is_count(first) and _is_count(last.removeprefix("-"))
+        if head[0] not in ("col", "row") or head[1] != str(k) or not counts:
             raise c.error(
                 f"{name}/column {k}", f"begins with '{' '.join(head)}', expected 'col {k} : locations a to b'"
             )

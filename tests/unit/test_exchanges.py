@@ -204,14 +204,14 @@ def test_a_folder_of_matrix_market_is_a_problem_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ("array real general\n0 4\n", "shape"),  # SciPy's reader divides by the rows
-        ("array real general\n4 1\n1\n2\n3\n", "cannot reshape"),
+        ("array real general\n0 4\n", "shape"),
+        ("array real general\n4 1\n1\n2\n3\n", "has 3 numbers, expected 4 of a general array of 4x1"),
         ("array real general\n4 1\n1\n2\n3\nx\n", "could not convert"),
-        ("array real general\n900000000 1\n1\n", "declares"),
+        ("array real general\n900000000 1\n1\n", "has 1 numbers, expected 900000000"),
         ("array complex general\n1 1\n1 2\n", "complex"),
         ("coordinate real general\n9000000 9000000 0\n", "shape"),
-        ("coordinate real general\n4 1 1\n5 1 1.0\n", "out of bounds"),
-        ("array real general\n-4 1\n1\n", "negative"),
+        ("coordinate real general\n4 1 1\n5 1 1.0\n", "has the index 5 in a matrix of 4x1"),
+        ("array real general\n-4 1\n1\n", "has the sizes '-4 1', expected rows columns"),
         ("array real general\n3 1\n1\n2\n3\n", "has 3 numbers, expected 4"),
         ("nonsense", "not a readable"),
     ],

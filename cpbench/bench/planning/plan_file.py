@@ -298,7 +298,7 @@ def _split(value: Any) -> str:
 
 def _shard(value: Any) -> tuple[int, int]:
     part, _, parts = _text(value).partition("/")
-    if not (part.isdigit() and parts.isdigit() and 1 <= int(part) <= int(parts)):
+    if not (part.isdecimal() and parts.isdecimal() and len(value) < 20 and 1 <= int(part) <= int(parts)):
         raise CpbenchError(f"'{value}' is no shard; write 1/4 to 4/4")
     return int(part), int(parts)
 

@@ -96,4 +96,4 @@ def _found(source: Path) -> list[Path]:
 
 def _natural(text: str) -> list[tuple[int, str]]:
     """Return a sort key that puts step2 before step10."""
-    return [(int(piece), "") if piece.isdigit() else (-1, piece) for piece in re.split(r"(\d+)", text)]
+    return [(int(piece), "") if piece.isdecimal() else (-1, piece) for piece in re.split(r"(\d+)", text)]
