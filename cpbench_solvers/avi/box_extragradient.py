@@ -17,6 +17,7 @@ from cpbench.formulations.relay import Relay
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.nonlinear import projection_run
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 from cpbench_solvers.nonlinear.projection_run import Field
@@ -66,7 +67,7 @@ class AffineField(Field):
         return box_defect(x, F, self._affine.lower, self._affine.upper)
 
     def error(self, x: Vector, F: Vector) -> float:
-        error = self._affine.problem.residuals(self._affine.point(x), self._tolerance).error
+        error = error_of(self._affine.problem, self._affine.point(x), self._tolerance)
         return error if np.isfinite(error) else np.inf
 
     def row_error(self, x: Vector, F: Vector) -> float:

@@ -24,6 +24,7 @@ from cpbench.foundation.matrices import Dense, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers import linear_program
 from cpbench_solvers.avi.bounded_lemke import BoxLCP, PivotOptions, Walk
+from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.avi.polyhedron_vertex import ACTIVE, ScaledPolyhedron
 from cpbench_solvers.lcp.claims import CLOSE, DENSE_BYTES
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
@@ -113,7 +114,7 @@ class _Pivoting(Solver):
         limit = budget.iterations or options.max_pivots or 50 * box.r.size + 1000
         counters = {"iterations": 0, "factorizations": 0}
         # pivoting leaves the start, and comes back to it at the cost of a cold solve
-        if start is not None and problem.residuals(start, budget.tolerance).error <= budget.tolerance:
+        if start is not None and error_of(problem, start, budget.tolerance) <= budget.tolerance:
             return SolverOutput(claim=Claim.SOLVED, point=start, counters=counters)
         walk, message = None, ""
         # where the path from the start does not end in a solution, that from a vertex may, or proves that there is none
@@ -169,13 +170,13 @@ def _from_start(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_],
 def _concluded(prepared: MultiplierBox, walk: Walk, budget: Budget, counters: dict[str, int]) -> SolverOutput:
     problem, tolerance = prepared.problem, budget.tolerance
     point = prepared.point(walk.x)
-    error = problem.residuals(point, tolerance).error if point.finite else np.inf
+    error = error_of(problem, point, tolerance)
     if error > tolerance and walk.outcome == "complementary":
         counters["factorizations"] += 1
         better = prepared.box.refined(walk)
         if better is not None:
             candidate = prepared.point(better)
-            reached = problem.residuals(candidate, tolerance).error
+            reached = error_of(problem, candidate, tolerance)
             if reached < error:
                 point, error = candidate, reached
     if error <= tolerance:

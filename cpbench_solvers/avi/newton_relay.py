@@ -13,6 +13,7 @@ from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.jacobians import box_jacobian
+from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.nonlinear.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run
 
 
@@ -64,7 +65,7 @@ class NewtonRelay(Solver):
             project=lambda z: project_box(z, lower, upper),
             jacobian=lambda z: box_jacobian(z, lower, upper),
             answer=answer,
-            error=lambda z: problem.residuals(answer(z), budget.tolerance).error,
+            error=lambda z: error_of(problem, answer(z), budget.tolerance),
         )
         return ScaledRelay(problem, vi, unit)
 

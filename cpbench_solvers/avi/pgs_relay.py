@@ -15,6 +15,7 @@ from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import Progress, next_stop
+from cpbench_solvers.avi.claims import error_of
 
 CHUNK = 256
 """The most sweeps between two measurements of the error."""
@@ -94,7 +95,7 @@ class PGSRelay(Solver):
         matrix = (prepared.start, prepared.column, prepared.values, prepared.diagonal)
         law = (problem.q, problem.lb, problem.ub)
         progress, sweeps, chunk = Progress(options.stall_window), 0, 1
-        error = problem.residuals(LCPPoint(z), budget.tolerance).error
+        error = error_of(problem, LCPPoint(z), budget.tolerance)
         if record is not None:
             record(0, error, lambda: LCPPoint(z))
         best, best_error = z.copy(), error
@@ -112,7 +113,7 @@ class PGSRelay(Solver):
                 if record is not None:
                     record(sweeps, np.nan, lambda: LCPPoint(z))
             chunk = min(2 * chunk, CHUNK)
-            error = problem.residuals(LCPPoint(z), budget.tolerance).error if np.isfinite(z).all() else np.nan
+            error = error_of(problem, LCPPoint(z), budget.tolerance)
             if record is not None:
                 record(sweeps, error, lambda: LCPPoint(z))
             if error < best_error:

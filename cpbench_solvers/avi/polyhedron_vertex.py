@@ -45,6 +45,8 @@ class ScaledPolyhedron:
         n = cost.size
         if not n or not (self.b.size or self.d.size):
             return np.clip(np.where(cost < 0, self.ub, self.lb), *_finite(self.lb, self.ub))
+        if (corner := self._corner(cost)) is not None:
+            return corner
         finite = np.concatenate([self.b, self.d, *(x[np.isfinite(x)] for x in (self.lb, self.ub))])
         unit = max_abs(finite) or 1.0
         for c in (cost / (max_abs(cost) or 1.0), np.zeros(n)):
@@ -61,6 +63,23 @@ class ScaledPolyhedron:
             if program.status == 0:
                 return self._purified(np.clip(unit * program.x, self.lb, self.ub))
         return None
+
+    def _corner(self, cost: Vector) -> Vector | None:
+        """Return the point of the bounds, and of the rows that are bounds, where costᵀz is least; None where it is at
+        infinity or misses another row. It is a vertex of a set around this one."""
+        lb, ub = self.lb.copy(), self.ub.copy()
+        row = np.flatnonzero(np.count_nonzero(self.A, axis=1) == 1)
+        at = np.argmax(self.A[row] != 0.0, axis=1)
+        entry = self.A[row, at]
+        side, lower = self.b[row] / entry, entry > 0.0
+        np.maximum.at(lb, at[lower], side[lower])
+        np.minimum.at(ub, at[~lower], side[~lower])
+        z = np.where((cost < 0.0) & np.isfinite(ub) | ~np.isfinite(lb), ub, lb)
+        if not np.isfinite(z).all() or (z < lb).any() or (z > ub).any():
+            return None
+        allowed = ACTIVE * (1.0 + max_abs(z))
+        inside = (self.A @ z - self.b >= -allowed).all() and (np.abs(self.C @ z - self.d) <= allowed).all()
+        return z if inside else None
 
     def _purified(self, z: Vector) -> Vector:
         """Return a vertex, but for the lines in the set: a basic solution may have unknowns without bounds anywhere."""

@@ -16,7 +16,7 @@ def without(f, noise):
 
 
 @njit(float64(float64, float64, float64, float64, float64), **COMPILED)
-def _product(low, high, x, w, reach):
+def product(low, high, x, w, reach):
     """Return x w, with x counted from the bound to which w pushes, at most `reach`, and less by rounding."""
     bound = low if w > 0.0 else high
     room = x - bound if abs(bound) < np.inf else x
@@ -35,7 +35,7 @@ def gaps(program, x, f, sums, needed, known, unit, effect, products, objective):
         q, size = part[i], 1.0 / unit[i] if unit[i] > 0.0 else 0.0
         w = without(f[i], NOISE * max(sums[i] + abs(c[i]), size))
         reach = 1.0 / effect[i] if effect[i] > 0.0 else 0.0
-        products[i] = _product(low[i], high[i], x[i], w, reach) if kind[q] > 0.0 else 0.0
+        products[i] = product(low[i], high[i], x[i], w, reach) if kind[q] > 0.0 else 0.0
         quadratic[q] += x[i] * (w - c[i])
         own = D[i] * abs(c[i]) if needed[i] > 0.0 else 0.0
         if i < n:

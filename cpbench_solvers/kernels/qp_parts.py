@@ -20,6 +20,7 @@ PROGRAM = types.Tuple((int64, INDEX, INDEX, DATA, DATA, DATA, DATA, INDEX, DATA,
 row, from 0; D, times which rows are compared; of every part the largest |D_i c_i| beside z and then beside y; and
 whether it has an objective, the square of which z is part of, or prices (2, 1, 0)."""
 _OWN = types.Tuple((types.int64[::1], types.int64[::1], VECTOR))
+_BOX = types.Tuple((VECTOR, VECTOR, VECTOR))
 _OUT = types.Tuple((int64, *_OWN, VECTOR, VECTOR, VECTOR, types.int64[::1], VECTOR, VECTOR, VECTOR))
 
 
@@ -56,7 +57,7 @@ def conditions(Q, G):
 
 
 @njit(void(types.int64[::1]), **COMPILED)
-def _numbered(part):
+def numbered(part):
     """Give the parts numbers from 0; they come as the least number of a row of theirs."""
     count = 0
     for i in range(part.size):
@@ -73,19 +74,14 @@ def labels(Q, G):
     start, column, value = conditions(Q, G)
     part = np.empty(start.size - 1, np.int64)
     label_sparse(start, column, value, part)
-    _numbered(part)
+    numbered(part)
     return part
 
 
-@njit(_OUT(CSR, CSR, DATA, DATA, int64, DATA, DATA), **COMPILED)
-def program(Q, G, p, h, m, lb, ub):
-    """Return the `PROGRAM` of a QP of which the first m rows of G are inequalities Gz ≥ h."""
+@njit(_BOX(DATA, DATA, int64, DATA, DATA), **COMPILED)
+def boxed(p, h, m, lb, ub):
+    """Return c, low and high: the constants of the rows, and the box of x, the first m rows of G being inequalities."""
     n, N = p.size, p.size + h.size
-    start, column, value = conditions(Q, G)
-    part, D = np.empty(N, np.int64), np.empty(N)
-    label_sparse(start, column, value, part)
-    _numbered(part)
-    equilibrate(start, column, 2.0 * np.abs(value), D)  # K + Kᵀ is twice as large
     c, low, high = np.empty(N), np.empty(N), np.full(N, np.inf)
     for i in range(N):
         if i < n:
@@ -96,6 +92,19 @@ def program(Q, G, p, h, m, lb, ub):
             c[i], low[i] = -h[i - n], 0.0 if i < n + m else -np.inf
             if i < n + m and not h[i - n] > -ENDLESS:  # a row without a side, whose multiplier is 0
                 c[i] = high[i] = 0.0
+    return c, low, high
+
+
+@njit(_OUT(CSR, CSR, DATA, DATA, int64, DATA, DATA), **COMPILED)
+def program(Q, G, p, h, m, lb, ub):
+    """Return the `PROGRAM` of a QP of which the first m rows of G are inequalities Gz ≥ h."""
+    n, N = p.size, p.size + h.size
+    start, column, value = conditions(Q, G)
+    part, D = np.empty(N, np.int64), np.empty(N)
+    label_sparse(start, column, value, part)
+    numbered(part)
+    equilibrate(start, column, 2.0 * np.abs(value), D)  # K + Kᵀ is twice as large
+    c, low, high = boxed(p, h, m, lb, ub)
     count = 1 + part.max() if N else 0
     constants, objective = np.zeros(2 * count), np.zeros(count)
     for i in range(N):

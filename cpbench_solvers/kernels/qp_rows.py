@@ -29,7 +29,7 @@ BALANCED = 0.1
 
 
 @njit(boolean(float64, float64, float64, float64), **COMPILED)
-def _idle(low, high, x, f):
+def is_idle(low, high, x, f):
     """Return whether the row f pushes its unknown towards its nearer bound."""
     below, above = abs(x - low), abs(high - x)  # infinite where there is no bound
     if f > 0.0:
@@ -44,14 +44,14 @@ def _reached(side, x):
 
 
 @njit(boolean(float64, float64, float64), **COMPILED)
-def _fixed(low, high, x):
+def is_fixed(low, high, x):
     """Return whether an unknown is at a bound that is not 0, or beyond."""
     beyond = (low != 0.0 and low > -np.inf and x <= low) or (high != 0.0 and high < np.inf and x >= high)
     return beyond or _reached(low, x) or _reached(high, x)
 
 
 @njit(**COMPILED)
-def _rows(program, x, f, sizes, sums, own, taken):
+def row_terms(program, x, f, sizes, sums, own, taken):
     """Write the rows f, the sizes of the unknowns, Σ_j |K_ij||x_j|, that of z alone, and what bounds that are written
     as rows take."""
     n, start, column, value, c, low, high = program[:7]
@@ -85,20 +85,20 @@ def _counted(program, x, f, sizes, sums, own, taken, needed, beside):
     for i in range(x.size):
         group = part[i] + (count if i >= n else 0)
         terms = sums[i] - taken[i]
-        idle = _idle(low[i], high[i], x[i], f[i]) or abs(f[i]) < 0.5 * taken[i]
+        idle = is_idle(low[i], high[i], x[i], f[i]) or abs(f[i]) < 0.5 * taken[i]
         balanced = terms > BALANCED * abs(c[i])
         needed[i] = 1.0 if c[i] != 0.0 and (balanced or not idle) else 0.0
         beside[i] = 0.0
         for k in range(start[i], start[i + 1]):
             j = column[k]
-            if j < n and _fixed(low[j], high[j], x[j]):
+            if j < n and is_fixed(low[j], high[j], x[j]):
                 sized[group] = 1.0
                 beside[i] += abs(value[k]) * sizes[j]
         if needed[i] > 0.0:
             sized[group] = some[group] = 1.0
             if i < n and (own[i] > BALANCED * abs(c[i]) or not balanced):
                 known[part[i]] = 1.0
-        if i < n and _fixed(low[i], high[i], x[i]):
+        if i < n and is_fixed(low[i], high[i], x[i]):
             known[part[i]] = 1.0
     for q in range(count):
         known[q] = max(known[q], sized[count + q])
@@ -173,7 +173,7 @@ def largest_error(program, x, nu):
     f, sizes, sums, own, taken, needed, beside, unit, effect, products = (
         room[0], room[1], room[2], room[3], room[4], room[5], room[6], room[7], room[8], room[9],
     )  # fmt: skip
-    _rows(program, x, f, sizes, sums, own, taken)
+    row_terms(program, x, f, sizes, sums, own, taken)
     sized, some, known = _counted(program, x, f, sizes, sums, own, taken, needed, beside)
     _units(program, sizes, sums, taken, needed, sized, some, known, unit, effect)
     objective, gap, alone = np.zeros(count), np.zeros(count), np.zeros(count)

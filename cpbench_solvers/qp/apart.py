@@ -97,24 +97,26 @@ def _members(parts: PartedQP, some: NDArray[np.int64]) -> Iterator[tuple[int, ND
 def restricted(P: QP, at: NDArray[np.int64]) -> QP:
     """Return the QP of some unknowns and rows, numbered as those of z, A and C together, rising."""
     n, m = P.p.size, P.b.size
-    z, rows, equalities = _split(at, n, m)
+    z, rows, equalities = split(at, n, m)
     return QP(
-        Q=_block(P.Q, z, z), p=P.p[z], A=_block(P.A, rows, z), b=P.b[rows], C=_block(P.C, equalities, z),
+        Q=block(P.Q, z, z), p=P.p[z], A=block(P.A, rows, z), b=P.b[rows], C=block(P.C, equalities, z),
         d=P.d[equalities], lb=P.lb[z], ub=P.ub[z],
     )  # fmt: skip
 
 
-def _block(M: Any, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Any:
+def block(M: Any, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Any:
+    """Return the rows and columns of a matrix, stored as it is."""
     return M[rows][:, columns] if matrices.is_sparse(M) else M[np.ix_(rows, columns)]
 
 
-def _split(at: NDArray[np.int64], n: int, m: int) -> tuple[NDArray[np.int64], ...]:
+def split(at: NDArray[np.int64], n: int, m: int) -> tuple[NDArray[np.int64], ...]:
+    """Return which of n unknowns, of m rows of A and of those of C are among some, numbered together, rising."""
     first, last = np.searchsorted(at, [n, n + m])
     return at[:first], at[first:last] - n, at[last:] - n - m
 
 
 def _start(P: QP, start: QPPoint, at: NDArray[np.int64]) -> QPPoint:
-    z, rows, equalities = _split(at, P.p.size, P.b.size)
+    z, rows, equalities = split(at, P.p.size, P.b.size)
     return QPPoint(start.z[z], start.lam[rows], start.mu[equalities], start.nu[z])
 
 
@@ -136,7 +138,7 @@ class _Answer:
     def take(self, output: SolverOutput, q: int, at: NDArray[np.int64]) -> None:
         """Take what a part came to."""
         if isinstance(output.point, QPPoint):
-            z, rows, equalities = _split(at, self._problem.p.size, self._problem.b.size)
+            z, rows, equalities = split(at, self._problem.p.size, self._problem.b.size)
             self.z[z], self.nu[z] = output.point.z, output.point.nu
             self.y[rows], self.y[self._problem.b.size + equalities] = output.point.lam, output.point.mu
         if output.claim is not Claim.SOLVED:

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -113,7 +114,7 @@ class AutoQP(AutomaticChoice):
         record: Record | None = None,
     ) -> SolverOutput:
         if isinstance(prepared, PartedQP):
-            output = solve_apart(prepared, budget, start, self.run)
+            output = solve_apart(prepared, budget, start, partial(self._part, options))
             if record is not None and isinstance(output.point, QPPoint):
                 record_ends(prepared.problem, output.point, output.counters["iterations"], record)
             return output
@@ -133,7 +134,10 @@ class AutoQP(AutomaticChoice):
 
     def _apart(self, problem: QP, budget: Budget) -> SolverOutput | None:
         parts = parted(problem)
-        return None if parts is None else solve_apart(parts, budget, None, self.run)
+        return None if parts is None else solve_apart(parts, budget, None, partial(self._part, AutoQPOptions()))
+
+    def _part(self, options: AutoQPOptions, problem: QP, budget: Budget, start: QPPoint | None) -> SolverOutput:
+        return self.run(problem, budget, options, start)
 
     def _presolved(self, problem: QP, budget: Budget) -> SolverOutput | None:
         """Return the answer that what presolve leaves has: rows that are bounds are met exactly then."""

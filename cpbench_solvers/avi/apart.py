@@ -1,0 +1,94 @@
+"""An affine variational inequality, or a relay problem, by its connected parts: each is solved by itself."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cpbench.formulations.avi import AVI, AVIPoint
+from cpbench.formulations.lcp import LCPPoint
+from cpbench.formulations.relay import Relay
+from cpbench.foundation.kernel_cache import load
+from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench_solvers.avi.claims import data_of, error_of
+from cpbench_solvers.lcp.claims import CLOSE
+from cpbench_solvers.qp.apart import SHOWN, block, split
+
+Affine: TypeAlias = AVI | Relay
+Index: TypeAlias = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class PartedAffine:
+    """A problem with, for each connected part, the numbers of its unknowns and multipliers, rising."""
+
+    problem: Any
+    members: list[Index]
+
+
+def parted(problem: Affine) -> PartedAffine | None:
+    """Return a problem of several connected parts with these; None where it is one, or has a row without entries."""
+    n = problem.q.size
+    if n < 2:
+        return None
+    part = load("cpbench_solvers.kernels.qp_parts").labels(*data_of(problem)[:2])
+    count = int(part.max()) + 1
+    if count < 2 or np.setdiff1d(part[n:], part[:n]).size:
+        return None
+    order = np.argsort(part, kind="stable")
+    return PartedAffine(problem, np.split(order, np.cumsum(np.bincount(part))[:-1]))
+
+
+def restricted(P: Any, at: Index) -> Affine:
+    """Return the problem of some unknowns and rows, numbered as those of z, A and C together, rising."""
+    if isinstance(P, Relay):
+        return Relay(M=block(P.M, at, at), q=P.q[at], lb=P.lb[at], ub=P.ub[at])
+    z, rows, equalities = split(at, P.q.size, P.b.size)
+    own = {"M": block(P.M, z, z), "q": P.q[z], "lb": P.lb[z], "ub": P.ub[z]}
+    others = {"A": block(P.A, rows, z), "b": P.b[rows], "C": block(P.C, equalities, z), "d": P.d[equalities]}
+    return AVI(**own, **others)
+
+
+def solve_apart(
+    parts: PartedAffine, budget: Budget, start: Any | None, run: Callable[[Any, Budget, Any], SolverOutput]
+) -> SolverOutput:
+    """Return the answer of all parts, solved one after the other by `run`; a limit of iterations is one of all."""
+    problem, deadline = parts.problem, time.monotonic() + budget.seconds
+    x = np.zeros(sum(problem.point_sizes.values()))
+    given, counters, claim, missed = None if start is None else _joined(start), Counter[str](), Claim.SOLVED, []
+    for number, at in enumerate(parts.members):
+        own = restricted(problem, at)
+        left = None if budget.iterations is None else max(budget.iterations - counters["iterations"], 0)
+        share = replace(budget, seconds=max(deadline - time.monotonic(), 0.0), iterations=left)
+        output = run(own, share, None if given is None else _point(own, given[at]))
+        counters.update(output.counters)
+        if output.point is not None:
+            x[at] = _joined(output.point)
+        if output.claim is not Claim.SOLVED:
+            claim = output.claim
+            missed.append(f"part {number + 1} ({at.size} unknowns and rows): {output.message or output.claim}")
+    point = _point(problem, x)
+    error = error_of(problem, point, budget.tolerance)
+    if error <= budget.tolerance:
+        return SolverOutput(claim=Claim.SOLVED, point=point, counters=dict(counters))
+    if claim in (Claim.SOLVED, Claim.FAILED):
+        claim = Claim.INACCURATE if error <= CLOSE * budget.tolerance else Claim.FAILED
+    message = "; ".join([*missed[:SHOWN], f"error {error:.1e}"])
+    return SolverOutput(claim=claim, point=point, counters=dict(counters), message=message)
+
+
+def _joined(point: Any) -> Any:
+    return np.concatenate(list(point.arrays().values()))
+
+
+def _point(problem: Affine, x: Any) -> Any:
+    if isinstance(problem, Relay):
+        return LCPPoint(x)
+    n, m = problem.q.size, problem.b.size
+    return AVIPoint(x[:n], x[n : n + m], x[n + m :])

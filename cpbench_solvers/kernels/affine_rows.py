@@ -1,0 +1,222 @@
+"""The error of an answer to an affine problem in a box by its connected parts, which norms over all hide.
+
+With the names of `affine_parts` and of `qp_rows`: rows of a group have one size, the largest D_i Σ_j |K_ij x_j|, or
+D_i |c_i| where the constant counts; that of rows beside multipliers is at least what the unknowns make of a row,
+|x_i|/D_i. An unknown has its unit from its largest effect on a row, or from its bounds where both are finite.
+
+The error is the largest of
+
+- the distances |x − P(x − f)| in these units, P the projection on the box,
+- the gap Σ |x_i f_i| of a part over the terms of its objective, as in `qp_rows`; where there are no multipliers, in
+  units, over max(Σ|c_i x_i|, |xᵀMx|),
+- and the square of growth: of the distances in the sizes of the constants alone.
+
+Rounding of terms that cancel, 8 eps Σ|terms|, is no error in the last two.
+"""
+
+import numpy as np
+from numba import boolean, float64, njit
+
+from cpbench_solvers.kernels.affine_parts import AFFINE
+from cpbench_solvers.kernels.array_types import COMPILED, DATA
+from cpbench_solvers.kernels.qp_gap import NOISE, product, row_products, without
+from cpbench_solvers.kernels.qp_rows import BALANCED, is_fixed, is_idle, row_terms
+
+
+@njit(float64(float64, float64, float64, float64, float64, float64), **COMPILED)
+def _distance(low, high, x, w, x_unit, w_unit):
+    """Return |x − P(x − w)| in units; no difference of x and x − w, in which a small w is lost beside a large x."""
+    step = w * w_unit
+    if low > -np.inf:
+        step = min(step, (x - low) * x_unit)
+    if high < np.inf:
+        step = max(step, (x - high) * x_unit)
+    return abs(step)
+
+
+@njit(**COMPILED)
+def _counted(program, x, f, sizes, sums, own, taken, needed, beside):
+    """Write which constants count (1 or 0), and the terms of every row in unknowns that a bound fixes; return of every
+    group whether something gives it a size and whether a constant of it counts, and of every part whether its unknowns
+    have one."""
+    n, start, column, value, c, low, high, part = program[:8]
+    group, constants = program[9], program[10]
+    sized, some, known = np.zeros(constants.size), np.zeros(constants.size), np.zeros(part.max() + 1)
+    for i in range(x.size):
+        terms = sums[i] - taken[i]
+        idle = is_idle(low[i], high[i], x[i], f[i]) or abs(f[i]) < 0.5 * taken[i]
+        balanced = terms > BALANCED * abs(c[i])
+        needed[i] = 1.0 if c[i] != 0.0 and (balanced or not idle) else 0.0
+        beside[i] = 0.0
+        for k in range(start[i], start[i + 1]):
+            j = column[k]
+            if j < n and is_fixed(low[j], high[j], x[j]):
+                sized[group[i]] = 1.0
+                beside[i] += abs(value[k]) * sizes[j]
+        if needed[i] > 0.0:
+            sized[group[i]] = some[group[i]] = 1.0
+            if i < n and (own[i] > BALANCED * abs(c[i]) or not balanced):
+                known[part[i]] = 1.0
+        if i < n and is_fixed(low[i], high[i], x[i]):
+            known[part[i]] = 1.0
+    for i in range(n, x.size):
+        known[part[i]] = max(known[part[i]], sized[group[i]])
+    for i in range(n, x.size):
+        sized[group[i]] = max(sized[group[i]], known[part[i]])
+    return sized, some, known
+
+
+@njit(**COMPILED)
+def _row_units(program, sizes, sums, taken, needed, sized, some, known, of_x, unit):
+    """Write 1 over the size of every row; known : of parts, of_x : of unknowns without multipliers."""
+    n, start, column, value, c = program[:5]
+    part, D, group, constants = program[7:]
+    size, reach, with_rows = np.zeros(constants.size), np.zeros(known.size), n < unit.size
+    for i in range(n):
+        reach[part[i]] = max(reach[part[i]], sizes[i] / D[i])
+    for i in range(unit.size):
+        terms = sums[i] - taken[i]
+        counts = needed[i] > 0.0 or some[group[i]] == 0.0
+        own = D[i] * (max(terms, abs(c[i])) if counts else terms)
+        if i >= n and known[part[i]] > 0.0:
+            own = max(own, reach[part[i]])
+        size[group[i]] = max(size[group[i]], own)
+    for i in range(unit.size):
+        if (known[part[i]] if with_rows else sized[group[i]]) > 0.0:
+            unit[i] = D[i] / size[group[i]] if size[group[i]] > 0.0 else 1.0
+        else:  # every row has its own terms, unknowns without a size at least 1
+            alone = abs(c[i])
+            total = 0.0
+            for k in range(start[i], start[i + 1]):
+                j = column[k]
+                if j < n:
+                    total += abs(value[k]) * (sizes[j] if of_x[j] > 0.0 else max(sizes[j], 1.0))
+            alone = max(alone, total)
+            unit[i] = 1.0 / alone if alone > 0.0 else 1.0
+        if taken[i] > 0.0:
+            unit[i] = min(unit[i], 1.0 / taken[i])
+
+
+@njit(**COMPILED)
+def _effects(program, unit, counts, effect):
+    """Write the largest effect of every unknown on a row that counts."""
+    start, column, value = program[1], program[2], program[3]
+    effect[:] = 0.0
+    for i in range(unit.size):
+        if counts[i] > 0.0:
+            for k in range(start[i], start[i + 1]):
+                effect[column[k]] = max(effect[column[k]], abs(value[k]) * unit[i])
+
+
+@njit(**COMPILED)
+def _units(program, sizes, sums, taken, needed, sized, some, known, of_x, unit, effect):
+    """Write 1 over the size of every row and of every unknown, and of which unknowns the size is known."""
+    n, low, high, part, group = program[0], program[5], program[6], program[7], program[9]
+    counts, with_rows = np.empty(unit.size), n < unit.size
+    for i in range(unit.size):
+        counts[i], unit[i] = sized[group[i]], 1.0
+    _effects(program, unit, counts, effect)
+    for i in range(unit.size):
+        whole = max(abs(low[i]), abs(high[i]))
+        bounded = 0.0 < whole < np.inf
+        if with_rows:
+            of_x[i] = known[part[i]]
+        else:
+            of_x[i] = 1.0 if effect[i] > 0.0 or bounded else 0.0
+    _row_units(program, sizes, sums, taken, needed, sized, some, known, of_x, unit)
+    _effects(program, unit, counts, effect)
+    for i in range(unit.size):
+        whole = max(abs(low[i]), abs(high[i]))
+        if 0.0 < whole < np.inf:
+            effect[i] = max(effect[i], 1.0 / whole)
+        if effect[i] == 0.0 or (i < n and of_x[i] == 0.0):
+            effect[i] = 1.0
+
+
+@njit(**COMPILED)
+def _gap(program, x, f, sums, unit, effect, of_x):
+    """Return the largest error of the gap of a part."""
+    n, c, low, high, part = program[0], program[4], program[5], program[6], program[7]
+    count, with_rows = part.max() + 1, n < x.size
+    products, gap, alone, absolute = np.empty(x.size), np.zeros(count), np.zeros(count), np.zeros(count)
+    quadratic, prices, straight, sides = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    for i in range(x.size):
+        q, size = part[i], 1.0 / unit[i]
+        weight = 1.0 if with_rows else unit[i] * effect[i]
+        w = without(f[i], NOISE * max(sums[i] + abs(c[i]), size))
+        products[i] = weight * product(low[i], high[i], x[i], w, 1.0 / effect[i])
+        quadratic[q] += weight * x[i] * (w - c[i])
+        alone[q] += abs(products[i]) * (unit[i] * effect[i] if with_rows else 1.0)
+        if i < n:
+            gap[q] += abs(products[i])
+            prices[q] += weight * x[i] * c[i]
+            straight[q] += weight * abs(x[i] * c[i])
+        else:
+            sides[q] += abs(x[i] * c[i])
+        if of_x[i] == 0.0:
+            absolute[q] = 1.0
+    row_products(program, f, sums, unit, products, gap)
+    worst = 0.0
+    for q in range(count):
+        if absolute[q] > 0.0:
+            worst = max(worst, alone[q])
+        elif gap[q] > 0.0:
+            half = 0.5 * quadratic[q]
+            if with_rows:
+                terms = max(max(abs(half + prices[q]), abs(half)), min(straight[q], sides[q]))
+            else:
+                terms = max(straight[q], abs(quadratic[q]))
+            size = max(terms, gap[q])
+            error = gap[q] / size
+            worst = max(worst, error if with_rows or size >= 1.0 else min(error, np.sqrt(size)))
+    return worst
+
+
+@njit(boolean(AFFINE, DATA, DATA, DATA), **COMPILED)
+def _exact(program, x, f, sums):
+    """Return whether the answer is exact to rounding: each row that does not hold its unknown where it is, is 0. Then
+    no part has an error of more than a few times that, and that takes no units."""
+    c, low, high = program[4], program[5], program[6]
+    for i in range(x.size):
+        if not low[i] <= x[i] <= high[i]:
+            return False
+        held = (f[i] > 0.0 and x[i] == low[i]) or (f[i] < 0.0 and x[i] == high[i])
+        if not (held or abs(f[i]) <= NOISE * (sums[i] + abs(c[i]))):
+            return False
+    return True
+
+
+@njit(float64(AFFINE, DATA), **COMPILED)
+def largest_error(program, x):
+    """Return the largest error of a part; infinite where that is no number."""
+    c, low, high, D, group = program[4], program[5], program[6], program[8], program[9]
+    N = x.size
+    room = np.empty((10, N))
+    f, sizes, sums, own, taken, needed, beside, of_x, unit, effect = (
+        room[0], room[1], room[2], room[3], room[4], room[5], room[6], room[7], room[8], room[9],
+    )  # fmt: skip
+    row_terms(program, x, f, sizes, sums, own, taken)
+    for i in range(N):
+        if not np.isfinite(f[i] * sums[i]):
+            return np.inf
+    if N == 0 or _exact(program, x, f, sums):
+        return NOISE if N else 0.0
+    sized, some, known = _counted(program, x, f, sizes, sums, own, taken, needed, beside)
+    _units(program, sizes, sums, taken, needed, sized, some, known, of_x, unit, effect)
+    error = _gap(program, x, f, sums, unit, effect, of_x)
+    data, always = program[10].copy(), np.ones(N)
+    for i in range(N):
+        error = max(error, _distance(low[i], high[i], x[i], f[i], effect[i], unit[i]))
+        data[group[i]] = max(data[group[i]], D[i] * beside[i])
+    for i in range(N):
+        unit[i] = D[i] / data[group[i]] if data[group[i]] > 0.0 else 0.0
+    _effects(program, unit, always, effect)
+    growth = 0.0
+    for i in range(N):
+        w = without(f[i], NOISE * (sums[i] + abs(c[i])))
+        growth = max(growth, _distance(low[i], high[i], x[i], w, effect[i], unit[i]))
+    growth = min(growth, 1.0)
+    return max(error, growth * growth)
+
+
+READY = True

@@ -1,0 +1,102 @@
+"""Claims on affine variational inequalities are the verdict's in every connected part; parts are solved by
+themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from cpbench.formulations import AVI, AVIPoint, LCPPoint, Relay
+from cpbench.solvers import Budget, Claim, solvers
+from cpbench.testing import planted_conic
+from cpbench.verification import judge
+from cpbench_solvers.avi.claims import error_of
+
+KINDS = "positive definite", "singular semidefinite", "monotone"
+
+
+def relay(rng: Any) -> Relay:
+    n = int(rng.integers(2, 10))
+    M = rng.standard_normal((n, n))
+    return Relay(M=M @ M.T + M - M.T, q=rng.standard_normal(n), lb=-rng.random(n), ub=rng.random(n))
+
+
+def avi(rng: Any, kind: str) -> tuple[AVI, AVIPoint]:
+    return planted_conic.avi(rng, int(rng.integers(4, 10)), int(rng.integers(0, 6)), int(rng.integers(0, 3)), kind)
+
+
+def side_by_side(problems: list[Any], rng: Any) -> Any:
+    """One problem of all, unknowns and rows in units from 1e-6 to 1e6."""
+    data: dict[str, Any] = {name: [] for name in (*"MqAbCd", "lb", "ub")}
+    for P in problems:
+        z, f = 10.0 ** rng.uniform(-6, 6, 2)
+        data["M"].append(f / z * P.M)
+        data["q"].append(f * P.q)
+        for side in ("lb", "ub"):
+            data[side].append(z * getattr(P, side))
+        for matrix, side in ("Ab", "Cd") if isinstance(P, AVI) else ():
+            data[matrix].append(getattr(P, matrix))
+            data[side].append(z * getattr(P, side))
+    joined = {name: np.concatenate(data[name]) for name in ("q", "b", "d", "lb", "ub") if data[name]}
+    joined |= {name: sp.block_diag(data[name], format="csr") for name in "MAC" if data[name]}
+    return type(problems[0])(**joined)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_errors_of_parts_are_those_of_the_verdict(seed: int) -> None:
+    """Within 1 % where there are no rows. The scale of the multipliers beside the unknowns, which an equilibration
+    leaves open, is known to a tenth."""
+    rng = np.random.default_rng(seed)
+    for k in range(12):
+        P: Any
+        P, answer = avi(rng, KINDS[k % 3])
+        if k % 4 == 0:
+            P = relay(rng)
+            answer = solvers.get("lemke-relay").run(P, Budget(tolerance=1e-10)).point
+        for size in (1e-8, 1e-4, 1e-2):
+            off = {name: a * (1.0 + size * rng.standard_normal(a.size)) for name, a in answer.arrays().items()}
+            point = LCPPoint(**off) if isinstance(P, Relay) else AVIPoint(**off)
+            expected, norms = judge(P, point, 1e-6).error, P.residuals(point, 1e-6).error
+            found = error_of(P, point, np.inf)
+            assert found >= norms
+            allowed = 0.01 if isinstance(P, Relay) or P.only_box else 0.1
+            assert found == norms or abs(found / expected - 1.0) < allowed
+            assert found >= (1.0 - allowed) * expected
+
+
+@pytest.mark.parametrize("name", ["auto-avi", "lemke-avi", "auto-relay", "lemke-relay", "newton-relay", "pgs-relay"])
+def test_claims_hold_for_problems_side_by_side(name: str) -> None:
+    """Two to twelve planted problems whose sizes are up to 1e12 apart; the automatic choices solve all."""
+    rng = np.random.default_rng(7)
+    for count in (2, 12):
+        own = [relay(rng) if "relay" in name else avi(rng, KINDS[k % 3])[0] for k in range(count)]
+        P = side_by_side(own, rng)
+        for tolerance in (1e-4, 1e-8):
+            output = solvers.get(name).run(P, Budget(tolerance=tolerance, seconds=60.0))
+            if name.startswith("auto"):
+                assert output.claim is Claim.SOLVED, output.message
+            if output.claim is Claim.SOLVED:
+                assert judge(P, output.point, tolerance).error <= tolerance
+
+
+def test_a_start_and_a_record_go_through_all_parts() -> None:
+    rng = np.random.default_rng(2)
+    P = side_by_side([avi(rng, KINDS[0])[0] for _ in range(4)], rng)
+    first = solvers.get("auto-avi").run(P, Budget(tolerance=1e-8))
+    seen: list[float] = []
+    again = solvers.get("auto-avi").run(P, Budget(), None, first.point, lambda k, error, point: seen.append(error))
+    assert again.claim is Claim.SOLVED
+    assert again.counters["iterations"] == 0
+    assert len(seen) == 2
+    assert seen[-1] <= 1e-6
+
+
+def test_a_part_without_a_solution_is_named() -> None:
+    """z = -1 has no point beside z ≥ 0; the other part is z₂ = 1."""
+    P = AVI(M=np.eye(2), q=np.array([0.0, -1.0]), C=np.array([[1.0, 0.0]]), d=np.array([-1.0]), lb=np.zeros(2))
+    output = solvers.get("auto-avi").run(P, Budget())
+    assert output.claim is not Claim.SOLVED
+    assert "part 1 (2 unknowns and rows)" in output.message
