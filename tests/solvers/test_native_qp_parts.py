@@ -176,3 +176,12 @@ def test_a_cone_program_with_flat_faces_is_measured_by_its_objective(name: str) 
         output = run(name, problem, tolerance)
         assert output.claim is Claim.SOLVED
         assert judge(problem, output.point, tolerance).solved
+
+
+def test_a_start_goes_to_large_parts() -> None:
+    """Those of more than a hundred unknowns, which are not solved by the compiled call for small ones."""
+    problem, x = side_by_side(4, 2, 160)
+    assert problem.p.size > 200
+    output = run("auto-qp", problem, 1e-8, start=x)
+    assert output.claim is Claim.SOLVED
+    assert judge(problem, output.point, 1e-8).solved
