@@ -20,9 +20,10 @@ from cpbench.formulations.base import formulations
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Matrix, Vector, block, identity, max_abs, sparse, transpose, zeros
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
 from cpbench_solvers.contact.dynamics_error import DynamicsError
+from cpbench_solvers.contact.global_parts import SolverByMovingParts
 from cpbench_solvers.contact.run import iterate_on
 
 RELAXED, REFINEMENTS = 1e-8, 3
@@ -93,7 +94,7 @@ def _times(factor: float, A: Matrix) -> Matrix:
     return sp.csr_array(factor * A) if sp.issparse(A) else factor * A
 
 
-class GlobalADMM(Solver):
+class GlobalADMM(SolverByMovingParts):
     """The iteration of `law_admm`; velocities and joint reactions follow from the reactions exactly."""
 
     def obstacle(self, problem: GlobalContact) -> str | None:
@@ -104,10 +105,10 @@ class GlobalADMM(Solver):
         law = {"mu": [0.5], "dimension": 3} | ({"mu_r": [0.1]} if self.spec.node == "grfc" else {})
         self.run(node(M=one, H=one, f=-one[0], w=np.zeros(3), **law))
 
-    def setup(self, problem: GlobalContact, budget: Budget, options: ConicADMMOptions) -> Dynamics:
+    def prepare(self, problem: GlobalContact, budget: Budget, options: ConicADMMOptions) -> Dynamics:
         return Dynamics(problem)
 
-    def solve(
+    def solve_part(
         self,
         prepared: Dynamics,
         budget: Budget,

@@ -18,6 +18,7 @@ from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
 from cpbench_solvers.contact.condensed import Condensed, condensed
 from cpbench_solvers.contact.dynamics_error import DynamicsError
+from cpbench_solvers.contact.global_parts import MovingParts, moving_parts, solve_moving
 
 SWEEPS, ITERATIONS = 2_000, 1_000
 """Sweeps of Gauss–Seidel and iterations of ADMM before the other goes on: they stand still for different reasons."""
@@ -63,7 +64,8 @@ class AutoGlobal(AutomaticChoice):
     def setup(self, problem: GlobalFrictionContact, budget: Budget, options: Any) -> Any:
         small = condensed(problem)
         if small is None:
-            return super().setup(problem, budget, options)
+            parts = moving_parts(problem)
+            return super().setup(problem, budget, options) if parts is None else parts
         solver = solvers.get(LOCAL)
         own = solver.spec.options()
         return PreparedCondensed(small, solver.setup(small.local, budget, own), own, DynamicsError.of(problem))
@@ -85,6 +87,8 @@ class AutoGlobal(AutomaticChoice):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
+        if isinstance(prepared, MovingParts):
+            return solve_moving(prepared, budget, start, record, self._part)
         if not isinstance(prepared, PreparedCondensed):
             return super().solve(prepared, budget, options, start, record)
         end = time.monotonic() + budget.seconds
@@ -92,10 +96,17 @@ class AutoGlobal(AutomaticChoice):
         left = _left(budget, output.counters, budget, end)
         if output.claim is Claim.SOLVED or left is None:
             return output
-        plan = super().setup(prepared.condensed.problem, left, options)
-        rest = super().solve(plan, left, options, output.point, None)
+        parts = moving_parts(prepared.condensed.problem)
+        if parts is None:
+            plan = super().setup(prepared.condensed.problem, left, options)
+            rest = super().solve(plan, left, options, output.point, None)
+        else:
+            rest = solve_moving(parts, left, output.point, None, self._part)
         counters = dict(Counter(output.counters) + Counter(rest.counters))
         return replace(rest, counters=counters, message="; ".join(m for m in (output.message, rest.message) if m))
+
+    def _part(self, part: Any, budget: Budget, start: Any | None, record: Record | None) -> SolverOutput:
+        return self.run(part, budget, None, start, record)
 
 
 def _left(finer: Budget, counters: Mapping[str, int], budget: Budget, end: float) -> Budget | None:

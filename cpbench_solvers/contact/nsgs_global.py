@@ -16,8 +16,9 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.foundation.factorization import Blocks, assembled, components, diagonal_blocks
 from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector, dense, entries, freeze, sparse
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.contact.dynamics_error import DynamicsError
+from cpbench_solvers.contact.global_parts import SolverByMovingParts
 from cpbench_solvers.contact.run import ContactMethod, MethodOptions, iterate_on
 from cpbench_solvers.contact.sweeps import kernel
 
@@ -110,7 +111,7 @@ class VelocitySweeps(ContactMethod):
 
 
 @register
-class NSGSGlobal(Solver):
+class NSGSGlobal(SolverByMovingParts):
     """Block Gauss–Seidel with exact one-contact solves on the dynamics; the iterates are those of `nsgs` on W.
 
     M must be symmetric positive definite with small components (rigid bodies, robots); there must be no joints.
@@ -141,7 +142,7 @@ class NSGSGlobal(Solver):
             return "M is not positive definite"
         return None
 
-    def setup(self, problem: GlobalFrictionContact, budget: Budget, options: MethodOptions) -> Bodies:
+    def prepare(self, problem: GlobalFrictionContact, budget: Budget, options: MethodOptions) -> Bodies:
         return Bodies.of(problem)
 
     def warmup(self) -> None:
@@ -151,7 +152,7 @@ class NSGSGlobal(Solver):
             f[0] = -1.0
             self.run(GlobalFrictionContact(M=one, H=one, f=f, w=np.zeros(d), mu=np.array([0.5]), dimension=d))
 
-    def solve(
+    def solve_part(
         self,
         prepared: Bodies,
         budget: Budget,

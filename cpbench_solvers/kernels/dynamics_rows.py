@@ -8,10 +8,35 @@ import numpy as np
 from numba import boolean, int64, njit, types, void
 
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, INDEX, VECTOR
+from cpbench_solvers.kernels.row_errors import joined, root
 
 BOOLEAN = types.Array(boolean, 1, "C", readonly=True)
 HEARD = 0.1
 """Share of the constant of an idle contact that the other terms must reach for it to give a size."""
+
+
+@njit(
+    void(INDEX, INDEX, DATA, INDEX, INDEX, DATA, INDEX, INDEX, DATA, int64, int64, int64[::1]),
+    **COMPILED,
+)
+def label(M_start, M_column, M, H_start, H_column, H, G_start, G_column, G, width, contacts, part):
+    """Write the least number of the connected part of every block; stored zeros join nothing."""
+    n = M_start.size - 1
+    for i in range(part.size):
+        part[i] = i
+    for e in range(n):
+        own = contacts + e
+        for k in range(M_start[e], M_start[e + 1]):
+            if M[k] != 0.0:
+                joined(part, own, contacts + M_column[k])
+        for k in range(H_start[e], H_start[e + 1]):
+            if H[k] != 0.0:
+                joined(part, own, H_column[k] // width)
+        for k in range(G_start[e], G_start[e + 1]):
+            if G[k] != 0.0:
+                joined(part, own, contacts + n + G_column[k])
+    for i in range(part.size):
+        part[i] = root(part, i)
 
 
 @njit(

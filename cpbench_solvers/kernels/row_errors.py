@@ -23,7 +23,7 @@ SMALL = 1e-3
 
 
 @njit(int64(int64[::1], int64), **COMPILED)
-def _root(part, i):
+def root(part, i):
     """Return the last of the chain of part[i], made shorter on the way."""
     while part[i] != i:
         part[i] = part[part[i]]
@@ -32,9 +32,9 @@ def _root(part, i):
 
 
 @njit(int64(int64[::1], int64, int64), **COMPILED)
-def _joined(part, i, j):
+def joined(part, i, j):
     """Join the parts of i and j; return 1 where they were two."""
-    a, b = _root(part, i), _root(part, j)
+    a, b = root(part, i), root(part, j)
     part[max(a, b)] = min(a, b)
     return a != b
 
@@ -48,11 +48,11 @@ def label_dense(K, part):
     for i in range(n):
         for j in range(n):
             if K[i, j] != 0.0 and left > 1:
-                left -= _joined(part, i, j)
+                left -= joined(part, i, j)
         if left == 1:
             break
     for i in range(n):
-        part[i] = _root(part, i)
+        part[i] = root(part, i)
 
 
 @njit([void(*index, DATA, int64[::1]) for index in INDICES], **COMPILED)
@@ -64,9 +64,9 @@ def label_sparse(start, columns, values, part):
     for i in range(n):
         for e in range(start[i], start[i + 1]):
             if values[e] != 0.0 and left > 1:
-                left -= _joined(part, i, columns[e])
+                left -= joined(part, i, columns[e])
     for i in range(n):
-        part[i] = _root(part, i)
+        part[i] = root(part, i)
 
 
 @njit(void(DATA_2D, VECTOR), **COMPILED)
