@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -14,7 +15,8 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, StackCall, Trait, register, solved
-from cpbench_solvers.contact.by_parts import SolverByParts
+from cpbench_solvers.contact.by_parts import SURE, SolverByParts
+from cpbench_solvers.contact.parts import ContactPart
 from cpbench_solvers.contact.phases import Phases, counters
 from cpbench_solvers.contact.sweeps import (
     APART,
@@ -37,6 +39,8 @@ KERNELS = (
     "gauss_seidel",
     "part_energy",
 )
+STEEP = 1e4
+"""Friction from which on a contact hardly ever slides: first it is solved with this."""
 WORDS = 12
 """Phases that the message tells of, the last ones."""
 
@@ -82,6 +86,23 @@ class AutoContact(SolverByParts):
 
     def warmup(self) -> None:
         load_all("cpbench_solvers.kernels", KERNELS)
+
+    def _solved(
+        self, part: ContactPart, budget: Budget, options: Any, start: Any | None, record: Record | None
+    ) -> SolverOutput:
+        problem = part.problem
+        if not (problem.mu > STEEP).any() or start is not None or record is not None:
+            return super()._solved(part, budget, options, start, record)
+        # what sticks under less friction does so under more, and μ times the rounding of a velocity is no velocity
+        begun = time.monotonic()
+        less = replace(problem, mu=np.minimum(problem.mu, STEEP))
+        near = ContactPart.of(part.rows, less, self.prepare(less, budget, options))
+        output = super()._solved(near, replace(budget, seconds=0.5 * budget.seconds), options, None, None)
+        if output.point is not None and part.error(output.point.r) <= SURE * budget.tolerance:
+            return solved(output.point, output.counters)
+        left = replace(budget, seconds=max(begun + budget.seconds - time.monotonic(), 0.0))
+        rest = super()._solved(part, left, options, output.point, None)
+        return replace(rest, counters=dict(Counter(output.counters) + Counter(rest.counters)))
 
     def solve_part(
         self,

@@ -23,6 +23,7 @@ from cpbench.formulations import (
     MixedFrictionContact,
 )
 from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted, planted_contact
 from cpbench.verification import judge
 
@@ -116,3 +117,43 @@ def test_a_cone_of_infinite_friction_is_the_half_space() -> None:
     K = ProductCone.of((Cone.SECOND_ORDER, 1, 2, np.inf))
     problem = ConeQP.over(np.eye(2), np.array([1.0, -2.0]), K)
     assert judge(problem, ConeQPPoint(x=[0.0, 2.0], y=[1.0, 0.0]), 1e-12).solved
+
+
+def pushed_cube(mu: float) -> tuple[FrictionContact, np.ndarray]:
+    """A cube of side 2 and mass 1 on its corners, pushed sideways by half its weight, and the Jacobian of its corners:
+    it stays where it is, while friction is above a half."""
+    rows = []
+    for corner in [np.array([x, y, -1.0]) for x in (-1.0, 1.0) for y in (-1.0, 1.0)]:
+        for axis in (np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])):
+            rows.append(np.concatenate([axis, np.cross(corner, axis)]))
+    J, inverse = np.array(rows), np.diag([1.0, 1.0, 1.0, 1.5, 1.5, 1.5])
+    fall = np.array([0.5 * 0.00981, 0.0, -0.00981, 0.0, 0.0, 0.0])
+    return FrictionContact(W=J @ inverse @ J.T, q=J @ fall, mu=np.full(4, mu)), J
+
+
+@pytest.mark.parametrize("exponent", [1, 4, 6, 8, 9, 10, 12])
+def test_a_cube_on_rough_ground_stays_where_it_is(exponent: int) -> None:
+    """To rounding, whatever the coefficient; the reactions balance weight and push, by statics."""
+    problem, J = pushed_cube(10.0**exponent)
+    for tolerance in (1e-4, 1e-6, 1e-8):
+        output = solvers.get("auto-fc").run(problem, Budget(tolerance=tolerance))
+        assert output.claim is Claim.SOLVED, output.message
+        assert judge(problem, output.point, tolerance).error <= tolerance
+        np.testing.assert_allclose((J.T @ output.point.r)[:3], [-0.5 * 0.00981, 0.0, 0.00981], atol=tolerance)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_claims_hold_where_some_contacts_are_a_million_times_as_rough(seed: int) -> None:
+    """Drawn scenes, most contacts with friction from 1e4 to 1e12; nearly all are solved."""
+    rng = np.random.default_rng(seed)
+    solved = 0
+    for exponent in (4, 6, 8, 10, 12):
+        nc = int(rng.integers(1, 8))
+        H = rng.standard_normal((3 * nc, 3 * nc + 6))
+        mu = np.where(rng.random(nc) < 0.7, 10.0**exponent, rng.uniform(0.1, 0.9, nc))
+        problem = FrictionContact(W=H @ H.T, q=H @ rng.standard_normal(3 * nc + 6), mu=mu)
+        output = solvers.get("auto-fc").run(problem, Budget(tolerance=1e-6, seconds=20.0))
+        if output.claim is Claim.SOLVED:
+            solved += 1
+            assert judge(problem, output.point, 1e-6).error <= 1e-6
+    assert solved >= 4
