@@ -131,8 +131,7 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
             squares[part[i]] += (off * per_row[i]) ** 2
         beyond = max(beyond, (off - ROUNDING * (sums[i] + constants[i])) * per_constant[i])
     worst = max(worst, UNCERTAIN * np.sqrt(squares.max()) if squares.size else 0.0)
-    beyond = min(beyond, 1.0)
-    worst = max(worst, beyond * beyond)
+    worst = max(worst, min(UNCERTAIN * beyond * beyond, 1.0))
     total = natural + energy + opening + square(force) + square(joint)
     return worst if np.isfinite(total) else np.nan
 
