@@ -15,11 +15,12 @@ Rounding of terms that cancel, 8 eps Σ|terms|, is no error in the last two.
 """
 
 import numpy as np
-from numba import boolean, float64, njit
+from numba import boolean, float64, int64, njit
 
 from cpbench_solvers.kernels.affine_parts import AFFINE
 from cpbench_solvers.kernels.array_types import COMPILED, DATA
 from cpbench_solvers.kernels.qp_gap import NOISE, product, row_products, without
+from cpbench_solvers.kernels.qp_ldl import CSR
 from cpbench_solvers.kernels.qp_rows import BALANCED, is_fixed, is_idle, row_terms
 
 
@@ -172,16 +173,33 @@ def _gap(program, x, f, sums, unit, effect, of_x):
     return worst
 
 
-@njit(boolean(AFFINE, DATA, DATA, DATA), **COMPILED)
-def _exact(program, x, f, sums):
-    """Return whether the answer is exact to rounding: each row that does not hold its unknown where it is, is 0. Then
-    no part has an error of more than a few times that, and that takes no units."""
-    c, low, high = program[4], program[5], program[6]
-    for i in range(x.size):
-        if not low[i] <= x[i] <= high[i]:
+@njit(boolean(float64, float64, float64, float64, float64), **COMPILED)
+def _settled(low, high, x, f, noise):
+    """Return whether an unknown is within its bounds, and its row is 0 to rounding or holds it at one."""
+    held = (f > 0.0 and x == low) or (f < 0.0 and x == high)
+    return low <= x <= high and (held or abs(f) <= noise)
+
+
+@njit(boolean(CSR, CSR, DATA, DATA, int64, DATA, DATA, DATA), **COMPILED)
+def exact(M, G, q, h, m, lb, ub, x):
+    """Return whether the answer is exact to rounding. Then no part has an error of more than a few times that, and that
+    takes no units. The arguments are those of `affine`, and x, the unknowns and multipliers."""
+    n = q.size
+    f, terms = q.copy(), np.abs(q)
+    for i in range(h.size):
+        y, value, sizes = x[n + i], -h[i], abs(h[i])
+        for k in range(G[0][i], G[0][i + 1]):
+            value += G[2][k] * x[G[1][k]]
+            sizes += abs(G[2][k] * x[G[1][k]])
+            f[G[1][k]] -= G[2][k] * y
+            terms[G[1][k]] += abs(G[2][k] * y)
+        if not _settled(0.0 if i < m else -np.inf, np.inf, y, value, NOISE * sizes):
             return False
-        held = (f[i] > 0.0 and x[i] == low[i]) or (f[i] < 0.0 and x[i] == high[i])
-        if not (held or abs(f[i]) <= NOISE * (sums[i] + abs(c[i]))):
+    for i in range(n):
+        for k in range(M[0][i], M[0][i + 1]):
+            f[i] += M[2][k] * x[M[1][k]]
+            terms[i] += abs(M[2][k] * x[M[1][k]])
+        if not _settled(lb[i], ub[i], x[i], f[i], NOISE * terms[i]):
             return False
     return True
 
@@ -199,8 +217,8 @@ def largest_error(program, x):
     for i in range(N):
         if not np.isfinite(f[i] * sums[i]):
             return np.inf
-    if N == 0 or _exact(program, x, f, sums):
-        return NOISE if N else 0.0
+    if N == 0:
+        return 0.0
     sized, some, known = _counted(program, x, f, sizes, sums, own, taken, needed, beside)
     _units(program, sizes, sums, taken, needed, sized, some, known, of_x, unit, effect)
     error = _gap(program, x, f, sums, unit, effect, of_x)
