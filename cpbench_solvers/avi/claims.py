@@ -42,14 +42,13 @@ def program_of(problem: AVI | Relay) -> Any:
 
 def error_of(problem: AVI | Relay, point: Any, tolerance: float) -> float:
     """Return the larger one of the error of norms (`residuals`) and, where that is within the tolerance, of that of the
-    connected parts (`affine_rows`); infinite for an answer that is not finite."""
+    connected parts (`affine_rows`); 8 eps for an answer that is exact to rounding, as nearly all of pivoting are, and
+    infinity for one that is not finite."""
+    x, kernel = np.concatenate(list(point.arrays().values())), load("cpbench_solvers.kernels.affine_rows")
+    M, G, sides, count = data_of(problem)
+    if kernel.exact(M, G, problem.q, sides, count, problem.lb, problem.ub, x):
+        return kernel.NOISE
     if not point.finite:
         return np.inf
     error = problem.residuals(point, tolerance).error
-    if not error <= tolerance:
-        return error
-    x, kernel = np.concatenate(list(point.arrays().values())), load("cpbench_solvers.kernels.affine_rows")
-    M, G, sides, count = data_of(problem)
-    if problem not in _PROGRAMS and kernel.exact(M, G, problem.q, sides, count, problem.lb, problem.ub, x):
-        return error  # as nearly all answers of pivoting: units take longer to find than such an answer
-    return max(error, kernel.largest_error(program_of(problem), x))
+    return max(error, kernel.largest_error(program_of(problem), x)) if error <= tolerance else error
