@@ -3,7 +3,7 @@
 Norms over a part count the free velocities of contacts that stay open, however fast these are, and then say little of
 the contacts that carry something. Here the size of the part is s = ‖D max(Σ_b ‖W_cb‖‖r_b‖, ‖q_c‖)‖, without q_c where
 the other terms of contact c are below a tenth of q_c (it is open or slides). D makes the rows of ‖W_cb‖ + ‖W_bc‖ on
-average 1 (Sinkhorn and Knopp 1967). A reaction is compared in its largest effect on a row.
+average 1 (`equilibration`). A reaction is compared in its largest effect on a row.
 """
 
 import numpy as np
@@ -12,13 +12,57 @@ from numba import int64, njit, void
 from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, INDEX, START, VECTOR
 from cpbench_solvers.kernels.contact_error import velocity_2d, velocity_3d
 from cpbench_solvers.kernels.contact_law import miss, velocity
+from cpbench_solvers.kernels.equilibration import equilibrate
 from cpbench_solvers.kernels.vectors import square
 
-SWEEPS = 100
-ENOUGH = 1e-3
-"""Sweeps of the equilibration at most, and the change of D at which it ends."""
+EVEN = 1e-6
+"""Share by which norms of blocks that are transposed to each other may differ: nothing beside what D is known to."""
 BALANCED = 0.1
 """Share of the free velocity of a contact that the other terms must reach for it to give a size."""
+
+
+@njit(error_model="numpy")
+def _symmetric(start, column, sizes):
+    """Return whether ‖W_bc‖ is ‖W_cb‖ to rounding; columns are sorted."""
+    at = start[:-1].copy()
+    for i in range(at.size):
+        for k in range(start[i], start[i + 1]):
+            j = column[k]
+            other = at[j]
+            if other == start[j + 1] or column[other] != i or abs(sizes[other] - sizes[k]) > EVEN * sizes[k]:
+                return False
+            at[j] += 1
+    return True
+
+
+@njit(error_model="numpy")
+def _both_ways(start, column, sizes, own):
+    """Return ‖W_bc‖ in CSR without zeros where that is symmetric, else its entries and those of the transposed matrix
+    side by side, which D makes 1 on average as it would half of their sums."""
+    nc, many = own.size, 1 if _symmetric(start, column, sizes) else 2
+    begin = np.zeros(nc + 1, np.int64)
+    for i in range(nc):
+        begin[i + 1] += many if own[i] > 0.0 else 0
+        for k in range(start[i], start[i + 1]):
+            if sizes[k] > 0.0:
+                begin[i + 1] += 1
+                begin[column[k] + 1] += many - 1
+    for i in range(nc):
+        begin[i + 1] += begin[i]
+    at, beside, both = begin[:-1].copy(), np.empty(begin[nc], np.int64), np.empty(begin[nc])
+    for i in range(nc):
+        for _ in range(many if own[i] > 0.0 else 0):
+            beside[at[i]], both[at[i]] = i, own[i]
+            at[i] += 1
+        for k in range(start[i], start[i + 1]):
+            if sizes[k] > 0.0:
+                j = np.int64(column[k])
+                beside[at[i]], both[at[i]] = j, sizes[k]
+                at[i] += 1
+                if many == 2:
+                    beside[at[j]], both[at[j]] = i, sizes[k]
+                    at[j] += 1
+    return begin, beside, both
 
 
 @njit(
@@ -42,26 +86,9 @@ def weights(start, column, blocks, diagonal, dimension, sizes, own, D, reach):
         for e in range(d2):
             total += diagonal[i, e] ** 2
         own[i] = np.sqrt(total)
-        D[i] = 1.0 / np.sqrt(2.0 * own[i]) if own[i] > 0.0 else 1.0
-    sums, counts = np.empty(nc), np.empty(nc)
-    for _ in range(SWEEPS):
-        for i in range(nc):
-            sums[i], counts[i] = 2.0 * own[i] * D[i], 1.0 if own[i] > 0.0 else 0.0
-        for i in range(nc):
-            for k in range(start[i], start[i + 1]):
-                if sizes[k] > 0.0:
-                    j = column[k]
-                    sums[i] += sizes[k] * D[j]
-                    sums[j] += sizes[k] * D[i]
-                    counts[i] += 1.0
-        change = 0.0
-        for i in range(nc):
-            if counts[i] > 0.0 and sums[i] > 0.0:
-                new = np.sqrt(D[i] * counts[i] / sums[i])
-                change = max(change, abs(new / D[i] - 1.0))
-                D[i] = new
-        if change < ENOUGH:
-            break
+    begin, beside, both = _both_ways(start, column, sizes, own)
+    equilibrate(begin, beside, both, D)
+    D *= np.sqrt(0.5)
     for i in range(nc):
         reach[i] = D[i] * own[i]
     for i in range(nc):
