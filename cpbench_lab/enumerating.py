@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -12,9 +12,11 @@ import numpy as np
 
 from cpbench import graph, storage
 from cpbench.api.problems import verify
+from cpbench.applications.game import game_sizes
+from cpbench.applications.own_unknowns import own_unknowns
 from cpbench.errors import CpbenchError, FormatError, NoRoute
 from cpbench.formulations.base import Kind, Point, Problem
-from cpbench.foundation.matrices import Dense
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.foundation.plurals import counted
 from cpbench.storage.base import write_atomic
 from cpbench_lab.certifying import require_flint
@@ -49,8 +51,16 @@ class EverySolution:
     @property
     def x(self) -> Dense:
         """The solutions as vectors, the parts of a point one after the other, shape (count, n)."""
+        return self._rows([point.arrays() for point in self.points])
+
+    @property
+    def own(self) -> list[dict[str, Vector]]:
+        """The unknowns of each solution by name: x and y of a game, the parts of the point of any other problem."""
+        return [own_unknowns(self.problem, point) or point.arrays() for point in self.points]
+
+    def _rows(self, parts: Sequence[Mapping[str, Vector]]) -> Dense:
         size = sum(self.problem.point_sizes.values())
-        vectors = [np.concatenate([np.zeros(0), *point.arrays().values()]) for point in self.points]
+        vectors = [np.concatenate([np.zeros(0), *one.values()]) for one in parts]
         return np.array(vectors, dtype=np.float64).reshape(len(vectors), size)
 
     def lines(self) -> Iterator[str]:
@@ -61,24 +71,25 @@ class EverySolution:
             yield f"{counted(len(self.points), 'solution')}, all there are"
         else:
             yield "there is no solution: all complementary bases were looked at"
-        for number, point in enumerate(self.points, 1):
+        for number, (point, own) in enumerate(zip(self.points, self.own, strict=True), 1):
             parts = (
                 f"{name} = ({', '.join(f'{v:.9g}' for v in values.tolist())})"
-                for name, values in point.arrays().items()
+                for name, values in own.items()
                 if values.size
             )
             yield f"  {number}: {'; '.join(parts)}   error {verify(self.problem, point).error:.2g}"
 
     def save(self, path: Path, *, force: bool = False) -> None:
-        """Write a row for each solution (.npy, .csv, .txt); raises FormatError on another suffix, and where the file
-        exists (unless `force`)."""
+        """Write a row of its `own` unknowns for each solution (.npy, .csv, .txt); raises FormatError on another suffix,
+        and where the file exists (unless `force`)."""
         require_rows(path)
+        rows = self._rows(self.own)
 
         def put(file: BinaryIO) -> None:
             if path.suffix == ".npy":
-                np.save(file, self.x, allow_pickle=False)
+                np.save(file, rows, allow_pickle=False)
             else:
-                np.savetxt(file, self.x, fmt="%.17g", delimiter=",")
+                np.savetxt(file, rows, fmt="%.17g", delimiter=",")
 
         write_atomic(path, put, force=force)
 
@@ -90,7 +101,10 @@ def reply_to(address: str, asked: Mapping[str, Any]) -> dict[str, Any]:
     found = every_solution(problem)
     name = problem.name or Path(address).stem
     first, *rest = found.lines()
-    record = {"problem": name, "endless": found.endless, "route": found.route, "solutions": found.x.tolist()}
+    record: dict[str, Any] = {"problem": name, "endless": found.endless, "route": found.route}
+    record["solutions"] = found.x.tolist()
+    if game_sizes(problem) is not None:
+        record["equilibria"] = [{name: part.tolist() for name, part in own.items()} for own in found.own]
     if asked["output"] is not None and found.points:
         found.save(Path(asked["output"]), force=asked["force"])
     lines = [f"{name} ({problem.node}): {first}", *rest]

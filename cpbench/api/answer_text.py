@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from cpbench.analysis.contact_table import ContactTable, contact_table
+from cpbench.applications.own_unknowns import own_unknowns
 from cpbench.errors import PointError
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
@@ -86,8 +87,11 @@ def answer_lines(problem: Problem, point: Point, tolerance: float, *, every: boo
 
 
 def unknown_lines(problem: Problem, point: Point, most: int | None) -> Iterator[str]:
-    """Yield the unknowns, and the slacks that belong to them; of more than `most` the first, and how many follow."""
-    parts, slacks = point.arrays(), problem.slacks(point) if point.finite else {}
+    """Yield the unknowns (of a game x and y, of least squares x and r) and the slacks that belong to them; of more than
+    `most` the first, and how many follow."""
+    own = own_unknowns(problem, point)
+    parts = own or point.arrays()
+    slacks = problem.slacks(point) if point.finite and own is None else {}
     total = sum(part.size for part in parts.values())
     left = total if most is None else most
     columns = unknowns(problem.info)

@@ -15,6 +15,7 @@ from cpbench.cli.types import PATH, POSITIVE
 from cpbench.storage.base import require_new
 from cpbench.storage.half_stored import Half
 from cpbench.storage.packing.pack import CONSTRAINTS, PARTS, pack_sequence, problem_from_files
+from cpbench.storage.packing.parts import APPLICATIONS
 from cpbench.storage.packing.remarks import remarks
 
 
@@ -23,9 +24,19 @@ from cpbench.storage.packing.remarks import remarks
 @click.option("--lcp", nargs=2, type=PATH, metavar="M q", help="0 <= z _|_ Mz + q >= 0")
 @click.option("--mlcp", nargs=6, type=PATH, metavar="A B C D a b", help="Au + Cv + a = 0, 0 <= v _|_ Du + Bv + b >= 0")
 @click.option("--qp", nargs=2, type=PATH, metavar="Q p", help="min 1/2 z'Qz + p'z")
+@click.option(
+    "--game",
+    nargs=2,
+    type=PATH,
+    metavar="A B",
+    help="Bimatrix game: payoffs of the row and of the column player. solve --all lists its equilibria.",
+)
+@click.option(
+    "--least-squares", nargs=2, type=PATH, metavar="A b", help="min 1/2 |Ax - b|^2, with --bounds or without."
+)
 @click.option("--inequality", nargs=2, type=PATH, metavar="A b", help="Az >= b, with --qp.")
 @click.option("--equality", nargs=2, type=PATH, metavar="C d", help="Cz = d, with --qp.")
-@click.option("--bounds", nargs=2, type=PATH, metavar="lb ub", help="lb <= z <= ub, with --qp.")
+@click.option("--bounds", nargs=2, type=PATH, metavar="lb ub", help="lb <= z <= ub, with --qp or --least-squares.")
 @click.option("--fc", nargs=3, type=PATH, metavar="W q mu", help="Frictional contact, local.")
 @click.option("--gfc", nargs=5, type=PATH, metavar="M H f w mu", help="Frictional contact, global.")
 @click.option("--axes", type=click.Choice(["NTT", "TTN", "NT", "TN"]), help="Order of the rows; default: normal first.")
@@ -67,12 +78,15 @@ def command(
         if given[option] is not None:
             raise click.UsageError(f"--{option} goes with --sequence")
     if len(kinds) != 1:
-        raise click.UsageError("give exactly one of --lcp, --mlcp, --qp, --fc, --gfc")
+        raise click.UsageError(f"give exactly one of {', '.join(map(_option, PARTS))}")
     node = kinds[0]
     for option in (name for name in CONSTRAINTS if given[name] and node != "qp"):
-        raise click.UsageError(f"--{option} goes with --qp, not with --{node}")
+        if (node, option) != ("least_squares", "bounds"):
+            raise click.UsageError(f"--{option} goes with --qp, not with {_option(node)}")
     if axes is not None and node not in ("fc", "gfc"):
-        raise click.UsageError(f"--axes goes with --fc and --gfc, not with --{node}")
+        raise click.UsageError(f"--axes goes with --fc and --gfc, not with {_option(node)}")
+    if symmetric and node in APPLICATIONS:
+        raise click.UsageError(f"--symmetric does not go with {_option(node)}, whose matrices are not symmetric")
     require_new(output, force)
     files = dict(zip(PARTS[node], given[node], strict=True))
     for option, parts in CONSTRAINTS.items():
@@ -82,6 +96,10 @@ def command(
     click.echo(f"{output} ({problem.node}: {sizes_line(problem)})")
     if node in ("fc", "gfc"):
         print_lines((f"remark: {remark}" for remark in remarks(problem)), err=True)
+
+
+def _option(kind: str) -> str:
+    return f"--{kind.replace('_', '-')}"
 
 
 def _pack_sequence(

@@ -20,8 +20,10 @@ PARTS: Mapping[str, Sequence[str]] = {
     "qp": "Qp",
     "fc": ("W", "q", "mu"),
     "gfc": ("M", "H", "f", "w", "mu"),
+    "game": "AB",
+    "least_squares": "Ab",
 }
-"""Names of the matrices and vectors of a formulation, in the order of its files."""
+"""Names of the matrices and vectors of a formulation or an application, in the order of its files."""
 CONSTRAINTS: Mapping[str, Sequence[str]] = {"inequality": "Ab", "equality": "Cd", "bounds": ("lb", "ub")}
 """The same for the constraints of a quadratic program."""
 

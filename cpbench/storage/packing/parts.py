@@ -6,13 +6,15 @@ step is met more often than a vector with a wrong number of rows.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cpbench.applications.game import game_problem
+from cpbench.applications.least_squares import least_squares_problem
 from cpbench.errors import FormatError
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, GlobalFrictionContact, Problem
 from cpbench.formulations.contact import ContactProblem
@@ -26,6 +28,11 @@ NODES: Mapping[str, type[Problem]] = {
     "fc": FrictionContact,
     "gfc": GlobalFrictionContact,
 }
+APPLICATIONS: Mapping[str, tuple[Callable[..., Problem], Mapping[str, tuple[str, ...]]]] = {
+    "game": (game_problem, {"A": ("m", "n"), "B": ("m", "n")}),
+    "least_squares": (least_squares_problem, {"A": ("m", "n"), "b": ("m",), "lb": ("n",), "ub": ("n",)}),
+}
+"""Problems under another name: what makes them of their parts, and the dimensions of these."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +57,8 @@ def build(
     its step of a sequence, what is known of its contacts.
     """
     _require_shapes(node, parts)
+    if node in APPLICATIONS:
+        return APPLICATIONS[node][0](**{part: given.value for part, given in parts.items()}, name=name)
     values = {part: _completed(node, part, given, half) for part, given in parts.items()}
     if node == "qp":
         return QP.build(**values, name=name)
@@ -74,6 +83,8 @@ def _completed(node: str, name: str, part: Part, half: Half | None) -> Any:
 
 def _symbols(node: str) -> dict[str, tuple[str, ...]]:
     """Return the dimensions of every part, as the formulation declares them."""
+    if node in APPLICATIONS:
+        return dict(APPLICATIONS[node][1])
     return {f.name: f.metadata["shape"] for f in fields(NODES[node]) if "shape" in f.metadata}
 
 

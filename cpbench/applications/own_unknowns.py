@@ -1,0 +1,25 @@
+"""The unknowns of a game or of least squares in an answer to the problem that was made of it."""
+
+from __future__ import annotations
+
+from cpbench.applications.game import game_sizes, strategies
+from cpbench.applications.least_squares import columns_of
+from cpbench.errors import PointError
+from cpbench.formulations.base import Point, Problem
+from cpbench.foundation.matrices import Vector
+
+
+def own_unknowns(problem: Problem, point: Point) -> dict[str, Vector] | None:
+    """Return x and y of a game, or x and the residual r of least squares; None of any other problem, and where the
+    answer has no probabilities."""
+    if game_sizes(problem) is not None:
+        try:
+            x, y = strategies(problem, point)
+        except PointError:
+            return None
+        return {"x": x, "y": y}
+    columns = columns_of(problem)
+    if columns is None:
+        return None
+    z = point.arrays()["z"]
+    return {"x": z[:columns], "r": z[columns:]}
