@@ -29,6 +29,8 @@ def program(model: Model) -> dict[str, Any]:
     """
     if model.complementary:
         raise model.refused("constraints", "has Complements, expected an optimization problem")
+    if model.cones:
+        raise model.refused("constraints", "has second-order cones beside functions that are not affine")
     functions = model.functions
     objective = model.objective if model.objective is not None else Affine([], [], 0.0)
     return {

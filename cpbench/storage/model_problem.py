@@ -4,7 +4,8 @@ A model with pairs of functions and variables is a complementarity problem. Its 
 for; without that its functions and bounds decide. Affine functions: all in [0, ∞) lcp; free or in [0, ∞) mlcp, the free
 ones first; all finite relay; else avi. Others: all in [0, ∞) ncp, else micp. Any other model is a qp, where its rows
 are affine and its objective is affine or quadratic: its variables z, rows in the order of the file, Ax ≥ b and, with
-the signs turned, Ax ≤ b; else an nlp, with g(z) ≥ 0 in the same way. A maximum is the minimum of the opposite.
+the signs turned, Ax ≤ b; else an nlp, with g(z) ≥ 0 in the same way. A maximum is the minimum of the opposite. A
+program with second-order cones is a coneqp: its equations, then its rows and bounds that are ≥ 0, then the cones.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ import scipy.sparse as sp
 
 from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Info, Problem
+from cpbench.formulations.coneqp import ConeQP
+from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.expressions.from_mof import Affine, Nonlinear, Quadratic
 from cpbench.formulations.expressions.mof_model import Model, ModelRow
 from cpbench.formulations.lcp import LCP
@@ -30,8 +33,9 @@ from cpbench.formulations.qp import QP
 from cpbench.formulations.relay import Relay
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Sparse, Vector
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.storage.base import build
-from cpbench.storage.program_properties import OFFSET
+from cpbench.storage.program_properties import OFFSET, SENSE
 
 _COMPLEMENTARITY = ("lcp", "mlcp", "relay", "avi", "ncp", "micp")
 
@@ -45,7 +49,7 @@ def problem_of(model: Model, path: Path, name: str, node: str = "", convex: bool
         return _complementarity(model, path, name, node)
     if node == "nlp" or not model.affine or isinstance(model.objective, Nonlinear):
         return build(path, NLP, "", name=name, convex=convex, **program(model))
-    return _qp(model, path, name)
+    return _coneqp(model, path, name) if model.cones else _qp(model, path, name)
 
 
 def _complementarity(model: Model, path: Path, name: str, node: str) -> Problem:
@@ -79,18 +83,41 @@ def _complementarity(model: Model, path: Path, name: str, node: str) -> Problem:
 
 
 def _qp(model: Model, path: Path, name: str) -> Problem:
+    A, b = _matrix(model.above, len(model.names))
+    C, d = _matrix(model.equal, len(model.names))
+    parts = {"A": A, "b": b, "C": C, "d": d, "lb": model.lb, "ub": model.ub}
+    return build(path, QP, "", name=name, **_objective(model), **parts)
+
+
+def _coneqp(model: Model, path: Path, name: str) -> Problem:
+    n = len(model.names)
+    low, high = np.flatnonzero(np.isfinite(model.lb)), np.flatnonzero(np.isfinite(model.ub))
+    unit = sp.eye_array(n, format="csr")
+    cones = [_matrix([ModelRow(value, 0.0) for value in cone], n) for cone in model.cones]
+    blocks = [_matrix(model.equal, n), _matrix(model.above, n)]
+    blocks += [(unit[low], model.lb[low]), (-unit[high], -model.ub[high]), *cones]
+    signed = len(model.above) + low.size + high.size
+    factors = ((Cone.ZERO, 1, len(model.equal)), (Cone.NONNEGATIVE, 1, signed))
+    K = ProductCone.of(
+        *(factor for factor in factors if factor[2]), *((Cone.SECOND_ORDER, 1, len(cone), 1.0) for cone in model.cones)
+    )
+    A = sp.csr_array(sp.vstack([rows for rows, _ in blocks]))
+    b = -np.concatenate([sides for _, sides in blocks])
+    return build(path, ConeQP, "", name=name, **_objective(model), A=A, b=b, **cone_fields(K))
+
+
+def _objective(model: Model) -> dict[str, Any]:
+    """Return Q, p and info of the objective, of which a maximum is turned."""
     n = len(model.names)
     objective = model.objective or Affine([], [], 0.0)
     products = objective.products if isinstance(objective, Quadratic) else []
     affine = objective.affine if isinstance(objective, Quadratic) else cast("Affine", objective)
     sign = -1.0 if model.sense == "max" else 1.0
-    A, b = _matrix(model.above, n)
-    C, d = _matrix(model.equal, n)
     p = np.zeros(n)
     _add(p, affine)
-    info = Info(properties={OFFSET: sign * affine.constant} if affine.constant else {})
-    parts = {"Q": sign * _hessian(products, n), "p": sign * p, "A": A, "b": b, "C": C, "d": d}
-    return build(path, QP, "", name=name, info=info, lb=model.lb, ub=model.ub, **parts)
+    properties: dict[str, Any] = {OFFSET: sign * affine.constant} if affine.constant else {}
+    properties |= {SENSE: "max"} if model.sense == "max" else {}
+    return {"Q": sign * _hessian(products, n), "p": sign * p, "info": Info(properties=properties)}
 
 
 def _matrix(rows: Sequence[ModelRow], n: int) -> tuple[Sparse, Vector]:

@@ -25,6 +25,9 @@ class Affine:
     def negative(self) -> Affine:
         return Affine(self.columns, [-value for value in self.values], -self.constant)
 
+    def plus(self, other: Affine) -> Affine:
+        return Affine([*self.columns, *other.columns], [*self.values, *other.values], self.constant + other.constant)
+
 
 @dataclass(slots=True)
 class Quadratic:

@@ -2,8 +2,10 @@
 functions and variables that stand beside each other in Complements.
 
 Bounds are constraints of a bare variable. Read are the sets GreaterThan, LessThan, EqualTo, Interval, Parameter,
-Nonnegatives, Nonpositives, Zeros, HyperRectangle and Complements; a model with any other is refused. A variable in
-Parameter is a parameter of the maps where there are any; in a linear or quadratic program it is a fixed variable.
+Nonnegatives, Nonpositives, Zeros, HyperRectangle, Complements, SecondOrderCone and RotatedSecondOrderCone; a model with
+any other is refused. A variable in Parameter is a parameter of the maps where there are any; in a linear or quadratic
+program it is a fixed variable. A vector (t, u, x) is in the rotated cone, 2tu ≥ ‖x‖² with t, u ≥ 0, where
+(t + u/2, t − u/2, x) is in the other; this rounds nothing but sums.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.errors import FormatError
-from cpbench.formulations.expressions.from_mof import Affine, Function, Functions, parameter_of, parameters
+from cpbench.formulations.expressions.from_mof import Affine, Function, Functions, Quadratic, parameter_of, parameters
 from cpbench.formulations.expressions.mof_json import Fields, parse, shown
 from cpbench.foundation.matrices import Vector
 
@@ -33,7 +35,9 @@ _SIDES: dict[str, tuple[str | float, str | float]] = {
     "HyperRectangle": ("lower", "upper"),
 }
 """Lower and upper side of a set: a field of it, or a number."""
-SETS = f"{', '.join(_SIDES)} and Complements"
+_CONES = {"SecondOrderCone": 1, "RotatedSecondOrderCone": 2}
+"""Sets of vectors, with the least number of values."""
+SETS = f"{', '.join((*_SIDES, *_CONES))} and Complements"
 
 
 @dataclass(frozen=True)
@@ -54,7 +58,8 @@ class Model:
     lb, ub, start : (n,) bounds, infinite where there are none, and starting values, 0 where none is given.
     sense : min, max or feasibility, which has no `objective`.
     above, equal : rows. pairs : variable -> the function beside it in Complements.
-    complementary : whether there is a constraint in Complements. functions : what all functions are values of.
+    complementary : whether there is a constraint in Complements. cones : vectors (t, x) with t ≥ ‖x‖.
+    functions : what all functions are values of.
     """
 
     source: str | Path
@@ -71,6 +76,7 @@ class Model:
     equal: list[ModelRow] = field(default_factory=list)
     pairs: dict[int, Function] = field(default_factory=dict)
     complementary: bool = False
+    cones: list[list[Affine]] = field(default_factory=list)
 
     @property
     def affine(self) -> bool:
@@ -89,7 +95,7 @@ class Model:
         """
         if self.sense != "feasibility":
             raise self.refused("objective", f"is {self.sense} beside Complements, expected feasibility")
-        rows = len(self.above) + len(self.equal)
+        rows = len(self.above) + len(self.equal) + len(self.cones)
         if rows:
             raise self.refused("constraints", f"has {rows} rows beside Complements")
         alone = [shown(name) for k, name in enumerate(self.names) if k not in self.pairs]
@@ -147,7 +153,7 @@ class _Reader:
         fields = self._fields
         function, set_ = (fields.get(constraint, key, dict, where) for key in ("function", "set"))
         kind = fields.get(set_, "type", str, f"{where}/set")
-        if kind not in _SIDES and kind != "Complements":
+        if kind not in _SIDES and kind not in _CONES and kind != "Complements":
             raise fields.refused(f"{where}/set", f"is {shown(kind)}, cpbench reads {SETS}")
         rows = self._functions.rows(function, f"{where}/function")
         size = set_.get("dimension", len(rows))
@@ -155,6 +161,9 @@ class _Reader:
             raise fields.refused(f"{where}/set", f"has dimension {shown(size)}, its function {len(rows)} values")
         if kind == "Complements":
             self._complement(rows, where)
+            return
+        if kind in _CONES:
+            self._cone(kind, rows, where)
             return
         low, high = (self._side(set_, side, len(rows), f"{where}/set") for side in _SIDES[kind])
         bare = function["type"] in ("Variable", "VectorOfVariables")
@@ -168,6 +177,20 @@ class _Reader:
             else:
                 self.model.above += [ModelRow(row, least)] if least > -math.inf else []
                 self.model.above += [ModelRow(row, most, below=True)] if most < math.inf else []
+
+    def _cone(self, kind: str, rows: list[Function], where: str) -> None:
+        """Add a vector in a second-order cone, or in a rotated one."""
+        affine = [row.affine if isinstance(row, Quadratic) and not row.products else row for row in rows]
+        values = [row for row in affine if isinstance(row, Affine)]
+        if len(values) < len(rows):
+            raise self._fields.refused(f"{where}/function", f"is not affine, expected affine values in {kind}")
+        if len(values) < _CONES[kind]:
+            raise self._fields.refused(where, f"has {len(values)} values in {kind}, expected {_CONES[kind]} at least")
+        if kind == "RotatedSecondOrderCone":
+            t, u = values[:2]
+            half = Affine(u.columns, [0.5 * value for value in u.values], 0.5 * u.constant)
+            values[:2] = [t.plus(half), t.plus(half.negative())]
+        self.model.cones.append(values)
 
     def _side(self, set_: Any, side: str | float, rows: int, where: str) -> Sequence[float]:
         """Return a side of a set, for each of its rows."""
