@@ -23,6 +23,7 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
 
     from cpbench.api.gallery import gallery as gallery
     from cpbench.api.modelled import Modelled as Modelled
+    from cpbench.api.modelled import from_boxed_lcp as from_boxed_lcp
     from cpbench.api.modelled import from_cvxpy as from_cvxpy
     from cpbench.api.modelled import from_game as from_game
     from cpbench.api.modelled import from_least_squares as from_least_squares
@@ -69,6 +70,7 @@ _HOMES = {
     "Solutions": "api.solving_many",
     "from_game": "api.modelled",
     "from_least_squares": "api.modelled",
+    "from_boxed_lcp": "api.modelled",
     "from_qpsolvers": "api.modelled",
     "from_cvxpy": "api.modelled",
     "Modelled": "api.modelled",

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from cpbench.api import cvxpy_program
 from cpbench.api.problems import point_of
 from cpbench.api.solution import Solution
+from cpbench.applications.boxed import boxed_problem, rows_of
 from cpbench.applications.game import game_problem, strategies
 from cpbench.applications.least_squares import columns_of, least_squares_problem
 from cpbench.errors import ProblemError
@@ -95,6 +96,28 @@ def from_least_squares(A: Any, b: Any, lb: Any = None, ub: Any = None, *, name: 
     """
     problem = least_squares_problem(A, b, lb, ub, name)
     return Modelled(problem, lambda point: point.z[: columns_of(problem)])
+
+
+def from_boxed_lcp(A: Any, b: Any, lo: Any, hi: Any, findex: Any = None, *, name: str = "") -> Modelled:
+    """Return the boxed LCP of a physics engine as an AVI: Ax = b + w, lo ≤ x ≤ hi, w ≥ 0 at lo, w ≤ 0 at hi, else 0.
+
+    The sign of b is that of ODE, DART and Bullet; where yours is w = Ax + b, give −b. `lift` returns x, shape (n,).
+
+    Parameters
+    ----------
+    A : (n, n), dense or sparse. b, lo, hi : (n,), lo and hi finite or infinite. findex : (n,) whole numbers; −1 where
+        the bounds are constant, j ≥ 0 where the row is friction at row j: then hi is the coefficient of friction, lo is
+        −hi, and |x_i| ≤ hi_i x_j. None: −1 everywhere. name : of the problem.
+
+    Raises ProblemError where the shapes differ or a bound is not one that this law has.
+
+    >>> import cpbench
+    >>> model = cpbench.from_boxed_lcp([[1, 0], [0, 1]], [2, -3], [0, -0.5], [float("inf"), 0.5], findex=[-1, 0])
+    >>> model.lift(cpbench.solve(model.problem)).round(6).tolist()
+    [2.0, -1.0]
+    """
+    problem = boxed_problem(A, b, lo, hi, findex, name)
+    return Modelled(problem, lambda point: point.z[: rows_of(problem)])
 
 
 def from_qpsolvers(problem: Any, *, name: str = "") -> Modelled:

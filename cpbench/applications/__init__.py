@@ -1,2 +1,2 @@
 """Problems that people have under another name, as formulations, and their own unknowns from the answers: bimatrix
-games, least squares, programs of CVXPY and qpsolvers."""
+games, least squares, boxed LCPs of physics engines."""

@@ -34,6 +34,10 @@ from cpbench.storage.packing.remarks import remarks
 @click.option(
     "--least-squares", nargs=2, type=PATH, metavar="A b", help="min 1/2 |Ax - b|^2, with --bounds or without."
 )
+@click.option(
+    "--boxed", nargs=5, type=PATH, metavar="A b lo hi findex",
+    help="Boxed LCP of ODE, DART, Bullet: Ax = b + w, lo <= x <= hi; |x_i| <= hi_i x_j where findex_i = j >= 0.",
+)  # fmt: skip
 @click.option("--inequality", nargs=2, type=PATH, metavar="A b", help="Az >= b, with --qp.")
 @click.option("--equality", nargs=2, type=PATH, metavar="C d", help="Cz = d, with --qp.")
 @click.option("--bounds", nargs=2, type=PATH, metavar="lb ub", help="lb <= z <= ub, with --qp or --least-squares.")

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.errors import FormatError
-from cpbench.formulations import QP, ConeQP, FrictionContact
+from cpbench.applications.boxed import boxed_problem
+from cpbench.errors import FormatError, ProblemError
+from cpbench.formulations import AVI, QP, ConeQP, FrictionContact
 from cpbench.formulations.base import Info, Problem, formulations
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.contact import ContactProblem
@@ -65,7 +66,8 @@ def problem(arrays: NamedArrays, dialect: Dialect, form: str, name: str = "") ->
     require_shapes(arrays.path, dialect, shapes_of(values))
     make = _MAKERS.get(dialect.name, _own)
     cls, parts, properties = make(arrays, dialect)
-    info = Info(properties={**properties, FORM: form})
+    known: Info = parts.pop("info", Info())
+    info = dataclasses.replace(known, properties={**known.properties, **properties, FORM: form})
     return build(arrays.path, cls, "", name=name or stem(arrays.path), info=info, **parts)
 
 
@@ -185,6 +187,19 @@ def _contactbench(arrays: NamedArrays, dialect: Dialect) -> Made:
     return FrictionContact, {"W": W[order][:, order], "q": g[order], "mu": mu}, {}
 
 
+def _boxed(arrays: NamedArrays, dialect: Dialect) -> Made:
+    """Return the AVI that `applications.boxed` makes."""
+    A = whole(arrays.path, "A", arrays.matrix("A"), arrays.half)
+    findex = arrays.vector("findex", arrays.vector("b").size, -1.0)
+    try:
+        made = boxed_problem(
+            A, arrays.vector("b"), infinite(arrays.vector("lo")), infinite(arrays.vector("hi")), findex
+        )
+    except ProblemError as cause:
+        raise arrays.error(cause.field.removeprefix("boxed."), cause.cause) from None
+    return AVI, {name: getattr(made, name) for name in ("M", "q", "lb", "ub", "info")}, {}
+
+
 _MAKERS: Mapping[str, Callable[[NamedArrays, Dialect], Made]] = {
     dialects.QPSOLVERS.name: _below,
     dialects.QUADPROG.name: _below,
@@ -192,4 +207,5 @@ _MAKERS: Mapping[str, Callable[[NamedArrays, Dialect], Made]] = {
     dialects.OSQP.name: _osqp,
     dialects.BOX.name: _box,
     dialects.CONTACTBENCH.name: _contactbench,
+    dialects.BOXED.name: _boxed,
 }

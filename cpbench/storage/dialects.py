@@ -8,6 +8,7 @@ quadprog     H, f, A, b, Aeq, beq, lb, ub: min ½xᵀHx + fᵀx, Ax ≤ b, Aeq x
 cvxopt       P, q, G, h, A, b, dims.l, dims.q, dims.s: min ½xᵀPx + qᵀx, h − Gx in a cone, Ax = b
 box QP       data, indices, indptr, shape, q, l, u: min ½xᵀMx + qᵀx, l ≤ x ≤ u, M by rows
 ContactBench G, g, mus: u = Gr + g, the normal is the last of each three rows
+boxed LCP    A, b, lo, hi, findex: Ax = b + w, lo ≤ x ≤ hi, as ODE, DART and Bullet have it (`applications.boxed`)
 """
 
 from __future__ import annotations
@@ -86,7 +87,8 @@ BOX = _program(
     "data e, indices e, indptr r, shape 2, q n, l n, u n", {"x0": _START},
 )  # fmt: skip
 CONTACTBENCH = _program("ContactBench", "G g mus", "G m m, g m, mus nc", {"lam0": _START}, "fc")
-FOREIGN = (QPSOLVERS, OSQP, QUADPROG, CVXOPT, BOX, CONTACTBENCH)
+BOXED = _program("boxed LCP", "A b lo hi", "A n n, b n, lo n, hi n, findex n", {}, "avi")
+FOREIGN = (QPSOLVERS, OSQP, QUADPROG, CVXOPT, BOX, CONTACTBENCH, BOXED)
 
 _CONTAINED = {"relay": "avi"}
 """Formulations whose arrays have the names of a wider one, which is read instead: its bounds may be infinite."""

@@ -30,6 +30,7 @@ G, h, A, b = rng.standard_normal((M, N)), rng.random(M) + 1, rng.standard_normal
 q, lb, ub = rng.standard_normal(N), -rng.random(N) - 9, rng.random(N) + 9
 CSR = sp.csr_array(P)
 W = np.eye(6) + 0.1
+BOXED_LO, BOXED_HI = np.array([0.0, -0.5, -0.5] * 2), np.array([np.inf, 0.5, 0.5] * 2)
 FORMS: dict[str, Arrays] = {
     "qpsolvers": {"P": P, "q": q, "G": G, "h": h, "A": A, "b": b, "lb": lb, "ub": ub},
     "OSQP": {"P": P, "q": q, "A": G, "l": -h, "u": h, "r": np.array([3.0])},
@@ -38,6 +39,7 @@ FORMS: dict[str, Arrays] = {
     "box QP": {"data": CSR.data, "indices": CSR.indices, "indptr": CSR.indptr, "shape": np.array([N, N]), "q": q,
                "l": lb, "u": ub},
     "ContactBench": {"G": W, "g": -np.ones(6), "mus": np.array([0.3, 0.5])},
+    "boxed LCP": {"A": W, "b": np.ones(6), "lo": BOXED_LO, "hi": BOXED_HI, "findex": np.array([-1, 0, 0, -1, 3, 3])},
     "lcp": {"M": P, "q": q},
     "avi": {"M": P, "q": q, "A": G, "b": -h, "C": A, "d": b, "lb": lb, "ub": ub},
     "mlcp": {"A": P, "B": np.eye(M), "C": G.T, "D": G, "a": q, "b": h},
@@ -132,6 +134,7 @@ TOO_FEW = {
     "cvxopt without G": ("cvxopt", "G", "G: is missing beside h"),
     "box QP without u": ("box QP", "u", "u: is missing"),
     "ContactBench without mus": ("ContactBench", "mus", "mus: is missing"),
+    "boxed LCP without hi": ("boxed LCP", "hi", "hi: is missing"),
     "avi without d": ("avi", "d", "d: is missing beside C"),
     "mlcp without D": ("mlcp", "D", "D: is missing"),
     "qp without p": ("qp", "p", "p: is missing"),

@@ -22,6 +22,7 @@ PARTS: Mapping[str, Sequence[str]] = {
     "gfc": ("M", "H", "f", "w", "mu"),
     "game": "AB",
     "least_squares": "Ab",
+    "boxed": ("A", "b", "lo", "hi", "findex"),
 }
 """Names of the matrices and vectors of a formulation or an application, in the order of its files."""
 CONSTRAINTS: Mapping[str, Sequence[str]] = {"inequality": "Ab", "equality": "Cd", "bounds": ("lb", "ub")}

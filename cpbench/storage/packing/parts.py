@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from cpbench.applications.boxed import boxed_problem
 from cpbench.applications.game import game_problem
 from cpbench.applications.least_squares import least_squares_problem
 from cpbench.errors import FormatError
@@ -30,6 +31,10 @@ NODES: Mapping[str, type[Problem]] = {
 }
 APPLICATIONS: Mapping[str, tuple[Callable[..., Problem], Mapping[str, tuple[str, ...]]]] = {
     "game": (game_problem, {"A": ("m", "n"), "B": ("m", "n")}),
+    "boxed": (
+        boxed_problem,
+        {"A": ("n", "n"), "b": ("n",), "lo": ("n",), "hi": ("n",), "findex": ("n",)},
+    ),
     "least_squares": (least_squares_problem, {"A": ("m", "n"), "b": ("m",), "lb": ("n",), "ub": ("n",)}),
 }
 """Problems under another name: what makes them of their parts, and the dimensions of these."""
