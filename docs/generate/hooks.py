@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import command_page
 import decision_index
+import engine_laws_page
 import interface_page
 import registry_pages
 import schema_page
@@ -25,6 +26,7 @@ PAGES: dict[str, Callable[[], str | bytes]] = {
     "reference/schemas.md": schema_page.page,
     "methods/statistics.md": registry_pages.statistics_page,
     "methods/tolerances.md": tolerance_page.page,
+    "methods/engine-laws.md": engine_laws_page.page,
     "decisions/index.md": decision_index.page,
 }
 

@@ -29,7 +29,8 @@ PAGES = sorted(
 NAMES = [path.relative_to(ROOT).as_posix() for path in PAGES]
 FENCES = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 WALKED = [name for name in NAMES if re.search(r"^```(sh|python)$", (ROOT / name).read_text("utf-8"), re.MULTILINE)]
-GENERATED = {"reference", "lecture", "assets", "decisions/index.md", "methods/statistics.md", "methods/tolerances.md"}
+METHODS = {f"methods/{page}.md" for page in ("statistics", "tolerances", "engine-laws")}
+GENERATED = {"reference", "lecture", "assets", "decisions/index.md"} | METHODS
 """What only the build of the documentation makes."""
 
 
