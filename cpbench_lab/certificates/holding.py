@@ -1,0 +1,173 @@
+"""Whether forces at the contacts hold bodies at rest under a load: Ar + f = 0 with r ∈ K_μ at every contact.
+
+For `gfc` A = [H G], the reactions of joints being free, and v = 0; for `fc` A = W and f = q, and u = 0. A linear
+program gives forces with the largest margin s to the cones, K_μ by cuts of its disk that are added where the forces
+leave it. Both answers are proved in rational arithmetic, for the data as they are:
+
+    holds           r exact with Ar + f = 0, r_N ≥ 0 and ‖r_T‖² ≤ (μ r_N)² at every contact
+    does not hold   v exact with fᵀv > 0, and u = Aᵀv with u_N ≥ 0 and u_N² ≥ μ²‖u_T‖² at every contact, 0 at joints:
+                    forces that hold would have 0 ≤ rᵀu = −fᵀv
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from cpbench.errors import ProblemError
+from cpbench.formulations.base import Problem
+from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Vector
+from cpbench.verification.exact_linear import Exact, Rationals, dot, rationals, solve
+from cpbench_lab.certificates.hold_programs import (
+    CLOSE,
+    Balance,
+    add_cuts,
+    directions,
+    inward_motion,
+    outside_disks,
+    scaled,
+    with_most_margin,
+)
+
+ROUNDS = 40
+"""The most linear programs with more and more cuts."""
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Whether a load is held, None where it is not decided.
+
+    Attributes
+    ----------
+    proved : whether that is proved in rational arithmetic. forces : r, exact, where it is held and proved.
+    motion : v, exact, where it is not held and that is proved.
+    """
+
+    holds: bool | None
+    proved: bool = False
+    forces: Rationals = field(default_factory=list)
+    motion: Rationals = field(default_factory=list)
+
+
+def balance_of(problem: Problem) -> Balance:
+    """Return the equations of rest of a problem; raises ProblemError where contacts or joints move by themselves."""
+    if isinstance(problem, FrictionContact):
+        return Balance(sp.csr_array(problem.W), problem.q, problem.mu, problem.dimension)
+    if isinstance(problem, GlobalFrictionContact):
+        for name, given in (("w", problem.w), ("b", problem.b)):
+            if given.any():
+                text = (
+                    f"is {matrices.max_abs(given):.3g} somewhere, expected 0: bodies at rest are what a load is held by"
+                )
+                raise ProblemError(f"gfc.{name}", text)
+        A = sp.csr_array(sp.hstack([matrices.sparse(problem.H), matrices.sparse(problem.G)]))
+        return Balance(A, problem.f, problem.mu, problem.dimension)
+    raise ProblemError(problem.node, "has no hold limit: that is of fc and gfc")
+
+
+def held(balance: Balance) -> Held:
+    """Return whether forces hold the load, with a proof where one is found."""
+    if not balance.f.any():
+        return Held(True, True, [Fraction(0)] * balance.A.shape[1])
+    units, row, column = scaled(balance)
+    cuts = [directions(balance.d, 8 if mu > 0.0 else 0) for mu in balance.mu.tolist()]
+    for _ in range(ROUNDS):
+        found = with_most_margin(units, cuts)
+        if found is None:
+            return _unreachable(balance)
+        x, margin, v = found
+        if margin < 0.0:
+            refuted = _refuted(balance, units, v, row, margin < -CLOSE)
+            if refuted.holds is not None:
+                return refuted
+        if (outside := outside_disks(units, x, max(margin, 0.0))) and add_cuts(cuts, outside, units, x):
+            continue
+        return _confirmed(balance, x * column, margin > CLOSE)
+    return Held(None)
+
+
+def _confirmed(balance: Balance, x: Vector, clear: bool) -> Held:
+    """Return that forces near x hold the load, where some are exact; not decided where neither they nor the margin are
+    clear."""
+    exact = _near(balance.A, [-value for value in rationals(balance.f)], x)
+    if exact is not None and forces_hold(balance, exact):
+        return Held(True, True, exact)
+    return Held(True if clear else None)
+
+
+def _refuted(balance: Balance, units: Balance, v: Vector, row: Vector, clear: bool) -> Held:
+    """Return that nothing holds the load, with a motion near v or −v that proves it where one does; not decided where
+    neither it nor the margin is clear."""
+    inward = inward_motion(units)
+    for sign in (1.0, -1.0):
+        start = sign * v
+        if not units.f @ start > 0.0:
+            continue
+        for step in (0.0, 1e-9, 1e-7, 1e-5, 1e-3):
+            if step and inward is None:
+                break
+            moved = start + step * float(np.abs(start).max()) * (inward if inward is not None else 0.0)
+            motion = _of_joints(balance, row * moved)
+            if motion is not None and motion_gains(balance, motion):
+                return Held(False, True, motion=motion)
+    return Held(False if clear else None)
+
+
+def _unreachable(balance: Balance) -> Held:
+    """Return that no forces at all balance the load, with a motion that proves it; not decided where there is none."""
+    normal = np.arange(balance.rows) % balance.d == 0
+    used = np.append(normal | np.repeat(balance.mu > 0.0, balance.d), np.ones(balance.A.shape[1] - balance.rows, bool))
+    A = balance.A.toarray()[:, used]
+    rest = balance.f - A @ np.linalg.lstsq(A, balance.f, rcond=None)[0]
+    motion = _near(A.T, [Fraction(0)] * A.shape[1], rest)
+    return Held(False, True, motion=motion) if motion is not None and motion_gains(balance, motion) else Held(None)
+
+
+def _of_joints(balance: Balance, v: Vector) -> Rationals | None:
+    """Return v as rationals, changed so that it moves no joint."""
+    joints = sp.csr_array(balance.A.T[balance.rows :])
+    if not joints.shape[0]:
+        return rationals(v)
+    return _near(joints, [Fraction(0)] * joints.shape[0], v)
+
+
+def _near(A: Any, right: Rationals, x: Vector) -> Rationals | None:
+    """Return an exact solution of A x = right that is as near to x as rounding allows; None where there is none."""
+    start = rationals(x)
+    rest = [b - a for a, b in zip(Exact.of(A).times(start), right, strict=True)]
+    change = solve(A, rest, np.zeros(x.size))
+    return None if change is None else [a + b for a, b in zip(start, change, strict=True)]
+
+
+def forces_hold(balance: Balance, r: Sequence[Fraction]) -> bool:
+    """Return whether exact forces balance the load, each in its cone."""
+    total = Exact.of(balance.A).times(r)
+    if any(a + b for a, b in zip(total, rationals(balance.f), strict=True)):
+        return False
+    for c, mu in enumerate(rationals(balance.mu)):
+        normal, *tangential = r[c * balance.d : (c + 1) * balance.d]
+        if normal < 0 or dot(tangential, tangential) > (mu * normal) ** 2:
+            return False
+    return True
+
+
+def motion_gains(balance: Balance, v: Sequence[Fraction]) -> bool:
+    """Return whether the load gains by an exact motion that no force in its cone is against."""
+    if dot(rationals(balance.f), v) <= 0:
+        return False
+    u = Exact.of(balance.A).transposed_times(v)
+    if any(u[balance.rows :]):
+        return False
+    for c, mu in enumerate(rationals(balance.mu)):
+        normal, *tangential = u[c * balance.d : (c + 1) * balance.d]
+        if normal < 0 or mu**2 * dot(tangential, tangential) > normal**2:
+            return False
+    return True
