@@ -12,9 +12,9 @@ import numpy as np
 
 from cpbench import graph, storage
 from cpbench.api.problems import verify
-from cpbench.applications.game import game_sizes
-from cpbench.applications.own_unknowns import own_unknowns
 from cpbench.errors import CpbenchError, FormatError, NoRoute
+from cpbench.formulations.applications.game import game_sizes
+from cpbench.formulations.applications.own_unknowns import own_unknowns
 from cpbench.formulations.base import Kind, Point, Problem
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.foundation.plurals import counted

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from cpbench.analysis.contact_table import ContactTable, contact_table
-from cpbench.applications.own_unknowns import own_unknowns
 from cpbench.errors import PointError
+from cpbench.formulations.applications.own_unknowns import own_unknowns
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.contact import ContactProblem
 from cpbench.foundation.matrices import Vector

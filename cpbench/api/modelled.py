@@ -13,10 +13,10 @@ import scipy.sparse as sp
 from cpbench.api import cvxpy_program
 from cpbench.api.problems import point_of
 from cpbench.api.solution import Solution
-from cpbench.applications.boxed import boxed_problem, rows_of
-from cpbench.applications.game import game_problem, strategies
-from cpbench.applications.least_squares import columns_of, least_squares_problem
 from cpbench.errors import ProblemError
+from cpbench.formulations.applications.boxed import boxed_problem, rows_of
+from cpbench.formulations.applications.game import game_problem, strategies
+from cpbench.formulations.applications.least_squares import columns_of, least_squares_problem
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.primal import Primal, primal_of
 from cpbench.storage import array_problems, dialects

@@ -15,6 +15,7 @@ from cpbench.cli.options import Command, format_option, json_option, tolerance_o
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import ADDRESS, DURATION, PATH
 from cpbench.formulations.base import Problem
+from cpbench.foundation.extensions import function
 
 
 @click.command(cls=Command)
@@ -77,9 +78,7 @@ def command(
 
 
 def _bisect(problem: Problem, load: Path | None, width: float, as_json: bool) -> None:
-    from cpbench.api.hold_limits import hold_limit
-
-    limit = hold_limit(problem, None if load is None else storage.read_vector(load), width)
+    limit = function("hold_limit")(problem, None if load is None else storage.read_vector(load), width)
     if as_json:
         click.echo(json.dumps(limit.record()))
     else:

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.applications.boxed import boxed_problem
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations import AVI, QP, ConeQP, FrictionContact
+from cpbench.formulations.applications.boxed import boxed_problem
 from cpbench.formulations.base import Info, Problem, formulations
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.contact import ContactProblem

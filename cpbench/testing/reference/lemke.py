@@ -51,6 +51,4 @@ class ReferenceLemke(Solver):
         z[basis] = np.maximum(tableau[:, -1], 0.0)
         point = LCPPoint(z=z[n : 2 * n])
         good = prepared.residuals(point, budget.tolerance).error <= budget.tolerance
-        return SolverOutput(
-            claim=Claim.SOLVED if good else Claim.MAX_ITER, point=point, counters={"pivots": pivots}
-        )
+        return SolverOutput(claim=Claim.SOLVED if good else Claim.MAX_ITER, point=point, counters={"pivots": pivots})

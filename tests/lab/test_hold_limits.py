@@ -14,11 +14,11 @@ import pytest
 from command_line import cpbench as command
 
 import cpbench
-from cpbench.api.hold_limits import hold_limit
 from cpbench.errors import CpbenchError, ProblemError
 from cpbench.formulations import LCP, FrictionContact, GlobalFrictionContact
 from cpbench_lab.certificates.hold_programs import Balance
 from cpbench_lab.certificates.holding import Held, balance_of, forces_hold, held, motion_gains
+from cpbench_lab.hold_limits import hold_limit
 
 Rationals = Sequence[Fraction]
 

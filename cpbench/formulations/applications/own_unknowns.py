@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from cpbench.applications.boxed import rows_of
-from cpbench.applications.game import game_sizes, strategies
-from cpbench.applications.least_squares import columns_of
 from cpbench.errors import PointError
+from cpbench.formulations.applications.boxed import rows_of
+from cpbench.formulations.applications.game import game_sizes, strategies
+from cpbench.formulations.applications.least_squares import columns_of
 from cpbench.formulations.base import Point, Problem
 from cpbench.foundation.matrices import Vector
 
