@@ -15,7 +15,7 @@ from cpbench.solvers import Budget, Claim, Record, Solver, SolverOutput, SolverS
 
 @register
 class ReferenceGaussSeidel(Solver):
-    """Steps r_i <- P(r_i - û_i/|W_ii|) contact after contact, with û = u + μ|u_T| n and P the projection on the cone."""
+    """Steps r_i <- P(r_i - û_i/|W_ii|) contact after contact, û = u + μ|u_T| n, P the projection on the cone."""
 
     spec: ClassVar[SolverSpec] = SolverSpec(
         name="reference-gauss-seidel",
