@@ -54,7 +54,7 @@ class LazyGroup(click.Group):
         return list(COMMANDS | added(ADDED))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS | added(ADDED):
+        if cmd_name not in COMMANDS and cmd_name not in added(ADDED):
             return None
         with uncollected():
             command: click.Command = (

@@ -10,8 +10,11 @@ import itertools
 import os
 import sys
 from collections.abc import Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from cpbench.foundation.extensions import NATIVE
 
 if TYPE_CHECKING:
     from cpbench.bench.processes.supervised import Supervised
@@ -55,17 +58,17 @@ def begin(arguments: Sequence[str]) -> None:
 
 
 def own_process(solver: str) -> bool:
-    """Return whether a solver seems to be no adapter and may solve in one process that is limited by the system.
+    """Return whether a solver of cpbench solves in one process that is limited by the system, on this one.
 
-    Others run in processes with more isolation; the process decides that again where it knows the solver. Only the
-    text of modules is looked at: nothing is imported.
+    Others run in processes with more isolation. Only the text of modules is looked at: nothing is imported.
     """
     if sys.platform != "linux" or os.environ.get("CPBENCH_ISOLATION") == "spawn":
         return False
     name = solver.partition("[")[0]
-    adapters = Path(__file__).parents[1] / "solvers" / "adapters"
-    texts = (path for suffix in ("py", "toml") for path in adapters.glob(f"*.{suffix}"))
-    return name == AUTO or not any(f'"{name}"' in path.read_text("utf-8") for path in texts)
+    place = find_spec(NATIVE)
+    folders = list(place.submodule_search_locations or ()) if place is not None else []
+    modules = (path for folder in folders for path in Path(folder).glob("*/*.py"))
+    return place is not None and (name == AUTO or any(f'"{name}"' in path.read_text("utf-8") for path in modules))
 
 
 def begin_solving(threads: int) -> None:

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
     from typing import Any
 
+NATIVE = "cpbench_solvers"
+"""The package whose solvers count as cpbench's own: they run in its processes, as trusted as it is itself."""
 COMMANDS, FUNCTIONS = "cpbench.commands", "cpbench.functions"
 EXECUTORS, FIGURES = "cpbench.executors", "cpbench.figures"
 

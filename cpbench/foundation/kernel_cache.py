@@ -32,6 +32,7 @@ from cpbench.foundation.imports import uncollected
 LOG = logging.getLogger(__name__)
 """Hears of every module that has to be compiled, before it is."""
 VARIABLE = "NUMBA_CACHE_DIR"
+_PACKAGE = Path(__file__).resolve().parents[1]
 _PACKAGES = ["cpbench.formulations.expressions.kernels", "cpbench.conversions.kernels"]
 """Packages of kernel modules; plugins add theirs."""
 _TAKEN = re.compile(r"^from ([\w.]+\.kernels\.\w+) import", re.MULTILINE)
@@ -70,12 +71,11 @@ def _cache_dir() -> tuple[Path, str]:
     if given and _writable(Path(given)):
         return Path(given), ""
     why = f"{VARIABLE}: {given} cannot be written: " if given else ""
-    package = Path(__file__).resolve().parents[1]
-    beside = package / "__pycache__"
+    beside = _PACKAGE / "__pycache__"
     if _writable(beside):
         if given:  # empty, not absent: processes get variables from this one, and keep those that it lacks
             _set_numba_dir("")
-        return beside, f"{why}compiled loops are kept beside their sources in {package}" if given else ""
+        return beside, f"{why}compiled loops are kept beside their sources in {_PACKAGE}" if given else ""
     import platformdirs
 
     chosen = Path(platformdirs.user_cache_dir("cpbench", appauthor=False)) / "numba"

@@ -19,6 +19,7 @@ from cpbench import __version__
 from cpbench.errors import NotApplicable, UnknownName
 from cpbench.formulations.base import Kind, Point, Problem
 from cpbench.formulations.stack import Stack
+from cpbench.foundation.extensions import NATIVE
 from cpbench.foundation.matrices import Vector
 from cpbench.registry import Registry
 from cpbench.solvers.options import choices, written
@@ -336,7 +337,7 @@ def _typed(solver: str, key: str, raw: str, default: Any) -> Any:
         raise UnknownName(f"value of {solver}[{key}] ({type(default).__name__})", raw, [str(default)]) from None
 
 
-ORIGINS = {"cpbench_solvers.": "native", "cpbench.solvers.adapters.": "adapter"}
+ORIGINS = {f"{NATIVE}.": "native", "cpbench.solvers.adapters.": "adapter"}
 """Packages of solvers that come with cpbench."""
 solvers: Registry[Solver] = Registry("solver", "cpbench.solvers.adapters", renamed=RENAMED)
 

@@ -128,7 +128,9 @@ def _unreachable(balance: Balance) -> Holding:
     A = balance.A.toarray()[:, used]
     rest = balance.f - A @ np.linalg.lstsq(A, balance.f, rcond=None)[0]
     motion = _near(A.T, [Fraction(0)] * A.shape[1], rest)
-    return Holding(False, True, motion=motion) if motion is not None and motion_gains(balance, motion) else Holding(None)
+    return (
+        Holding(False, True, motion=motion) if motion is not None and motion_gains(balance, motion) else Holding(None)
+    )
 
 
 def _of_joints(balance: Balance, v: Vector) -> Rationals | None:

@@ -9,10 +9,9 @@ import cpbench
 
 ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = {
-    "errors", "matrices", "cones", "expressions", "graph",
+    "errors", "foundation.matrices", "foundation.cones", "formulations.expressions", "graph",
     "formulations.base", "formulations.conic", "conversions.base", "solvers.base", "storage",
-    "analysis.complementary_cones", "analysis.facet_errors", "analysis.ncp_functions",
-    "report.canvas", "report.graph_map", "report.pictures", "report.show",
+    "analysis.complementary_cones", "report.canvas", "report.graph_map", "report.show",
 }  # fmt: skip
 """Beside `cpbench` itself: registries that it walks through, and the figures of problems that it shows."""
 

@@ -220,7 +220,7 @@ def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
     def run(folder: Path, *arguments: str) -> str:
         monkeypatch.chdir(folder)
         name, *rest = arguments
-        importlib.import_module(f"cpbench.cli.{name}_command").command.main(rest, standalone_mode=False)
+        importlib.import_module(f"cpbench_lab.commands.{name}_command").command.main(rest, standalone_mode=False)
         told = capsys.readouterr()
         return told.out + told.err
 

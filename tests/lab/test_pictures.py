@@ -19,7 +19,7 @@ from cpbench.analysis.coarse import coarsened
 from cpbench.analysis.complementary_cones import complementary_cones, is_p_matrix, lemke_path, solutions
 from cpbench.analysis.contact_states import State, angle_between, contact_states, forces, most_rubbing
 from cpbench.cli import cli
-from cpbench.cli.plot_command import PACKAGES
+from cpbench.cli.plot_command import packages
 from cpbench.errors import CpbenchError, NotApplicable, PointError, ProblemError
 from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact, LCPPoint, QPPoint
 from cpbench.report import canvas
@@ -461,7 +461,7 @@ def test_every_kind_tells_what_it_shows() -> None:
     assert set(told) == {"cone", "facets", "contact", "lcp-cones", "ncp-functions", "active-set", "sparsity"}
     said = run("plot", "--help").output
     assert all(name in said and line.endswith(".") for name, line in told.items())
-    assert PICTURES in PACKAGES
+    assert PICTURES in packages()
 
 
 @pytest.mark.nightly

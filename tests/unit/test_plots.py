@@ -19,7 +19,7 @@ from cpbench.analysis import deadlines, histories, pairwise, profiles, scaling, 
 from cpbench.analysis import steps as walk
 from cpbench.analysis import table as rows_of
 from cpbench.cli import cli
-from cpbench.cli.plot_command import PACKAGES
+from cpbench.cli.plot_command import packages
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.report import figures, legend, run_canvas
 from cpbench.report.chosen import Choice, choose
@@ -58,7 +58,7 @@ def of_colour(drawn: Drawing, place: int, axes: int = 0) -> Any:
 
 def test_every_kind_is_there_and_no_other() -> None:
     assert set(summaries(ROOM)) == set(KINDS)
-    assert ROOM in PACKAGES
+    assert ROOM in packages()
 
 
 def test_profile_draws_the_curves_of_the_analysis() -> None:

@@ -21,7 +21,7 @@ from tiers import some_by_day
 
 import cpbench as package
 from cpbench import storage
-from cpbench.cli import COMMANDS, cli, main
+from cpbench.cli import cli, main
 from cpbench.formulations import LCP, FrictionContact
 
 ROOT = Path(package.__file__).parent
@@ -128,7 +128,7 @@ def texts() -> list[tuple[str, str]]:
         for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and "cpbench " in node.value
     ]
-    templates = [path for path in sorted((ROOT / "templates").rglob("*")) if path.is_file()]
+    templates = [path for path in sorted((ROOT / "testing" / "templates").rglob("*")) if path.is_file()]
     return found + [(str(path.relative_to(ROOT)), path.read_text("utf-8")) for path in templates]
 
 
@@ -138,7 +138,7 @@ def test_commands_that_are_named_have_the_options_that_are_named() -> None:
     for place, text in texts():
         for match in NAMED.finditer(text):
             name = match["name"]
-            if name not in COMMANDS:
+            if name not in cli.list_commands(context):
                 quoted = match.start() > 0 and text[match.start() - 1] == "`"
                 tag = match["rest"].startswith(":")  # of a description in a file
                 assert tag or not quoted, f"{place}: there is no command 'cpbench {name}'"
