@@ -13,6 +13,7 @@ from cpbench.formulations import LCP
 from cpbench.storage import formats
 from cpbench.testing import Case, cases, checks
 
+pytest.importorskip("cpbench_solvers", reason="needs cpbench_solvers")
 _path = Path(__file__).resolve().parents[1] / "broken" / "plugins.py"
 _spec = importlib.util.spec_from_file_location("broken_plugins", _path)
 assert _spec is not None

@@ -174,6 +174,7 @@ def test_any_shape_is_converted_right(edge, seed: int, size: int) -> None:
 NATIVE = [s for s in solvers if type(s).__module__.startswith("cpbench_solvers.")]
 
 
+@pytest.mark.needs("cpbench_solvers")
 @settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(solver=st.sampled_from(NATIVE), seed=st.integers(0, 2**31), size=st.integers(0, 9))
 def test_native_solvers_never_claim_what_is_not(solver, seed: int, size: int) -> None:

@@ -149,12 +149,14 @@ def run(module_bench, request: pytest.FixtureRequest) -> Run:
     return Run(chosen, problems, stores)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_every_pair_has_its_row(run: Run) -> None:
     table = run.table()
     assert len(table) == len(run.problems) * (len(run.faults) + len(run.stores) * len(HEALTHY))
     assert not (table.status == "not_run").any()
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_each_fault_is_what_it_is_called(run: Run) -> None:
     wrong: dict[str, Any] = {}
     for fault in run.faults:
@@ -166,12 +168,14 @@ def test_each_fault_is_what_it_is_called(run: Run) -> None:
     assert wrong == {}
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_each_has_its_flag(run: Run) -> None:
     found = {fault: set(",".join(run.rows(fault)["flags"]).split(",")) for fault in FLAGS if fault in run.faults}
     assert len(found) > 3
     assert {fault: flags for fault, flags in found.items() if FLAGS[fault] not in flags} == {}
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_killed_within_half_a_second(run: Run, module_bench) -> None:
     table = run.table()
     late = table[table.status == "timeout"]
@@ -197,6 +201,7 @@ def test_what_breaks_off_is_told_at_once(bench) -> None:
     assert late.empty, dict(zip(late.solver, late.wall, strict=True))
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_repeat_that_fails_costs_no_answer(run: Run) -> None:
     """The row is the first answer's, with its times; the next problem meets a fresh worker."""
     for fault in (name for name in run.faults if name.startswith("then-")):
@@ -205,6 +210,7 @@ def test_a_repeat_that_fails_costs_no_answer(run: Run) -> None:
         assert (rows.solve < (LIMIT if fault in HANGS else AMPLE)).all(), fault
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_answers_are_kept_with_their_rows(run: Run) -> None:
     table = run.table().set_index("key")
     kept = {key: answers.unpack(blob) for store in run.stores.values() for key, blob in store.answers()}
@@ -216,6 +222,7 @@ def test_answers_are_kept_with_their_rows(run: Run) -> None:
     assert all(not kept[key].any() for key in lies)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_claims_and_verdicts_are_apart(run: Run) -> None:
     table = run.table()
     lies = table[(table.claim == "solved") & (table.status != "solved")]
@@ -223,6 +230,7 @@ def test_claims_and_verdicts_are_apart(run: Run) -> None:
     assert set(lies.solver) == {f"faulty-{name}" for name in liars.intersection(run.faults)}
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_the_others_are_as_in_a_run_without_faults(run: Run, module_bench) -> None:
     for name, store in run.stores.items():
         table = store.table()

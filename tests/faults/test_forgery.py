@@ -29,6 +29,7 @@ def _run(bench, isolation: str, problems: list[str], *solvers: str) -> subproces
     )
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("forger", "sizes"),
     [("statuses", (3, 4)), *(pytest.param(name, (3, 4, 5), marks=pytest.mark.nightly) for name in SOLVERS[:-1])],
@@ -55,6 +56,7 @@ def test_a_forger_is_found_at_the_end_of_his_run(bench, forger: str, sizes: tupl
     assert {status for (solver, _), status in rows.items() if solver == "forges-nothing"} == {"wrong"}
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.skipif(landlock.version() == 0, reason="does not apply: this system has no Landlock")
 def test_a_confined_forger_can_do_nothing(bench) -> None:
     """Nothing is written, and the key is not read."""

@@ -11,6 +11,7 @@ import pytest
 from cpbench.bench.results.store import Store
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("problems", [12, pytest.param(40, marks=pytest.mark.nightly)])
 def test_kill_and_resume(bench, problems: int) -> None:
     """kill -9 half way; the same command goes on; each pair is there once, with its answer.

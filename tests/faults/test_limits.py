@@ -107,6 +107,7 @@ def test_the_limits_are_in_the_help() -> None:
 # ---------------------------------------------------------------------------------------- killed helpers
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("kills", [1, pytest.param(6, marks=pytest.mark.nightly)])
 def test_helpers_killed_while_a_run_is_planned_cost_no_row(bench, kills: int) -> None:
     """Kills of the forkserver, each as soon as it is there, while everything is imported and read."""
@@ -147,6 +148,7 @@ formats.add("deadly", Deadly())
 """
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_run_without_the_rows_of_a_problem_does_not_end_with_0(bench) -> None:
     """Whoever reads one of the files dies: the others are run, what is missing is said, and the end is 1."""
     (bench.folder / "deadly.py").write_text(DEADLY)

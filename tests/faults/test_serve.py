@@ -136,6 +136,7 @@ def _run(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_each_is_what_it_is_called(rows: pd.DataFrame) -> None:
     wrong: dict[str, Any] = {}
     for name in set(rows.index) - {"lemke"}:
@@ -148,12 +149,14 @@ def test_each_is_what_it_is_called(rows: pd.DataFrame) -> None:
     assert wrong == {}
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_who_remembers_is_charged_the_first_solve(rows: pd.DataFrame) -> None:
     assert "remembered" in rows.loc["remember"]["flags"]
     assert rows.loc["remember"].solve >= 0.2
     assert "remembered" not in rows.loc["none"]["flags"]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_seconds_of_its_own_are_a_column_beside_ours(rows: pd.DataFrame) -> None:
     assert rows.loc["none"].reported == 0.25
     assert rows.loc["none"].solve != 0.25
@@ -163,11 +166,13 @@ def test_seconds_of_its_own_are_a_column_beside_ours(rows: pd.DataFrame) -> None
     assert pd.isna(rows.loc["lemke"].reported)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_hangs_are_killed_in_time(rows: pd.DataFrame, module_bench) -> None:
     late = rows.loc[[name for name in HANGS if name in rows.index]]
     assert (late.wall - late.load <= LIMIT + module_bench.grace).all()
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_what_a_failing_program_says_is_in_its_row(rows: pd.DataFrame) -> None:
     assert json.loads(rows.loc["sh-claim"].counters) == {"iterations": 7}
     assert "no such executable" in rows.loc["sh-gone"].message
@@ -182,6 +187,7 @@ def test_one_process_a_solve(rows: pd.DataFrame, module_bench) -> None:
     assert table.status.to_dict() == {"none": "solved", "segfault": "crash"}
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_no_folder_of_a_killed_run_stays(rows: pd.DataFrame, tmp_path: Path) -> None:
     """What the killed workers left is removed by the next that hands a problem over."""
     from cpbench.solvers.external.folder import Folder

@@ -184,6 +184,7 @@ def test_a_file_that_may_not_grow_loses_nothing(tmp_path: Path) -> None:
     assert_intact(path, 200)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_run_without_room_goes_on_when_there_is(disk: Path, tmp_path: Path) -> None:
     path, ballast = disk / "r.sqlite", disk / "ballast"
     with contextlib.suppress(OSError), ballast.open("wb") as file:
@@ -197,6 +198,7 @@ def test_a_run_without_room_goes_on_when_there_is(disk: Path, tmp_path: Path) ->
     assert list(read_results(path).status) == ["solved", "solved"]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_temporary_files_that_cannot_be_written_are_nobodys_refusal(tmp_path: Path) -> None:
     """The folder of a run's temporary files vanishes: an error, where `unsupported` would be said of the solver."""
     path = tmp_path / "p.h5"
@@ -213,6 +215,7 @@ def test_temporary_files_that_cannot_be_written_are_nobodys_refusal(tmp_path: Pa
 # ------------------------------------------------------------------------------------------ permission
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_folder_that_cannot_be_written(sealed: Path, tmp_path: Path) -> None:
     """Nothing can be run into it; what is in it can be read."""
     path = sealed / "r.sqlite"
@@ -241,6 +244,7 @@ def test_a_log_that_a_killed_run_left_in_a_folder_that_cannot_be_written(sealed:
     assert read_results(path).status.value_counts()["solved"] == 1
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_folder_of_the_kernel(tmp_path: Path) -> None:
     path = Path("/proc/self/r.sqlite")
     assert_refused(run(tmp_path, path), path, "cannot be written", "another folder")
@@ -249,6 +253,7 @@ def test_a_folder_of_the_kernel(tmp_path: Path) -> None:
 # ----------------------------------------------------------------------------------------- two writers
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_two_runs_on_one_file(tmp_path: Path) -> None:
     """The second is told who is at it; readers are let in; kill -9 of the first leaves no lock behind."""
     path = tmp_path / "r.sqlite"
@@ -352,6 +357,7 @@ def test_a_noisy_page_costs_no_more_than_its_rows(tmp_path: Path) -> None:
             list(store.answers())
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_through_the_command_line(tmp_path: Path) -> None:
     text = tmp_path / "text.sqlite"
     text.write_text("no database\n" * 1000)

@@ -78,6 +78,7 @@ def _table(bench, expected: dict[str, str], *options: str, limit: float = LIMIT,
     return table
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("isolation", "expected", "limit"),
     [
@@ -92,6 +93,7 @@ def test_other_systems(bench, isolation: str, expected: dict[str, str], limit: f
     _table(bench, expected, limit=limit, CPBENCH_ISOLATION=isolation)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     "faults",
     [
@@ -107,6 +109,7 @@ def test_a_process_a_solve(bench, faults: tuple[str, ...]) -> None:
     assert table.repeats["faulty-then-abort"] == 3
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_an_unknown_isolation_is_refused(bench) -> None:
     done = bench.run([bench.problem("p", 3)], ["lemke"], CPBENCH_ISOLATION="chroot")
     assert done.returncode == 2

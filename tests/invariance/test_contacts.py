@@ -85,6 +85,7 @@ REAL = (
 )
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("name", REAL)
 def test_no_corruption_of_a_real_answer_passes(shared_data: Path, name: str) -> None:
     """Solved here to 1e-10. A corruption counts where it moves the velocities of some contact by 1 % of what they are

@@ -83,6 +83,7 @@ def test_pgs_does_not_hear_the_later_contacts_of_a_sweep() -> None:
     assert judge(problem, ADMM.run(problem).point, 1e-6).solved
 
 
+@pytest.mark.needs("cpbench_solvers")
 @with_pinocchio
 @pytest.mark.parametrize("name", PLANTED)
 def test_velocities_are_those_of_nsgs(name) -> None:

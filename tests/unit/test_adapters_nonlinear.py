@@ -43,6 +43,7 @@ def _run(solver: str, problem, tolerance: float = 1e-8, by_verdict: bool = True,
 # -------------------------------------------------------------------------------------------- equations
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("name", [case.name for case in cases("equation") if case.problem.start.size])
 @pytest.mark.parametrize("solver", EXACT)
 def test_roots_with_exact_jacobians(solver: str, name: str) -> None:
@@ -56,6 +57,7 @@ def test_roots_without_jacobian(solver: str) -> None:
     assert _run(solver, problem).claim is Claim.SOLVED
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("solver", [*EXACT, "scipy-root-krylov", "scipy-root-df-sane"])
 def test_a_root_as_start_costs_nothing(solver: str) -> None:
     output = _run(solver, Equation(F=graph(2, lambda x: x * x - 4.0)), start=EquationPoint(z=np.array([2.0, -2.0])))
@@ -64,6 +66,7 @@ def test_a_root_as_start_costs_nothing(solver: str) -> None:
     np.testing.assert_array_equal(output.point.z, [2.0, -2.0])
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("solver", some_by_day([*EXACT, "scipy-root-krylov", "scipy-root-df-sane"], 2))
 def test_f_that_is_no_number_is_no_root(solver: str) -> None:
 

@@ -44,6 +44,7 @@ WAYS = {
 }
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_primal_dual_kkt_and_lcp_of_a_quadratic_program(seed):
     problem, planted_point = only_inequalities(np.random.default_rng(seed))
@@ -80,6 +81,7 @@ def test_strong_duality(seed):
 # --------------------------------------------------------------------------------------------- contact
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_plane_contact_by_both_exact_forms(seed):
     """W positive definite and little friction: the answer is unique (the LCP's matrix is then a P-matrix)."""
@@ -92,6 +94,7 @@ def test_plane_contact_by_both_exact_forms(seed):
     np.testing.assert_allclose(first.r, second.r, atol=1e-8)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("joints", [0, 2])
 def test_global_contact_condensed_at_once_in_two_steps_and_directly(seed, joints):
@@ -115,6 +118,7 @@ def test_global_contact_condensed_at_once_in_two_steps_and_directly(seed, joints
         np.testing.assert_allclose(getattr(directly, name), value, atol=1e-7, err_msg=name)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_friction_without_condensation_by_the_fixed_point_on_de_saxce(seed):
     """min ½vᵀMv − fᵀv over Hᵀv + w + s e_N ∈ K* with s := μ‖u_T‖ until it stays, against the condensed problem."""
@@ -162,6 +166,7 @@ def test_de_saxce_frozen_at_the_solution_is_coulomb(seed, edge):
 # ----------------------------------------------------------------------------------------------- boxes
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_relay_by_bounds_and_by_rows(seed):
     """n more complementarities (relay-lcp), or 2n multipliers and free z (relay-avi-mlcp): M definite, one answer."""

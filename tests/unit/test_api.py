@@ -69,6 +69,7 @@ def test_an_import_brings_nothing_with_it() -> None:
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_one_solve_imports_few_solvers() -> None:
     """Discovery of all of them takes longer than most problems."""
     code = (
@@ -79,6 +80,7 @@ def test_one_solve_imports_few_solvers() -> None:
     assert done.stdout.strip() == "True 0 False", done.stderr
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_an_answer_is_measured_on_the_problem_that_was_asked() -> None:
     solution = cpbench.solve(LCP, "lemke", tolerance=1e-9)
     assert solution
@@ -90,6 +92,7 @@ def test_an_answer_is_measured_on_the_problem_that_was_asked() -> None:
     assert 0 < solution.time < 10
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_solver_of_another_formulation_is_reached_and_its_answer_carried_back() -> None:
     solution = cpbench.solve(LCP, "dual-active-set")
     assert solution.route == "lcp-qp"
@@ -98,10 +101,12 @@ def test_a_solver_of_another_formulation_is_reached_and_its_answer_carried_back(
     np.testing.assert_allclose(solution.x, EXACT, rtol=1e-9)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_solver_is_chosen_where_none_is_named() -> None:
     assert cpbench.solve(LCP).solver == "auto-lcp"
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("node", ["equation", "nfc"])
 def test_a_formulation_without_an_automatic_choice_gets_a_solver_of_its_own(node: str) -> None:
     from cpbench.bench.planning.nearest import nearest_automatic
@@ -160,6 +165,7 @@ def test_a_claim_is_kept_beside_the_verdict_and_decides_nothing(liar: Liar, answ
         assert solution.claim == answer.claim
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_an_answer_after_the_limit_is_late() -> None:
     solution = cpbench.solve(LCP, "lemke", seconds=1e-9)
     assert solution.status is Status.TIMEOUT
@@ -167,6 +173,7 @@ def test_an_answer_after_the_limit_is_late() -> None:
     assert "limit of 1e-09 s" in solution.message
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("solver", "cause"),
     [("lemka", UnknownName), ("nsgs", NoRoute), ("psor[omega=x]", UnknownName), ("needs-a-guest", Unavailable)],
@@ -184,6 +191,7 @@ def test_no_problem_and_no_limits_are_refused() -> None:
         cpbench.solve(LCP, "lemke", tolerance=0.0)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_conversion_lifts_what_it_is_given() -> None:
     qp = cpbench.convert(LCP, "qp")
     assert qp.problem.node == "qp"
@@ -212,6 +220,7 @@ def test_built_in_problems_are_loaded_by_their_names() -> None:
     assert "no-such-family" not in cpbench.gallery
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_solvers_are_listed_by_formulation() -> None:
     names = [spec.name for spec in cpbench.list_solvers("lcp")]
     assert "lemke" in names
@@ -221,6 +230,7 @@ def test_solvers_are_listed_by_formulation() -> None:
         cpbench.list_solvers("lpc")
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_notebook_shows_law_verdict_and_families() -> None:
     assert "0 ≤ z ⟂" in str(LCP._repr_html_())
     shown = cpbench.solve(LCP, "lemke")._repr_html_()
@@ -229,12 +239,14 @@ def test_a_notebook_shows_law_verdict_and_families() -> None:
     assert "american-put" in cpbench.gallery._repr_html_()
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_markup_in_a_name_is_text() -> None:
     named = formulations.LCP(M=[[1.0]], q=[-1.0], name="<script>alert(1)</script>")
     for shown in (named._repr_html_(), cpbench.solve(named, "lemke")._repr_html_()):
         assert "<script>" not in str(shown)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_run_of_problems_from_memory_and_files(tmp_path: Path) -> None:
     file = tmp_path / "p.h5"
     cpbench.save(formulations.LCP(M=[[1.0]], q=[-1.0], name="one"), file)
@@ -260,6 +272,7 @@ def test_the_report_and_the_figures_of_a_run(tmp_path: Path) -> None:
     assert page.stat().st_size > 10_000
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_run_says_what_it_cannot_do(tmp_path: Path) -> None:
     for arguments, told in (
         ({"solvers": "lemka"}, "unknown solver 'lemka'"),

@@ -378,6 +378,7 @@ def test_no_rows_are_a_baseline_without_lines(kept: Any) -> None:
     assert ratchet.changes(none.astype(kept), one())["change"].tolist() == [Change.NEW]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_run_without_any_sequence_has_a_baseline(tmp_path: Path) -> None:
     """Columns of a real file that hold nothing are none of text."""
     from cpbench import LCP, run

@@ -89,6 +89,7 @@ def test_noise_is_no_message(noise: bytes) -> None:
         frames.unpack(noise)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_solver_options_are_typed_and_named() -> None:
     entry = plan.parse_entry("psor[omega=1.3]")
     assert entry.options == {"omega": 1.3}
@@ -99,6 +100,7 @@ def test_solver_options_are_typed_and_named() -> None:
         plan.parse_entry("psor[omega=fast]")
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_keys_tell_apart_what_must_not_be_mixed(slot: Slot, tmp_path: Path) -> None:
     survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
 
@@ -177,6 +179,7 @@ def test_two_ways_to_one_problem_keep_their_own_steps(tmp_path: Path) -> None:
         assert steps[0].conversion == way
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_facet_requests_lead_to_lcp_and_mlcp_solvers_only(slot: Slot, tmp_path: Path) -> None:
     asked = plan.requests("all", (8, 16))
     survey = slot.survey(str(_contact(tmp_path)), asked)
@@ -187,6 +190,7 @@ def test_facet_requests_lead_to_lcp_and_mlcp_solvers_only(slot: Slot, tmp_path: 
     assert not any(label.startswith("daqp@") and "necessary" not in label for label in labels)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_finished_row_stays(slot: Slot, tmp_path: Path) -> None:
     survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
@@ -201,6 +205,7 @@ def test_a_finished_row_stays(slot: Slot, tmp_path: Path) -> None:
     store.close()
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(("keep", "kept"), [("none", 0), ("wrong", 0), ("all", 1)])
 def test_answers_are_kept_as_asked(slot: Slot, tmp_path: Path, keep: str, kept: int) -> None:
     survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
@@ -212,6 +217,7 @@ def test_answers_are_kept_as_asked(slot: Slot, tmp_path: Path, keep: str, kept: 
     store.close()
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_row_and_its_answer_come_together_or_not_at_all(slot: Slot, tmp_path: Path) -> None:
     survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     planned = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
@@ -241,6 +247,7 @@ def test_files_that_are_no_results_are_refused(tmp_path: Path) -> None:
         Store(tmp_path / "absent.sqlite")
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_referee_that_dies_is_replaced(slot: Slot, tmp_path: Path) -> None:
     """Its process is killed between two pairs; the next pair is judged by a new one."""
     survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
@@ -252,6 +259,7 @@ def test_a_referee_that_dies_is_replaced(slot: Slot, tmp_path: Path) -> None:
     assert slot.run(pair, prepared).status == "solved"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_file_that_changed_after_planning_is_refused(slot: Slot, tmp_path: Path) -> None:
     """Its rows must not be filled with answers to another problem: neither before a solve nor at the verdict."""
     path = _lcp(tmp_path)
@@ -271,6 +279,7 @@ def test_a_file_that_changed_after_planning_is_refused(slot: Slot, tmp_path: Pat
         assert changed.fingerprint in row.message
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_file_that_is_gone_after_planning_is_an_error(slot: Slot, tmp_path: Path) -> None:
     survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
@@ -325,6 +334,7 @@ def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
     assert slot.run(pair, prepared).status == "solved"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_conversion_that_is_too_large_is_a_memout(tmp_path: Path) -> None:
     """60 contacts in 400 facets: an LCP of order 24 120, 4.7 GB. The referee that refused it is replaced."""
     n = 180
@@ -345,6 +355,7 @@ def test_a_conversion_that_is_too_large_is_a_memout(tmp_path: Path) -> None:
         assert small.run(second, small.prepare(second)).status == "solved"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_worker_never_meets_a_dead_referees_file(slot: Slot, tmp_path: Path) -> None:
     """Solve A, kill the referee, solve B, then A again: names of converted problems are not used twice."""
     asked, entries = [plan.exact()], [plan.Entry("lemke")]
@@ -452,6 +463,7 @@ def test_a_file_is_read_anew_for_another_format(tmp_path: Path) -> None:
     assert cache.open(str(tmp_path / "p.h5"), "native") is not first
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_scratch_file_that_a_solver_changed_is_not_solved(slot: Slot, tmp_path: Path) -> None:
     """The worker compares what it reads with what the referee wrote."""
     survey = slot.survey(str(_lcp(tmp_path)), [plan.exact()])

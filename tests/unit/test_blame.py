@@ -126,6 +126,7 @@ def test_a_solver_of_the_problem_itself_has_one_error(tmp_path: Path) -> None:
         assert (row.status, row.target_error) == (expected, row.error)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_facets_are_approximate_and_a_liar_on_facets_is_wrong(tmp_path: Path) -> None:
     from cpbench.solvers import Budget, solvers
 

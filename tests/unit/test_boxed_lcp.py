@@ -102,6 +102,7 @@ def broken(given: dict[str, Any], x: Any) -> float:
     return float(np.abs(x - np.clip(x - w, lo, hi)).max())
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", range(25))
 def test_constant_bounds_as_dantzig_solves_them(seed: int) -> None:
     given = constant(seed)
@@ -112,6 +113,7 @@ def test_constant_bounds_as_dantzig_solves_them(seed: int) -> None:
     assert broken(given, dantzig(**given)) < 1e-10
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", range(10))
 def test_friction_rows_follow_their_normal_rows(seed: int) -> None:
     given = scene(seed)
@@ -121,6 +123,7 @@ def test_friction_rows_follow_their_normal_rows(seed: int) -> None:
     assert broken(given, model.lift(solution)) < 1e-6
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", range(6))
 def test_the_law_is_that_of_four_facets_at_angle_0(seed: int) -> None:
     """A point of either problem is one of the other: the square |t₁| ≤ μn, |t₂| ≤ μn is what fc-mlcp-outer makes."""
@@ -139,6 +142,7 @@ def test_the_law_is_that_of_four_facets_at_angle_0(seed: int) -> None:
     assert broken(given, x) < 1e-6
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_sliding_box_by_hand() -> None:
     """Weight 2 on a plane, pushed by 3 along t₁ and 0.4 along t₂, μ = 0.5: n = 2, t₁ at its bound 1, t₂ sticks; under
     Coulomb's law the force would be along the slip."""
@@ -184,6 +188,7 @@ def test_an_array_too_many_is_refused(tmp_path: Path) -> None:
         cpbench.load(write("npz", tmp_path, {**scene(1), "mu": np.ones(3)}))
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_boxed_problem_is_packed(tmp_path: Path) -> None:
     given = scene(2)
     for name, value in given.items():

@@ -55,6 +55,7 @@ def test_statuses_are_those_that_are_proved(results: Path) -> None:
     assert found["falling", "lemke-mlcp"][:2] == ("unbounded", "infeasible")  # its conditions of optimality have none
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_proofs_are_kept_and_hold(results: Path) -> None:
     problems = {problem.name: problem for problem in (PANG, NEAR, FALLING)}
     with Store(results) as store:
@@ -67,6 +68,7 @@ def test_proofs_are_kept_and_hold(results: Path) -> None:
         assert holds(problems[rows[key].problem], unpacked(kind, data))
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_merged_files_keep_the_proofs(results: Path, tmp_path: Path) -> None:
     merge([results], tmp_path / "m.sqlite")
     with Store(results) as before, Store(tmp_path / "m.sqlite") as after:
@@ -83,6 +85,7 @@ def _judged_again(path: Path) -> list[str]:
     return [*lines, ""]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_judging_again_checks_the_proofs(results: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(results.parent)
     assert list(rejudge_file(results, None, None))[-1].endswith("no change")
@@ -111,6 +114,7 @@ def test_judging_again_checks_the_proofs(results: Path, tmp_path: Path, monkeypa
         assert f"{touched} statuses change by the row's own measure" in end if ends else not end
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_row_that_is_run_again_loses_its_proof(results: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.sqlite"
     with closing(sqlite3.connect(results)) as source, closing(sqlite3.connect(copy)) as target:

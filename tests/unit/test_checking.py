@@ -84,6 +84,7 @@ def test_without_a_solution_a_native_solver_is_asked(rng):
     assert "the known solution has error" in report.tried[0]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_solvers_beyond_the_target_are_asked(rng, monkeypatch):
     """Where no solver hangs on mlcp, its answer comes from lcp."""
     monkeypatch.setattr(checking, "solvers", [checking.solvers.get("lemke")])
@@ -93,6 +94,7 @@ def test_solvers_beyond_the_target_are_asked(rng, monkeypatch):
     assert report.passed
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("names", [["lemke", "pgs"], *by_night([None])], ids=["two solvers", "all"])
 def test_nothing_is_passed_without_an_answer(monkeypatch, names):
     """w = −z − 1 < 0: there is no solution, and nobody finds one."""
@@ -144,6 +146,7 @@ def test_an_approximate_route_need_not_pass(rng):
     assert report.passed
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("names", [["interior-point-qp", "daqp"], *by_night([None])], ids=["two solvers", "all"])
 def test_units_do_not_make_a_wrong_answer_right_on_the_way(monkeypatch, names):
     """A QP in units of 1e-8 is not solved by 0, and what solves it is carried back to a right answer of its LCP."""
@@ -227,6 +230,7 @@ def test_there_and_back_between_linear_nodes(nodes):
     assert residual_matrix.table(found).splitlines()[0].split() == nodes
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("names", [["lemke"], *by_night([None])], ids=["lemke", "all"])
 def test_the_matrix_finds_a_broken_lift(monkeypatch, capsys, crooked, names):
     """Of all solvers it takes minutes: where no answer is right, each is asked thrice for every planted problem."""

@@ -133,6 +133,7 @@ def test_a_workflow_has_its_keys_and_no_right_that_it_does_not_need(path: Path) 
     assert "secrets." not in path.read_text()
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_our_workflow_tests_compares_builds_the_pages_and_writes_nothing_back() -> None:
     workflow = load(ROOT / ".github/workflows/ci.yml")
     jobs = workflow["jobs"]

@@ -117,6 +117,7 @@ def _damaged(tmp_path: Path) -> dict[str, tuple[list[object], str]]:
     }
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     "case",
     some_by_day(["not HDF5", "truncated", "git-lfs", "wrong format", "unknown format", "mis-sized W", "NaN in q",
@@ -135,6 +136,7 @@ def test_bad_input_is_one_line(monkeypatch, capsys, tmp_path, case, command) -> 
     assert set(tmp_path.iterdir()) == before, "nothing is written"
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
@@ -210,6 +212,7 @@ def test_verify_takes_plain_vectors(monkeypatch, capsys, lcp, tmp_path) -> None:
     assert "3 numbers, expected 2" in capsys.readouterr().err
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_solve_and_verify_end_with_what_was_measured(monkeypatch, capsys, lcp, tmp_path) -> None:
     """1 unless the answer is verified; the answer is written all the same, and never over another."""
     out = tmp_path / "z.npy"
@@ -266,6 +269,7 @@ def test_pack(monkeypatch, tmp_path) -> None:
     assert packed.W.toarray().diagonal().tolist() == [3.0, 1.0, 2.0]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_run_writes_results_and_report(monkeypatch, capsys, lcp, contact) -> None:
     """A small run, its rows as JSON, its answers again under another measure."""
     folder = lcp.parent
@@ -297,6 +301,7 @@ def _meta(path: Path) -> dict[str, Any]:
         store.close()
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_resumed_run_keeps_what_the_results_know_of_other_solvers(lcp) -> None:
     """Another solver, then the first again, with nothing left to do: both have their sheets, with versions."""
     for solver in ("lemke", "bpp", "lemke"):
@@ -307,6 +312,7 @@ def test_a_resumed_run_keeps_what_the_results_know_of_other_solvers(lcp) -> None
     assert all(sheet["version"] for sheet in sheets.values())
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_refused_file_that_was_mended_is_refused_no_longer(lcp) -> None:
     folder = lcp.parent
     (folder / "bad.h5").write_bytes(lcp.read_bytes()[:100])
@@ -321,6 +327,7 @@ def test_a_refused_file_that_was_mended_is_refused_no_longer(lcp) -> None:
     assert found == [["bad.h5", "worse.h5"], ["worse.h5"]]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_rejudging_reads_files_by_the_format_of_their_run(monkeypatch, capsys, lcp) -> None:
     """A text file whose name tells nothing, in one results file with one that needs no `--format`."""
     folder = lcp.parent
@@ -335,6 +342,7 @@ def test_rejudging_reads_files_by_the_format_of_their_run(monkeypatch, capsys, l
     assert "2 answers judged again: no change" in capsys.readouterr().out
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_dry_run_of_nothing_says_why(monkeypatch, capsys, lcp) -> None:
     """As the run itself would."""
     monkeypatch.chdir(lcp.parent)
@@ -342,6 +350,7 @@ def test_a_dry_run_of_nothing_says_why(monkeypatch, capsys, lcp) -> None:
     assert "no route leads from deudeu.h5 to any of the solvers asked for" in capsys.readouterr().err
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_dry_run_writes_nothing(monkeypatch, capsys, lcp) -> None:
     monkeypatch.chdir(lcp.parent)
     before = set(lcp.parent.iterdir())
@@ -372,6 +381,7 @@ def test_a_fast_contact_on_four_facets_is_flagged_wherever_it_appears(monkeypatc
     assert "lemke@inner4" in report
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
@@ -416,6 +426,7 @@ class Gated(Solver):
 """
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_an_interrupted_run_goes_on(lcp) -> None:
     """Ctrl-C: exit code 130, what was done is kept, the same command finishes.
 
@@ -473,6 +484,7 @@ def test_every_public_name_is_there() -> None:
     assert done.stdout.startswith("[] <function read_results"), done.stderr
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_answers_from_two_starts_are_exported(monkeypatch, tmp_path) -> None:
     """Each under a name of its own, as it was found; the plain name is that of the cold start."""
     monkeypatch.chdir(tmp_path)
@@ -529,6 +541,7 @@ def test_a_report_tells_what_it_replaces(monkeypatch, capsys, lcp, tmp_path) -> 
         assert all(line.endswith("(replaced)") == again for line in lines), lines
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("report", [False, *by_night([True])])
 def test_a_file_that_changed_between_two_runs_is_said(monkeypatch, capsys, tmp_path, report) -> None:
     """Rows of the former content stay, and the terminal and the report say that they are there."""

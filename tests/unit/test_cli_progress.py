@@ -98,6 +98,7 @@ def test_a_terminal_shows_a_live_table_and_ctrl_c_leaves_a_resumable_file(folder
     assert subprocess.run(again, cwd=folder, timeout=600, check=False).returncode == 0
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_elsewhere_it_shows_lines_and_keeps_a_log(folder: Path) -> None:
     done = with_plugins(folder, "run", ".", "--no-report", "-s", "lemke", "-o", "r.sqlite", "--log", "run.log")
     assert done.returncode == 0, done.stderr
@@ -119,6 +120,7 @@ def test_verbose_is_the_log_on_stderr_and_quiet_is_nothing(folder: Path) -> None
     assert done.stderr == ""
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_log_that_cannot_be_written_is_told_before_anything_runs(folder: Path) -> None:
     words = ("-s", "lemke", "-o", "r.sqlite", "--log", "nowhere/run.log")
     done = with_plugins(folder, "run", ".", "--no-report", *words)

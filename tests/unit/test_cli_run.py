@@ -101,6 +101,7 @@ tolerance = 1e-9
 """
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_plan_file_is_carried_out_and_kept(folder: Path) -> None:
     (folder / "cpbench.toml").write_text(PLAN)
     told = run(folder)
@@ -131,6 +132,7 @@ def test_a_plan_file_is_carried_out_and_kept(folder: Path) -> None:
     assert {(r["seconds"], r["tolerance"]) for r in rows(folder / "other.sqlite")} == {(float("inf"), 1e-2)}
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_dry_run_tells_the_matrix_the_grids_and_what_is_done(folder: Path) -> None:
     (folder / "cpbench.toml").write_text(PLAN)
     run(folder, "--set", "tight")
@@ -193,6 +195,7 @@ def test_what_is_run_again(folder: Path) -> None:
     assert sorted((r["status"], r["attempts"]) for r in found) == [("solved", 2)] * 2 + [("wrong", 1)] * 2
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
@@ -228,6 +231,7 @@ def test_what_cannot_be_planned_is_one_line(monkeypatch, capsys, folder: Path, a
     assert set(folder.iterdir()) == before, "nothing is written"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_limits_do_not_mix(folder: Path) -> None:
     """Neither in one pair of two sets, nor in a file that is gone on with."""
     two = '[[set]]\nname="a"\nproblems="p2.h5"\nsolvers="lemke"\n[[set]]\nname="b"\nproblems="p2.h5"\nsolvers="l*e"\n'
@@ -241,6 +245,7 @@ def test_limits_do_not_mix(folder: Path) -> None:
     assert "with timeout 10, now 5" in told.stderr.splitlines()[-1]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_solver_that_was_environment_and_cannot_run_is_named(folder: Path) -> None:
     told = run(folder, "p2.h5", "-s", "lemke", "-s", "nsgs", "--dry-run")
     assert "no route leads to nsgs: no row" in told.stderr
@@ -258,6 +263,7 @@ def _assembly(limits: Limits, problems: int = 3, solver: str = "lemke") -> Assem
     return Assembly([part], pairs, {}, [], [], [], [])
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("limits", "asked", "seconds"),
     [

@@ -64,6 +64,7 @@ def altered(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_an_alarm_that_does_not_come_back_is_told(altered: Path) -> None:
     words = ("compare", "run.sqlite", "--a", MANY, "--b", FEW, "--fail-on", "regression")
     said = in_process(altered, *words)

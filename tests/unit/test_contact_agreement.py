@@ -63,6 +63,7 @@ def solved_by(problem, node):
     pytest.fail(f"as {node} solved by none: {', '.join(f'{name} {error:.0e}' for name, error in errors.items())}")
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("node", REACHED)
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("seed", [1, 2, 3])
@@ -73,6 +74,7 @@ def test_planted_contacts(node, d, seed, record_property):
     record_property("solved by", f"{name}, error {error:.1e}")
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("node", some_by_day(REACHED, 3))
 @pytest.mark.parametrize("file", some_by_day(SMALL + STIFF, 4))
 def test_real_files(node, file, shared_data, record_property):

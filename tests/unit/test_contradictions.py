@@ -84,6 +84,7 @@ def test_the_false_infeasible_is_a_false_claim(planted) -> None:
     assert next(line for line in claims.splitlines() if "denier-lcp" in line).split("|")[3].strip() == "1"
 
 
+@pytest.mark.needs("cpbench_solvers", "cpbench_lab")
 def test_a_certificate_says_who_is_right(planted) -> None:
     pytest.importorskip("flint")
     folder, ended = planted

@@ -63,6 +63,7 @@ def test_gfc_fc(seed, bodies, nc, d, symmetric, sparse):
     assert target.dimension == d
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_delassus_answer_of_another_solver(rng):
     problem, _ = planted.gfc(rng, 4, 5, 3, sparse=True)
     target = make("gfc-fc").step(problem)
@@ -153,6 +154,7 @@ def test_fc_lcp_2d(seed, nc, kind, sparse):
     assert matrices.is_sparse(target.M) == sparse
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", range(6))
 def test_fc_lcp_2d_answers_of_others(seed):
     problem, _ = planted.fc(np.random.default_rng(seed), 2, 2, "positive definite")
@@ -248,6 +250,7 @@ def sliding(theta: float, speed: float = 1.0) -> tuple[FrictionContact, FCPoint]
     return FrictionContact(W=np.eye(3), q=u - r, mu=np.array([mu])), FCPoint(r=r)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("name", FACET_EDGES)
 def test_facet_error_falls_with_their_number(name):
     # one direction may be exact by luck at any number, so it is the worst direction that falls
@@ -270,6 +273,7 @@ def test_facet_error_falls_with_their_number(name):
     assert worst_error[-1] < 0.03
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("count", [4, 6, 8, 16])
 def test_outer_facets_by_schur_and_by_vertices_agree(seed, count):

@@ -286,6 +286,7 @@ def test_default_routes_linearize_only_what_is_linear(rng):
     both_ways(make("nfc-gfc"), linear, point)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("at", ["free", "start"])
 def test_a_linearization_errs_by_the_square_of_the_distance(rng, at):
     """Both places; two problems whose terms of second order are ten times apart in size."""

@@ -152,6 +152,7 @@ def test_mlcp_lcp_lifts_an_enumerated_answer(edge, seed):
     assert problem.residuals(graph.lift(target, answer)).error <= CLOSE
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("sparse", [False, True])
 @pytest.mark.parametrize("seed", range(6))
@@ -197,6 +198,7 @@ def test_split_keeps_what_is_semidefinite_or_hopeless(rng):
     assert semidefinite_transform(bad) is None
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("name", ["diodeBridge_mlcp", "diodeBridge20_mlcp", "diodeBridge40_mlcp", "PD_mlcp"])
 def test_diode_bridges(shared_data, name):
     problem = storage.load(shared_data / "mlcp" / f"{name}.dat", format="siconos-mlcp")

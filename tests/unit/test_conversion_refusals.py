@@ -147,6 +147,7 @@ def test_relaxations_are_not_taken_unless_environment():
     assert graph.arrive(problem, "coneqp", graph.ALL).kind == Kind.RELAXATION
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_rolling_facets_converge():
     """One contact that slides and rolls at an angle no polygon has: the largest error over angles falls with ν."""
     errors = []

@@ -52,6 +52,7 @@ def test_pivots_on_the_diagonal_tell_definiteness() -> None:
     assert factor_on_diagonal(sp.csr_array(np.diag([1.0, 0.0]))) is None
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("by", ALL)
 def test_admm_with_any_of_them(by: By) -> None:
     problem, _ = planted.fc(np.random.default_rng(2), 6, 3, "positive definite", sparse=True)
@@ -61,6 +62,7 @@ def test_admm_with_any_of_them(by: By) -> None:
     assert judge(problem, output.point, 1e-9).solved
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("by", ["cholmod", "qdldl"])
 def test_a_nonsymmetric_matrix_is_refused(by: By) -> None:
     W = np.eye(3) + np.triu(np.full((3, 3), 0.1), 1)

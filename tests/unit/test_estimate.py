@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from cpbench import storage
 from cpbench.api.estimate import NOTHING, SolveTimes, Span, shipped_times, solves
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request, exact
@@ -34,6 +36,7 @@ def test_a_range_says_both_ends_where_they_differ() -> None:
     assert str(Span(1.5, 1.5) + NOTHING * 2) == "about 1.5 s"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_the_shipped_times_are_of_built_in_problems_and_of_solvers_that_may_be_named() -> None:
     known = shipped_times()
     here = {problem.fingerprint for problem in map(storage.load, storage.problem_files([builtin_folder()]))}

@@ -355,6 +355,7 @@ def test_complementarity_of_others(tmp_path: Path) -> None:
     assert avi.fingerprint == AVI(M=M, q=q, lb=[0.0, -np.inf], ub=[1.0, np.inf]).fingerprint
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("parts", "says"),
     [

@@ -292,6 +292,7 @@ def test_any_registered_solver_is_served_and_answers_as_it_does_here() -> None:
         there.close()
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("name", some_by_day([name for name in exchanges.names() if name != "fclib"], 1))
 def test_any_exchange_serves_a_registered_solver(name: str) -> None:
     there = ServedSolver(

@@ -112,6 +112,7 @@ def test_a_mistake_is_one_line_with_file_table_and_key(text: str, tmp_path: Path
     assert "mine" not in solvers
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("text", "told"),
     [
@@ -135,6 +136,7 @@ def test_a_file_is_refused_in_one_line(text: str, told: str, tmp_path: Path) -> 
     assert "\n" not in str(raised.value)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_variants_are_their_base_by_another_build(tmp_path: Path) -> None:
     declared.declare_file(
         _file(
@@ -175,6 +177,7 @@ def test_variants_are_their_base_by_another_build(tmp_path: Path) -> None:
     assert psor.availability().state == "missing"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_variant_on_the_command_line() -> None:
     text = 'psor@blas={env={A="1,2", B="[x]"}}'
     assert [entry.label for entry in grids.grid(text)] == ["psor@blas"]
@@ -191,6 +194,7 @@ def test_a_variant_on_the_command_line() -> None:
         grids.grid('psro@b={env={A="1"}}')
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_plan_declares_its_solvers_before_it_names_them(tmp_path: Path) -> None:
     path = tmp_path / "cpbench.toml"
     path.write_text(

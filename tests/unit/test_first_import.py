@@ -60,6 +60,7 @@ NATIVE = [s.spec.name for s in solvers if type(s).__module__.startswith(OWN)]
 ADAPTED = [s.spec.name for s in solvers if type(s).__module__.startswith(FOREIGN) and {*s.spec.requires} & CORE]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_there_are_solvers_to_watch() -> None:
     assert min(len(NATIVE), len(ADAPTED)) > 30
 

@@ -127,6 +127,7 @@ def test_no_cell_is_a_formula_and_no_control_character_is_left(tmp_path: Path) -
                 assert cell in (text, f"'{text}")
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_messages_reach_no_terminal_raw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The line of an event, with what a solver may put into its message; the log has the same line."""
     survey = Surveyed(

@@ -117,6 +117,7 @@ def test_programs_have_their_published_optimum(name: str, shared_data: Path) -> 
     assert optimum == pytest.approx(PUBLISHED[name], rel=1e-8, abs=1e-8)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("number", [1, *by_night([2, 3, 4])])
 def test_blocks_with_friction_are_mixed_complementarity_problems(
     number: int, shared_data: Path, caplog: pytest.LogCaptureFixture
@@ -131,6 +132,7 @@ def test_blocks_with_friction_are_mixed_complementarity_problems(
     assert answer.status == "solved"
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("name", SQUARE)
 def test_square_models_are_complementarity_problems(name: str, shared_data: Path) -> None:
     problem = cpbench.load(shared_data / "gams" / f"{name}.gms")

@@ -155,6 +155,7 @@ def test_the_answer_of_a_step_is_near_that_of_the_next(form: str) -> None:
     assert np.median(np.array(warm) / np.array(cold)) < 0.7
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_warm_starts_save_sweeps() -> None:
     """nsgs from its own last answer against nsgs from 0, step by step."""
     nsgs, budget = solvers.get("nsgs"), Budget(tolerance=1e-6)

@@ -62,6 +62,7 @@ def test_sheets_and_files_agree() -> None:
             assert (found is not None) == (row["known"] in KNOWN)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_the_radial_obstacle_is_met_where_theory_says() -> None:
     """Majava and Tai 2004: u touches ψ inside r* = 0.6980 (the root of r²(1 − log(r/2)) = 1), and is free outside."""
     from cpbench.generators.obstacles import RADIUS, radial_obstacle
@@ -81,6 +82,7 @@ def test_the_radial_obstacle_is_met_where_theory_says() -> None:
     assert np.abs(u - exact).max() < 2 * mesh**2
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_an_american_put_is_worth_no_less_than_its_payoff_and_falls_with_the_price() -> None:
     from cpbench.generators.obstacles import american_put
 

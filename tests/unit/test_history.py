@@ -170,6 +170,7 @@ def scene(tmp_path: Path) -> Callable[[Any, str], Scene]:
     return lambda problem, node: Scene(tmp_path, problem, node)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_errors_are_those_of_the_iterates(scene: Any, rng: np.random.Generator) -> None:
     """PGS on a planted LCP, its iterates judged here one by one."""
     problem, _ = planted.lcp(rng, 30, "positive definite")
@@ -188,6 +189,7 @@ def test_errors_are_those_of_the_iterates(scene: Any, rng: np.random.Generator) 
     assert history.error[-1] == history.error[-2] <= LEEWAY * 1e-10
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_errors_are_of_the_problem_that_was_asked(scene: Any, rng: np.random.Generator) -> None:
     """A mixed LCP solved as an LCP: the errors are those of the lifted iterates."""
     problem, _ = planted.mlcp(rng, 4, 20, "positive definite")
@@ -262,6 +264,7 @@ def test_messages_that_do_not_hold_together_are_refused(scene: Any) -> None:
             at.judged(Recorded(2, 1.0, 0.0, 2, {k: v for k, v in fine.items() if k != missing}))
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_judging_ends_in_time_with_the_answer_first(scene: Any, rng: np.random.Generator) -> None:
     problem, _ = planted.lcp(rng, 10, "positive definite")
     message = recorded(solvers.get("pgs"), problem, Budget(tolerance=1e-10), solvers.get("pgs").spec.options(), None)
@@ -344,6 +347,7 @@ def _easy(rng: np.random.Generator, node: str) -> Any:
     return (planted_conic.soclcp if node == "soclcp" else planted_conic.plain_coneqp)(rng)[0]
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("solver", ["pgs", "psor", "nsgs", "apgd", "newton-soclcp"])
 def test_a_history_tells_when_a_looser_run_would_end(scene: Any, rng: np.random.Generator, solver: str) -> None:
     """Runs at three tolerances, against the history of one run.
@@ -366,6 +370,7 @@ def test_a_history_tells_when_a_looser_run_would_end(scene: Any, rng: np.random.
         assert history.residual[k] <= LEEWAY * tolerance
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_lane_returns_the_history_of_a_solver_that_records(tmp_path: Path, rng: np.random.Generator) -> None:
     problem, _ = planted.lcp(rng, 20, "positive definite")
     path = tmp_path / "p.h5"

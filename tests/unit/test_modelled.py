@@ -80,6 +80,7 @@ def as_fractions(game: cpbench.Modelled, points: Any) -> set[tuple[str, ...]]:
     return {tuple(str(Fraction(value).limit_denominator(10**6)) for value in vector.tolist()) for vector in lifted}
 
 
+@pytest.mark.needs("cpbench_solvers", "cpbench_lab")
 def test_all_three_equilibria_of_a_published_game() -> None:
     pytest.importorskip("flint", reason="all solutions need python-flint")
     game = cpbench.from_game(*THREE)
@@ -87,6 +88,7 @@ def test_all_three_equilibria_of_a_published_game() -> None:
     assert extreme_equilibria(*THREE) == THREE_EQUILIBRIA
 
 
+@pytest.mark.needs("cpbench_solvers", "cpbench_lab")
 @pytest.mark.parametrize(("case", "rows", "count"), [("c09a", 3, 3), ("c09b", 3, 8)])
 def test_all_equilibria_of_the_games_that_people_asked_about(shared_data: Path, case, rows, count) -> None:
     """Two games of public reports (Nashpy 64 and 82), whose LCPs hold costs; the second is degenerate."""
@@ -102,6 +104,7 @@ def test_all_equilibria_of_the_games_that_people_asked_about(shared_data: Path, 
     assert as_fractions(game, found.points) == extreme_equilibria(A, B)
 
 
+@pytest.mark.needs("cpbench_solvers", "cpbench_lab")
 @pytest.mark.parametrize("seed", range(6))
 def test_solutions_of_the_lcp_are_the_equilibria(seed: int) -> None:
     pytest.importorskip("flint", reason="all solutions need python-flint")
@@ -114,6 +117,7 @@ def test_solutions_of_the_lcp_are_the_equilibria(seed: int) -> None:
     assert found.endless or len(found.points) == len(expected)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
 def test_one_equilibrium_in_any_unit_leaves_nothing_to_gain(unit: float) -> None:
     rng = np.random.default_rng(3)
@@ -147,6 +151,7 @@ def test_what_has_no_probabilities_is_no_equilibrium(z) -> None:
         cpbench.from_game(*THREE).lift(z)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_game_is_packed_and_its_equilibria_are_written(tmp_path: Path) -> None:
     pytest.importorskip("flint", reason="all solutions need python-flint")
     for name, payoff in zip("AB", THREE, strict=True):
@@ -175,6 +180,7 @@ def test_sizes_that_are_none_of_a_game_are_ignored(sizes) -> None:
 # ------------------------------------------------------------------------------------------- least squares
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("sparse", [False, True])
 @pytest.mark.parametrize("shape", [(9, 4), (4, 4), (3, 6)])
 def test_least_squares_as_scipy_solves_them(shape, sparse) -> None:
@@ -191,6 +197,7 @@ def test_least_squares_as_scipy_solves_them(shape, sparse) -> None:
     assert (x <= ub + 1e-9).all()
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_least_squares_do_not_square_the_condition_number() -> None:
     """A planted x comes back where A has the condition number 1e7; by AᵀA no digit of it does."""
     rng = np.random.default_rng(0)
@@ -224,6 +231,7 @@ def test_least_squares_that_do_not_fit_are_refused(given, cause) -> None:
         cpbench.from_least_squares(**given)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_least_squares_are_packed(tmp_path: Path) -> None:
     parts = {"A": [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]], "b": [1.0, 0.0, -1.0], "lb": [0.0, 0.0], "ub": [9.0, 9.0]}
     for name, values in parts.items():
@@ -266,6 +274,7 @@ def planted(rng: np.random.Generator) -> dict[str, Any]:
     return {"P": H @ H.T, "q": rng.standard_normal(5), "G": G, "h": G @ inside + 0.1, "A": A, "b": A @ inside, **bounds}
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("sparse", [False, True])
 def test_a_problem_of_qpsolvers(sparse: bool) -> None:
     qpsolvers = pytest.importorskip("qpsolvers", reason="needs qpsolvers: pip install qpsolvers")
@@ -317,6 +326,7 @@ def programs() -> dict[str, Any]:
     }
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("kind", "node"),
     [("qp", "qp"), ("maximum", "qp"), ("lp", "qp"), ("parameter", "qp"), ("soc", "coneqp"), ("qp and soc", "coneqp"),

@@ -59,6 +59,7 @@ def cone(kind: str, function: dict[str, Any]) -> dict[str, Any]:
     return {"function": function, "set": {"type": kind, "dimension": len(function["constants"])}}
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("kind", ["SecondOrderCone", "RotatedSecondOrderCone"])
 @pytest.mark.parametrize("quadratic", [False, True])
@@ -91,6 +92,7 @@ def test_programs_have_the_optimum_of_cvxpy(tmp_path: Path, seed: int, kind: str
     assert solution.point.x == pytest.approx(z.value, abs=1e-3)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_the_value_of_a_maximum_is_that_of_the_file(tmp_path: Path) -> None:
     """max z₀ + 3 with ‖z‖ ≤ 2 is 5."""
     ball = cone("SecondOrderCone", affine(np.vstack([np.zeros(N), np.eye(N)]), [2.0, 0, 0, 0]))

@@ -88,6 +88,7 @@ def test_one_start_is_as_it_was() -> None:
     assert not list(multi_start.solutions(clean, ANSWERS))
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_plan_has_a_pair_for_each_start_of_a_file() -> None:
     """The file of Kojima and Shindo's problem has 8 starting points."""
     place = f"{builtin_folder()}/ncp/ncp-classics.h5::kojima-shindo"

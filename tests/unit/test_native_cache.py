@@ -197,6 +197,7 @@ def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_cha
     assert found == [2.0, 1.0]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_what_is_compiled_is_asked_of_the_cache_in_use(fresh: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Not of the one beside the source, where another setting may have left kernels; and younger than the source."""
     module = "cpbench_solvers.kernels.box_splitting"

@@ -230,6 +230,7 @@ def test_julia_says_what_the_protocol_says(tmp_path: Path) -> None:
         assert item.plugin.availability().state == "missing"
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("arguments", "word"),
     [
@@ -406,6 +407,7 @@ for cls in (Hangs, Dies, Raises, Leaves):
         assert re.search(r"^  passed +check_the_spec_is_complete$", parts[name], re.MULTILINE)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.usefixtures("registries")
 def test_known_failures_are_strict(tmp_path: Path) -> None:
     """What the spec says to fail may fail, with its reason; what it says to fail and passes is a failure."""
@@ -429,6 +431,7 @@ solver(Modest, "modest")
     assert (told.word, "take check_the_same_twice out of it" in told.reason) == ("failed", True)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.usefixtures("registries")
 @pytest.mark.parametrize(
     ("file", "text", "word"),
@@ -472,6 +475,7 @@ def test_a_plugin_that_does_not_load_is_bad_input(tmp_path: Path, text: str, wor
     assert word in one_line(tmp_path, "check", "p.py")
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_name_that_nobody_has_cannot_be_checked() -> None:
     with pytest.raises(UnknownName, match="did you mean lemke"):
         conduct.named("lemkee")

@@ -264,6 +264,7 @@ QUADRATIC = (
 SIZES = {"objectives": 1, "jacobian": 2, "gradient": 2}
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_quadratic_program_has_the_numbers_of_the_file(tmp_path: Path) -> None:
     problem = load(tmp_path, text(*QUADRATIC, **SIZES))
     assert isinstance(problem, QP)

@@ -192,6 +192,7 @@ def solution(problem: Any, m: Any, tmp_path: Path) -> dict[str, float]:
     return dict(zip(labels, z.tolist(), strict=True))
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_nonlinear_complementarity_problem_of_pyomo(tmp_path: Path) -> None:
     """Kojima and Shindo 1986, whose solutions are (√6/2, 0, 0, 1/2) and (1, 0, 3, 0)."""
     m = pyo.ConcreteModel()
@@ -215,6 +216,7 @@ def test_a_nonlinear_complementarity_problem_of_pyomo(tmp_path: Path) -> None:
     assert np.abs(known - x).max(axis=1).min() < 1e-3
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_linear_complementarity_problem_of_pyomo(tmp_path: Path) -> None:
     """M = [2 1; 1 2], q = (-3, 1): 2x - 3 = 0 and y = 0, as x + 1 > 0."""
     m = pyo.ConcreteModel()

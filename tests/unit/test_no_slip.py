@@ -38,6 +38,7 @@ def pressed() -> tuple[FrictionContact, np.ndarray]:
     return FrictionContact(W=W, q=-W @ r, mu=[0.9, 0.9]), r
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_contact_that_never_slips_is_stated_by_fcm_and_mlcp_as_the_message_says() -> None:
     fc, r = pressed()
     assert judge(fc, FCPoint(r), 1e-12).solved, "it sticks, so that no larger friction changes it"
@@ -54,6 +55,7 @@ def test_a_contact_that_never_slips_is_stated_by_fcm_and_mlcp_as_the_message_say
     np.testing.assert_allclose(found.point.v, r[N], rtol=1e-8)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_beside_contacts_with_friction_gfc_takes_it_among_its_bilateral_rows() -> None:
     """M = 1, H = I: v = r + f, so that r = −f where a contact sticks; the second one slides by its friction 0.2."""
     f = np.array([-3.0, -1.0, 1.0, -2.0, 1.5, 0.0])
@@ -131,6 +133,7 @@ def pushed_cube(mu: float) -> tuple[FrictionContact, np.ndarray]:
     return FrictionContact(W=J @ inverse @ J.T, q=J @ fall, mu=np.full(4, mu)), J
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("exponent", [1, 4, 6, 8, 9, 10, 12])
 def test_a_cube_on_rough_ground_stays_where_it_is(exponent: int) -> None:
     """To rounding, whatever the coefficient; the reactions balance weight and push, by statics."""
@@ -142,6 +145,7 @@ def test_a_cube_on_rough_ground_stays_where_it_is(exponent: int) -> None:
         np.testing.assert_allclose((J.T @ output.point.r)[:3], [-0.5 * 0.00981, 0.0, 0.00981], atol=tolerance)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", range(4))
 def test_claims_hold_where_some_contacts_are_a_million_times_as_rough(seed: int) -> None:
     """Drawn scenes, most contacts with friction from 1e4 to 1e12; nearly all are solved."""

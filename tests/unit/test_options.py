@@ -42,6 +42,7 @@ def test_other_values_are_refused_by_name() -> None:
         parse_options(spec, {"order": "sideways"})
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_the_default_of_every_limited_option_is_one_of_its_choices() -> None:
     limited = 0
     for solver in solvers:

@@ -63,6 +63,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
     return 0
 
 
+@pytest.mark.needs("cpbench_lab")
 def test_the_tree_is_walked() -> None:
     """The commands of README, those that are made from kinds of figures, and the nested ones."""
     assert {"cpbench run", "cpbench plot profile", "cpbench plot cone"} <= COMMANDS.keys()

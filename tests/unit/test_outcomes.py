@@ -45,6 +45,7 @@ def test_bimatrix_game(slot: Slot, shared_data: Path) -> None:
         assert outcome(slot, path, solver).status == "solved"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_infeasible(slot: Slot, tmp_path: Path) -> None:
     """Pang's isolated solution, perturbed: w₁ = −z₂ − z₃ − 1e-4 < 0. Lemke proves it, bpp through Lemke, and nobody
     claims to solve it."""
@@ -57,6 +58,7 @@ def test_infeasible(slot: Slot, tmp_path: Path) -> None:
     assert row.claim != "solved"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_singular_equality_block(slot: Slot, shared_data: Path) -> None:
     """diodeBridge: A has rank 2 of 3, so that no Schur complement exists; split, it is solved by Lemke."""
     path = shared_data / "mlcp" / "diodeBridge_mlcp.dat"
@@ -82,6 +84,7 @@ def test_nonsymmetric_delassus(slot: Slot, shared_data: Path) -> None:
     assert row.status in ("solved", "inaccurate")
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("solver", ["nsgs", "lemke"])
 def test_no_contact(slot: Slot, shared_data: Path, solver: str) -> None:
     """A global problem without contacts has the free motion for its answer: v = M⁻¹f."""

@@ -114,6 +114,7 @@ def test_a_run_follows_ids_positions_or_nothing_and_says_so(monkeypatch, capsys,
     assert line in (steps / "none" / "report.html").read_text()
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_problems_of_no_sequence_do_not_start_from_a_step_before(monkeypatch, capsys, steps) -> None:
     """Packed one by one they have no place; packed with --problems they have."""
     (steps / "cases").mkdir()

@@ -46,6 +46,7 @@ def check(name: str, problem: LCP | MLCP) -> None:
         assert error <= tolerance or output.claim is not Claim.SOLVED, f"{tolerance}: {error:.1e}"
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("count", [10, 50])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_claim_on_lcps_side_by_side_fails(seed: int, count: int) -> None:
@@ -53,6 +54,7 @@ def test_no_claim_on_lcps_side_by_side_fails(seed: int, count: int) -> None:
     check("auto-lcp", LCP(M=block_diagonal(matrices), q=np.concatenate(constants)))
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("count", [10, 50])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_claim_on_mlcps_side_by_side_fails(seed: int, count: int) -> None:

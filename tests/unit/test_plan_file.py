@@ -53,6 +53,7 @@ def made(path: Path, **given: object) -> RunPlan:
     return run_plan.make({k: plan_file.check(k, v) for k, v in given.items()}, file.top, file.sets)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_file_makes_a_plan(tmp_path) -> None:
     plan = made(write(tmp_path, NIGHT))
     contacts, small = plan.sets
@@ -73,6 +74,7 @@ def test_a_file_makes_a_plan(tmp_path) -> None:
     assert small.limits(2) == Limits(0.5, 2**30, 2, 3, True)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_the_command_line_wins_over_a_set_and_a_set_over_the_top(tmp_path) -> None:
     path = write(tmp_path, NIGHT)
     plan = made(path, timeout="3h", jobs=1, tolerance=(1e-3,), output="here.sqlite")
@@ -87,6 +89,7 @@ def test_a_file_without_sets_is_one_set(tmp_path) -> None:
     assert plan == RunPlan(sets=(ProblemSet(problems=(str(tmp_path / "a.h5"),), seed=3),), seed=3)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_only_some_sets(tmp_path) -> None:
     file = plan_file.read(write(tmp_path, NIGHT))
     assert [part.name for part in run_plan.make({}, file.top, file.sets, ["small"]).sets] == ["small"]
@@ -110,6 +113,7 @@ def test_where_plan_files_are_found(tmp_path) -> None:
     assert made(write(tmp_path, "", "night.toml")).output == "night.sqlite", "beside the caller"
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("text", "told"),
     [
@@ -194,6 +198,7 @@ def test_the_help_shows_the_defaults_of_the_plan() -> None:
             assert plan_file.check(key, value) == defaults[key], key
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_the_effective_plan_is_json_and_reads_as_it_was_written(tmp_path) -> None:
     plan = made(write(tmp_path, NIGHT), timeout="none")
     kept = json.loads(json.dumps(plan.effective({"contacts": ["aa", "bb"], "small": []}), allow_nan=False))

@@ -15,6 +15,7 @@ def labels(*texts: str) -> list[str]:
     return [entry.label for entry in grids.entries(texts)]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_grid_has_every_combination() -> None:
     found = grids.grid("nsgs[omega=0.8:1.4:0.2, shuffle=true|false]")
     assert [e.options["omega"] for e in found] == [0.8, 0.8, 1.0, 1.0, 1.2, 1.2, 1.4, 1.4], "decimal, end included"
@@ -22,6 +23,7 @@ def test_a_grid_has_every_combination() -> None:
     assert len({e.label for e in found}) == 8
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("text", "values"),
     [
@@ -38,11 +40,13 @@ def test_ranges_include_their_end(text: str, values: list[float]) -> None:
     assert [e.options["omega"] for e in grids.grid(f"psor[omega={text}]")] == values
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_values_have_the_type_of_the_option() -> None:
     assert [e.options["max_iterations"] for e in grids.grid("nsgs[max_iterations=1e2:3e2:100]")] == [100, 200, 300]
     assert all(type(e.options["max_iterations"]) is int for e in grids.grid("nsgs[max_iterations=1:3:1]"))
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_globs_choose_among_the_names() -> None:
     assert labels("newton-m*") == ["newton-min", "newton-min-micp", "newton-min-mlcp"]
     asked = [f"{name}[max_iterations=9]" for name in ("nsgs", "nsgs-coloured", "nsgs-gfc", "nsgs-rfc")]
@@ -56,6 +60,7 @@ def test_a_run_that_names_none_takes_those_that_run_by_default() -> None:
     assert labels("all") == labels("*") == solvers.names()
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("text", "word"),
     [

@@ -132,6 +132,7 @@ def texts() -> list[tuple[str, str]]:
     return found + [(str(path.relative_to(ROOT)), path.read_text("utf-8")) for path in templates]
 
 
+@pytest.mark.needs("cpbench_lab")
 def test_commands_that_are_named_have_the_options_that_are_named() -> None:
     context = click.Context(cli)
     seen = 0

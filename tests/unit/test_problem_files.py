@@ -98,6 +98,7 @@ def test_a_merge_keeps_what_was_read(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert WORDS in _changed(tmp_path / "m.sqlite")[0]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_report_and_compare_name_it_and_the_rest_goes_on(tmp_path: Path) -> None:
     _h5(tmp_path)
     done = cpbench(tmp_path, "run", "p.h5", "-s", "lemke", "-o", "r.sqlite", "--no-report", "-q", "--repeats", "1")

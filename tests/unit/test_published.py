@@ -93,6 +93,7 @@ def _reproduced(label: str, answer: Any) -> bool:
     return bool(np.abs(found - known).max() <= CLOSE * (1.0 + np.abs(known).max()))
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("label", some_by_day(INSTANCES, 21))
 def test_three_kinds_of_solvers_reproduce_it(label: str, record_property: Any) -> None:
     by: dict[str, str] = {}

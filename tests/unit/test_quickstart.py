@@ -27,6 +27,7 @@ def test_it_is_short_and_names_what_there_is() -> None:
     assert {"load", "solve", "convert", "run"} <= called <= set(cpbench.__all__)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_its_problems_and_solvers_are_there() -> None:
     """The texts in it that are to name a family or a solver do."""
     texts = {n.value for n in ast.walk(ast.parse("\n".join(CELLS))) if isinstance(n, ast.Constant)}

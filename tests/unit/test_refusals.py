@@ -51,6 +51,7 @@ def test_every_damaged_header_is_refused_in_one_line(text: bytes, tmp_path: Path
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_file_that_was_named_and_refused_ends_with_1(tmp_path: Path) -> None:
     _lcp(tmp_path / "good.h5")
     (tmp_path / "broken.h5").write_bytes(b"no numbers")
@@ -64,6 +65,7 @@ def test_a_file_that_was_named_and_refused_ends_with_1(tmp_path: Path) -> None:
 GONE = '[solver.gone]\nnode = "lcp"\ncommand = "./no-such-program {problem} {answer}"\n'
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("solvers", "code", "line"),
     [
@@ -129,6 +131,7 @@ def test_new_lines_in_names_are_text() -> None:
     assert cell("a\nb") == on_one_line("a\nb") == "a\\nb"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_plan_does_not_decide_to_write_elsewhere(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     _lcp(tmp_path / "in" / "p.h5")

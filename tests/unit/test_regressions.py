@@ -15,6 +15,7 @@ SHEETS = sorted((Path(__file__).parents[1] / "regressions").glob("*.toml"))
 FAILED = [(sheet, solver) for sheet in SHEETS for solver in tomllib.loads(sheet.read_text("utf-8"))["failed"]]
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(("sheet", "solver"), FAILED, ids=[f"{sheet.stem}-{solver}" for sheet, solver in FAILED])
 def test_a_solver_that_failed_solves_it(sheet: Path, solver: str) -> None:
     """With two digits more than were asked for: an answer at the tolerance was the failure."""

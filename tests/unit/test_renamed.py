@@ -25,6 +25,7 @@ LIMITS = plan.Limits(seconds=20.0, repeats=1)
 OLD, NEW = "lcp-enumeration", "enumeration-lcp"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_every_old_name_stands_for_a_solver_that_exists():
     names = set(solvers.names())
     assert set(RENAMED.values()) <= names
@@ -57,10 +58,12 @@ def test_an_old_name_is_not_given_to_another_solver():
         registry.add("old", object())
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_plan_names_solvers_as_they_are_called_now():
     assert [entry.label for entry in entries([OLD])] == [NEW]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_results_written_under_an_old_name_are_read_and_resumed_under_the_new_one(tmp_path):
     """The names are put back in a file of today, with its seals, as an older cpbench would have written it."""
     storage.save(LCP(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=np.array([-5.0, -6.0])), tmp_path / "p.h5")

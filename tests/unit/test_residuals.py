@@ -86,6 +86,7 @@ def test_a_wrong_direction_is_flagged() -> None:
     assert right.parts["slip_angle [deg]"] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     "name", ["Confeti-ex03-Fc3D-SBM.dat", "Confeti-ex13-Fc3D-SBM.dat", "Confeti-ex13-4contact-Fc3D-SBM.dat"]
 )

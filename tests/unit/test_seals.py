@@ -358,6 +358,7 @@ COMMANDS = (
 )
 
 
+@pytest.mark.needs("cpbench_lab")
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda c: " ".join(c[:2]))
 def test_commands_refuse_rows_that_cannot_be_believed(
     command: tuple[str, ...], honest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

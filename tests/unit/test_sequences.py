@@ -81,6 +81,7 @@ def both(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> pd.DataFrame:
     return _run(scene, tmp_path_factory.mktemp("both") / "r.sqlite", ("previous", "cold"))
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_every_step_follows_the_one_before(both: pd.DataFrame) -> None:
     warm = both[both["start"] == "previous"].sort_values("step")
     assert list(warm["status"]) == ["solved"] * STEPS
@@ -88,6 +89,7 @@ def test_every_step_follows_the_one_before(both: pd.DataFrame) -> None:
     assert warm["finished"].is_monotonic_increasing, "steps are run in their order"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_warm_and_cold_are_paired_by_step(both: pd.DataFrame) -> None:
     """The scene rests, nearly: warm starts save sweeps in most steps."""
     (found,) = paired(both).to_dict("records")
@@ -120,6 +122,7 @@ def test_a_run_that_is_killed_goes_on_from_the_kept_answer(scene: Path, both: pd
     assert all(np.array_equal(answers.unpack(kept[key]), answers.unpack(blob)) for key, blob in before.items())
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_step_whose_predecessor_failed_starts_cold_and_says_so(scene: Path, tmp_path: Path) -> None:
     """One iteration is not enough for the first step; the second has nothing to start from, nor has the third."""
     with Slot() as slot, Store(tmp_path / "r.sqlite", create=True) as store:

@@ -38,6 +38,7 @@ def first_line(text: str) -> str:
 # --------------------------------------------------------------------------------------- the choice
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     "address",
     some_by_day(
@@ -58,6 +59,7 @@ def test_without_a_solver_the_command_chooses_as_python_does(address: str, tmp_p
     assert cpbench.solve(cpbench.load(f"builtin/{address}"), "auto").solver == chosen.solver
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_run_by_auto_has_one_row_a_problem_by_its_own_choice(tmp_path: Path) -> None:
     lcp = LCP(M=np.eye(2), q=[-1.0, 1.0], name="a")
     qp = QP.build(Q=np.eye(2), p=[-1.0, 1.0], lb=[0.0, 0.0], name="b")
@@ -69,6 +71,7 @@ def test_a_run_by_auto_has_one_row_a_problem_by_its_own_choice(tmp_path: Path) -
     ]  # fmt: skip
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_auto_has_no_options_and_no_row_of_its_own() -> None:
     with pytest.raises(CpbenchError, match="no options"):
         grids.grid("auto[members=installed]")
@@ -76,6 +79,7 @@ def test_auto_has_no_options_and_no_row_of_its_own() -> None:
     assert {entry.solver for entry in grids.grid("auto")} == {*all_automatic()}
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("node", ["lcp", "equation", "nfc"])
 def test_every_choice_of_python_is_one_of_auto(node: str) -> None:
     own = [name for name in nearest_automatic(node) if cpbench.solvers.solvers.get(name).spec.node == node]
@@ -91,6 +95,7 @@ def test_where_nothing_is_chosen_the_solvers_that_take_it_are_named() -> None:
 # --------------------------------------------------------------------------------------- the answer
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_the_first_line_has_status_objective_and_error(tmp_path: Path) -> None:
     """min (x − 3)²/2 − 4.5 over [0, 1]: x = 1, −2.5."""
     qp = QP.build(Q=[[1.0]], p=[-3.0], lb=[0.0], ub=[1.0], name="bounded")
@@ -107,6 +112,7 @@ def test_the_first_line_has_status_objective_and_error(tmp_path: Path) -> None:
     assert "seconds" in command(tmp_path, "solve", "bounded.h5", "--verbose").stdout
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_limited_number_of_unknowns_is_shown(tmp_path: Path) -> None:
     lcp = LCP(M=np.eye(50), q=-np.arange(50.0), name="many")
     shown = command(tmp_path, "solve", saved(tmp_path, lcp)).stdout.splitlines()
@@ -117,12 +123,14 @@ def test_a_limited_number_of_unknowns_is_shown(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.loadtxt(tmp_path / "z.csv"), np.arange(50.0), atol=1e-6)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_no_solution_is_said_in_words_with_the_exit_code_of_a_proof(tmp_path: Path) -> None:
     done = command(tmp_path, "solve", saved(tmp_path, LCP(M=[[-1.0]], q=[-1.0], name="none")))
     assert "there is no solution: infeasible, proved" in first_line(done.stdout)
     assert done.returncode == 0
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_what_is_not_solved_names_the_command_that_explains_it(tmp_path: Path) -> None:
     lcp = LCP(M=np.eye(3), q=-np.ones(3), name="stopped")
     done = command(tmp_path, "solve", saved(tmp_path, lcp), "-s", "lemke[max_pivots=1]")
@@ -139,6 +147,7 @@ def test_every_status_has_words() -> None:
 # --------------------------------------------------------------------------------------- contacts
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_box_pushed_on_two_feet() -> None:
     """u = r + q: foot 0 sticks (|q_T| = 0.3 < 0.5·1), foot 1 slips (r_T = −0.5, u_T = 0.7), foot 2 opens."""
     frame = np.broadcast_to(np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), (3, 3, 3))
@@ -182,6 +191,7 @@ def test_a_motion_below_the_tolerance_is_none() -> None:
         assert contact_table(problem, FCPoint(r=np.array([1.0, -0.5])), 1e-6).state.tolist() == [state]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_the_command_shows_the_table_of_contacts(tmp_path: Path) -> None:
     box = FrictionContact(W=np.eye(4), q=[-1.0, 0.3, -1.0, 1.2], mu=[0.5] * 2, dimension=2, name="box")
     lines = command(tmp_path, "solve", saved(tmp_path, box)).stdout.splitlines()
@@ -194,6 +204,7 @@ def test_the_command_shows_the_table_of_contacts(tmp_path: Path) -> None:
 # --------------------------------------------------------------------------------------- limits
 
 
+@pytest.mark.needs("cpbench_solvers")
 @linux
 def test_the_memory_of_a_solve_is_limited(tmp_path: Path) -> None:
     """A factor of a dense 1200 × 1200 matrix has 11.5 MB, of which 4 MB are allowed."""
@@ -205,12 +216,14 @@ def test_the_memory_of_a_solve_is_limited(tmp_path: Path) -> None:
     assert done.returncode == 1
 
 
+@pytest.mark.needs("cpbench_solvers")
 @linux
 def test_only_solvers_of_cpbench_are_in_the_process_that_judges() -> None:
     assert all(map(ahead.own_process, ("auto", "lemke", "nsgs[omega=1.2]", "auto-qp")))
     assert not any(map(ahead.own_process, ("siconos-fc3d-nsgs", "casadi-ipopt-nlp", "no-such-solver")))
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_solver_of_others_that_one_of_cpbench_names_is_not_run_there(tmp_path: Path) -> None:
     """`auto-qp` has osqp among its members, by which the text of modules takes it for one of cpbench's."""
     pytest.importorskip("osqp", reason="needs a package: osqp")
@@ -220,6 +233,7 @@ def test_a_solver_of_others_that_one_of_cpbench_names_is_not_run_there(tmp_path:
     assert ahead.own_process("osqp")
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_the_objective_is_that_of_the_file(tmp_path: Path) -> None:
     """max 3 + x + 2 y over x + y ≤ 4, x ≤ 3, y ≤ 2: x = 2, y = 2 and 9; the unknowns have the names of the file."""
     path = tmp_path / "best.mps"

@@ -107,6 +107,7 @@ def test_verdicts_of_a_stack_are_those_of_each_problem(name: str) -> None:
         assert verdicts.error[i] == pytest.approx(verdict.error, rel=1e-5, abs=1e-12)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("name", FAMILIES)
 def test_answers_are_the_planted_ones(name: str) -> None:
     """Matrices are definite, so that there is one answer; of contacts several, by the verdict of each."""
@@ -122,6 +123,7 @@ def test_answers_are_the_planted_ones(name: str) -> None:
         assert cp.verify(solutions.stack.problem(i), solutions.x[i], tolerance=TOLERANCE).solved
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_problems_and_arrays_threads_and_none_give_the_same() -> None:
     kind, data, _ = lcp(np.random.default_rng(9))
     alone = cp.solve_many(kind, tolerance=TOLERANCE, **data)
@@ -131,6 +133,7 @@ def test_problems_and_arrays_threads_and_none_give_the_same() -> None:
         np.testing.assert_array_equal(other.error, alone.error)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_what_the_compiled_call_does_not_solve_goes_to_the_automatic_choice() -> None:
     """By hand: M = 0 with q < 0 has no solution; the unit matrix has z = −q."""
     M, q = np.array([np.eye(2), np.zeros((2, 2))]), np.array([[-1.0, -2.0], [-1.0, 1.0]])
@@ -141,6 +144,7 @@ def test_what_the_compiled_call_does_not_solve_goes_to_the_automatic_choice() ->
     assert "1 of 2 solved" in repr(solutions)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("n", [0, 1, 64])
 def test_nothing_and_the_most(n: int) -> None:
     """By hand: z = 1; a program is as large as its z, whatever multipliers there are."""
@@ -162,6 +166,7 @@ def test_nothing_and_the_most(n: int) -> None:
         np.testing.assert_allclose(solutions.x[:, :n], size, rtol=1e-12)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_program_that_is_not_convex_is_stationary() -> None:
     """min −½z² + z on [0, 1] has the stationary point z = 0, which is a local minimum, as min ½z² + z has."""
     none = np.zeros((0, 1)), np.zeros(0)
@@ -179,6 +184,7 @@ def test_a_program_that_is_not_convex_is_stationary() -> None:
     assert cp.verify(solutions.stack.problem(1), solutions.x[1]).flags == ("stationary",)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("problems", "arrays", "why"),
     [

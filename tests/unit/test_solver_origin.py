@@ -21,6 +21,7 @@ def _nothing_declared(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(registry.DECLARED, raising=False)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_solvers_of_cpbench_need_no_file() -> None:
     assert declared.origin("pgs") == ("", "pgs")
 
@@ -36,6 +37,7 @@ def test_a_declared_solver_comes_from_its_file(tmp_path: Path) -> None:
     assert declared.origin("mine@c") == (str(path), text)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_variant_of_the_command_line_is_written_out() -> None:
     text = 'pgs@x={env={A="1"}}'
     declared.declare_text(text)

@@ -60,6 +60,7 @@ def test_help_loads_neither_click_nor_numpy() -> None:
     assert said.splitlines()[-1] == "set()"
 
 
+@pytest.mark.needs("cpbench_solvers", "cpbench_lab")
 def test_the_command_line_itself_is_small() -> None:
     """Few modules of ours, and none of other packages that add commands."""
     code = (
@@ -79,6 +80,7 @@ LIBRARIES = (
 """What no first solve can do without: SciPy's sparse matrices, numba, and the first of its kernels."""
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     "problem",
     some_by_day(
@@ -106,6 +108,7 @@ def test_the_answer_and_the_report_of_a_run_load_what_they_need_only() -> None:
     assert _said(code) == "[]"
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_what_is_loaded_during_a_solve_is_not_in_its_time() -> None:
     """Lemke's method ends in a ray here; the linear program that looks for a proof is imported then."""
     code = (

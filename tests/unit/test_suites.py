@@ -57,6 +57,7 @@ def test_collections_take_turns() -> None:
     assert len({address.partition("::")[0] for address in lcp}) == len(lcp) == FEW
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_the_quick_solvers_come_with_cpbench_or_its_backends_and_reach_the_main_formulations() -> None:
     """The main formulations without any extra."""
     chosen = [solvers.get(name).spec for name in suites.quick_solvers()]
@@ -71,6 +72,7 @@ def test_the_quick_solvers_come_with_cpbench_or_its_backends_and_reach_the_main_
     assert {"qp", "lcp", "micp", "vi", "nlp", "fc"} <= {spec.node for spec in chosen if {*spec.requires} <= core}
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_quick_solver_takes_every_quick_problem() -> None:
     """By an exact route, whatever the problem's own numbers say of it."""
     folder, nodes = builtin_folder(), sorted({solvers.get(name).spec.node for name in suites.quick_solvers()})
@@ -114,6 +116,7 @@ def test_problems_and_a_suite_exclude_each_other() -> None:
         _made({"suite": "full"}, {"name": "a", "problems": ("a.h5",)})
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_who_writes_a_name_is_told_from_who_writes_a_glob() -> None:
     assert grids.named(["lemke", "newton-f*", "psor[omega=1.1|1.2]"]) == {"lemke", "psor"}
     assert grids.named(["all"]) == set()
@@ -187,6 +190,7 @@ def _run(*arguments: str) -> str:
     return done.stdout
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_run_ends_with_the_answer_and_info_says_it_again(folder: Path) -> None:
     said = _run("run", "p.h5", "-s", "newton-m?n", "-s", "mprg?", "--no-report", "-q")
     assert "newton-min" in said

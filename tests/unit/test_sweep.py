@@ -19,6 +19,7 @@ PUSHED = FrictionContact(W=np.eye(2), q=[-1.0, 0.45], mu=[0.2], dimension=2, nam
 """u = r + q: sticks from μ = 0.45 on, and slips with 0.45 − μ below."""
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_push_is_held_from_the_coefficient_on_that_holds_it(tmp_path: Path) -> None:
     cpbench.save(PUSHED, tmp_path / "pushed.h5")
     done = command(tmp_path, "sweep", "pushed.h5", "--over", "mu=0.1:0.8:0.1", "--json")
@@ -32,6 +33,7 @@ def test_a_push_is_held_from_the_coefficient_on_that_holds_it(tmp_path: Path) ->
     assert shown[0].split()[:3] == ["mu", "status", "error"]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_parameter_of_expressions_is_swept() -> None:
     """z ≥ 0 ⟂ z² − a ≥ 0 with z > 0: z = √a."""
     z, a = sympy.symbols("z a")

@@ -44,6 +44,7 @@ def contact(path: Path, W: np.ndarray | None = None, mu: float = 0.5) -> Path:
     return path
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("columns", some_by_day([80, 100], 6))
 @pytest.mark.parametrize(
     ("words", "first"),

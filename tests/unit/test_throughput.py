@@ -64,6 +64,7 @@ def _rows(store: Store, part: str, solver: str = "") -> list[Row]:
     return sorted(found, key=lambda row: row.address)
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("count", [24, pytest.param(200, marks=pytest.mark.nightly)])
 def test_a_set_is_solved_by_one_call_and_judged_one_by_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int
@@ -120,6 +121,7 @@ def slot() -> Iterator[Slot]:
         yield slot
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_pairs_share_a_call_where_nothing_tells_them_apart(pairs: list[plan.Pair]) -> None:
     def made(*planned: plan.Pair) -> list[int]:
         pending = {pair.key for pair in planned}
@@ -137,6 +139,7 @@ def test_pairs_share_a_call_where_nothing_tells_them_apart(pairs: list[plan.Pair
         assert made(other, *others) == [1, 3]
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_file_that_changed_is_told_of_and_the_others_are_solved(slot: Slot, pairs: list[plan.Pair]) -> None:
     changed = replace(pairs[1], fingerprint="0" * 32)
     outcomes = {pair.key: outcome for pair, outcome in block.run(slot, block.Block((pairs[0], changed, pairs[2])))}
@@ -146,12 +149,14 @@ def test_a_file_that_changed_is_told_of_and_the_others_are_solved(slot: Slot, pa
     assert {outcome.batch for outcome in outcomes.values()} == {1}
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_call_over_the_limits_of_its_problems_is_a_timeout_of_each(slot: Slot, pairs: list[plan.Pair]) -> None:
     short = [replace(pair, limits=replace(pair.limits, seconds=1e-7)) for pair in pairs]
     for _, outcome in block.run(slot, block.Block(tuple(short))):
         assert (outcome.status, outcome.batch) == ("timeout", 4)
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_call_that_ends_its_process_is_a_crash_of_each(
     slot: Slot, pairs: list[plan.Pair], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -174,6 +179,7 @@ def test_a_call_that_ends_its_process_is_a_crash_of_each(
     assert [(outcome.status, outcome.batch) for outcome in again] == [("solved", 4)] * 4
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(
     ("many", "now"), [(True, "with throughput = true, now without"), (False, "without .* now with")]
 )
@@ -192,6 +198,7 @@ def test_times_of_both_kinds_do_not_share_a_set(
             store.plan(asked(not many))
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_what_compiled_calls_leave_is_solved_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     """A thousand sweeps do not solve number 48 of these to 1e-9; the automatic choice does, and the row says so."""
     monkeypatch.setattr(planted_stacks, "K", 300)

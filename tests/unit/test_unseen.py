@@ -27,6 +27,7 @@ def test_every_family_gives_problems_of_its_formulation_whatever_the_size(family
     assert len(nodes) == 1
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize(
     ("family", "auto"),

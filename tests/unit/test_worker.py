@@ -185,6 +185,7 @@ def _serve(child: Child, path: str, repeats: int = 3) -> list[messages.Message]:
     return told
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("fresh", some_by_day([False, True], 1), ids=["warm", "fresh"])
 def test_the_messages_of_a_request(path: str, fresh: bool) -> None:
     child = Child(context(1), worker.main, ("lemke", 2**30, fresh))
