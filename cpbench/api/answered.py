@@ -16,7 +16,7 @@ from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.schema import MEASURED
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Point, Problem
-from cpbench.foundation.plain_text import printable
+from cpbench.foundation.plain_text import on_one_line, printable
 from cpbench.storage.vectors import save_vector
 from cpbench.verification import MET_TOLERANCE, PROVEN, REFUSED, error_text
 
@@ -62,12 +62,13 @@ class Answered:
         words = status_text(row.status, row.error, self.tolerance, self._objective())
         spent = [seconds for seconds in (row.setup, row.solve) if seconds is not None]
         took = f" in {_duration(sum(spent))}" if spent else ""
-        yield f"{self.name or Path(self.address).stem} ({self.node}): {words}; by {self.label}{took}"
+        name = on_one_line(self.name or Path(self.address).stem)
+        yield f"{name} ({self.node}): {words}; by {self.label}{took}"
         # of what did not solve it, what the solver says; of a proof, what was proved
         if row.message and row.status not in MET_TOLERANCE and not verbose:
             yield f"  {printable(row.message)}"
         if not self and row.status not in REFUSED:
-            yield f"  why, and what else to try: {line('explain', near(self.address), '-s', self.label)}"
+            yield on_one_line(f"  why, and what else to try: {line('explain', near(self.address), '-s', self.label)}")
         if row.flags and row.error is not None and math.isfinite(row.error) and not verbose:
             yield f"  flags: {row.flags}"
         if self.problem is not None and self.point is not None and row.status not in PROVEN:

@@ -21,7 +21,7 @@ from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
 from cpbench.foundation.extensions import function
-from cpbench.foundation.plain_text import printable
+from cpbench.foundation.plain_text import on_one_line
 from cpbench.foundation.plurals import counted
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def contradiction_lines(found: Sequence[Contradiction]) -> Iterator[str]:
     """Yield the contradictions for a reader, a line each; at most LINES of them. Nothing where there is none."""
     if found:
         yield f"{counted(len(found), 'contradiction')} (rows that cannot all be right):"
-        yield from (f"- {printable(str(one))}" for one in found[:LINES])
+        yield from (f"- {on_one_line(str(one))}" for one in found[:LINES])
         if len(found) > LINES:
             yield f"and {len(found) - LINES} more in the report"
         yield ""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from cpbench.bench.events import Compiling, Event, Solving, Starting
 from cpbench.errors import CpbenchError
-from cpbench.foundation.plain_text import printable
+from cpbench.foundation.plain_text import on_one_line
 
 
 def run_log(verbose: bool, log: Path | None) -> logging.Logger | None:
@@ -43,9 +43,9 @@ def log_line(event: Event) -> str:
         return f"{'compiling':<12} {event.solver}"
     named = f"{event.pair.address} {event.pair.label}"
     if isinstance(event, Solving):
-        return f"{'solve':<12} {named}"
+        return on_one_line(f"{'solve':<12} {named}")
     found = event.outcome
     took = f", solve {found.solve:.3g} s" if found.solve is not None else ""
     error = f", error {found.error:.2e}" if found.error is not None else ""
     message = f": {' '.join(found.message.split())}" if found.message else ""
-    return printable(f"{found.status:<12} {named}{error}{took}{message}")
+    return on_one_line(f"{found.status:<12} {named}{error}{took}{message}")

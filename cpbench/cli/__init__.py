@@ -18,7 +18,7 @@ from cpbench.foundation.extensions import added, load
 from cpbench.foundation.help_text import COMMANDS as COMMANDS
 from cpbench.foundation.help_text import OPTIONS, help_text
 from cpbench.foundation.imports import uncollected
-from cpbench.foundation.plain_text import printable
+from cpbench.foundation.plain_text import on_one_line
 
 
 def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[str, ...]) -> None:
@@ -103,12 +103,12 @@ def main() -> None:
     except click.exceptions.NoArgsIsHelpError as bare:
         click.echo(bare.format_message())
     except click.ClickException as usage:
-        click.echo(printable(f"cpbench: {usage.format_message()}"), err=True)
+        click.echo(on_one_line(f"cpbench: {usage.format_message()}"), err=True)
         sys.exit(2)
     except click.exceptions.Exit as leave:
         sys.exit(leave.exit_code)
     except CpbenchError as refusal:
-        click.echo(printable(f"cpbench: {refusal}"), err=True)
+        click.echo(on_one_line(f"cpbench: {refusal}"), err=True)
         sys.exit(1 if isinstance(refusal, SealError) else 2)
     except (click.Abort, KeyboardInterrupt):
         click.echo("cpbench: interrupted", err=True)

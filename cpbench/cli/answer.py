@@ -46,7 +46,7 @@ def print_answer(store: Store, reached: bool = False) -> None:
     table, meta = rows_of.normalised(store.table()), store.meta()
     if reached:
         table = at_reached(table, history.table(store.histories()))
-        click.echo("\n".join(folded(f"{SENTENCE}.")))
+        print_lines(folded(f"{SENTENCE}."))
     ranked = rankings(table, meta.get("solvers"))
     print_lines(
         [line for found in contradiction_lines(contradictions.of_results(meta, table)) for line in folded(found)]
@@ -59,11 +59,11 @@ def print_answer(store: Store, reached: bool = False) -> None:
     many = len(unreached) > FEW
     reasons = [*lacking_lines(left_out), *(() if many else unreached)]
     for line in reasons[:LINES]:
-        click.echo(_fitted(line))
+        print_lines([_fitted(line)])
     if many:
-        click.echo("\n".join(folded(unreached_summary(left_out))))
+        print_lines(folded(unreached_summary(left_out)))
     if many or any(_fitted(line) != line for line in reasons[:LINES]):
-        click.echo("\n".join(folded("why: cpbench route PROBLEM --explain, and the report")))
+        print_lines(folded("why: cpbench route PROBLEM --explain, and the report"))
     if len(reasons) > LINES:
         click.echo(f"and {counted(len(reasons) - LINES, 'more reason')} why pairs could not be run")
     lines = [line for ranking in ranked for line in _sentence(ranking)]

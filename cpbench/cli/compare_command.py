@@ -99,19 +99,21 @@ def command(
         others=noise or (),
         statuses=[name for name in fail_on if name not in (*WHOLE, CONTRADICTION)],
         observer=Display(quiet=True),
-        report=lambda line: click.echo(line, err=True),
+        report=lambda line: print_lines([line], err=True),
     )
     labels = first or "", second or ""
     comparison = comparing.compare_files(base, new, labels, settings, noise, again if confirm else None)
     print_lines(terminal.lines(comparison))
     for path in outputs:
         write(comparison, path)
-        click.echo(f"written: {path}", err=True)
+        print_lines([f"written: {path}"], err=True)
     failed = comparison.failures(fail_on)
     if CONTRADICTION in fail_on:
         print_lines((f"new contradiction: {printable(str(one))}" for one in comparison.contradictions), err=True)
     if failed:
-        click.echo(f"cpbench: {', '.join(f'{count} {name}' for name, count in failed.items())} (--fail-on)", err=True)
+        print_lines(
+            [f"cpbench: {', '.join(f'{count} {name}' for name, count in failed.items())} (--fail-on)"], err=True
+        )
         sys.exit(1)
 
 

@@ -106,11 +106,11 @@ def command(
     arrival = convert(problem, node, via, kinds=kinds, knobs={"facets": facets, "angle": angle}, apply=apply).arrival
     guesses, lost = conversion_check.carried_starts(storage.guesses(source), arrival)
     storage.save(arrival.problem, target_file, format=written, force=force, guesses=guesses)
-    click.echo(f"{address_text(source)} ({problem.node}: {sizes_line(problem)})")
-    click.echo(f"  by {arrival.route.label} ({arrival.kind})")
+    print_lines([f"{address_text(source)} ({problem.node}: {sizes_line(problem)})"])
+    print_lines([f"  by {arrival.route.label} ({arrival.kind})"])
     angles = map(slip_angle, arrival.problem.provenance[len(problem.provenance) :])
     print_lines(f"  {remark}" for remark in filter(None, angles))
-    click.echo(f"{target_file} ({node}: {sizes_line(arrival.problem)})")
+    print_lines([f"{target_file} ({node}: {sizes_line(arrival.problem)})"])
     print_lines((f"left out: {reason}" for reason in lost), err=True)
     if check:
         stored = None if settings else storage.solution(source)

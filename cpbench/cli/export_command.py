@@ -8,6 +8,7 @@ import click
 
 from cpbench.bench.results.sealed import sealed
 from cpbench.cli.options import Command, force_option
+from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import PATH
 from cpbench.storage.base import require_new
 
@@ -30,6 +31,6 @@ def command(results: Path, rows: Path | None, answers: Path | None, force: bool)
     with sealed(results) as store:
         if rows is not None:
             row_files.write(store.table(), rows, force=force)
-            click.echo(f"rows: {rows}")
+            print_lines([f"rows: {rows}"])
         if answers is not None:
-            click.echo(f"answers: {answers} ({export_answers(store, answers, force=force)})")
+            print_lines([f"answers: {answers} ({export_answers(store, answers, force=force)})"])

@@ -54,7 +54,7 @@ def command(
         before = [output] if output.exists() else []
         with canvas.drawing():
             canvas.write(graph_drawing(kinds), output)
-        click.echo(f"graph: {replaced(output, before)}")
+        print_lines([f"graph: {replaced(output, before)}"])
         return
     if not check:
         drawn = draw(form, kinds).splitlines()

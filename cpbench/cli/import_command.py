@@ -79,9 +79,9 @@ def command(
             command=shlex.join(["cpbench", *sys.argv[1:]]),
             force=force,
         )
-        found = cross_examine(store, say=lambda line: click.echo(line, err=True))
+        found = cross_examine(store, say=lambda line: print_lines([line], err=True))
     print_lines(remarks(done), err=True)
     print_lines(contradiction_lines(found))
     summary = ", ".join(f"{n} {status}" for status, n in done.counts.most_common())
     click.echo(f"{counted(sum(done.counts.values()), 'problem')}, {solver} from {machine}: {summary}")
-    click.echo(f"results: {output}")
+    print_lines([f"results: {output}"])

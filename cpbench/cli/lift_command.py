@@ -8,6 +8,7 @@ import click
 
 from cpbench import graph, storage
 from cpbench.cli.options import Command, force_option
+from cpbench.cli.terminal import print_lines
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.storage.base import require_new
 from cpbench.storage.vectors import save_vector
@@ -51,6 +52,6 @@ def command(solution: Path, output: Path, problem: str | None, steps: int | None
         name = {"name": converted.name}
         storage.save_point(output, lifted, node=first.source_node, fingerprint=first.source, attrs=name, force=force)
     for remark in graph.remarks(converted, point, steps):
-        click.echo(f"note: {remark}", err=True)
+        print_lines([f"note: {remark}"], err=True)
     edges = " > ".join(s.conversion for s in undone)
-    click.echo(f"{output}: answer to the {first.source_node} problem before {edges}")
+    print_lines([f"{output}: answer to the {first.source_node} problem before {edges}"])

@@ -97,7 +97,7 @@ def command(
         files |= dict(zip(parts, given[option] or (), strict=False))
     problem = problem_from_files(node, files, axes, name, symmetric)
     storage.save(problem, output, force=force)
-    click.echo(f"{output} ({problem.node}: {sizes_line(problem)})")
+    print_lines([f"{output} ({problem.node}: {sizes_line(problem)})"])
     if node in ("fc", "gfc"):
         print_lines((f"remark: {remark}" for remark in remarks(problem)), err=True)
 
@@ -120,6 +120,6 @@ def _pack_sequence(
     files = {"problems": given["problems"]} if node == "problems" else dict(zip(PARTS[node], given[node], strict=True))
     known = {option: given[option] for option in ("ids", "positions") if given[option] is not None}
     sizes, remark = pack_sequence(output, name, given["dt"], node, files, known, axes, force=force)
-    click.echo(f"{output} ({sizes})")
+    print_lines([f"{output} ({sizes})"])
     if remark:
-        click.echo(f"no ids and no positions of contacts (--ids, --positions): {remark}", err=True)
+        print_lines([f"no ids and no positions of contacts (--ids, --positions): {remark}"], err=True)

@@ -11,6 +11,7 @@ from cpbench import storage
 from cpbench.cli.options import Command
 from cpbench.cli.outputs import replaced
 from cpbench.cli.plot_options import OUTPUT, help_text, kind_option
+from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 from cpbench.formulations import Problem
@@ -48,7 +49,7 @@ def command_of(kind: FigureKind) -> click.Command:
         with canvas.drawing():
             drawn = kind.draw(problem, point, **options)
             canvas.write(drawn, output, bare=bare)
-        click.echo(f"{kind.name}: {replaced(output, before)}")
+        print_lines([f"{kind.name}: {replaced(output, before)}"])
 
     return Command(kind.name, params=parameters, callback=draw, help=help_text(kind))
 

@@ -13,6 +13,7 @@ from cpbench.bench.results.sealed import sealed
 from cpbench.cli.options import Command, ListOption
 from cpbench.cli.outputs import replaced
 from cpbench.cli.plot_options import OUTPUT, help_text, kind_option
+from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import LENGTH, PATH, POSITIVE
 from cpbench.report import arrangement, canvas, run_canvas
 from cpbench.report.chosen import Choice
@@ -63,6 +64,6 @@ def command_of(kind: FigureKind) -> click.Command:
             arrangement.arrange(drawn.figure, *size, place)
         with canvas.drawing():
             canvas.write(drawn, output, bare=bare)
-        click.echo(f"{kind.name}: {replaced(output, before)}")
+        print_lines([f"{kind.name}: {replaced(output, before)}"])
 
     return Command(kind.name, params=parameters, callback=draw, help=help_text(kind))

@@ -18,6 +18,7 @@ from cpbench.api.run_log import log_line, run_log
 from cpbench.bench.events import Compiling, Event, Solving, Starting
 from cpbench.bench.planning.plan import Pair
 from cpbench.cli.standings import Standings
+from cpbench.cli.terminal import print_lines
 from cpbench.conversions import Conversion
 from cpbench.errors import NotApplicable
 from cpbench.formulations import Problem
@@ -179,7 +180,7 @@ class Steps:
         with self._lock:
             if threading.current_thread() is self._timer:  # else the next step has begun
                 self._printed = time.monotonic()
-                click.echo(f"{self._printed - self._began:5.1f} s  {step}", err=True)
+                print_lines([f"{self._printed - self._began:5.1f} s  {step}"], err=True)
 
     def _stop(self) -> None:
         with self._lock:

@@ -10,6 +10,7 @@ from cpbench import graph, storage
 from cpbench.api.problem_text import size_after, sizes_line
 from cpbench.cli import terminal
 from cpbench.cli.options import Command, ListOption, format_option, kinds_option
+from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations import Kind, Problem, formulations
@@ -54,7 +55,7 @@ def command(
 
 def _say(line: str) -> None:
     for part in terminal.folded(line, 7):
-        click.echo(part)
+        print_lines([part])
 
 
 def _cheapest_route(

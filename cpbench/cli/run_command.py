@@ -16,6 +16,7 @@ from cpbench.cli.options import Sections
 from cpbench.cli.progress import Display
 from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from, require_near, run_options
 from cpbench.cli.run_output import announce, finish, print_removed
+from cpbench.cli.terminal import print_lines
 from cpbench.errors import StoreError
 from cpbench.foundation.extensions import function
 from cpbench.foundation.imports import import_ahead
@@ -80,5 +81,5 @@ def command(
             finish(plan, certify, store, run.assembly)
     except KeyboardInterrupt:
         how = "the same command without --rerun" if plan.rerun else "the same command"
-        click.echo(f"cpbench: interrupted; {plan.results} has what was done, {how} goes on", err=True)
+        print_lines([f"cpbench: interrupted; {plan.results} has what was done, {how} goes on"], err=True)
         sys.exit(130)

@@ -25,6 +25,7 @@ from cpbench.cli.options import (
     tolerance_option,
     via_option,
 )
+from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import PATH
 from cpbench.errors import CpbenchError
 from cpbench.registry import PLUGIN_FILES
@@ -116,7 +117,7 @@ def command(
         click.echo("no answer to write", err=True)
         sys.exit(1)
     if output is not None:
-        click.echo(f"answer: {output}", err=as_json)
+        print_lines([f"answer: {output}"], err=as_json)
     if not found["good"]:
         sys.exit(1)
 

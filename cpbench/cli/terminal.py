@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import click
 
-from cpbench.foundation.plain_text import columns
+from cpbench.foundation.plain_text import columns, on_one_line
 
 NARROWEST, WIDEST = 40, 110
 
@@ -32,14 +32,15 @@ def reading_width() -> int:
 
 
 def print_lines(lines: Iterable[str], err: bool = False) -> None:
-    """Print lines one by one, to stderr where asked."""
+    """Print lines one by one, to stderr where asked; a line feed or a control character in one of them is spelled out,
+    since names of files and texts in them may have any."""
     for line in lines:
-        click.echo(line, err=err)
+        click.echo(on_one_line(line), err=err)
 
 
 def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     """Yield rows as lines, every column as wide as its widest cell; in a terminal cells are folded so that all fit."""
-    rows = [tuple(row) for row in rows]
+    rows = [tuple(map(on_one_line, row)) for row in rows]
     room = width()
     lines = list(columns(rows))
     if room is None or max(map(len, lines), default=0) <= room:

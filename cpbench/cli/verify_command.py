@@ -59,7 +59,7 @@ def command(
         tolerance_given = click.get_current_context().get_parameter_source("tolerance")
         requested = tolerance if tolerance_given and tolerance_given.name != "DEFAULT" else None
         for line in rejudge_file(rejudge, measure, requested):
-            click.echo(line)
+            print_lines([line])
         return
     if problem is None:
         raise click.UsageError("give a PROBLEM, or --rejudge RESULTS")
@@ -80,9 +80,9 @@ def command(
         lines = verdict_text.lines(verdict)
     verdict = multipliers.marked(verdict) if completed else verdict
     error = number(verdict.error) if measure else verification.error_text(verdict.error)
-    click.echo(f"{address_text(problem)}: error {error}, {verdict_text.outcome(loaded, verdict)}")
+    print_lines([f"{address_text(problem)}: error {error}, {verdict_text.outcome(loaded, verdict)}"])
     if completed:
-        click.echo(f"  {completed}")
+        print_lines([f"  {completed}"])
     if verdict.within and not verdict.solved:
         print_lines(verdict_text.unbounded(loaded))
     print_lines(lines)

@@ -10,6 +10,9 @@ _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\u
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """Beginnings of a cell that a spreadsheet takes for a formula."""
 
+_TAG = re.compile(r"<(?=[A-Za-z/!?])")
+"""Beginning of a tag of HTML, of a comment or of an instruction."""
+
 
 def printable(text: str) -> str:
     r"""Return the text with everything spelled out that a terminal would obey or no encoding has.
@@ -30,12 +33,14 @@ def on_one_line(text: str) -> str:
 
 
 def cell(text: str) -> str:
-    """Make a text safe for a cell of a table: no formula to a spreadsheet, no control sequence to a terminal.
+    """Make a text safe for a cell of a table: no formula to a spreadsheet, no control sequence to a terminal, no tag to
+    a page that shows cells as they are.
 
-    >>> cell("=1+1"), cell("a-b")
-    ("'=1+1", 'a-b')
+    >>> cell("=1+1"), cell("a-b"), cell("n < 3"), cell("<b>")
+    ("'=1+1", 'a-b', 'n < 3', '&lt;b>')
     """
-    return f"'{on_one_line(text)}" if text.startswith(_FORMULA) else on_one_line(text)
+    line = _TAG.sub("&lt;", on_one_line(text))
+    return f"'{line}" if text.startswith(_FORMULA) else line
 
 
 def columns(rows: Iterable[Sequence[str]], last: int = 0) -> Iterator[str]:

@@ -1,4 +1,9 @@
-"""Pieces of Markdown. Whatever comes from a table is text in it: no name can become markup, a link or a new line."""
+"""Pieces of Markdown. Whatever comes from a table is text in it: no name can become markup, a link or a new line.
+
+In running text and in cells of tables (`plain`) & < > are written as entities. In code spans (`code`) and code blocks
+(`fenced`) they stand as they are: every reader of Markdown shows them as text there, and would show entities as they
+are spelled. That does not hold within HTML, so no document of cpbench puts these pieces between tags.
+"""
 
 from __future__ import annotations
 

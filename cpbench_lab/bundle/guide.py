@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from cpbench.bench.results.rows import Row
+from cpbench.report.text import code, plain
 
 HEADING = """The plan of this bundle: cpbench reproduce runs it and compares. By hand, in this folder:
 cpbench run --plan plan.toml, with --plugin for each file in plugins/ that is told in REPRODUCE.md."""
@@ -25,7 +26,7 @@ def text(about: Mapping[str, Any], report: bool) -> str:
         "",
         "1. Install cpbench in the version that `BUNDLE.json` tells, and the packages of `versions.txt`.",
         f"2. `cpbench reproduce BUNDLE.zip`: checks all files, runs `plan.toml`, compares.{ask}",
-        f"3. Or by hand, in the unpacked folder: `cpbench{plugin} run --plan plan.toml -o again.sqlite`, then "
+        f"3. Or by hand, in the unpacked folder: {code(f'cpbench{plugin} run --plan plan.toml -o again.sqlite')}, then "
         "`cpbench compare results.sqlite again.sqlite`.",
         f"4. Expect: {about['pairs']} pairs ({statuses or 'none'}), {_duration(about['seconds'])} where it was made. "
         "Statuses must agree; times are compared, and need not.",
@@ -42,12 +43,15 @@ def text(about: Mapping[str, Any], report: bool) -> str:
             * bool(loaded)
         ),
     ]
-    missing = [*_withheld(about["problems"]), *(f"- {item}" for item in about["absent"])]
+    missing = [*_withheld(about["problems"]), *(f"- {plain(item)}" for item in about["absent"])]
     if missing:
         lines += ["", "## What is not in it", "", *missing]
     if about["restricted"]:
         lines += ["", "## Restrictions", ""]
-        lines += [f"- publishing figures of {name}: {term}" for name, term in sorted(about["restricted"].items())]
+        lines += [
+            f"- publishing figures of {plain(name)}: {plain(term)}"
+            for name, term in sorted(about["restricted"].items())
+        ]
     return "\n".join(lines) + "\n"
 
 
@@ -83,9 +87,9 @@ def _builtin(place: Mapping[str, Any]) -> bool:
 def _withheld(places: Iterable[Mapping[str, Any]]) -> list[str]:
     """Return a line each; whoever has the problem gives its folder to `cpbench reproduce --problems`."""
     return [
-        f"- `{p['address']}` ({p['node']}, fingerprint {p['fingerprint']}): {p['withheld']}"
-        + (f"; from {p['source']}" if p["source"] else "")
-        + (f"; {p['citation']}" if p["citation"] else "")
+        f"- {code(p['address'])} ({plain(p['node'])}, fingerprint {plain(p['fingerprint'])}): {plain(p['withheld'])}"
+        + (f"; from {plain(p['source'])}" if p["source"] else "")
+        + (f"; {plain(p['citation'])}" if p["citation"] else "")
         + "; `--problems FOLDER` finds it by its fingerprint"
         for p in places
         if p["withheld"]
@@ -93,7 +97,7 @@ def _withheld(places: Iterable[Mapping[str, Any]]) -> list[str]:
 
 
 def _listed(names: list[str]) -> str:
-    return ", ".join(f"`{name}`" for name in names)
+    return ", ".join(map(code, names))
 
 
 def _duration(seconds: float) -> str:

@@ -41,4 +41,4 @@ def command(
     print_lines(summary.remarks, err=True)
     problems = f"{counted(summary.problems, 'problem')} ({summary.withheld} withheld)"
     click.echo(f"{counted(summary.pairs, 'pair')}, {problems}, {counted(summary.plugins, 'plugin')}")
-    click.echo(f"bundle: {output} ({summary.bytes} bytes)")
+    print_lines([f"bundle: {output} ({summary.bytes} bytes)"])

@@ -30,7 +30,7 @@ def _save_all(solutions: EverySolution, path: Path, force: bool) -> None:
     print_lines(f"           {line}" for line in rest)
     if solutions.points:
         solutions.save(path, force=force)
-        click.echo(f"solutions: {path}")
+        print_lines([f"solutions: {path}"])
 
 
 @click.command(cls=Command)

@@ -9,6 +9,7 @@ import click
 from cpbench.api.results import is_results_file
 from cpbench.bench.planning.plan import Limits
 from cpbench.cli.options import Command, memory_option, quiet_option, tolerance_option, via_option
+from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import DURATION, FOLDER, POSITIVE
 from cpbench.errors import CpbenchError
 from cpbench.foundation.plurals import counted
@@ -72,7 +73,7 @@ def command(
 
     def progress(problem: object, tried: int) -> None:
         if not quiet:
-            click.echo(f"{counted(tried, 'solve')}: {problem}", err=True)
+            print_lines([f"{counted(tried, 'solve')}: {problem}"], err=True)
 
     reduced, written = reduce_case(case, output, 60 * minutes, progress)
     click.echo(
@@ -82,4 +83,4 @@ def command(
     if not reduced.complete:
         click.echo("  not to the end: the time was over; the same command goes on, --minutes gives it longer")
     for path in written.files:
-        click.echo(f"  {path}")
+        print_lines([f"  {path}"])

@@ -79,7 +79,7 @@ def _ask(bundle: Bundle, agreed: bool) -> None:
         return
     click.echo("code in this bundle that is not cpbench's:")
     for name, sha256, size in code:
-        click.echo(f"  {bundle.folder / name}  {size} bytes  sha256 {sha256}")
+        print_lines([f"  {bundle.folder / name}  {size} bytes  sha256 {sha256}"])
     for started in bundle.programs():
         click.echo(f"  starts {started!r}")
     if agreed:

@@ -17,9 +17,9 @@ from cpbench.bench.results.rows import Outcome
 from cpbench.errors import CpbenchError, PointError
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
-from cpbench.foundation.plain_text import printable
 from cpbench.foundation.plurals import counted
 from cpbench.report import canvas, figure_kinds
+from cpbench.report.text import code, plain
 from cpbench.verification import MET_TOLERANCE
 from cpbench_lab import pictures
 from cpbench_lab.certifying import certify
@@ -106,23 +106,24 @@ def _picture(problem: Problem, point: Any, folder: Path) -> Iterator[Path]:
 def _report(reduced: ReducedFailure, asked: Asked, source: str, title: str, points: dict[str, Any]) -> Iterator[str]:
     problem, outcome, other = reduced.problem, reduced.last.outcome, reduced.last.other
     ended = "" if reduced.complete else ", not to the end: the time was over"
-    yield f"# {title}"
+    yield f"# {plain(title)}"
     yield ""
     yield f"- Problem: {', '.join(problem.relations)}; {', '.join(_data(problem))}."
     yield (
-        f"- Its numbers have {counted(digits(problem), 'digit')} at most; reduced from {source} "
+        f"- Its numbers have {counted(digits(problem), 'digit')} at most; reduced from {plain(source)} "
         f"({_sizes(reduced.source)}) by {counted(reduced.tried, 'solve')}{ended}."
     )
-    yield f"- Command: `{_command(asked)}`"
-    version = f" {outcome.version}" if outcome.version else ""
-    says = f"`{outcome.claim}`" if outcome.claim else outcome.status
-    message = f" ({printable(outcome.message)})" if outcome.message else ""
-    yield f"- {asked.solver}{version} says {says}{message}{_answer(points.get('claimed'))}."
+    yield f"- Command: {code(_command(asked))}"
+    version = f" {plain(outcome.version)}" if outcome.version else ""
+    says = code(outcome.claim) if outcome.claim else outcome.status
+    message = f" ({plain(outcome.message)})" if outcome.message else ""
+    yield f"- {plain(asked.solver)}{version} says {says}{message}{_answer(points.get('claimed'))}."
     error = "" if outcome.error is None else f", error {outcome.error:.3g} where {asked.tolerance:g} was asked for"
     yield f"- Measured: {outcome.status}{error}{_seconds(outcome, 'solved in')}."
     if other is not None:
         error = "" if other.error is None else f" with error {other.error:.3g}"
-        yield f"- {reduced.last.name}: {other.status}{error}{_seconds(other, 'in')}{_answer(points.get('true'))}."
+        taken, answer = _seconds(other, "in"), _answer(points.get("true"))
+        yield f"- {plain(reduced.last.name)}: {other.status}{error}{taken}{answer}."
 
 
 def _sizes(problem: Problem) -> str:
