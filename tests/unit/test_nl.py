@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from damage import read_or_refused, rearranged
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tiers import by_night, some_by_day
@@ -388,31 +389,13 @@ def test_damaged_files_are_refused_or_come_back(
     sources.append(written(load(tmp_path, GOOD), tmp_path, kind).read_bytes())
     accepted = 0
     for _ in range(150):
-        try:
-            problem = load(tmp_path, _damaged(draw_, draw_.choice(sources)))
-        except FormatError as refusal:
-            _one_line(refusal)
+        content = draw_.choice(sources).decode("latin-1")
+        damaged = rearranged(content, draw_, (r"(?<=\n)", r"(?s)(?=.)"), "0123456789.-eonvCJrbkx \n\x00\xff")
+        problem = read_or_refused(lambda damaged=damaged: load(tmp_path, damaged.encode("latin-1")))
+        if problem is None:
             continue
         accepted += 1
         if problem.node in NODES:
             again = storage.load(written(problem, tmp_path, kind))
             assert (again.node, again.fingerprint) == (problem.node, problem.fingerprint)
     assert accepted > 5
-
-
-def _damaged(draw_: random.Random, content: bytes) -> bytes:
-    for _ in range(draw_.randint(1, 3)):
-        lines = draw_.random() < 0.5
-        pieces = content.splitlines(keepends=True) if lines else [content[k : k + 1] for k in range(len(content))]
-        i, j = draw_.randrange(len(pieces)), draw_.randrange(len(pieces))
-        match draw_.randrange(4):
-            case 0:
-                pieces[i] = b""
-            case 1:
-                pieces[i] += pieces[j]
-            case 2:
-                pieces[i], pieces[j] = pieces[j], pieces[i]
-            case _:
-                pieces[i] = bytes([draw_.choice(b"0123456789.-eonvCJrbkx \n\x00\xff")])
-        content = b"".join(pieces)
-    return content
