@@ -12,6 +12,7 @@ import os
 import re
 import shutil
 import stat
+import struct
 import zipfile
 import zlib
 from collections.abc import Generator, Mapping
@@ -33,6 +34,8 @@ EXPANSION = 1100
 _PART = re.compile(r"[A-Za-z0-9_.+=@-][A-Za-z0-9_.+=@ -]*")
 """Characters of the parts of a name: none that a shell, a terminal or a file system takes for something else."""
 _CHUNK = 2**20
+_DAMAGE = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError)
+"""Exceptions of zipfile on damaged archives: of methods that nobody has, encryption and names that are no text too."""
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
@@ -121,7 +124,7 @@ def _opened(path: Path) -> Generator[zipfile.ZipFile]:
             yield archive
     except FileNotFoundError:
         raise BundleError(path, "no such file") from None
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError) as cause:
+    except _DAMAGE as cause:
         raise BundleError(path, f"is not a bundle of cpbench, or a damaged one ({cause})") from None
     except OSError as cause:
         raise BundleError(path, f"cannot be unpacked ({cause.strerror or cause})") from None

@@ -21,6 +21,7 @@ from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import FrictionContact
 from cpbench.storage.arrays import read_array
+from cpbench_lab.bundle import archive
 
 M = np.array([[6.0, 1.0, 0.0], [2.0, 5.0, -1.0], [0.0, 0.5, 4.0]])
 Q = np.array([-3.0, 2.0, -8.0])
@@ -42,13 +43,13 @@ def _npy(header: str) -> bytes:
     return b"\x93NUMPY\x01\x00" + len(raw).to_bytes(2, "little") + raw
 
 
-def _zip(change: Callable[[bytearray], None], method: int = zipfile.ZIP_DEFLATED) -> bytes:
+def _zip(change: Callable[[bytearray], None], names: tuple[str, str] = ("M.npy", "q.npy")) -> bytes:
     """An archive of arrays, with bytes of it changed."""
     file, array = io.BytesIO(), io.BytesIO()
     np.save(array, np.arange(40.0))
-    with zipfile.ZipFile(file, "w", method) as archive:
-        for name in ("M.npy", "q.npy"):
-            archive.writestr(name, array.getvalue())
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as zipped:
+        for name in names:
+            zipped.writestr(name, array.getvalue())
     whole = bytearray(file.getvalue())
     change(whole)
     return bytes(whole)
@@ -72,15 +73,15 @@ def _both(place: int, local: int, *values: int) -> Callable[[bytearray], None]:
     return change
 
 
-ARCHIVES = {  # places of PKWARE's APPNOTE.TXT, 4.3.7 and 4.3.12
-    "BadZipFile": _zip(_set(16, 0, 0, 0, 0)),  # the CRC
-    "error": _zip(_set(45, 255, 255, 255, entry=b"PK\x03\x04")),  # of zlib: within the deflated bytes
-    "RuntimeError": _zip(_both(8, 6, 1)),  # encrypted
-    "NotImplementedError": _zip(_both(10, 8, 96)),  # a method that nobody has
-    "UnicodeDecodeError": _zip(lambda whole: (_both(9, 7, 8)(whole), _set(46, 255)(whole))[0]),  # a name in UTF-8
-    "OSError": _zip(_set(17, 9, entry=b"PK\x05\x06")),  # the list is said to begin later: the entries before 0
+ARCHIVES: dict[str, Callable[[bytearray], None]] = {  # places of PKWARE's APPNOTE.TXT, 4.3.7 and 4.3.12
+    "BadZipFile": _set(16, 0, 0, 0, 0),  # the CRC
+    "error": _set(45, 255, 255, 255, entry=b"PK\x03\x04"),  # of zlib: within the deflated bytes
+    "RuntimeError": _both(8, 6, 1),  # encrypted
+    "NotImplementedError": _both(10, 8, 96),  # a method that nobody has
+    "UnicodeDecodeError": lambda whole: (_both(9, 7, 8)(whole), _set(46, 255)(whole))[0],  # a name in UTF-8
+    "OSError": _set(17, 9, entry=b"PK\x05\x06"),  # the list is said to begin later: the entries before 0
 }
-"""Archives by what zipfile raises."""
+"""Changes of archives by what zipfile raises then."""
 
 
 def _refusal(read: Callable[[Path], object], path: Path) -> FormatError | None:
@@ -117,11 +118,17 @@ def test_headers_of_arrays(kind: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", ARCHIVES)
 def test_archives(kind: str, tmp_path: Path) -> None:
-    (tmp_path / "a.npz").write_bytes(ARCHIVES[kind])
+    (tmp_path / "a.npz").write_bytes(_zip(ARCHIVES[kind]))
     refusal = _refusal(read_array, tmp_path / "a.npz")
     assert refusal is not None
     assert type(refusal.__context__).__name__ == kind
     _ends_in_one_line(tmp_path, "info", "a.npz")
+
+
+@pytest.mark.parametrize("kind", ARCHIVES)
+def test_archives_that_are_bundles(kind: str, tmp_path: Path) -> None:
+    (tmp_path / "b.zip").write_bytes(_zip(ARCHIVES[kind], (archive.MANIFEST, "q.npy")))
+    _ends_in_one_line(tmp_path, "reproduce", "b.zip", "-o", "out")
 
 
 def _save_mat(path: Path) -> None:
