@@ -1,9 +1,8 @@
 """Results in one SQLite file: a transaction a row, the answer and the history in the same transaction.
 
 `kill -9` of the runner loses at most the pair in flight: planned rows are there from the start as `not_run`,
-and a row is filled together with its answer or not at all. One process writes, any number read (`database`).
-Whatever is written of a row is sealed in the same transaction (`seals`), and so is what the file says beside its rows
-(`file_seal`): from the values in memory, never from what SQLite hands back.
+and a row is filled together with its answer or not at all. One process writes, any number read (`database`). Here is
+what is written; a store is opened and sealed in `store_sealing`, and read in `store_reading`.
 """
 
 from __future__ import annotations
@@ -11,25 +10,19 @@ from __future__ import annotations
 import json
 import sqlite3
 import time
-from collections.abc import Collection, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.bench.planning.plan import Pair
-from cpbench.bench.results import file_seal, seal_key, seals
-from cpbench.bench.results.database import Database
+from cpbench.bench.results import file_seal, seals
 from cpbench.bench.results.limits import LIMITS, agree, difference, limits_of
 from cpbench.bench.results.rows import Measured, Outcome, Planned, Row, stored
-from cpbench.bench.results.schema import MEASURED, PLANNED, SCHEMA, SEALED_SINCE, WHOLE_SINCE
-from cpbench.bench.results.seal_key import Key
-from cpbench.bench.results.seals import Audit, WrittenSeals
-from cpbench.bench.results.whole import whole_table
+from cpbench.bench.results.schema import MEASURED, PLANNED
+from cpbench.bench.results.store_sealing import KEPT, PLACE, SealedStore
 from cpbench.errors import SealError, StoreError
-from cpbench.foundation.plurals import counted
-from cpbench.solvers.renamed import current_label
 from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, Status
 
 if TYPE_CHECKING:
@@ -40,7 +33,7 @@ KEEP_LIMIT = 10**9
 """Bytes of answers after which `--keep all` stops keeping; rows without their answer say so."""
 
 
-class Store:
+class Store(SealedStore):
     """A results file, opened for running (`create=True`) or for reading.
 
     For running, this process alone may write it, and an older file is migrated; for reading, the file is left as it
@@ -55,156 +48,10 @@ class Store:
     cannot be written; SealError; from every method StoreError, when SQLite fails.
     """
 
-    def __init__(self, path: str | Path, *, create: bool = False, keep: str = "all", expel: bool = False) -> None:
-        self.path = Path(path)
-        self._keep = keep
-        self._state: _State | None = None
-        self._notes: Sequence[str] = ()
-        self._database = Database(self.path, create=create)
-        try:  # whatever fails from here on, the lock must not stay
-            self._key = seal_key.find_or_make() if create else seal_key.find()
-            self.opened = self._take_over(self._key, expel) if create and self._key else Audit(str(self.path))
-            self._whose = "" if create else self._whose_seals()
-            self._kept = int(self._database.read("SELECT coalesce(sum(bytes), 0) FROM answers")[0][0])
-        except BaseException:
-            self._database.close()
-            raise
-
-    def __enter__(self) -> Store:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        try:
-            if kind is None and self._state is not None and not self._database.closed:
-                self.end()
-        finally:
-            self.close()
-
-    def close(self) -> None:
-        """Close the file and let others write it; harmless when done before."""
-        self._database.close()
-
-    def settle(self) -> None:
-        """Move what is in SQLite's log into the file; raises StoreError when that fails, where `close` would leave the
-        log."""
-        self._database.settle()
-
-    # ------------------------------------------------------------------------------------------- seals
-
-    def audit(self) -> Audit:
-        """Check all seals; of a file that this process writes also against what it has written."""
-        version = SCHEMA if self._state is not None else self._database.found
-        written = None if self._state is None else self._state.written
-        result = seals.audit(self._database, str(self.path), self._key, written, version)
-        self._notes = result.notes
-        return result
-
-    def require_unchanged(self) -> None:
-        """Raise SealError when something else wrote into the file that this process writes; the rows concerned are
-        marked, so that later commands find them."""
-        result = self.audit()
-        if result.broken:
-            with self._database.transaction() as db:
-                marks = [(one.key, seals.BROKEN) for one in result.broken]
-                db.executemany("INSERT OR REPLACE INTO seals VALUES (?, ?)", marks)
-        result.require()
-
-    def end(self) -> None:
-        """Seal the file as a whole: rows that are removed, or replaced by older versions, are found from now on."""
-        state = self._writing
-        if state.rows == file_seal.OPEN:
-            with self._database.transaction() as db:
-                rows = file_seal.digest_of_rows(sorted(state.written.seals.items()))
-                file_seal.write(db, replace(state, rows=rows).file_seal())
-            state.rows = rows
-
-    @property
-    def _writing(self) -> _State:
-        assert self._state is not None, "only the process that writes a file seals"
-        return self._state
-
-    def _whose_seals(self) -> str:
-        """Return the name of the key of the seals, NONE where rows have none; '' where there is no row."""
-        if self._database.found < SEALED_SINCE:
-            return seals.NONE
-        found = self._database.read("SELECT seal FROM seals WHERE seal <> ? LIMIT 1", (seals.BROKEN,))
-        return str(found[0][0]).partition(".")[0] if found else ""
-
-    def _take_over(self, key: Key, expel: bool) -> Audit:
-        """Check what is there, note what cannot be believed, and seal the rest by this user's key."""
-        with self._database.transaction() as db:
-            result = seals.audit(self._database, str(self.path), key, None, self._database.found or SCHEMA)
-            new = not self._database.found
-            if not (expel or new):
-                result.require()
-            for table in (*_KEPT, "seals", "rows"):
-                db.executemany(f"DELETE FROM {table} WHERE key = ?", [(one.key,) for one in result.broken])
-            if result.whose not in ("", key.name):
-                self._seal_as_own(db, key, result.whose)
-            there: list[tuple[str, str]] = self._database.read("SELECT key, seal FROM seals")  # type: ignore[assignment]
-            attempts = db.execute("SELECT key, attempts FROM rows WHERE attempts IS NOT NULL")
-            written = WrittenSeals(dict(there), file_seal.contents(self._database))
-            ended = self._database.found >= WHOLE_SINCE and file_seal.ended(self._database) and not result.broken
-            self._state = _State(key, written, dict(attempts))
-            if not new and (remarks := _lasting(result, self._database.found, key)):
-                self._put_meta(db, seals=[*self._stored_meta().get("seals", []), *remarks])
-            if ended:
-                self._state.rows = file_seal.digest_of_rows(sorted(written.seals.items()))
-            file_seal.write(db, self._state.file_seal())
-        if not key.kept:
-            warning = (
-                f"the key of the seals could not be kept in {seal_key.folder()}: later commands find flipped bits only"
-            )
-            return replace(result, changed=() if new else result.changed, notes=[*result.notes, warning])
-        return replace(result, changed=()) if new else result
-
-    def _seal_as_own(self, db: sqlite3.Connection, key: Key, whose: str) -> None:
-        """Seal all rows by the key, and note in them whose key they had, within the transaction that checked them."""
-        for values in db.execute(seals.READ).fetchall():
-            row = list(values)
-            row[_SEALED_BY] = seals.origin(row[_SEALED_BY], whose, key.name)
-            db.execute("UPDATE rows SET sealed_by = ? WHERE key = ?", (row[_SEALED_BY], row[0]))
-            db.execute("INSERT OR REPLACE INTO seals VALUES (?, ?)", (row[0], seals.sealed(row, key)))
-
-    @contextmanager
-    def _rows_written(self) -> Generator[sqlite3.Connection]:
-        """Write rows within this context, all or nothing; the run has then not ended."""
-        state = self._writing
-        with self._database.transaction() as db:
-            if state.rows != file_seal.OPEN:
-                file_seal.write(db, replace(state, rows=file_seal.OPEN).file_seal())
-            state.sealing.clear()  # of a transaction that failed
-            yield db
-        state.rows = file_seal.OPEN
-        state.written.seals.update(state.sealing)
-
-    @contextmanager
-    def _facts_written(self) -> Generator[tuple[sqlite3.Connection, file_seal.Contents]]:
-        """Write tables beside the rows within this context, all or nothing, and seal what was noted of them."""
-        state = self._writing
-        with self._database.transaction() as db:
-            yield db, state.written.contents
-            file_seal.write(db, state.file_seal())
-
-    def _seal(self, db: sqlite3.Connection, key: str, planned: str, measured: str, kept: str) -> None:
-        """Seal a row by the digests of what was planned, measured and kept; part of the transaction that wrote it."""
-        state = self._writing
-        seal = seals.assembled((planned, measured, kept), state.key)
-        db.execute("INSERT OR REPLACE INTO seals VALUES (?, ?)", (key, seal))
-        state.sealing[key] = seal
-
-    # ------------------------------------------------------------------------------------------- write
-
     def set_meta(self, **values: Any) -> None:
         with self._database.transaction() as db:
             self._put_meta(db, **values)
             file_seal.write(db, self._writing.file_seal())
-
-    def _put_meta(self, db: sqlite3.Connection, **values: Any) -> None:
-        for name, value in values.items():
-            text = json.dumps(value)
-            db.execute("INSERT OR REPLACE INTO meta VALUES (?, ?)", (name, text))
-            self._writing.written.contents.put("meta", name, text)
 
     def note_files(self, loaded: Iterable[str], refused: Iterable[tuple[str, str]]) -> None:
         """Note which files could not be read, and why; those that are read now are refused no longer."""
@@ -267,7 +114,7 @@ class Store:
         if answer is not None and self._kept + len(answer) > KEEP_LIMIT:
             answer = None
         with self._rows_written() as db:
-            for table in _KEPT:
+            for table in KEPT:
                 db.execute(f"DELETE FROM {table} WHERE key = ?", (row.key,))
             values = (*_planned_values(row), *_measured_values(outcome))
             self._add(db, "INSERT OR REPLACE", values, (answer, None, None, None))
@@ -348,7 +195,7 @@ class Store:
         with self._rows_written() as db:
             if db.execute(_FINISH, (*measured, key)).rowcount != 1:
                 raise StoreError(f"{self.path}: no row {key} was planned")
-            for table in _KEPT:
+            for table in KEPT:
                 db.execute(f"DELETE FROM {table} WHERE key = ?", (key,))
             if answer is not None:
                 db.execute("INSERT INTO answers VALUES (?, ?, ?)", (key, len(answer), answer))
@@ -379,7 +226,7 @@ class Store:
                 raise SealError(f"{self.path}: row {key} {why}: by another program")
             measured, (answer, history, kind, old) = list(row[len(PLANNED) : -5]), row[-5:-1]
             for name, value in (("certainty", certainty), ("distance", distance), ("certificate", _text(words))):
-                measured[_PLACE[name]] = value
+                measured[PLACE[name]] = value
             if kind in (None, OF_AN_ANSWER):
                 kind, old = (None, None) if proof is None else (OF_AN_ANSWER, proof)
             db.execute(_FINISH, (*measured, key))
@@ -431,7 +278,7 @@ class Store:
             again = [key for (key,) in db.execute("SELECT key FROM temp.chosen")]
             count = db.execute(f"UPDATE rows SET {cleared}, status = 'not_run' WHERE {among}").rowcount
             freed = db.execute(f"SELECT coalesce(sum(bytes), 0) FROM answers WHERE {among}").fetchone()[0]
-            for table in _KEPT:
+            for table in KEPT:
                 db.execute(f"DELETE FROM {table} WHERE {among}")
             self._seal_as_planned(db, again)
             db.execute("DROP TABLE temp.asked")
@@ -456,153 +303,10 @@ class Store:
         if not gone:
             return
         with self._rows_written() as db:
-            for table in (*_KEPT, "seals", "rows"):
+            for table in (*KEPT, "seals", "rows"):
                 db.executemany(f"DELETE FROM {table} WHERE key = ?", gone)
         for (key,) in gone:
             self._writing.written.seals.pop(key, None)
-
-    # -------------------------------------------------------------------------------------------- read
-
-    def meta(self) -> dict[str, Any]:
-        """Return facts of the run by name, with the refused files under `refused`, the solves that tell the machine's
-        drift under `references`, and under `seals` what its readers have to know of its seals, if anything."""
-        values = self._stored_meta()
-        if values.get("seals") or self._notes:
-            values["seals"] = [*values.get("seals", []), *self._notes]
-        if "solvers" in values:
-            values["solvers"] = {current_label(label): sheet for label, sheet in values["solvers"].items()}
-        values["refused"] = self._database.read("SELECT address, reason FROM refused ORDER BY address")
-        values["references"] = self.references()
-        return values
-
-    def _stored_meta(self) -> dict[str, Any]:
-        return {name: json.loads(value) for name, value in self._database.read("SELECT name, value FROM meta")}
-
-    def machines(self) -> dict[str, dict[str, Any]]:
-        """Return what the machines are that solved, by host."""
-        return {
-            host: json.loads(description)
-            for host, description in self._database.read("SELECT * FROM machines ORDER BY host")
-        }
-
-    def features(self) -> dict[str, dict[str, Any]]:
-        """Return the features of the problems by fingerprint, as `bench.planning.features` found them; those of rows
-        that were planned before results kept them are not among them."""
-        rows = self._database.read("SELECT fingerprint, features FROM problems ORDER BY fingerprint")
-        return {fingerprint: json.loads(facts) for fingerprint, facts in rows}
-
-    def references(self) -> list[dict[str, Any]]:
-        """Return the solves of the reference, in order: at, pairs, seconds (None where it failed), loadavg."""
-        names = ("at", "pairs", "seconds", "loadavg")
-        rows = self._database.read("SELECT at, pairs, seconds, loadavg FROM reference ORDER BY rowid")
-        return [dict(zip(names, values, strict=True)) for values in rows]
-
-    def pending(self) -> set[str]:
-        """Return keys of planned rows that have not been run."""
-        return {key for (key,) in self._database.read("SELECT key FROM rows WHERE status = 'not_run'")}
-
-    def counts(self) -> dict[str, int]:
-        """Return rows by status."""
-        return dict(self._database.read("SELECT status, count(*) FROM rows GROUP BY status"))
-
-    def row(self, key: str) -> Row:
-        """Return one row; raises StoreError where there is none."""
-        rows = self._database.read(f"SELECT {_ALL} FROM rows WHERE key = ?", (key,))
-        if not rows:
-            raise StoreError(f"{self.path}: no row {key}")
-        return self._row(rows[0])
-
-    def rows(self) -> Iterator[Row]:
-        """Yield every row, in the order in which they were planned."""
-        for values in self._database.stream(f"SELECT {_ALL} FROM rows ORDER BY rowid"):
-            yield self._row(values)
-
-    def ending(self, key: str) -> tuple[str, bytes | None]:
-        """Return how a row ended: its status, and its compressed answer where one is kept."""
-        rows = self._database.read(
-            "SELECT status, answer FROM rows LEFT JOIN answers USING (key) WHERE key = ?", (key,)
-        )
-        if not rows:
-            raise StoreError(f"{self.path}: no row {key}")
-        return rows[0][0], rows[0][1]
-
-    def _row(self, values: Sequence[Any]) -> Row:
-        """Return the row of values that were read, under the name that its solver has now, with whose key sealed it."""
-        row = Row(*values)
-        solver, label = (name and current_label(name) for name in (row.solver, row.label))
-        first = self._first_seal(row.sealed_by)
-        same = (solver, label, first) == (row.solver, row.label, row.sealed_by)
-        return row if same else replace(row, solver=solver, label=label, sealed_by=first)
-
-    def _first_seal(self, sealed_by: str | None) -> str | None:
-        """Return whose key sealed a row first: None for this user's."""
-        return seals.origin(sealed_by, self._whose, "" if self._key is None else self._key.name)
-
-    def kept(self) -> Iterator[tuple[str, bytes | None, bytes | None, str | None, bytes | None]]:
-        """Yield (key, compressed answer, history, kind of proof, proof) of every row of which something is kept."""
-        yield from self._database.stream(_READ_KEPT)  # type: ignore[misc]
-
-    def answers(self) -> Iterator[tuple[str, bytes]]:
-        """Yield (key, compressed answer) of every kept answer."""
-        yield from self._database.stream("SELECT key, answer FROM answers ORDER BY key")
-
-    def histories(self) -> Iterator[tuple[str, bytes]]:
-        """Yield (key, compressed history) of every kept history."""
-        yield from self._database.stream("SELECT key, history FROM histories ORDER BY key")
-
-    def certificates(self) -> Iterator[tuple[str, str, bytes]]:
-        """Yield (key, kind, proof) of every row that is proved to have no solution, or whose answer has a proof; none
-        in a file of an older version."""
-        if self._database.read("SELECT name FROM sqlite_master WHERE name = 'certificates'"):
-            yield from self._database.stream("SELECT key, kind, proof FROM certificates ORDER BY key")
-
-    def proved_problems(self) -> Iterator[tuple[str, bytes]]:
-        """Yield (fingerprint, data) of every problem of which an answer has a proof; none in a file of an older
-        version."""
-        if self._database.read("SELECT name FROM sqlite_master WHERE name = 'proved_problems'"):
-            yield from self._database.stream("SELECT fingerprint, data FROM proved_problems ORDER BY fingerprint")
-
-    def table(self) -> pd.DataFrame:
-        """Return all rows, in the order problem, label, with whose key sealed them as `seals.OWNERS`."""
-        return whole_table(self._database, lambda sealed_by: seals.owner(self._first_seal(sealed_by)))
-
-
-@dataclass
-class _State:
-    """State of the process that writes a file: its key, what it has written, how often rows were run, and the
-    digest of all rows."""
-
-    key: Key
-    written: WrittenSeals
-    attempts: dict[str, int]
-    rows: str = file_seal.OPEN
-    sealing: dict[str, str] = field(default_factory=dict)
-    """Seals of the transaction that is under way."""
-
-    def file_seal(self) -> str:
-        """Return the seal over the whole file."""
-        return file_seal.sealed(self.written.contents.digests(), self.rows, self.key)
-
-    def count(self, key: str, attempts: int | None) -> None:
-        """Note how often a row was run."""
-        if attempts is None:
-            self.attempts.pop(key, None)
-        else:
-            self.attempts[key] = attempts
-
-
-def _lasting(found: Audit, version: int, key: Key) -> list[str]:
-    """Return what was found of a file that all its later readers have to know, in a sentence each."""
-    today = time.strftime("%Y-%m-%d")
-    remarks = [f"on {today}: {one}, by another program" for one in found.changed]
-    remarks += [f"on {today}: removed {counted(len(found.broken), 'row')} that could not be believed"] * bool(
-        found.broken
-    )
-    if 0 < version < WHOLE_SINCE:
-        remarks.append(f"until {today} its facts beside the rows had no seal: it was made by an older cpbench")
-    elif found.whose not in ("", key.name):
-        remarks.append(f"until {today} it was sealed by the key of another user or machine")
-    return remarks
 
 
 def _into(names: Sequence[str]) -> str:
@@ -612,21 +316,11 @@ def _into(names: Sequence[str]) -> str:
 
 OF_AN_ANSWER = "answer"
 """Kind of a certificate that is about an answer."""
-_KEPT = ("answers", "histories", "certificates")
-"""Tables of what is kept of single rows."""
-_ALL = ", ".join(f'"{c}"' for c in (*PLANNED, *MEASURED))
 _WHOLE = _into((*PLANNED, *MEASURED))
 _FINISH = f"UPDATE rows SET {', '.join(f'{chr(34)}{name}{chr(34)} = ?' for name in MEASURED)} WHERE key = ?"
-_READ_KEPT = """
-    SELECT key, answer, history, certificates.kind, proof FROM rows LEFT JOIN answers USING (key)
-    LEFT JOIN histories USING (key) LEFT JOIN certificates USING (key)
-    WHERE coalesce(answer, history, proof) IS NOT NULL ORDER BY key
-"""
 _planned_values, _measured_values = attrgetter(*PLANNED), attrgetter(*MEASURED)
 _row_values = attrgetter(*PLANNED, *MEASURED)
-_PLACE = {name: place for place, name in enumerate(MEASURED)}
-_ATTEMPTS = _PLACE["attempts"]
-_SEALED_BY = len(PLANNED) + _PLACE["sealed_by"]
+_ATTEMPTS = PLACE["attempts"]
 _UNMEASURED = _measured_values(Measured())
 
 
