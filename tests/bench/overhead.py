@@ -115,7 +115,7 @@ def fill(path: Path, rows: int) -> None:
         missing = rows - sum(store.counts().values())
         keys = [f"{i * 2654435761 % 2**32:032x}" for i in range(1, missing + 1)]
         store.add(replace(first, key=key) for key in keys)
-        store.add_kept(((key, answer) for key in keys), (), ())
+        store.add_kept((key, answer, None, None, None) for key in keys)
 
 
 def warm(folder: Path, pairs: int) -> float:
