@@ -136,6 +136,7 @@ class Results:
         Raises FormatError where the folder cannot be made.
         """
         from cpbench.api.reports import write_report
+        from cpbench.bench.results import problem_files
         from cpbench.errors import FormatError
 
         place = Path(folder)
@@ -144,7 +145,8 @@ class Results:
         except OSError as cause:
             raise FormatError(place, "", f"cannot be a folder ({cause.strerror or cause})") from None
         with sealed(self.path) as store:
-            files, _ = write_report(store, place, title or self.path.stem, **choice)
+            changed = problem_files.changed(store)
+            files, _ = write_report(store, place, title or self.path.stem, changed=changed, **choice)
         return next(file for file in files if file.suffix == ".html")
 
     def compare(self, base: str | Path | Results, **settings: Any) -> Comparison:

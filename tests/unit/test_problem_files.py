@@ -14,6 +14,7 @@ from command_line import cpbench
 
 import cpbench as cp
 from cpbench import storage
+from cpbench.api.results import Results
 from cpbench.bench.results import problem_files
 from cpbench.bench.results.merge import merge
 from cpbench.bench.results.store import Store
@@ -108,13 +109,14 @@ def test_report_and_compare_name_it_and_the_rest_goes_on(tmp_path: Path) -> None
         report = cpbench(tmp_path, "report", "r.sqlite", "-o", "out")
         compared = cpbench(tmp_path, "compare", "r.sqlite", "r.sqlite", "-o", "c.md", "-o", "c.json")
         document = cpbench(tmp_path, "report", "r.sqlite", "-o", "tex", "--format", "tex")
+        Results(tmp_path / "r.sqlite").report(tmp_path / "api")
         assert (report.returncode, compared.returncode, document.returncode) == (0, 0, 0), report.stderr
         texts = [report.stderr, compared.stdout, *(_text(tmp_path / name) for name in WRITTEN)]
         assert [words in text for text in texts] == [named] * len(texts)
         cp.save(cp.LCP(M=M, q=[-4.0, 2.0]), tmp_path / "p.h5", force=True)
 
 
-WRITTEN = ("out/report.md", "out/report.html", "c.md", "c.json", "tex/report.tex")
+WRITTEN = ("out/report.md", "api/report.md", "out/report.html", "c.md", "c.json", "tex/report.tex")
 
 
 def _text(path: Path) -> str:
