@@ -160,7 +160,7 @@ class Parts:
     @property
     def as_program(self) -> bool:
         """Whether rows beside z and rows beside multipliers are told apart: not of pairs that have none of these."""
-        return self.frame.multiplier is not None and (self.measure is not Measure.PAIRS or self.with_multipliers)
+        return self.measure is Measure.GAP or self.with_multipliers
 
     @cached_property
     def constants(self) -> Vector:
@@ -191,10 +191,7 @@ class Parts:
     @cached_property
     def curved(self) -> Any:
         """Whether a row beside z has a term in some z; shape (k,)."""
-        multiplier = self.frame.multiplier
-        if multiplier is None:
-            return self.frame.terms.lengths > 0
-        return ~multiplier & (self.frame.terms.sums((~multiplier).astype(np.float64)) > 0)
+        return self.beside_z & (self.frame.terms.sums(self.beside_z.astype(np.float64)) > 0)
 
 
 def _groups(label: Any, k: int) -> Groups:

@@ -72,17 +72,17 @@ def _sized(system: System, parts: Parts, needed: Flags, balanced: Flags) -> tupl
     if fixed.any():
         gives = gives | (frame.terms.sums(fixed.astype(float)) > 0)
     sized = rows.spread(rows.any(gives))
-    if frame.multiplier is None or not parts.as_program:
+    if not parts.as_program:
         if sized.all():
             return sized, sized
         return sized, (frame.terms.effects(sized.astype(float)) > 0) | (frame.own_unit > 0)
     # sides size z; prices do where they are balanced by z itself, or by nothing; a load does, whatever bears it
-    prices = needed & ~frame.multiplier
+    prices = needed & parts.beside_z
     if parts.measure is not Measure.ENERGY:
-        own = frame.terms.sums(np.where(frame.multiplier, 0.0, system.sizes())) > BALANCED * frame.constants
+        own = frame.terms.sums(np.where(parts.beside_z, system.sizes(), 0.0)) > BALANCED * frame.constants
         prices &= own | ~balanced
-    known = parts.whole.spread(parts.whole.any((frame.multiplier & sized) | prices | fixed))
-    return sized | (frame.multiplier & known), known
+    known = parts.whole.spread(parts.whole.any((~parts.beside_z & sized) | prices | fixed))
+    return sized | (~parts.beside_z & known), known
 
 
 def _row_units(system: System, parts: Parts, sums: Vector, needed: Flags, sized: Flags, known: Flags) -> Vector:
@@ -93,16 +93,14 @@ def _row_units(system: System, parts: Parts, sums: Vector, needed: Flags, sized:
     only_idle = ~rows.spread(rows.any(needed))
     counted = np.where(needed | only_idle, np.maximum(sums, constants), sums) * D
     by_group = sized
-    if (
-        frame.multiplier is not None and parts.as_program
-    ):  # an entry of the equilibrated matrix is about 1: so much does z make of a row
+    if parts.as_program:  # an entry of the equilibrated matrix is about 1: so much does z make of a row
         own = sizes * inverse(D)
         if energy:  # what is at rest could move as fast as its loads make it
-            reach = parts.whole.norm(np.where(frame.multiplier, 0.0, np.maximum(own, constants * D)))
+            reach = parts.whole.norm(np.where(parts.beside_z, np.maximum(own, constants * D), 0.0))
         else:
-            reach = parts.whole.largest(np.where(frame.multiplier, 0.0, own))
-        counted = np.where(known & frame.multiplier, np.maximum(counted, parts.whole.spread(reach)), counted)
-        by_group = np.where(frame.multiplier, sized, known)
+            reach = parts.whole.largest(np.where(parts.beside_z, own, 0.0))
+        counted = np.where(known & ~parts.beside_z, np.maximum(counted, parts.whole.spread(reach)), counted)
+        by_group = np.where(parts.beside_z, known, sized)
     size = rows.spread(rows.norm(counted) if energy else rows.largest(counted))
     unit = np.divide(D, size, out=np.ones(frame.k), where=size > 0)
     if not by_group.all():

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pinned_constants
 import pytest
-from pinned_constants import ARITHMETIC, EFFORT, PINNED
+from pinned_constants import EFFORT, GIVEN, PINNED
 
 
 def test_every_constant_of_the_verdict_is_listed() -> None:
-    assert sorted(name for name, _ in pinned_constants.constants()) == sorted([*PINNED, *EFFORT, *ARITHMETIC])
+    assert sorted(name for name, _ in pinned_constants.constants()) == sorted([*PINNED, *EFFORT, *GIVEN])
 
 
 @pytest.mark.parametrize("factor", [2.0, 0.5])
