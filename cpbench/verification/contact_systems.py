@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.foundation.matrices import Dense, Vector, dense
+from cpbench.foundation.matrices import Vector, dense
 from cpbench.foundation.product_cones import Cone
 from cpbench.verification import sets
 from cpbench.verification.frame import Frame, System, Terms
+from cpbench.verification.projections import row_norms
 from cpbench.verification.systems import kept, stack
 
 
@@ -178,5 +179,4 @@ def _scaled(M: Any, left: Vector, right: Vector) -> Any:
 
 
 def _norms(x: Vector, d: int) -> Vector:
-    rows: Dense = x.reshape(-1, d)
-    return np.sqrt((rows * rows).sum(axis=1))
+    return row_norms(x.reshape(-1, d))

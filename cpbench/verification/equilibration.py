@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
+from cpbench.verification.frame import inverse
 
 SWEEPS = 32
 STEPS = 100
@@ -59,15 +60,15 @@ def equilibrate_apart(A: Any, part: Any = None) -> tuple[Vector, Vector]:
         c = _ratio(beside, turned @ d)
         found = d * (W @ c)
         r = counts - found
-        off = _sums(r * r * _inverse(counts), part)
+        off = _sums(r * r * inverse(counts), part)
         going = off > enough
         if not np.any(going):
             break
         factor, slow = _ratio(counts, found), going & (off > FAST * before)
         if np.any(slow):
             r = np.where(_spread(slow, part), r, 0.0)
-            least = INEXACT**2 * _sums(r * r * _inverse(found), part)
-            step = _solved(W, d, c * c * _inverse(beside), found, r, least, part)
+            least = INEXACT**2 * _sums(r * r * inverse(found), part)
+            step = _solved(W, d, c * c * inverse(beside), found, r, least, part)
             factor = np.where(_spread(slow, part), np.exp(np.clip(step, -FARTHEST, FARTHEST)), factor)
         d, before = d * np.where(_spread(going, part), factor, 1.0), off
     return np.exp(D) * d, np.exp(C) * c
@@ -75,7 +76,7 @@ def equilibrate_apart(A: Any, part: Any = None) -> tuple[Vector, Vector]:
 
 def _first_guess(A: Any, pattern: Any, counts: Vector, beside: Vector, part: Any) -> tuple[Vector, Vector]:
     """Return the d and e with the least Σ (l_ij + d_i + e_j)², l the logarithms of the entries."""
-    logs, per_column = _at_places_of(A, _logs(A)), _inverse(beside)
+    logs, per_column = _at_places_of(A, _logs(A)), inverse(beside)
     e = -per_column * (logs.T @ np.ones(A.shape[0]))
     r = -(logs @ np.ones(A.shape[1]) + pattern @ e)
     enough = GUESSED**2 * _sums(counts, part)
@@ -86,7 +87,7 @@ def _first_guess(A: Any, pattern: Any, counts: Vector, beside: Vector, part: Any
 def _solved(W: Any, left: Any, weights: Vector, diagonal: Vector, r: Vector, enough: Any, part: Any) -> Vector:
     """Solve (diagonal − L weights Lᵀ)x = r, L_ij = left_i W_ij, by conjugate gradients, scaled by the diagonal, until
     rᵀr/diagonal is `enough`."""
-    x, p, old, scale, turned = np.zeros_like(r), np.zeros_like(r), 1.0, _inverse(diagonal), W.T
+    x, p, old, scale, turned = np.zeros_like(r), np.zeros_like(r), 1.0, inverse(diagonal), W.T
     for _ in range(STEPS):
         z = scale * r
         new = _sums(z * r, part)
@@ -135,10 +136,6 @@ def _sums(values: Vector, part: Any) -> Any:
 def _spread(values: Any, part: Any) -> Any:
     """Return the value of its part, for every row."""
     return values if part is None else values[part]
-
-
-def _inverse(x: Vector) -> Vector:
-    return np.divide(1.0, x, out=np.zeros_like(x), where=x > 0)
 
 
 def _ratio(x: Vector, y: Vector) -> Vector:

@@ -14,11 +14,11 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.base import Problem
-from cpbench.foundation.matrices import Vector, max_abs
+from cpbench.foundation.matrices import max_abs
 from cpbench.foundation.product_cones import Cone
 from cpbench.verification import sets
 from cpbench.verification.merit_functions import NODES, path_norms
-from cpbench.verification.projections import project
+from cpbench.verification.projections import project, row_norms
 
 PATH = "PATH (Ferris and Munson; Billups, Dirkse and Ferris 1997)"
 OSQP = "OSQP (Stellato, Banjac, Goulart, Bemporad and Boyd 2020, section 3.4)"
@@ -109,8 +109,8 @@ def contactbench(problem: Any, point: Any, known: Mapping[str, float]) -> dict[s
     u, mu = problem.slacks(point)["u"].reshape(-1, d), problem.mu
     r = point.r.reshape(-1, d)
     hat = u.copy()
-    hat[:, 0] += mu * _norms(u[:, 1:])
-    short = np.abs(mu * np.abs(r[:, 0]) - _norms(r[:, 1:]))
+    hat[:, 0] += mu * row_norms(u[:, 1:])
+    short = np.abs(mu * np.abs(r[:, 0]) - row_norms(r[:, 1:]))
     lacking = project(Cone.SECOND_ORDER, -hat, mu, np.zeros_like(mu))  # Moreau: P_K*(û) − û
     return {
         "contactbench_signorini [J]": max_abs(r[:, 0] * u[:, 0]),
@@ -136,7 +136,10 @@ def published(problem: Problem, point: Any, known: Mapping[str, float]) -> list[
         for family in FAMILIES:
             if problem.node in family.nodes:
                 numbers = family.of(problem, point, known).items()
-                found += [PublishedMeasure(name, _told(value), family.source) for name, value in numbers]
+                found += [
+                    PublishedMeasure(name, math.inf if math.isnan(value) else float(value), family.source)
+                    for name, value in numbers
+                ]
     return found
 
 
@@ -159,11 +162,3 @@ def all_measures(
         elif source:
             rows.append(PublishedMeasure(name, value, source))
     return rows + published(problem, point, known)
-
-
-def _told(value: float) -> float:
-    return math.inf if math.isnan(value) else float(value)
-
-
-def _norms(x: Any) -> Vector:
-    return np.sqrt(np.einsum("ij,ij->i", x, x))
