@@ -20,8 +20,9 @@ import numpy as np
 
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
-from cpbench.foundation.matrices import Vector
+from cpbench.foundation.matrices import EPS, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved
+from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.contact.parts import (
     Contact,
     ContactPart,
@@ -35,12 +36,8 @@ from cpbench_solvers.contact.parts import (
 )
 from cpbench_solvers.contact.sweeps import BlockRows
 
-ROUNDS = 6
-"""Times that a method goes on to a smaller error of its own."""
 SURE = 0.995
 """Share of the tolerance that is claimed: the verdict has an equilibration of its own, to a thousandth."""
-SAFE = 0.5
-"""Share of the error that is asked for where a method goes on."""
 
 
 class SolverByParts(Solver):
@@ -138,8 +135,8 @@ class SolverByParts(Solver):
         error, asked, enough = part.error(output.point.r), budget.tolerance, SURE * budget.tolerance
         if error <= enough:
             return output
-        for _ in range(ROUNDS):
-            asked *= SAFE * budget.tolerance / error
+        while asked > EPS:
+            asked = reduced(asked, error, enough)
             left = replace(budget, tolerance=asked, seconds=max(begun + budget.seconds - time.monotonic(), 0.0))
             further = self.solve_part(part.prepared, left, options, output.point, record)
             counters = Counter(output.counters)
