@@ -1,64 +1,162 @@
-"""Scenes simulated by a solver of a user's choice, and their contact problems as one file."""
+"""Scenes that move by a solver of the user's choice, and their contact problems as one file."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
-from cpbench import graph
+import numpy as np
+
+from cpbench import graph, storage
 from cpbench.api.solution import Solution
 from cpbench.api.solving import solve_there, way_to
-from cpbench.errors import CpbenchError
-from cpbench.formulations.base import Contacts
+from cpbench.errors import CpbenchError, ProblemError
+from cpbench.formulations.base import Contacts, Info, Point, Problem
+from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.transfer import transfer
+from cpbench.foundation.plurals import counted
+from cpbench.generators.base import LICENCE
 from cpbench.generators.scenes import stepper
+from cpbench.generators.scenes.bodies import Choices, Scene, families
+from cpbench.generators.scenes.stepper import ContactProblem, Step
 from cpbench.solvers import warming
 from cpbench.solvers.base import Trait
+from cpbench.verification import error_text
 
 LOCAL = {"gfc": "fc", "grfc": "rfc"}
 """The formulation of the local twin of a problem in global form."""
 SECONDS = 60.0
-"""Time limit of one step [s]."""
-
-
-@dataclass(frozen=True, eq=False)
-class SolvedStep:
-    """A step of a scene, and what its answer is worth; None where nothing touched."""
-
-    step: stepper.Step
-    solution: Solution | None
+"""Time limit that a solver is told for one step [s]."""
+CITATION = "Jean 1999, The non-smooth contact dynamics method, Comput. Methods Appl. Mech. Engrg. 177:235"
 
 
 class NotSolved(CpbenchError):
     """A solver gave no answer to a step, so that the bodies cannot move on."""
 
 
-@dataclass
-class ContactSolver:
-    """A solver with its answers so far: each step begins with the reactions of the step before."""
+class Simulation:
+    """A scene whose steps are solved by one solver, each from the reactions of the step before.
 
-    name: str | None
-    tolerance: float
-    solutions: list[Solution] = field(default_factory=list)
-    _last: tuple[Contacts, Any] | None = None
-    _warm: bool = False
+    Attributes
+    ----------
+    steps : those that were made. solutions : their answers as they were measured, None where nothing touched.
+    """
 
-    def __call__(self, problem: stepper.ContactProblem) -> Any:
-        """Return an answer in global form; raises NotSolved, NoRoute, UnknownName, NotApplicable, Unavailable."""
-        way = way_to(problem, self.name)
-        if not self._warm:
+    def __init__(self, scene: Scene, solver: str | None = None, tolerance: float = 1e-6) -> None:
+        self.scene, self.solver, self.tolerance = scene, solver, tolerance
+        self.steps: list[Step] = []
+        self.solutions: list[Solution | None] = []
+        self._last: tuple[Contacts | None, Any] | None = None
+
+    def run(self, steps: int) -> Iterator[Step]:
+        """Yield `steps` steps from the start; raises NotSolved, NoRoute, UnknownName, NotApplicable, Unavailable."""
+        self.steps, self.solutions, self._last = [], [], None
+        for step in stepper.run(self.scene, steps, self._solve):
+            self.steps.append(step)
+            if step.problem is None:
+                self.solutions.append(None)
+            yield step
+
+    @property
+    def error(self) -> float:
+        """The largest error that was measured of an answer; it has no unit."""
+        return max((solution.error for solution in self.solutions if solution is not None), default=0.0)
+
+    @property
+    def missed(self) -> int:
+        """The number of answers that miss the tolerance."""
+        return sum(not solution for solution in self.solutions if solution is not None)
+
+    def _solve(self, problem: ContactProblem) -> Any:
+        way = way_to(problem, self.solver)
+        if self._last is None:
             warming.warm_up_quickly(way.solver)
-            self._warm = True
         start = None
         if self._last is not None and Trait.WARM_START in way.solver.spec.traits:
-            contacts, point = self._last
-            before = graph.push(way.problem, point, way.steps) if False else point
-            start = transfer(contacts, before, problem).point
-            start = graph.push(way.problem, start, way.steps) if way.steps else start
+            start = graph.push(way.problem, transfer(*self._last, problem).point, way.steps)
         solution, _ = solve_there(problem, way, self.tolerance, SECONDS, start)
-        if solution.point is None or not solution.point.finite:
-            place = problem.sequence.step if problem.sequence else 0
-            raise NotSolved(f"step {place}: {way.name} gave no answer ({solution.status}) {solution.message}".rstrip())
-        self._last = problem.contacts, solution.point
+        point = solution.point
+        if point is None or not point.finite:
+            why = f"{way.name} gave no answer ({solution.status}{': ' if solution.message else ''}{solution.message})"
+            raise NotSolved(f"{self.scene.name}: step {len(self.steps)}: {why}; try another --solver")
+        self._last = problem.contacts, point
         self.solutions.append(solution)
-        return solution.point
+        return point
+
+
+def scene_of(name: str, **chosen: Any) -> Scene:
+    """Build a scene by its name from values of `Choices`, those that are not given or None being the default ones.
+
+    Raises UnknownName, ProblemError for a value that makes no scene.
+    """
+    family = families.get(name)
+    default = Choices(size=10, mu=family.mu, mass_ratio=1.0, seed=0, dt=0.005)
+    choices = dataclasses.replace(default, **{key: value for key, value in chosen.items() if value is not None})
+    if choices.size < family.smallest:
+        raise ProblemError("size", f"is {choices.size}: a scene {name} has at least {family.smallest} {family.unit}")
+    for field, value, least in (("mu", choices.mu, 0.0), ("mass_ratio", choices.mass_ratio, 1.0)):
+        if not (least <= value < np.inf):
+            raise ProblemError(field, f"is {value:g}, expected a number of at least {least:g}")
+    if not 0.0 < choices.dt < np.inf:
+        raise ProblemError("dt", f"is {choices.dt:g} s, expected a number of seconds above 0")
+    return family.build(choices)
+
+
+def command_of(name: str, steps: int, solver: str | None, tolerance: float, chosen: Mapping[str, Any]) -> str:
+    """Return the command that makes a scene again, without the name of its file; what is None is left out.
+
+    >>> command_of("tower", 50, None, 1e-6, {"size": 8, "mass_ratio": None, "seed": 0})
+    'cpbench generate --scene tower --steps 50 --tolerance 1e-06 --size 8 --seed 0'
+    """
+    values = {"steps": steps, "solver": solver, "tolerance": tolerance, **chosen}
+    given = (f"--{key.replace('_', '-')} {value}" for key, value in values.items() if value is not None)
+    return " ".join(["cpbench generate --scene", name, *given])
+
+
+def write(simulation: Simulation, path: Path, source: str, *, force: bool = False) -> list[str]:
+    """Write the problems of all steps at which something touched into one file, in global and in local form, with the
+    answers by which the bodies moved. `source` : the command that makes the scene.
+
+    Returns what to tell the user; raises FormatError, ProblemError without any contact.
+    """
+    steps = [step for step in simulation.steps if step.problem is not None and step.problem.nc]
+    if not steps:
+        raise ProblemError(simulation.scene.name, f"nothing touched in {len(simulation.steps)} steps: try more --steps")
+    node = steps[0].problem.node
+    problems: dict[str, Problem] = {}
+    answers: dict[str, Point] = {}
+    for form, suffix in ((LOCAL[node], ""), (node, "-global")):
+        recorder = storage.Recorder(simulation.scene.name + suffix, simulation.scene.dt)
+        for step in steps:
+            found: Any = step.problem if form == node else graph.arrive(step.problem, form).problem
+            info = Info(source=source, licence=LICENCE, family=simulation.scene.name, citation=CITATION)
+            time = step.problem.sequence.time
+            recorder.add(dataclasses.replace(found, info=info, provenance=()), time=time)
+        for step, problem in zip(steps, recorder.steps, strict=True):
+            name = f"{form}-{problem.sequence.step:03d}"
+            problems[name] = dataclasses.replace(problem, name=name)
+            answers[name] = step.point if form == node else FCPoint(r=step.point.r)
+    storage.save_pack(problems, path, solutions=answers, force=force)
+    return _account(simulation, steps, path, list(problems))
+
+
+def _account(simulation: Simulation, steps: Sequence[Step], path: Path, names: Sequence[str]) -> list[str]:
+    scene, every = simulation.scene, len(simulation.steps)
+    ids = [set(step.problem.contacts.id.tolist()) for step in steps]
+    came, went = (sum(len(b - a) for a, b in pairs) for pairs in (pairwise(ids), pairwise(ids[::-1])))
+    counts = sorted(map(len, ids))
+    missed = simulation.missed
+    solved = "all steps" if not missed else f"all but {counted(missed, 'step')}"
+    solver = next(solution.solver for solution in simulation.solutions if solution is not None)
+    half = len(names) // 2
+    without = every - len(steps)
+    return [
+        f"{scene.name}: {counted(every, 'step')} of {scene.dt:g} s, {counted(len(scene.bodies.mass), 'body', 'bodies')}"
+        f", {counts[0]} to {counts[-1]} contacts; {came} came and {went} went",
+        f"solved by {solver}: {solved} to {simulation.tolerance:g}; the largest error is {error_text(simulation.error)}",
+        *([f"left out: {counted(without, 'step')} at which nothing touched"] if without else []),
+        f"{path}: {names[0]} to {names[half - 1]} and {names[half]} to {names[-1]}",
+    ]

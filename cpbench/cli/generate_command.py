@@ -6,11 +6,16 @@ import filecmp
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import click
+from click.core import ParameterSource
 
-from cpbench.cli.options import Command, ListOption
+from cpbench.cli.options import Command, ListOption, force_option, seed_option, tolerance_option
+from cpbench.cli.terminal import print_lines
+from cpbench.cli.types import COUNT, DURATION, FILE
 from cpbench.generators.collection import builtin_folder, write_collections
+from cpbench.storage.base import require_new
 
 
 @click.command(cls=Command)
@@ -23,12 +28,38 @@ from cpbench.generators.collection import builtin_folder, write_collections
     help="Collection to write; needs FOLDER. Repeatable.",
 )
 @click.option("--check", is_flag=True, help="Write nothing; exit with 1 unless the files are the same bit for bit.")
-def command(folder: Path | None, names: tuple[str, ...], check: bool) -> None:
-    """Write the built-in problems again from their formulas (default: into the shipped folder).
+@click.option("--scene", metavar="NAME", help="Scene to simulate, instead of built-in problems; needs -o.")
+@click.option("--size", type=COUNT, help="Bodies of the scene: cubes, bricks, stones, balls, links, ...  [default: 10]")
+@click.option("--steps", type=COUNT, help="Number of time steps.  [default: 50]")
+@click.option("--dt", type=DURATION, help="Time step.  [default: 5ms]")
+@click.option("--mu", type=float, help="Coefficient of friction; default: that of the scene.")
+@click.option("--mass-ratio", type=float, help="Mass of the heaviest body over that of the lightest.  [default: 1]")
+@seed_option("Seed of the random numbers of the scene.")
+@click.option("-s", "--solver", metavar="NAME", help="Solver by which the bodies move; default: cpbench chooses.")
+@tolerance_option
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="File of the scene (.h5).")
+@force_option
+@click.pass_context
+def command(
+    ctx: click.Context, folder: Path | None, names: tuple[str, ...], check: bool, scene: str | None, **chosen: Any
+) -> None:
+    """Write the built-in problems again from their formulas (default: into the shipped folder), or a scene.
 
     Larger contact problems and scenes are written only when they are named: contact-planted-large, contact-stacks,
     contact-sequence, contact-sequence-global.
+
+    With --scene, rigid bodies move under gravity by Moreau and Jean's time stepping, and the contact problem of each
+    step is written in local and in global form: arch, chain, chute, clusters, falling-arch, grasp, rolling-heap,
+    spheres, tower, trough, wall. The exit code is 1 unless all answers meet the tolerance.
     """
+    if scene is not None:
+        if folder is not None or names or check:
+            raise click.UsageError("--scene goes with -o FILE, not with a FOLDER, --collection or --check")
+        _simulate(scene, **chosen)
+        return
+    for name in chosen:
+        if ctx.get_parameter_source(name) is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"--{name.replace('_', '-')} is of a scene: add --scene NAME")
     if names and folder is None:
         raise click.UsageError("--collection needs a FOLDER to write to: the shipped one holds the built-in problems")
     target = folder or builtin_folder()
@@ -48,3 +79,24 @@ def command(folder: Path | None, names: tuple[str, ...], check: bool) -> None:
     if different:
         sys.exit(1)
     click.echo(f"{target}: every file is what its formula gives, bit for bit")
+
+
+def _simulate(name: str, output: Path | None, steps: int | None, solver: str | None, tolerance: float, force: bool,
+              **chosen: Any) -> None:  # fmt: skip
+    """Simulate a scene, with a counter on a terminal, and write it."""
+    from cpbench.api import scenes
+
+    if output is None:
+        raise click.UsageError("--scene needs -o FILE, the file to write")
+    require_new(output, force)
+    scene = scenes.scene_of(name, **chosen)
+    simulation = scenes.Simulation(scene, solver, tolerance)
+    count = steps or 50
+    with click.progressbar(simulation.run(count), length=count, label=name, file=sys.stderr) as made:
+        for _ in made:
+            pass
+    print_lines(
+        scenes.write(simulation, output, scenes.command_of(name, count, solver, tolerance, chosen), force=force)
+    )
+    if simulation.missed:
+        sys.exit(1)
