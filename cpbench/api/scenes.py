@@ -122,41 +122,40 @@ def write(simulation: Simulation, path: Path, source: str, *, force: bool = Fals
 
     Returns what to tell the user; raises FormatError, ProblemError without any contact.
     """
-    steps = [step for step in simulation.steps if step.problem is not None and step.problem.nc]
-    if not steps:
+    made: list[tuple[Any, Any]] = [
+        (step.problem, step.point) for step in simulation.steps if step.problem is not None and step.problem.nc
+    ]
+    if not made:
         raise ProblemError(simulation.scene.name, f"nothing touched in {len(simulation.steps)} steps: try more --steps")
-    node = steps[0].problem.node
+    node = made[0][0].node
+    info = Info(source=source, licence=LICENCE, family=simulation.scene.name, citation=CITATION)
     problems: dict[str, Problem] = {}
     answers: dict[str, Point] = {}
     for form, suffix in ((LOCAL[node], ""), (node, "-global")):
         recorder = storage.Recorder(simulation.scene.name + suffix, simulation.scene.dt)
-        for step in steps:
-            found: Any = step.problem if form == node else graph.arrive(step.problem, form).problem
-            info = Info(source=source, licence=LICENCE, family=simulation.scene.name, citation=CITATION)
-            time = step.problem.sequence.time
-            recorder.add(dataclasses.replace(found, info=info, provenance=()), time=time)
-        for step, problem in zip(steps, recorder.steps, strict=True):
-            name = f"{form}-{problem.sequence.step:03d}"
-            problems[name] = dataclasses.replace(problem, name=name)
-            answers[name] = step.point if form == node else FCPoint(r=step.point.r)
+        for problem, point in made:
+            twin: Any = problem if form == node else graph.arrive(problem, form).problem
+            recorder.add(dataclasses.replace(twin, info=info, provenance=()), time=problem.sequence.time)
+            name = f"{form}-{len(recorder.steps) - 1:03d}"
+            problems[name] = dataclasses.replace(recorder.steps[-1], name=name)
+            answers[name] = point if form == node else FCPoint(r=point.r)
     storage.save_pack(problems, path, solutions=answers, force=force)
-    return _account(simulation, steps, path, list(problems))
+    return _account(simulation, [problem.contacts for problem, _ in made], path, list(problems))
 
 
-def _account(simulation: Simulation, steps: Sequence[Step], path: Path, names: Sequence[str]) -> list[str]:
+def _account(simulation: Simulation, contacts: Sequence[Contacts], path: Path, names: Sequence[str]) -> list[str]:
     scene, every = simulation.scene, len(simulation.steps)
-    ids = [set(step.problem.contacts.id.tolist()) for step in steps]
-    came, went = (sum(len(b - a) for a, b in pairs) for pairs in (pairwise(ids), pairwise(ids[::-1])))
+    ids = [set(one.id.tolist()) for one in contacts]
+    came, went = (sum(len(b - a) for a, b in pairwise(order)) for order in (ids, ids[::-1]))
     counts = sorted(map(len, ids))
-    missed = simulation.missed
-    solved = "all steps" if not missed else f"all but {counted(missed, 'step')}"
+    solved = "all steps" if not simulation.missed else f"all but {counted(simulation.missed, 'step')}"
     solver = next(solution.solver for solution in simulation.solutions if solution is not None)
-    half = len(names) // 2
-    without = every - len(steps)
+    half, without = len(names) // 2, every - len(ids)
+    bodies, error = counted(len(scene.bodies.mass), "body", "bodies"), error_text(simulation.error)
     return [
-        f"{scene.name}: {counted(every, 'step')} of {scene.dt:g} s, {counted(len(scene.bodies.mass), 'body', 'bodies')}"
-        f", {counts[0]} to {counts[-1]} contacts; {came} came and {went} went",
-        f"solved by {solver}: {solved} to {simulation.tolerance:g}; the largest error is {error_text(simulation.error)}",
+        f"{scene.name}: {counted(every, 'step')} of {scene.dt:g} s, {bodies}, {counts[0]} to {counts[-1]} contacts; "
+        f"{came} came and {went} went",
+        f"solved by {solver}: {solved} to {simulation.tolerance:g}; the largest error is {error}",
         *([f"left out: {counted(without, 'step')} at which nothing touched"] if without else []),
         f"{path}: {names[0]} to {names[half - 1]} and {names[half]} to {names[-1]}",
     ]

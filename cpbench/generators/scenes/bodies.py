@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,12 +12,14 @@ import scipy.sparse as sp
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.registry import Registry
 
+Numbers: TypeAlias = np.ndarray[Any, np.dtype[np.int64]]
+"""Of bodies, contacts and the like."""
+Frames: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
+"""Shape (k, 3, 3)."""
 GRAVITY = 9.81
 """[m/s²]"""
 REACH = 0.02
 """Gaps up to this make a contact [m]."""
-TOUCH = 1e-8
-"""Gaps up to this are none [m]: rounding and the tolerance of a solver leave as much between bodies that touch."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +48,7 @@ class State:
     """
 
     x: Dense
-    R: np.ndarray[Any, np.dtype[np.float64]]
+    R: Frames
     v: Dense
 
 
@@ -60,10 +62,10 @@ class Touching:
     point : (nc, 3) [m]. frame : (nc, 3, 3), rows are normal, tangent, tangent. gap : (nc,) [m].
     """
 
-    id: np.ndarray[Any, np.dtype[np.int64]]
-    bodies: np.ndarray[Any, np.dtype[np.int64]]
+    id: Numbers
+    bodies: Numbers
     point: Dense
-    frame: np.ndarray[Any, np.dtype[np.float64]]
+    frame: Frames
     gap: Vector
 
 
@@ -77,6 +79,7 @@ class Scene:
     hold : G (6n, p) and b (p,) of the joints of a state, Gᵀv + b = 0 with v in the axes of the world; None: no joints.
     mu : coefficient of friction. mu_r : of rolling friction [m]; 0: none, and no rows for it.
     restitution : of Newton's law of impact, e. dt : time step [s].
+    slop : gaps up to this count as 0 [m], since a solver's tolerance leaves some between bodies that touch.
     theta : the part of the new velocity in the displacement of a step: 1 of Euler's implicit rule, 1/2 of the
     trapezoidal rule, which is exact where the acceleration is constant.
     """
@@ -90,6 +93,7 @@ class Scene:
     mu: float
     mu_r: float = 0.0
     restitution: float = 0.0
+    slop: float = 1e-7
     dt: float = 0.005
     theta: float = 1.0
 
@@ -138,7 +142,7 @@ def family(
     return register
 
 
-def at_rest(x: Dense, R: Any = None) -> State:
+def at_rest(x: Any, R: Any = None) -> State:
     """Place bodies with these centres (n, 3) and axes (n, 3, 3), by default those of the world, that do not move."""
     n = len(x)
     axes = np.tile(np.eye(3), (n, 1, 1)) if R is None else np.asarray(R, dtype=np.float64)

@@ -77,7 +77,7 @@ def rolling_heap(choices: Choices) -> Scene:
 
 @family("clusters", "piles of four balls, each apart from the others", "piles", mu=0.5)
 def clusters(choices: Choices) -> Scene:
-    """Build three balls that touch, and one on them, at places of a square grid a metre apart, each turned at random."""
+    """Build three balls that touch and one on them, at the places of a grid of 1 m, each pile turned at random."""
     rng = generator(choices.seed)
     base = 2.0 * RADIUS / math.sqrt(3.0)
     angle = rng.random(choices.size)[:, None] * 2.0 * math.pi + np.arange(3) * 2.0 * math.pi / 3.0

@@ -9,9 +9,20 @@ import math
 
 import numpy as np
 
-from cpbench.foundation.matrices import Dense
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import generator
-from cpbench.generators.scenes.bodies import Bodies, Choices, Scene, State, at_rest, box_inertia, family, spread
+from cpbench.generators.scenes.bodies import (
+    Bodies,
+    Choices,
+    Frames,
+    Numbers,
+    Scene,
+    State,
+    at_rest,
+    box_inertia,
+    family,
+    spread,
+)
 from cpbench.generators.scenes.nearness import Pads, pads_touch
 
 DENSITY = 2000.0
@@ -52,7 +63,9 @@ def wall(choices: Choices) -> Scene:
     n = len(left)
     sides = np.column_stack([right - left, np.full(n, BRICK[1]), np.full(n, BRICK[2])])
     x = np.column_stack([(left + right) / 2, np.zeros(n), BRICK[2] * (course + 0.5)])
-    owner, other, overlap = [], [], []
+    owner: list[int] = []
+    other: list[int] = []
+    overlap: list[tuple[float, float]] = []
     for k in range(n):
         below = np.flatnonzero((course == course[k] - 1) & (right > left[k] + 1e-9) & (left < right[k] - 1e-9))
         for b in below if course[k] else [n]:
@@ -107,34 +120,33 @@ def _arch(name: str, choices: Choices, thickness: float) -> Scene:
     return _blocks(name, choices, at_rest(x, R), Bodies(mass, inertia), pads)
 
 
-def _radial(angle: Dense) -> Dense:
+def _radial(angle: Vector) -> Dense:
     return np.stack([np.cos(angle), np.zeros_like(angle), np.sin(angle)], axis=1)
 
 
-def _tangent(angle: Dense) -> Dense:
+def _tangent(angle: Vector) -> Dense:
     return np.stack([-np.sin(angle), np.zeros_like(angle), np.cos(angle)], axis=1)
 
 
-def _bond(size: int, wide: int) -> tuple[Dense, Dense, Dense]:
+def _bond(size: int, wide: int) -> tuple[Vector, Vector, Numbers]:
     """Return left and right ends and the course of `size` bricks, in courses of `wide` or of `wide` − 1 and two
     halves."""
-    left, right, course = [], [], []
-    level = 0
+    left: list[float] = []
+    right: list[float] = []
+    course: list[int] = []
     while len(left) < size:
-        length = BRICK[0]
-        cuts = length * np.arange(wide + 1)
+        level = course[-1] + 1 if course else 0
+        cuts = BRICK[0] * np.arange(wide + 1.0)
         if level % 2:
-            cuts = np.concatenate([[0.0], length * (np.arange(wide) + 0.5), [length * wide]])
-        for a, b in zip(cuts[:-1], cuts[1:], strict=True):
-            left.append(a)
-            right.append(b)
-            course.append(level)
-        level += 1
+            cuts = BRICK[0] * np.array([0.0, *(np.arange(wide) + 0.5), wide])
+        left += cuts[:-1].tolist()
+        right += cuts[1:].tolist()
+        course += [level] * (len(cuts) - 1)
     return np.array(left)[:size], np.array(right)[:size], np.array(course)[:size]
 
 
 def _faces(
-    owner: Dense, other: Dense, centre: Dense, half: Dense, frame: Dense | None = None, *, inset: float = INSET
+    owner: Numbers, other: Numbers, centre: Dense, half: Dense, frame: Frames | None = None, *, inset: float = INSET
 ) -> Pads:
     """Return four pads for each face: its corners, drawn in towards its centre by `inset`."""
     k = len(owner)

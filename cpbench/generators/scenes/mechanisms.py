@@ -13,6 +13,7 @@ from cpbench.generators.scenes.bodies import (
     GRAVITY,
     Bodies,
     Choices,
+    Numbers,
     Scene,
     State,
     at_rest,
@@ -102,7 +103,7 @@ def grasp(choices: Choices) -> Scene:
     )
 
 
-def _points(n: int, body: Dense, arm: Dense, sign: float) -> sp.csr_array:
+def _points(n: int, body: Numbers, arm: Dense, sign: float) -> sp.csr_array:
     """Return (6n, 3k): column triples are the velocity of a point of a body at `arm` (k, 3) from its centre."""
     k = len(body)
     block = np.zeros((k, 6, 3))

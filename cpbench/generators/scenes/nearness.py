@@ -4,29 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.generators.scenes.bodies import REACH, State, Touching
+from cpbench.generators.scenes.bodies import REACH, Frames, Numbers, State, Touching
 
 
-def frames(normals: Dense) -> np.ndarray[Any, np.dtype[np.float64]]:
+def frames(normals: Dense) -> Frames:
     """Return (k, 3, 3): unit normals (k, 3), and two tangents that start from the axis that a normal is farthest
     from."""
     away = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = np.cross(normals, away)
+    first = cross(normals, away)
     first /= np.sqrt((first**2).sum(axis=1, keepdims=True))
-    return np.stack([normals, first, np.cross(normals, first)], axis=1)
+    return np.stack([normals, first, cross(normals, first)], axis=1)
+
+
+def cross(a: Dense, b: Dense) -> Dense:
+    """Compute the vector products of the rows (k, 3)."""
+    return np.asarray(np.cross(a, b), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False)
 class Balls:
     """Balls that are fixed to bodies. body : (k,). place : (k, 3), in the axes of the body [m]. radius : (k,) [m]."""
 
-    body: np.ndarray[Any, np.dtype[np.int64]]
+    body: Numbers
     place: Dense
     radius: Vector
 
@@ -90,14 +94,15 @@ class Pads:
     Attributes
     ----------
     owner : (k,), whose points. other : (k,), whose face; n for what does not move.
-    point : (k, 3) and frame : (k, 3, 3), at the start [m]: rows are the normal, which points to the owner, and tangents.
+    point : (k, 3) and frame : (k, 3, 3), at the start [m]: rows are the normal, which points to the owner,
+    and tangents.
     centre : (k, 3), of the face [m]. half : (k, 2), half the sides of the face along the tangents [m].
     """
 
-    owner: np.ndarray[Any, np.dtype[np.int64]]
-    other: np.ndarray[Any, np.dtype[np.int64]]
+    owner: Numbers
+    other: Numbers
     point: Dense
-    frame: np.ndarray[Any, np.dtype[np.float64]]
+    frame: Frames
     centre: Dense
     half: Dense
 
@@ -123,6 +128,6 @@ def pads_touch(pads: Pads, start: State) -> Callable[[State], Touching]:
     return touch
 
 
-def _with_ground(state: State) -> tuple[Dense, np.ndarray[Any, np.dtype[np.float64]]]:
+def _with_ground(state: State) -> tuple[Dense, Frames]:
     """Return places and axes with those of the ground behind them."""
     return np.concatenate([state.x, np.zeros((1, 3))]), np.concatenate([state.R, np.eye(3)[None]])

@@ -5,7 +5,7 @@ One step from t to t + h, with the places of the bodies at t (Jean 1999; Acary a
     M(v⁺ − v) = h (force − gyroscopic moments) + Hr + Gλ,   Gᵀv⁺ + b = 0,   u = Hᵀv⁺ + w,   Coulomb's law on (u, r)
     x⁺ = x + h (θv⁺ + (1 − θ)v),   R⁺ = exp of the same turn · R
 
-Normal rows of w are g/h for a gap g > TOUCH, so that a gap may close within the step and not more; else 0. With a
+Normal rows of w are g/h for a gap g > so that a gap may close within the step and not more; else 0. With a
 coefficient of restitution e > 0, they are e u_N⁻ where the gap would close within the step (u_N⁻ before it: Newton's
 law of impact). Overlap is not pushed out. Tangential rows are 0.
 
@@ -27,7 +27,7 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.formulations.grfc import GlobalRollingFrictionContact
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.generators.scenes.bodies import TOUCH, Scene, State, Touching
+from cpbench.generators.scenes.bodies import Scene, State, Touching
 from cpbench.generators.scenes.kinematics import axes_of_bodies, directions, own_axes, rotations
 
 ContactProblem = GlobalFrictionContact | GlobalRollingFrictionContact
@@ -69,7 +69,7 @@ def contact_problem(scene: Scene, state: State, touching: Touching, f: Vector, i
     H = directions(state, touching, rolling=scene.mu_r > 0)
     d, nc = 5 if scene.mu_r > 0 else 3, len(touching.id)
     w = np.zeros((nc, d))
-    w[:, 0] = np.where(touching.gap > TOUCH, touching.gap / scene.dt, 0.0)
+    w[:, 0] = np.where(touching.gap > touching.gap / scene.dt, 0.0)
     if scene.restitution > 0:
         before = (H.T @ own_axes(state, state.v).ravel()).reshape(nc, d)[:, 0]
         hits = touching.gap + scene.dt * before < 0

@@ -1,0 +1,251 @@
+"""Scenes of rigid bodies: their matrices, Newton's law, contacts that come and go, and motions with a closed form."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from fractions import Fraction
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from cpbench import graph
+from cpbench.api.scenes import LOCAL, NotSolved, Simulation, scene_of
+from cpbench.errors import ProblemError, UnknownName
+from cpbench.formulations.global_contact import GFCPoint
+from cpbench.foundation import matrices
+from cpbench.generators.scenes import motions, stepper
+from cpbench.generators.scenes.bodies import Scene, families
+from cpbench.generators.scenes.kinematics import rotations
+from cpbench.solvers import Budget, solvers
+
+NAMES = families.names()
+STANDING = ("tower", "wall", "arch", "clusters", "trough")
+EPS = np.finfo(float).eps
+
+
+def solve(problem: Any) -> GFCPoint:
+    """The automatic choice, to 1e-10."""
+    return solvers.get(f"auto-{problem.node}").run(problem, Budget(tolerance=1e-10)).point
+
+
+def solve_any(problem: Any) -> GFCPoint:
+    """Also of problems with rolling friction, which are solved in local form."""
+    if problem.node == "gfc":
+        return solve(problem)
+    arrival = graph.arrive(problem, LOCAL[problem.node])
+    return graph.lift(arrival.problem, solve(arrival.problem), len(arrival.route.steps))
+
+
+def made(scene: Scene, steps: int) -> list[stepper.Step]:
+    return list(stepper.run(scene, steps, solve_any))
+
+
+def exact_rows(scene: Scene, step_state: Any, contacts: Any, d: int) -> list[dict[int, Fraction]]:
+    """J in rational arithmetic: the velocity that a contact's point has by each unit velocity of a body, by definition.
+
+    v + ω × (p − x), ω = R ω_body, of the first body less that of the second; rolling rows have ω itself.
+    """
+
+    def fractions(x: Any) -> list[Fraction]:
+        return [Fraction(float(entry)) for entry in x]
+
+    def cross(a: list[Fraction], b: list[Fraction]) -> list[Fraction]:
+        return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+    rows: list[dict[int, Fraction]] = []
+    n = len(scene.bodies.mass)
+    for c, pair in enumerate(contacts.bodies.tolist()):
+        axes = [fractions(row) for row in contacts.frame[c]]
+        for k in range(d):
+            row: dict[int, Fraction] = {}
+            for body, sign in zip(pair, (1, -1), strict=True):
+                if body >= n:
+                    continue
+                point, x = fractions(contacts.position[c]), fractions(step_state.x[body])
+                arm = [p - o for p, o in zip(point, x, strict=True)]
+                axis = axes[k] if k < 3 else axes[k - 2]
+                for i in range(3):
+                    turned = fractions(step_state.R[body][:, i])  # ω of a unit spin about principal axis i
+                    if k < 3:
+                        row[6 * body + i] = sign * axis[i]
+                        moved = cross(turned, arm)
+                    else:
+                        moved = turned
+                    row[6 * body + 3 + i] = sign * sum((a * b for a, b in zip(axis, moved, strict=True)), Fraction(0))
+            rows.append(row)
+    return rows
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_delassus_matrix_is_that_of_the_kinematics(name: str) -> None:
+    """W of the local twin against J M⁻¹ Jᵀ in rational arithmetic, after a step that turned the bodies."""
+    scene = scene_of(name, size=3, mass_ratio=1e3)
+    first, second = made(scene, 2)
+    problem = second.problem
+    assert problem is not None
+    J = exact_rows(scene, first.state, problem.contacts, problem.dimension)
+    W, M = _without_joints(problem), [Fraction(float(m)) for m in problem.M.diagonal()]
+    scale = error = 0.0
+    for i, one in enumerate(J):
+        for j, other in enumerate(J):
+            common = one.keys() & other.keys()
+            exact = sum((one[k] * other[k] / M[k] for k in common), Fraction(0))
+            error += float(Fraction(float(W[i, j])) - exact) ** 2
+            scale += float(sum((abs(one[k] * other[k]) / M[k] for k in common), Fraction(0))) ** 2
+    assert scale > 0
+    assert math.sqrt(error) <= 8 * EPS * math.sqrt(scale)
+
+
+def _without_joints(problem: Any) -> np.ndarray:
+    free = dataclasses.replace(problem, G=None, b=None) if problem.b.size else problem
+    return matrices.dense(graph.arrive(free, LOCAL[problem.node]).problem.W)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_momentum_changes_by_the_loads_and_the_reactions(name: str) -> None:
+    """Linear momentum: each contact's force Fᵀr on one body and against it on the other, added up contact by contact."""
+    scene = scene_of(name, size=4)
+    before = scene.start.v
+    for step in made(scene, 4):
+        assert step.problem is not None
+        assert step.point is not None
+        impulse = scene.dt * scene.force[:, :3]
+        r = step.point.r.reshape(-1, step.problem.dimension)[:, :3]
+        for pair, frame, reaction in zip(
+            step.problem.contacts.bodies.tolist(), step.problem.contacts.frame, r, strict=True
+        ):
+            for body, sign in zip(pair, (1.0, -1.0), strict=True):
+                if body < len(impulse):
+                    impulse[body] += sign * frame.T @ reaction
+        gained = scene.bodies.mass[:, None] * (step.state.v - before)[:, :3]
+        largest = max(np.abs(impulse).max(), scene.dt * np.abs(scene.force).max())
+        joints = step.problem.G @ step.point.lam
+        np.testing.assert_allclose(gained, impulse + joints.reshape(-1, 6)[:, :3], atol=1e-13 * largest, rtol=0)
+        if name == "chain":  # forces in its joints are internal
+            np.testing.assert_allclose(gained.sum(axis=0), impulse.sum(axis=0), atol=1e-12 * largest, rtol=0)
+        before = step.state.v
+
+
+@pytest.mark.parametrize("name", STANDING)
+def test_the_ground_carries_the_weight_of_what_stands(name: str) -> None:
+    scene = scene_of(name, size=6)
+    weight = -scene.dt * scene.force[:, 2].sum()
+    for step in made(scene, 5):
+        assert step.problem is not None
+        assert step.point is not None
+        ground = step.problem.contacts.bodies[:, 1] >= len(scene.bodies.mass)
+        forces = np.einsum("cij,ci->cj", step.problem.contacts.frame, step.point.r.reshape(-1, 3))[ground].sum(axis=0)
+        np.testing.assert_allclose(forces, [0.0, 0.0, weight], atol=1e-7 * weight)
+        assert np.abs(step.state.x - scene.start.x).max() < 1e-8
+
+
+def test_fingers_hold_the_ball_and_let_it_fall() -> None:
+    """Three times the weight in all, so that μ = 1/3 decides."""
+    for mu, falls in ((0.36, False), (0.31, True)):
+        scene = scene_of("grasp", size=5, mu=mu)
+        last = made(scene, 5)[-1].state
+        assert (last.v[0, 2] < -1e-3) == falls
+        assert np.abs(last.x[1:, 2]).max() < 1e-9, "fingers do not sink"
+
+
+def test_a_thick_arch_stands_and_a_thin_one_opens() -> None:
+    """Milankovitch 1907: thickness 0.1075 of the mean radius is the least; 0.16 and 0.08 here."""
+    speeds = {}
+    for name in ("arch", "falling-arch"):
+        speeds[name] = np.abs(made(scene_of(name, size=15), 6)[-1].state.v).max()
+    assert speeds["arch"] < 1e-7
+    assert speeds["falling-arch"] > 1e-2
+
+
+def test_contacts_come_and_go_with_their_ids() -> None:
+    """An id is of the same two bodies in all steps; in this heap some come, and in the chain some go."""
+    changes = {}
+    for name in ("spheres", "chain"):
+        ids: list[set[int]] = []
+        bodies: dict[int, list[int]] = {}
+        for step in made(scene_of(name, size=12, seed=3), 40):
+            assert step.problem is not None
+            contacts = step.problem.contacts
+            assert len(np.unique(contacts.id)) == contacts.count
+            ids.append(set(contacts.id.tolist()))
+            for number, pair in zip(contacts.id.tolist(), contacts.bodies.tolist(), strict=True):
+                assert bodies.setdefault(number, pair) == pair
+        changes[name] = [(len(b - a), len(a - b), len(a & b)) for a, b in pairwise(ids)]
+    came, went = (sum(c[k] for c in changes["spheres"]) for k in (0, 1))
+    assert came > 5
+    assert sum(c[1] for c in changes["chain"]) + went > 0
+    assert all(kept > 0 for _, _, kept in changes["spheres"])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_mass_ratio_is_that_of_the_bodies(name: str) -> None:
+    mass = scene_of(name, size=9, mass_ratio=1e7).bodies.mass
+    assert mass.max() / mass.min() == pytest.approx(1e7, rel=1e-12 if name not in ("wall",) else 1.0)
+
+
+def test_rotations_are_scipys() -> None:
+    turns = np.random.default_rng(0).normal(size=(20, 3)) * np.logspace(-9, 0, 20)[:, None]
+    turns[0] = 0.0
+    np.testing.assert_allclose(rotations(turns), Rotation.from_rotvec(turns).as_matrix(), atol=4e-16)
+
+
+@pytest.mark.parametrize("make", motions.MOTIONS)
+def test_a_motion_follows_its_closed_form(make: Any) -> None:
+    motion = make()
+    last = made(motion.scene, motion.steps)[-1].state
+    assert motion.error(last) < 2e-8
+
+
+def test_the_incline_is_that_of_the_literature() -> None:
+    """1.754866 m in 2 s at μ = 0.4 on a slope of atan 1/2, as in the incline of Newton's and DART's comparisons."""
+    motion = motions.incline()
+    assert motion.steps * motion.scene.dt == pytest.approx(2.0)
+    assert motion.exact[0] == pytest.approx(1.754866, abs=5e-7)
+
+
+def test_the_implicit_rule_moves_further_by_a_step() -> None:
+    """θ = 1 adds h a h/2 a step: (1 + 1/N) times the way."""
+    motion = motions.incline()
+    last = made(dataclasses.replace(motion.scene, theta=1.0), motion.steps)[-1].state
+    assert last.x[0, 0] == pytest.approx(motion.exact[0] * (1 + 1 / motion.steps), rel=1e-7)
+
+
+def test_the_rope_is_eytelweins_for_many_knots() -> None:
+    """Loads in the ratio e^(μπ) just do not move; a little more moves them, on either side of the formula."""
+    for ratio, moves in ((0.99, False), (1.01, True)):
+        scene = motions.rope_on_drum(60, 1.0, ratio * math.exp(motions.MU * math.pi))
+        last = made(scene, 3)[-1].state
+        assert (abs(last.v[0, 2]) > 1e-3) == moves
+
+
+def test_a_ball_bounces_by_newtons_law() -> None:
+    """It falls on the ground at 1 m/s and leaves it at e = 1/2 of that, less the gravity of one step at most."""
+    scene = motions.backspin().scene
+    start = dataclasses.replace(scene.start, x=scene.start.x + [0.0, 0.0, 0.015], v=np.array([[0, 0, -1.0, 0, 0, 0]]))
+    bouncing = dataclasses.replace(scene, start=start, restitution=0.5, force=np.zeros((1, 6)))
+    steps = made(bouncing, 3)
+    assert [round(step.state.v[0, 2], 9) for step in steps] == [-1.0, 0.5, 0.5]
+
+
+def test_what_makes_no_scene_is_refused() -> None:
+    for name, given, said in (
+        ("arch", {"size": 2}, "at least 3 stones"),
+        ("tower", {"mu": -0.1}, "mu: is -0.1"),
+        ("tower", {"mass_ratio": 0.5}, "mass_ratio: is 0.5"),
+        ("tower", {"mu": math.inf}, "mu: is inf"),
+    ):
+        with pytest.raises(ProblemError, match=said):
+            scene_of(name, **given)
+    with pytest.raises(UnknownName, match="tower"):
+        scene_of("towr")
+
+
+def test_a_step_without_an_answer_ends_the_simulation() -> None:
+    """Lemke's method on facets refuses what is not its own; a solver without an answer leaves bodies where they are."""
+    simulation = Simulation(scene_of("tower", size=2), "interior-point-fc[iterations=1]")
+    with pytest.raises((NotSolved, UnknownName)):
+        list(simulation.run(3))
