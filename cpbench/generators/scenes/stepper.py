@@ -69,7 +69,7 @@ def contact_problem(scene: Scene, state: State, touching: Touching, f: Vector, i
     H = directions(state, touching, rolling=scene.mu_r > 0)
     d, nc = 5 if scene.mu_r > 0 else 3, len(touching.id)
     w = np.zeros((nc, d))
-    w[:, 0] = np.where(touching.gap > touching.gap / scene.dt, 0.0)
+    w[:, 0] = np.where(touching.gap > scene.slop, touching.gap / scene.dt, 0.0)
     if scene.restitution > 0:
         before = (H.T @ own_axes(state, state.v).ravel()).reshape(nc, d)[:, 0]
         hits = touching.gap + scene.dt * before < 0
