@@ -21,6 +21,7 @@ from cpbench.generators.scenes import motions, stepper
 from cpbench.generators.scenes.bodies import Scene, families
 from cpbench.generators.scenes.kinematics import rotations
 from cpbench.solvers import Budget, solvers
+from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec
 
 NAMES = families.names()
 STANDING = ("tower", "wall", "arch", "clusters", "trough")
@@ -107,7 +108,7 @@ def _without_joints(problem: Any) -> np.ndarray:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_momentum_changes_by_the_loads_and_the_reactions(name: str) -> None:
-    """Linear momentum: each contact's force Fᵀr on one body and against it on the other, added up contact by contact."""
+    """Linear momentum: the force Fᵀr of each contact on one body, and its opposite on the other, added one by one."""
     scene = scene_of(name, size=4)
     before = scene.start.v
     for step in made(scene, 4):
@@ -225,7 +226,7 @@ def test_the_rope_is_eytelweins_for_many_knots() -> None:
 def test_a_ball_bounces_by_newtons_law() -> None:
     """It falls on the ground at 1 m/s and leaves it at e = 1/2 of that, less the gravity of one step at most."""
     scene = motions.backspin().scene
-    start = dataclasses.replace(scene.start, x=scene.start.x + [0.0, 0.0, 0.015], v=np.array([[0, 0, -1.0, 0, 0, 0]]))
+    start = dataclasses.replace(scene.start, x=np.array([[0.0, 0.0, 0.115]]), v=np.array([[0, 0, -1.0, 0, 0, 0]]))
     bouncing = dataclasses.replace(scene, start=start, restitution=0.5, force=np.zeros((1, 6)))
     steps = made(bouncing, 3)
     assert [round(step.state.v[0, 2], 9) for step in steps] == [-1.0, 0.5, 0.5]
@@ -244,8 +245,20 @@ def test_what_makes_no_scene_is_refused() -> None:
         scene_of("towr")
 
 
-def test_a_step_without_an_answer_ends_the_simulation() -> None:
-    """Lemke's method on facets refuses what is not its own; a solver without an answer leaves bodies where they are."""
-    simulation = Simulation(scene_of("tower", size=2), "interior-point-fc[iterations=1]")
-    with pytest.raises((NotSolved, UnknownName)):
+def test_a_step_without_an_answer_ends_the_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The message has the scene, the step and the solver; the bodies stay where they were."""
+
+    class NoAnswer(Solver):
+        """A solver that gives up."""
+
+        spec = SolverSpec(name="gives-up", node="fc", summary="", method="")
+
+        def solve(self, prepared: Any, budget: Budget, options: Any, start: Any = None, record: Any = None) -> Any:
+            return SolverOutput(claim=Claim.FAILED, message="gave up")
+
+    solvers.discover()
+    monkeypatch.setitem(solvers._items, "gives-up", NoAnswer())
+    simulation = Simulation(scene_of("tower", size=2), "gives-up")
+    with pytest.raises(NotSolved, match=r"^tower: step 0: gives-up gave no answer \(failed: gave up\)"):
         list(simulation.run(3))
+    assert simulation.steps == []
