@@ -8,6 +8,7 @@ import command_page
 import decision_index
 import engine_laws_page
 import interface_page
+import motion_page
 import registry_pages
 import schema_page
 import tolerance_page
@@ -27,6 +28,7 @@ PAGES: dict[str, Callable[[], str | bytes]] = {
     "methods/statistics.md": registry_pages.statistics_page,
     "methods/tolerances.md": tolerance_page.page,
     "methods/engine-laws.md": engine_laws_page.page,
+    "methods/motion.md": motion_page.page,
     "decisions/index.md": decision_index.page,
 }
 

@@ -20,4 +20,5 @@ def files() -> dict[str, bytes]:
             made = {f"lecture/{path.name}": path.read_bytes() for path in Path(folder).iterdir()}
     finally:
         sys.path.remove(str(ROOT / "docs"))
-    return {**made, "assets/ratios.png": (ROOT / "reports/speed/ratios.png").read_bytes()}
+    pictures = {"ratios.png": "speed/ratios.png", "motion.svg": "motion/motion.svg"}
+    return {**made, **{f"assets/{name}": (ROOT / "reports" / path).read_bytes() for name, path in pictures.items()}}

@@ -139,7 +139,7 @@ def test_the_laboratory_finds_solvers_by_the_registry() -> None:
 def test_the_command_line_is_thin() -> None:
     """It reads options and prints; what decides lies below it, where scripts reach it too."""
     lines = {path.name: path.read_text().count("\n") for path in (PACKAGE / "cli").glob("*.py")}
-    assert sum(lines.values()) <= 3900
+    assert sum(lines.values()) <= 3950
     assert max(lines.values()) <= 250
 
 

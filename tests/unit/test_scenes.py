@@ -24,6 +24,9 @@ from cpbench.solvers import Budget, solvers
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec
 
 NAMES = families.names()
+BY_DAY = ("arch", "chain", "rolling-heap")
+"""Of the families, one with blocks, one with joints, one with rolling friction."""
+FAMILIES = [name if name in BY_DAY else pytest.param(name, marks=pytest.mark.nightly) for name in NAMES]
 STANDING = ("tower", "wall", "arch", "clusters", "trough")
 EPS = np.finfo(float).eps
 
@@ -81,7 +84,7 @@ def exact_rows(scene: Scene, step_state: Any, contacts: Any, d: int) -> list[dic
     return rows
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FAMILIES)
 def test_the_delassus_matrix_is_that_of_the_kinematics(name: str) -> None:
     """W of the local twin against J M⁻¹ Jᵀ in rational arithmetic, after a step that turned the bodies."""
     scene = scene_of(name, size=3, mass_ratio=1e3)
@@ -106,7 +109,7 @@ def _without_joints(problem: Any) -> np.ndarray:
     return matrices.dense(graph.arrive(free, LOCAL[problem.node]).problem.W)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FAMILIES)
 def test_momentum_changes_by_the_loads_and_the_reactions(name: str) -> None:
     """Linear momentum: the force Fᵀr of each contact on one body, and its opposite on the other, added one by one."""
     scene = scene_of(name, size=4)
@@ -184,8 +187,8 @@ def test_contacts_come_and_go_with_their_ids() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_mass_ratio_is_that_of_the_bodies(name: str) -> None:
-    mass = scene_of(name, size=9, mass_ratio=1e7).bodies.mass
-    assert mass.max() / mass.min() == pytest.approx(1e7, rel=1e-12 if name not in ("wall",) else 1.0)
+    mass = scene_of(name, size=8, mass_ratio=1e7).bodies.mass
+    assert mass.max() / mass.min() == pytest.approx(1e7, rel=1e-12)
 
 
 def test_rotations_are_scipys() -> None:

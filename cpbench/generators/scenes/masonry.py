@@ -76,7 +76,8 @@ def wall(choices: Choices) -> Scene:
     centre = np.column_stack([span.mean(axis=1), np.zeros(len(own)), BRICK[2] * course[own]])
     half = np.column_stack([(span[:, 1] - span[:, 0]) / 2, np.full(len(own), BRICK[1] / 2)])
     factor = spread(choices.mass_ratio, rng.permutation(n).astype(np.float64))
-    mass = DENSITY * sides.prod(axis=1) * factor
+    volume = sides.prod(axis=1) if choices.mass_ratio == 1.0 else float(BRICK.prod())
+    mass = DENSITY * volume * factor
     pads = _faces(own, np.array(other), centre, half)
     return _blocks("wall", choices, at_rest(x), Bodies(mass, box_inertia(mass, sides)), pads)
 
