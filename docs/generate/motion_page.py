@@ -73,7 +73,7 @@ def _table(rows: Sequence[dict[str, str]]) -> str:
     tolerances = list(dict.fromkeys(row["tolerance"] for row in rows))
     solvers = dict.fromkeys(row["solver"] for row in rows)
     cells = {(row["solver"], row["tolerance"]): _cell(row) for row in rows}
-    body = ([f"`{name}`", *(cells[name, tolerance] for tolerance in tolerances)] for name in solvers)
+    body = ([f"`{name}`", *(cells.get((name, tolerance), "not run") for tolerance in tolerances)] for name in solvers)
     return table(["solver", *(f"{float(tolerance):g}" for tolerance in tolerances)], body)
 
 

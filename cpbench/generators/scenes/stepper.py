@@ -5,9 +5,9 @@ One step from t to t + h, with the places of the bodies at t (Jean 1999; Acary a
     M(v⁺ − v) = h (force − gyroscopic moments) + Hr + Gλ,   Gᵀv⁺ + b = 0,   u = Hᵀv⁺ + w,   Coulomb's law on (u, r)
     x⁺ = x + h (θv⁺ + (1 − θ)v),   R⁺ = exp of the same turn · R
 
-Normal rows of w are g/h for a gap g > so that a gap may close within the step and not more; else 0. With a
-coefficient of restitution e > 0, they are e u_N⁻ where the gap would close within the step (u_N⁻ before it: Newton's
-law of impact). Overlap is not pushed out. Tangential rows are 0.
+Normal rows of w are g/h for a gap g above the scene's slop, so that a gap may close within the step and not more; else
+0. With a coefficient of restitution e > 0, they are e u_N⁻ where the gap would close within the step (u_N⁻ before it:
+Newton's law of impact). Overlap is not pushed out. Tangential rows are 0.
 
 Angular velocities and moments of the problem are in the principal axes of their bodies, so that M is diagonal.
 Rolling friction adds the two components of the relative angular velocity along the tangents.
