@@ -36,7 +36,7 @@ COMMANDS = {
     "import": "Judge answers that were computed elsewhere, and put them into a results file.",
     "merge": "Put the rows of several results files into one.",
     "export": "Write the rows or the answers of a results file to other formats.",
-    "generate": "Write the built-in problems again from their formulas, or check them; or write a scene of rigid bodies.",
+    "generate": "Write the built-in problems again from their formulas, or check them; or simulate a scene.",
     "new": "Write a plugin that works: a solver in some language, a conversion or problems.",
     "check": "Run the conformance checks on a plugin.",
     "doctor": "Say what works on this machine, and how to install what does not.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,8 +33,9 @@ def test_the_twins_are_one_problem_with_its_answer(written: Path) -> None:
     addresses = storage.problem_files([written])
     assert [a.partition("::")[2] for a in addresses] == [f"{form}-{k:03d}" for form in ("fc", "gfc") for k in range(4)]
     for local, whole in zip(addresses[:4], addresses[4:], strict=True):
-        one, other = storage.load(local), storage.load(whole)
-        condensed = graph.arrive(other, "fc").problem
+        one: Any = storage.load(local)
+        other: Any = storage.load(whole)
+        condensed: Any = graph.arrive(other, "fc").problem
         np.testing.assert_array_equal(matrices.dense(condensed.W), matrices.dense(one.W))
         np.testing.assert_array_equal(condensed.q, one.q)
         np.testing.assert_array_equal(one.mu, np.full(one.nc, 0.25))
@@ -49,7 +51,8 @@ def test_the_steps_are_two_sequences(written: Path) -> None:
     addresses = storage.problem_files([written])
     for form, name in ((addresses[:4], "spheres"), (addresses[4:], "spheres-global")):
         previous = ""
-        for k, problem in enumerate(map(storage.load, form)):
+        for k, address in enumerate(form):
+            problem: Any = storage.load(address)
             place = problem.sequence
             assert (place.name, place.step, place.dt, place.previous) == (name, k, 0.005, previous)
             assert place.time == pytest.approx(k * 0.005)

@@ -33,7 +33,8 @@ EPS = np.finfo(float).eps
 
 def solve(problem: Any) -> GFCPoint:
     """The automatic choice, to 1e-10."""
-    return solvers.get(f"auto-{problem.node}").run(problem, Budget(tolerance=1e-10)).point
+    point: Any = solvers.get(f"auto-{problem.node}").run(problem, Budget(tolerance=1e-10)).point
+    return point
 
 
 def solve_any(problem: Any) -> GFCPoint:
@@ -44,7 +45,8 @@ def solve_any(problem: Any) -> GFCPoint:
     return graph.lift(arrival.problem, solve(arrival.problem), len(arrival.route.steps))
 
 
-def made(scene: Scene, steps: int) -> list[stepper.Step]:
+def made(scene: Scene, steps: int) -> list[Any]:
+    """The steps, of all of which there are problems and answers in these tests."""
     return list(stepper.run(scene, steps, solve_any))
 
 
@@ -90,7 +92,6 @@ def test_the_delassus_matrix_is_that_of_the_kinematics(name: str) -> None:
     scene = scene_of(name, size=3, mass_ratio=1e3)
     first, second = made(scene, 2)
     problem = second.problem
-    assert problem is not None
     J = exact_rows(scene, first.state, problem.contacts, problem.dimension)
     W, M = _without_joints(problem), [Fraction(float(m)) for m in problem.M.diagonal()]
     scale = error = 0.0
@@ -106,7 +107,8 @@ def test_the_delassus_matrix_is_that_of_the_kinematics(name: str) -> None:
 
 def _without_joints(problem: Any) -> np.ndarray:
     free = dataclasses.replace(problem, G=None, b=None) if problem.b.size else problem
-    return matrices.dense(graph.arrive(free, LOCAL[problem.node]).problem.W)
+    local: Any = graph.arrive(free, LOCAL[problem.node]).problem
+    return matrices.dense(local.W)
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -115,8 +117,6 @@ def test_momentum_changes_by_the_loads_and_the_reactions(name: str) -> None:
     scene = scene_of(name, size=4)
     before = scene.start.v
     for step in made(scene, 4):
-        assert step.problem is not None
-        assert step.point is not None
         impulse = scene.dt * scene.force[:, :3]
         r = step.point.r.reshape(-1, step.problem.dimension)[:, :3]
         for pair, frame, reaction in zip(
@@ -139,8 +139,6 @@ def test_the_ground_carries_the_weight_of_what_stands(name: str) -> None:
     scene = scene_of(name, size=6)
     weight = -scene.dt * scene.force[:, 2].sum()
     for step in made(scene, 5):
-        assert step.problem is not None
-        assert step.point is not None
         ground = step.problem.contacts.bodies[:, 1] >= len(scene.bodies.mass)
         forces = np.einsum("cij,ci->cj", step.problem.contacts.frame, step.point.r.reshape(-1, 3))[ground].sum(axis=0)
         np.testing.assert_allclose(forces, [0.0, 0.0, weight], atol=1e-7 * weight)
@@ -172,7 +170,6 @@ def test_contacts_come_and_go_with_their_ids() -> None:
         ids: list[set[int]] = []
         bodies: dict[int, list[int]] = {}
         for step in made(scene_of(name, size=12, seed=3), 40):
-            assert step.problem is not None
             contacts = step.problem.contacts
             assert len(np.unique(contacts.id)) == contacts.count
             ids.append(set(contacts.id.tolist()))
