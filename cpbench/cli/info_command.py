@@ -12,6 +12,7 @@ import click
 
 from cpbench import storage
 from cpbench.api import problem_text
+from cpbench.api.problem_text import StepFacts
 from cpbench.api.results import is_results_file
 from cpbench.cli import terminal
 from cpbench.cli.answer import print_results
@@ -51,8 +52,8 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
         raise click.UsageError("--reached is of a results file")
     addresses = storage.problem_files(files) or list(files)
     if len(addresses) > MANY and not as_json:
-        rows, refused = _read(addresses, file_format)
-        print_lines(_summary(rows))
+        rows, steps, refused = _read(addresses, file_format)
+        print_lines(_summary(rows, steps))
         print_lines(refused, err=True)
         if refused:
             sys.exit(2)
@@ -62,31 +63,39 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
         problem = storage.load(address, format=file_format)
         measured = facts.of_problem(problem) if measure else ()
         if as_json:
-            records.append(problem_text.record(address, problem, measured))
+            records.append(problem_text.record(address, problem, measured, len(storage.guesses(address))))
         else:
-            print_lines(problem_text.lines(address, problem, measured))
+            print_lines(problem_text.lines(address, problem, measured, len(storage.guesses(address))))
     if as_json:
         click.echo(json.dumps(records, indent=2, ensure_ascii=False, allow_nan=False))
 
 
-def _read(addresses: Sequence[str], file_format: str | None) -> tuple[list[tuple[str, str, str]], list[str]]:
-    """Return formulation, sizes and address of each problem, and a line for each that cannot be read."""
-    rows: list[tuple[str, str, str]] = []
+Row = tuple[str, str, str]
+
+
+def _read(addresses: Sequence[str], file_format: str | None) -> tuple[list[Row], list[StepFacts], list[str]]:
+    """Return formulation, sizes and address of each problem, facts of those that are steps, and a line for each that
+    cannot be read."""
+    rows: list[Row] = []
+    steps: list[StepFacts] = []
     refused: list[str] = []
     for address in addresses:
         try:
             problem = storage.load(address, format=file_format)
         except CpbenchError as cause:
             refused.append(f"refused: {cause if address in str(cause) else f'{address}: {cause}'}")
-        else:
-            rows.append((problem.node, problem_text.sizes_line(problem), address))
-    return rows, refused
+            continue
+        rows.append((problem.node, problem_text.sizes_line(problem), address))
+        if (step := problem_text.step_of(problem)) is not None:
+            steps.append(step)
+    return rows, steps, refused
 
 
-def _summary(rows: Sequence[tuple[str, str, str]]) -> Iterator[str]:
+def _summary(rows: Sequence[Row], steps: Sequence[StepFacts]) -> Iterator[str]:
     nodes = Counter(node for node, _, _ in rows)
     kinds = ", ".join(f"{count} {node}" for node, count in nodes.most_common())
     yield f"{counted(len(rows), 'problem')}: {kinds or 'none could be read'}"
+    yield from problem_text.sequence_lines(steps)
     if rows:
         yield from terminal.table(rows)
         yield f"all that is known of one: cpbench info {shlex.quote(rows[0][2])}; of all, for programs: --json"

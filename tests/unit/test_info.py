@@ -1,0 +1,59 @@
+"""`cpbench info` of sequences, of starting points and of expressions."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+from command_line import cpbench as command
+
+import cpbench
+from cpbench import storage
+from cpbench.formulations import NCP, FrictionContact, NCPPoint
+
+
+def record(folder: Path, counts: list[int], ids: list[bool]) -> None:
+    recorder = cpbench.Recorder("slide", dt=0.005)
+    for nc, known in zip(counts, ids, strict=True):
+        problem = FrictionContact(W=np.eye(3 * nc), q=np.zeros(3 * nc), mu=np.full(nc, 0.5))
+        recorder.add(problem, ids=np.arange(nc) if known else None)
+    recorder.save(folder / "slide.h5")
+
+
+@pytest.mark.parametrize(
+    ("ids", "words"), [([True] * 5, "ids in all"), ([False] * 5, "no ids"), ([True, *[False] * 3, True], "ids in 2")]
+)
+def test_a_sequence_has_a_line_of_its_own(tmp_path: Path, ids: list[bool], words: str) -> None:
+    record(tmp_path, [2, 3, 7, 3, 2], ids)
+    shown = command(tmp_path, "info", "slide.h5").stdout.splitlines()
+    assert shown[1] == f"sequence slide: 5 steps, dt = 0.005 s, to 0.02 s, 2 to 7 contacts, {words}"
+    assert len(shown) == 8
+
+
+def test_a_step_says_where_it_stands(tmp_path: Path) -> None:
+    record(tmp_path, [2, 3], [True, True])
+    shown = command(tmp_path, "info", "slide.h5::step-001", "--no-facts").stdout
+    assert "  sequence     slide: step 1, at 0.005 s, dt = 0.005 s\n  contacts     ids known\n" in shown
+    given = json.loads(command(tmp_path, "info", "slide.h5::step-001", "--no-facts", "--json").stdout)
+    assert given[0]["sequence"]["step"] == 1
+    assert given[0]["sequence"]["dt"] == 0.005
+
+
+def test_expressions_and_starts(tmp_path: Path) -> None:
+    """F = (2x + 3y, x² − y + z, z + 1): 2 + 3 + 1 entries that may be other than 0, two affine rows, and
+    an affine part with 2, 3, −1, 1 and 1."""
+    x, y, z = sympy.symbols("x y z")
+    problem = NCP.from_sympy([x, y, z], [2 * x + 3 * y, x**2 - y + z, z + 1])
+    guesses = [NCPPoint(z=np.full(3, float(k))) for k in range(20)]
+    storage.save_pack({"mine": problem}, tmp_path / "mine.h5", guesses={"mine": guesses})
+    shown = command(tmp_path, "info", "mine.h5", "--no-facts").stdout
+    assert "Jacobian of 6 entries, 2 of 3 rows affine, affine part of 5 entries" in shown
+    assert "  starts       20 guesses in the file" in shown
+    given = json.loads(command(tmp_path, "info", "mine.h5", "--no-facts", "--json").stdout)[0]
+    assert given["starts"] == 20
+    assert given["sequence"] is None
+    numbers = [given["maps"]["F"][name] for name in ("jacobian_entries", "affine_rows", "affine_entries")]
+    assert numbers == [6, 2, 5]
