@@ -15,7 +15,7 @@ from cpbench.foundation.matrices import Matrix, Vector
 class GlobalFrictionContact(GlobalContact):
     """Mv = Hr + Gλ + f, Gᵀv + b = 0, u = Hᵀv + w, K*_μ ∋ û ⟂ r ∈ K_μ at every contact.
 
-    G and b are bilateral constraints (joints), empty by default. M need not be symmetric.
+    G and b are bilateral constraints (joints), empty by default; w is 0 by default. M need not be symmetric.
     """
 
     node: ClassVar[str] = "gfc"
@@ -37,6 +37,6 @@ class GlobalFrictionContact(GlobalContact):
     H: Matrix = matrix_field("n", "m")
     G: Matrix = matrix_field("n", "p", optional=True)
     f: Vector = vector_field("n")
-    w: Vector = vector_field("m")
+    w: Vector = vector_field("m", fill=0.0)
     b: Vector = vector_field("p", fill=0.0)
     mu: Vector = vector_field("nc")

@@ -142,7 +142,7 @@ TOO_FEW = {
     "coneqp without cone_mu": ("coneqp", "cone_mu", "cone_mu: is missing"),
     "fc without mu": ("fc", "mu", "mu: is missing"),
     "rfc without W": ("rfc", "W", "W: is missing"),
-    "gfc without w": ("gfc", "w", "w: is missing"),
+    "gfc without f": ("gfc", "f", "f: is missing"),
     "grfc without H": ("grfc", "H", "H: is missing"),
 }
 
