@@ -95,10 +95,12 @@ def unknown_lines(problem: Problem, point: Point, most: int | None) -> Iterator[
     total = sum(part.size for part in parts.values())
     left = total if most is None else most
     columns = unknowns(problem.info)
-    if len(columns) == next(iter(parts.values())).size:
-        yield from _named_lines([printable(column) for column in columns], next(iter(parts.values())), left)
+    if named := _covered(parts, len(columns)):
+        values = np.concatenate([parts[name] for name in named])
+        slack = next(((name, w) for name, w in slacks.items() if w.size == values.size), None)
+        yield from _named_lines([printable(column) for column in columns], values, slack, left)
         left -= min(left, len(columns))
-        parts = dict(list(parts.items())[1:])
+        parts = {name: part for name, part in parts.items() if name not in named}
     for name, values in parts.items():
         beside = next((f"{other}[{{}}] = {{:.6g}}" for other, w in slacks.items() if w.size == values.size), "")
         against = next((w for w in slacks.values() if w.size == values.size), np.zeros(0))
@@ -113,11 +115,24 @@ def unknown_lines(problem: Problem, point: Point, most: int | None) -> Iterator[
         yield f"  and {counted(total - shown, 'more number')}: --verbose shows them, -o FILE writes them"
 
 
-def _named_lines(names: Sequence[str], values: Vector, most: int) -> Iterator[str]:
-    """Yield the first unknowns by the names that they have in their file."""
-    label = max(map(len, names[:most]), default=0)
-    for name, value in zip(names[:most], values[:most].tolist(), strict=True):
-        yield f"  {name:<{label}} = {value:.9g}"
+def _covered(parts: Mapping[str, Vector], count: int) -> list[str]:
+    """Return the first parts that have so many numbers together; none where there are no such parts."""
+    found: list[str] = []
+    for name, part in parts.items():
+        if count <= 0:
+            break
+        found.append(name)
+        count -= part.size
+    return found if count == 0 else []
+
+
+def _named_lines(names: Sequence[str], values: Vector, slack: tuple[str, Vector] | None, most: int) -> Iterator[str]:
+    """Yield the first unknowns by the names that they have in their file, with the slacks that belong to them."""
+    texts = [f"{value:.9g}" for value in values[:most].tolist()]
+    label, room = (max(map(len, column[:most]), default=0) for column in (names, texts))
+    for k, (name, text) in enumerate(zip(names[:most], texts, strict=True)):
+        more = "" if slack is None else f"    {slack[0]} = {slack[1][k]:.6g}"
+        yield f"  {name:<{label}} = {text:<{room}}{more}".rstrip()
 
 
 def contact_lines(table: ContactTable, most: int | None) -> Iterator[str]:

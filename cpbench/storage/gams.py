@@ -68,7 +68,7 @@ def _problem(path: Path, statements: Statements) -> Problem:
     elif model.pairs:
         pair = next(f"{equation}.{variable}" for equation, variable in rows.items() if variable)
         raise FormatError(path, f"line {solve.line}", f"solves as {solve.kind.upper()} a model with the pair {pair}")
-    problem = problem_of(model, path, stem(path))
+    problem = problem_of(model, path, stem(path), names=model.names)
     if not left_out:
         return problem
     logger.warning("%s: %s", path, left_out)

@@ -11,6 +11,7 @@ program with second-order cones is a coneqp: its equations, then its rows and bo
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -35,16 +36,35 @@ from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Sparse, Vector
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.storage.base import build
-from cpbench.storage.program_properties import OFFSET, SENSE
+from cpbench.storage.program_properties import OFFSET, SENSE, UNKNOWNS
 
 _COMPLEMENTARITY = ("lcp", "mlcp", "relay", "avi", "ncp", "micp")
 
 
-def problem_of(model: Model, path: Path, name: str, node: str = "", convex: bool = False) -> Problem:
-    """Return the problem that a model is: of the formulation `node` where it fits; `convex` is said of an nlp.
+def problem_of(
+    model: Model, path: Path, name: str, node: str = "", convex: bool = False, names: Sequence[str] = ()
+) -> Problem:
+    """Return the problem that a model is: of the formulation `node` where it fits; `convex` is said of an nlp. `names`
+    are those of the variables, kept for answers; () where there are none.
 
     Raises FormatError.
     """
+    made = _made(model, path, name, node, convex)
+    properties = dict(made.info.properties)
+    if model.sense == "max":
+        properties[SENSE] = "max"
+    if names:
+        first = _free(model) if made.node == "mlcp" else np.ones(len(names), bool)
+        order = [*np.flatnonzero(first).tolist(), *np.flatnonzero(~first).tolist()]
+        properties[UNKNOWNS] = [names[k] for k in order]
+    return replace(made, info=replace(made.info, properties=properties))
+
+
+def _free(model: Model) -> Any:
+    return np.isinf(model.lb) & np.isinf(model.ub)
+
+
+def _made(model: Model, path: Path, name: str, node: str, convex: bool) -> Problem:
     if model.complementary or (node in _COMPLEMENTARITY and not model.names):
         return _complementarity(model, path, name, node)
     if node == "nlp" or not model.affine or isinstance(model.objective, Nonlinear):
@@ -54,7 +74,7 @@ def problem_of(model: Model, path: Path, name: str, node: str = "", convex: bool
 
 def _complementarity(model: Model, path: Path, name: str, node: str) -> Problem:
     functions, lb, ub = model.beside(), model.lb, model.ub
-    free = np.isinf(lb) & np.isinf(ub)
+    free = _free(model)
     half = (lb == 0) & np.isinf(ub)
     if node in ("ncp", "micp") or not model.affine:
         parts = complementarity(model)
@@ -115,8 +135,7 @@ def _objective(model: Model) -> dict[str, Any]:
     sign = -1.0 if model.sense == "max" else 1.0
     p = np.zeros(n)
     _add(p, affine)
-    properties: dict[str, Any] = {OFFSET: sign * affine.constant} if affine.constant else {}
-    properties |= {SENSE: "max"} if model.sense == "max" else {}
+    properties = {OFFSET: sign * affine.constant} if affine.constant else {}
     return {"Q": sign * _hessian(products, n), "p": sign * p, "info": Info(properties=properties)}
 
 

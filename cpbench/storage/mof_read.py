@@ -32,7 +32,9 @@ def read(path: Path) -> Problem:
     formulation = description.removeprefix(MARK).partition(":")[0] if description.startswith(MARK) else ""
     node = formulation.removesuffix(CONVEX)
     name = model.name or plain(path).name.removesuffix(".json").removesuffix(".mof")
-    return problem_of(model, path, name, node, convex=formulation == f"nlp{CONVEX}")
+    # names in a file of cpbench are those of the parts of its own formulations
+    names = () if description.startswith(MARK) else model.names
+    return problem_of(model, path, name, node, convex=formulation == f"nlp{CONVEX}", names=names)
 
 
 def load_json(path: Path) -> dict[str, Any]:

@@ -30,6 +30,8 @@ from cpbench.storage.squares import squared
 
 logger = logging.getLogger("cpbench.storage")
 SUFFIX = ".nl"
+COLUMNS = ".col"
+"""Suffix of the file with the names of the variables, as AMPL and Pyomo write it beside the .nl."""
 LARGEST_FILE = 1 << 28
 """Bytes of a file that is read, in some minutes."""
 _MARK = re.compile(r"(.*?)\s*\(cpbench (nlp convex|nlp|ncp|micp|qp)\)")
@@ -82,13 +84,26 @@ def read(path: Path) -> Problem:
     model, left_out = model_of(path, segments, quadratic=node != "nlp"), ""
     if model.complementary:
         model, left_out = squared(model, f"{model.sense}imized" if model.objective is not None else "")
-    problem = problem_of(
-        model, path, stem(path) if name in ("", "unknown") else name, node, convex=formulation == f"nlp{CONVEX}"
-    )
+    own = stem(path) if name in ("", "unknown") else name
+    convex, names = formulation == f"nlp{CONVEX}", _names(path, len(model.names))
+    problem = problem_of(model, path, own, node, convex, names)
     if not left_out:
         return problem
     logger.warning("%s: %s", path, left_out)
     return dataclasses.replace(problem, info=dataclasses.replace(problem.info, description=left_out))
+
+
+def _names(path: Path, count: int) -> list[str]:
+    """Return the names of the variables, a line each in the .col file beside the .nl; none where that has another
+    number of lines, which a warning says."""
+    beside = path.with_suffix(COLUMNS)
+    if not beside.is_file() or beside.stat().st_size > LARGEST_FILE:
+        return []
+    names = beside.read_text(encoding="utf-8", errors="replace").splitlines()
+    if len(names) == count:
+        return names
+    logger.warning("%s: has %d names, %s has %d variables: the names are not used", beside, len(names), path, count)
+    return []
 
 
 formats.add("nl", NL())

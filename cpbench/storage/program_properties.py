@@ -9,7 +9,8 @@ from cpbench.formulations.expressions.mof_json import as_float
 
 OFFSET, SENSE, UNKNOWNS = "objective_offset", "objective_sense", "unknowns"
 """Names of the properties: the constant of ½zᵀQz + pᵀz, `max` where that with its constant is the opposite of the
-objective of the file, and the names of z."""
+objective of the file, and the names of the unknowns in the order of the parts of a point, first parts alone where the
+others are multipliers."""
 
 
 def offset(info: Info) -> float:
@@ -19,6 +20,6 @@ def offset(info: Info) -> float:
 
 
 def unknowns(info: Info) -> list[str]:
-    """Return the names of z; empty where the file has none."""
+    """Return the names of the unknowns; empty where the file has none."""
     names = info.properties.get(UNKNOWNS)
     return [str(name) for name in names] if isinstance(names, list | tuple) else []
