@@ -286,7 +286,7 @@ def test_a_quadratic_program_keeps_the_numbers_of_the_file(tmp_path: Path) -> No
     rows = "o.. - (0.1*sqr(x) + x*y - 3*y) + z =E= 7;\ne.. 0.1*x + y =G= 0.3;\nd.. x =E= 1;"
     problem = read(tmp_path, model(rows, kind="QCP minimizing z", names="x, y, z", bounds="y.up = 2;"))
     assert isinstance(problem, QP)
-    assert problem.info.properties == {"objective_offset": 7.0}
+    assert problem.info.properties == {"objective_offset": 7.0, "unknowns": ["x", "y"]}
     assert cpbench.foundation.matrices.dense(problem.Q).tolist() == [[0.2, 1.0], [1.0, 0.0]]
     assert (problem.p.tolist(), problem.b.tolist(), problem.d.tolist()) == ([0.0, -3.0], [0.3], [1.0])
     assert cpbench.foundation.matrices.dense(problem.A).tolist() == [[0.1, 1.0]]

@@ -275,7 +275,8 @@ def test_a_quadratic_program_has_the_numbers_of_the_file(tmp_path: Path) -> None
     assert cpbench.foundation.matrices.dense(problem.A).tolist() == [[3.0, -1.0], [-3.0, 1.0]]
     assert problem.b.tolist() == [-1.0, -4.0]
     assert (problem.lb.tolist(), problem.ub.tolist()) == ([-1.0, -np.inf], [2.0, np.inf])
-    assert problem.info.properties == {"objective_offset": -7.0}  # a maximum: of the opposite
+    # of a maximum that of the opposite
+    assert problem.info.properties == {"objective_offset": -7.0, "objective_sense": "max"}
 
 
 PAIRS = ("C0", "o44", "v1", "C1", "n-5", "r", "5 1 1", "5 2 2", "b", "2 1", "1 4", "J0 1", "1 0", "J1 1", "0 2")
