@@ -10,10 +10,10 @@ from cpbench.api.sweeping import with_value
 from cpbench.errors import CpbenchError, ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Vector
-from cpbench_lab.certificates.holding import Holding, balance_of, held
+from cpbench_lab.certificates.holding import HoldAnswer, balance_of, held
 
-Decide: TypeAlias = Callable[[float], Holding]
-_At: TypeAlias = tuple[float, Holding]
+Decide: TypeAlias = Callable[[float], HoldAnswer]
+_At: TypeAlias = tuple[float, HoldAnswer]
 STEPS = 20
 """Doublings of 1 after which the search for the end of an interval stops."""
 PARTS = (0.5, 0.4, 0.6)
@@ -35,8 +35,8 @@ class HoldLimit:
     name: str
     holding: float
     moving: float
-    at_holding: Holding
-    at_moving: Holding
+    at_holding: HoldAnswer
+    at_moving: HoldAnswer
     width: float
 
     @property
@@ -135,7 +135,7 @@ def _largest_load(decide: Decide, width: float) -> HoldLimit:
     return HoldLimit("load", low[0], high[0], low[1], high[1], width)
 
 
-def _doubled(value: float, decide: Decide, words: str) -> tuple[float, Holding]:
+def _doubled(value: float, decide: Decide, words: str) -> tuple[float, HoldAnswer]:
     """Return twice the value with its answer; raises CpbenchError beyond the last power of 2."""
     if value >= 2.0**STEPS:
         raise CpbenchError(f"{words} up to {value:.6g}")

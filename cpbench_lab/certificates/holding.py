@@ -42,13 +42,13 @@ ROUNDS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class Holding:
-    """The decision whether a load is held, with its proof; `holds` is None where it is not decided.
+class HoldAnswer:
+    """Answer to the question whether a load is held.
 
     Attributes
     ----------
-    proved : whether that is proved in rational arithmetic. forces : r, exact, where it is held and proved.
-    motion : v, exact, where it is not held and that is proved.
+    holds : None where it is not decided. proved : whether that is proved in rational arithmetic.
+    forces : r, exact, where it is held and proved. motion : v, exact, where it is not held and that is proved.
     """
 
     holds: bool | None
@@ -73,10 +73,10 @@ def balance_of(problem: Problem) -> Balance:
     raise ProblemError(problem.node, "has no hold limit: that is of fc and gfc")
 
 
-def held(balance: Balance) -> Holding:
+def held(balance: Balance) -> HoldAnswer:
     """Return whether forces hold the load, with a proof where one is found."""
     if not balance.f.any():
-        return Holding(True, True, [Fraction(0)] * balance.A.shape[1])
+        return HoldAnswer(True, True, [Fraction(0)] * balance.A.shape[1])
     units, row, column = scaled(balance)
     cuts = [directions(balance.d, 8 if mu > 0.0 else 0) for mu in balance.mu.tolist()]
     for _ in range(ROUNDS):
@@ -91,19 +91,19 @@ def held(balance: Balance) -> Holding:
         if (outside := outside_disks(units, x, max(margin, 0.0))) and add_cuts(cuts, outside, units, x):
             continue
         return _confirmed(balance, x * column, margin > CLOSE)
-    return Holding(None)
+    return HoldAnswer(None)
 
 
-def _confirmed(balance: Balance, x: Vector, clear: bool) -> Holding:
+def _confirmed(balance: Balance, x: Vector, clear: bool) -> HoldAnswer:
     """Return that forces near x hold the load, where some are exact; not decided where neither they nor the margin are
     clear."""
     exact = _near(balance.A, [-value for value in rationals(balance.f)], x)
     if exact is not None and forces_hold(balance, exact):
-        return Holding(True, True, exact)
-    return Holding(True if clear else None)
+        return HoldAnswer(True, True, exact)
+    return HoldAnswer(True if clear else None)
 
 
-def _refuted(balance: Balance, units: Balance, v: Vector, row: Vector, clear: bool) -> Holding:
+def _refuted(balance: Balance, units: Balance, v: Vector, row: Vector, clear: bool) -> HoldAnswer:
     """Return that nothing holds the load, with a motion near v or −v that proves it where one does; not decided where
     neither it nor the margin is clear."""
     inward = inward_motion(units)
@@ -117,11 +117,11 @@ def _refuted(balance: Balance, units: Balance, v: Vector, row: Vector, clear: bo
             moved = start + step * float(np.abs(start).max()) * (inward if inward is not None else 0.0)
             motion = _of_joints(balance, row * moved)
             if motion is not None and motion_gains(balance, motion):
-                return Holding(False, True, motion=motion)
-    return Holding(False if clear else None)
+                return HoldAnswer(False, True, motion=motion)
+    return HoldAnswer(False if clear else None)
 
 
-def _unreachable(balance: Balance) -> Holding:
+def _unreachable(balance: Balance) -> HoldAnswer:
     """Return that no forces at all balance the load, with a motion that proves it; not decided where there is none."""
     normal = np.arange(balance.rows) % balance.d == 0
     used = np.append(normal | np.repeat(balance.mu > 0.0, balance.d), np.ones(balance.A.shape[1] - balance.rows, bool))
@@ -129,7 +129,9 @@ def _unreachable(balance: Balance) -> Holding:
     rest = balance.f - A @ np.linalg.lstsq(A, balance.f, rcond=None)[0]
     motion = _near(A.T, [Fraction(0)] * A.shape[1], rest)
     return (
-        Holding(False, True, motion=motion) if motion is not None and motion_gains(balance, motion) else Holding(None)
+        HoldAnswer(False, True, motion=motion)
+        if motion is not None and motion_gains(balance, motion)
+        else HoldAnswer(None)
     )
 
 

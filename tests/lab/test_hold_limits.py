@@ -17,7 +17,7 @@ import cpbench
 from cpbench.errors import CpbenchError, ProblemError
 from cpbench.formulations import LCP, FrictionContact, GlobalFrictionContact
 from cpbench_lab.certificates.hold_programs import Balance
-from cpbench_lab.certificates.holding import Holding, balance_of, forces_hold, held, motion_gains
+from cpbench_lab.certificates.holding import HoldAnswer, balance_of, forces_hold, held, motion_gains
 from cpbench_lab.hold_limits import hold_limit
 
 Rationals = Sequence[Fraction]
@@ -242,4 +242,4 @@ def test_options_that_do_not_go_together(tmp_path: Path, arguments: list[str]) -
 
 def test_a_load_of_zero_is_held() -> None:
     assert held(balance_of(block([0.0, 0.0, 0.0]))).holds
-    assert isinstance(held(balance_of(block([0.0, 0.0, 0.0]))), Holding)
+    assert isinstance(held(balance_of(block([0.0, 0.0, 0.0]))), HoldAnswer)

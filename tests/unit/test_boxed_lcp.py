@@ -201,12 +201,21 @@ def test_a_boxed_problem_is_packed(tmp_path: Path) -> None:
     assert "z[" not in shown
 
 
+def test_pack_names_the_file_that_the_law_has_not(tmp_path: Path) -> None:
+    given = {**scene(2), "findex": np.full(9, 0.5)}
+    for name, value in given.items():
+        np.save(tmp_path / f"{name}.npy", value)
+    said = command(tmp_path, "pack", "step.h5", "--boxed", *(f"{name}.npy" for name in given))
+    assert said.returncode == 2
+    assert said.stderr == "cpbench: findex.npy: findex: is 0.5 at row 0, expected -1 or a row from 0 to 8\n"
+
+
 CHANGES: list[tuple[str, int, float, str]] = [
     ("findex", 3, 0.5, "findex: is 0.5 at row 3, expected -1 or a row from 0 to 8"),
     ("findex", 3, 9, "findex: is 9 at row 3"),
     ("findex", 3, -2, "findex: is -2 at row 3"),
-    ("findex", 3, 4, "findex: is 4 at row 3, which has a friction index itself: 0"),
-    ("findex", 0, 0, "findex: is 0 at row 0, which has a friction index itself"),
+    ("findex", 3, 4, "findex: is 4 at row 3, and row 4 has a friction index itself"),
+    ("findex", 0, 0, "findex: is 0 at row 0, and row 0 has a friction index itself"),
     ("hi", 3, INF, "hi: is inf at row 3 with a friction index"),
     ("hi", 3, -0.1, "hi: is -0.1 at row 3 with a friction index"),
     ("lo", 3, 0.0, "lo: is 0 at row 3 with a friction index, expected -hi"),

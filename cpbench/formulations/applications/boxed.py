@@ -93,7 +93,7 @@ def _require_law(lo: Vector, hi: Vector, normal: Any, friction: Any) -> None:
     for i in friction.tolist():
         j = int(normal[i])
         if normal[j] >= 0:
-            raise ProblemError("boxed.findex", f"is {j} at row {i}, which has a friction index itself: {normal[j]}")
+            raise ProblemError("boxed.findex", f"is {j} at row {i}, and row {j} has a friction index itself")
         if not lo[j] >= 0.0:
             raise ProblemError("boxed.lo", f"is {lo[j]:g} at row {j}, the normal row of row {i}, expected at least 0")
         if not 0.0 <= hi[i] < np.inf:

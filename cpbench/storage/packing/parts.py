@@ -13,7 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.errors import FormatError
+from cpbench.applications.boxed import boxed_problem
+from cpbench.applications.game import game_problem
+from cpbench.applications.least_squares import least_squares_problem
+from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, GlobalFrictionContact, Problem
 from cpbench.formulations.applications.boxed import boxed_problem
 from cpbench.formulations.applications.game import game_problem
@@ -63,7 +66,12 @@ def build(
     """
     _require_shapes(node, parts)
     if node in APPLICATIONS:
-        return APPLICATIONS[node][0](**{part: given.value for part, given in parts.items()}, name=name)
+        try:
+            return APPLICATIONS[node][0](**{part: given.value for part, given in parts.items()}, name=name)
+        except ProblemError as cause:
+            label = cause.field.rpartition(".")[2]
+            file = parts[label].file if label in parts else next(iter(parts.values())).file
+            raise FormatError(file, label, cause.cause) from None
     values = {part: _completed(node, part, given, half) for part, given in parts.items()}
     if node == "qp":
         return QP.build(**values, name=name)
