@@ -85,9 +85,8 @@ The sign of boxed LCPs is that of ODE's `lcp.cpp`, "solve A*x = b+w": w = Ax −
 descend from that file. When it reaches the first row with a friction index, it sets the bounds of all such rows to
 hi·|x_j| of the normal forces found so far, once; projected Gauss-Seidel sets them anew in each sweep, so that its
 limit is the law of the first row below. Files with A, b, lo, hi, findex are read as that law:
-[the guide](../guides/simulation-engineer.md#boxed-lcps-of-ode-dart-bullet-and-gazebo) shows them.
-
-## Commands
+[the guide](../guides/simulation-engineer.md#boxed-lcps-of-ode-dart-bullet-and-gazebo) shows them."""
+COMMANDS = """## Commands
 
 Each command writes the law of one scene as a problem; `cpbench solve` and `cpbench lift` lead back to the forces of
 its contacts."""
@@ -115,10 +114,8 @@ x = second.lift(cpbench.solve(second.problem))
 
 def page() -> str:
     """Return the page."""
-    parts = [
-        INTRODUCTION,
-        table(["law", "engines", "what it says"], ([law.name, law.engines, law.says] for law in LAWS)),
-    ]
+    laws = table(["law", "engines", "what it says"], ([law.name, law.engines, law.says] for law in LAWS))
+    parts = [INTRODUCTION, laws, COMMANDS]
     parts.append("```sh\n" + "\n".join(command(law) for law in LAWS if law.via) + "\n```")
     parts += [ONCE, DISTANCES.format(file=f"`{FILE}`", scenes=", ".join(f"`{name}`" for name in SCENES))]
     problems = [cpbench.load(f"{FILE}::{name}") for name in SCENES]
