@@ -56,6 +56,7 @@ def test_errors_of_parts_are_those_of_the_verdict(seed: int) -> None:
         if k % 4 == 0:
             P = relay(rng)
             answer = solvers.get("lemke-relay").run(P, Budget(tolerance=1e-10)).point
+        assert answer is not None
         for size in (1e-8, 1e-4, 1e-2):
             off = {name: a * (1.0 + size * rng.standard_normal(a.size)) for name, a in answer.arrays().items()}
             point = LCPPoint(**off) if isinstance(P, Relay) else AVIPoint(**off)

@@ -42,6 +42,7 @@ def test_claims_end_just_before_the_tolerance(share: float, taken: bool) -> None
     assert worst_part(problem, start.r) == pytest.approx(share * 1e-4, rel=2e-3)
     output = solvers.get("admm-fc").run(problem, Budget(tolerance=1e-4), start=start)
     assert output.claim is Claim.SOLVED
+    assert isinstance(output.point, FCPoint)
     assert np.array_equal(output.point.r, start.r) == taken
     assert judge(problem, output.point, 1e-4).error <= 1e-4
 

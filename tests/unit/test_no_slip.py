@@ -141,6 +141,7 @@ def test_a_cube_on_rough_ground_stays_where_it_is(exponent: int) -> None:
     for tolerance in (1e-4, 1e-6, 1e-8):
         output = solvers.get("auto-fc").run(problem, Budget(tolerance=tolerance))
         assert output.claim is Claim.SOLVED, output.message
+        assert isinstance(output.point, FCPoint)
         assert judge(problem, output.point, tolerance).error <= tolerance
         np.testing.assert_allclose((J.T @ output.point.r)[:3], [-0.5 * 0.00981, 0.0, 0.00981], atol=tolerance)
 
