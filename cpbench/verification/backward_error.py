@@ -134,13 +134,17 @@ def _definite(frame: Frame, sizes: Vector, scale: Vector, fixed: Flags) -> Vecto
     definite = np.where(frame.constants > 0, np.inf if caps is None else caps.constants, 0.0)
     if ((definite > 0) | (scale <= 0)).all():
         return definite
-    own = np.where(fixed & (sizes > 0), np.inf, 0.0)
+    effect = columns.data * inverse(scale)[columns.indices] * np.repeat(sizes, np.diff(columns.indptr))
+    own = segment_max(np.minimum(effect, definite[columns.indices]), columns.indptr)
+    own = np.where(fixed & (sizes > 0), np.inf, own)
+    lacking = np.flatnonzero(np.isfinite(definite) & (scale > 0))  # the others have given what they give
     effect = rows.data * np.repeat(inverse(scale), np.diff(rows.indptr)) * sizes[rows.indices]
-    some = columns.data * np.repeat(sizes, np.diff(columns.indptr)) > 0
-    top = np.where(some, np.inf, 0.0)
-    if caps is not None:
-        top = np.minimum(top, sp.csr_array((caps.entries, rows.indices, rows.indptr), shape=rows.shape).tocsc().data)
-    return _widest([(rows, effect), (columns, top)], [definite, own])[0]
+    top = np.where((rows.data > 0) & (sizes[rows.indices] > 0), np.inf if caps is None else caps.entries, 0.0)
+    down, up = (sp.csr_array((data, rows.indices, rows.indptr), shape=rows.shape)[lacking] for data in (effect, top))
+    up = up.tocsc()
+    own = np.where(np.diff(up.indptr) > 0, own, 0.0)
+    definite[lacking] = _widest([(down, down.data), (up, up.data)], [definite[lacking], own])[0]
+    return definite
 
 
 def _widest(steps: list[tuple[Any, Vector]], values: list[Vector]) -> list[Vector]:
