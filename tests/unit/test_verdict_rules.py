@@ -31,10 +31,11 @@ def test_the_force_of_a_bound_hides_nothing_however_it_is_written(
 
 
 def test_multipliers_of_a_row_that_is_given_twice_may_cancel() -> None:
-    """min ½z² over z ≥ 1 and −z ≥ −1, at z = 1 + 10⁻⁷, off by that share of the objective: λ = (t + z, t)."""
-    problem = QP.build(np.eye(1), [0.0], A=np.array([[1.0], [-1.0]]), b=[1.0, -1.0])
-    z, t = 1.0 + 1e-7, 1e4
-    verdict = judge(problem, QPPoint(z=np.array([z]), lam=np.array([t + z, t]), mu=np.zeros(0), nu=np.zeros(1)), 1e-6)
+    """min ½(z₁² + z₂²) + z₁ + z₂ over z₁ + z₂ ≥ 2 and ≤ 2, off by 10⁻⁷: λ = (t + z₁ + 1, t)."""
+    problem = QP.build(np.eye(2), [1.0, 1.0], A=np.array([[1.0, 1.0], [-1.0, -1.0]]), b=[2.0, -2.0])
+    z, t = 1.0 + 5e-8, 1e4
+    point = QPPoint(z=np.full(2, z), lam=np.array([t + z + 1.0, t]), mu=np.zeros(0), nu=np.zeros(2))
+    verdict = judge(problem, point, 1e-6)
     assert verdict.solved, verdict.error
 
 
