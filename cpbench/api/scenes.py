@@ -21,8 +21,8 @@ from cpbench.formulations.transfer import transfer
 from cpbench.foundation.plurals import counted
 from cpbench.generators.base import LICENCE
 from cpbench.generators.scenes import stepper
-from cpbench.generators.scenes.bodies import Choices, Scene, families
-from cpbench.generators.scenes.stepper import ContactProblem, Step
+from cpbench.generators.scenes.bodies import BodyScene, Choices, families
+from cpbench.generators.scenes.stepper import ContactProblem, SceneStep
 from cpbench.solvers import warming
 from cpbench.solvers.base import Trait
 from cpbench.verification import error_text
@@ -44,13 +44,13 @@ class Simulation:
     steps : those that were made. solutions : their answers as they were measured, None where nothing touched.
     """
 
-    def __init__(self, scene: Scene, solver: str | None = None, tolerance: float = 1e-6) -> None:
+    def __init__(self, scene: BodyScene, solver: str | None = None, tolerance: float = 1e-6) -> None:
         self.scene, self.solver, self.tolerance = scene, solver, tolerance
-        self.steps: list[Step] = []
+        self.steps: list[SceneStep] = []
         self.solutions: list[Solution | None] = []
         self._last: tuple[Contacts | None, Any] | None = None
 
-    def run(self, steps: int) -> Iterator[Step]:
+    def run(self, steps: int) -> Iterator[SceneStep]:
         """Yield `steps` steps from the start; raises NotSolved, NoRoute, UnknownName, NotApplicable, Unavailable."""
         self.steps, self.solutions, self._last = [], [], None
         for step in stepper.run(self.scene, steps, self._solve):
@@ -87,7 +87,7 @@ class Simulation:
         return point
 
 
-def scene_of(name: str, **chosen: Any) -> Scene:
+def scene_of(name: str, **chosen: Any) -> BodyScene:
     """Build a scene by its name from values of `Choices`, those that are not given or None being the default ones.
 
     Raises UnknownName, ProblemError for a value that makes no scene.

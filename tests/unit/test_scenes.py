@@ -18,7 +18,7 @@ from cpbench.errors import ProblemError, UnknownName
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.foundation import matrices
 from cpbench.generators.scenes import motions, stepper
-from cpbench.generators.scenes.bodies import Scene, families
+from cpbench.generators.scenes.bodies import BodyScene, families
 from cpbench.generators.scenes.kinematics import rotations
 from cpbench.solvers import Budget, solvers
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec
@@ -45,12 +45,12 @@ def solve_any(problem: Any) -> GFCPoint:
     return graph.lift(arrival.problem, solve(arrival.problem), len(arrival.route.steps))
 
 
-def made(scene: Scene, steps: int) -> list[Any]:
+def made(scene: BodyScene, steps: int) -> list[Any]:
     """The steps, of all of which there are problems and answers in these tests."""
     return list(stepper.run(scene, steps, solve_any))
 
 
-def exact_rows(scene: Scene, step_state: Any, contacts: Any, d: int) -> list[dict[int, Fraction]]:
+def exact_rows(scene: BodyScene, step_state: Any, contacts: Any, d: int) -> list[dict[int, Fraction]]:
     """J in rational arithmetic: the velocity that a contact's point has by each unit velocity of a body, by definition.
 
     v + ω × (p − x), ω = R ω_body, of the first body less that of the second; rolling rows have ω itself.

@@ -23,7 +23,7 @@ REACH = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Bodies:
+class RigidBodies:
     """The n bodies. mass : (n,) [kg]. inertia : (n, 3), principal moments about the centre [kg m²]."""
 
     mass: Vector
@@ -38,8 +38,8 @@ class Bodies:
 
 
 @dataclass(frozen=True, eq=False)
-class State:
-    """Where n bodies are, and how they move.
+class BodyState:
+    """Places and velocities of n bodies.
 
     Attributes
     ----------
@@ -70,8 +70,8 @@ class Touching:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Scene:
-    """Bodies, what touches and what holds them.
+class BodyScene:
+    """RigidBodies, what touches and what holds them.
 
     Attributes
     ----------
@@ -85,11 +85,11 @@ class Scene:
     """
 
     name: str
-    bodies: Bodies
-    start: State
-    touch: Callable[[State], Touching]
+    bodies: RigidBodies
+    start: BodyState
+    touch: Callable[[BodyState], Touching]
     force: Dense
-    hold: Callable[[State], tuple[sp.csr_array, Vector]] | None = None
+    hold: Callable[[BodyState], tuple[sp.csr_array, Vector]] | None = None
     mu: float
     mu_r: float = 0.0
     restitution: float = 0.0
@@ -100,7 +100,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Choices:
-    """What a user chooses of a scene.
+    """Choices of a user for a scene.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class Choices:
 
 
 @dataclass(frozen=True)
-class Family:
+class SceneFamily:
     """Scenes of one kind. unit : what `size` counts, in the plural. mu : the default. build : makes one."""
 
     name: str
@@ -124,29 +124,29 @@ class Family:
     unit: str
     mu: float
     smallest: int
-    build: Callable[[Choices], Scene]
+    build: Callable[[Choices], BodyScene]
 
 
-families: Registry[Family] = Registry("scene", "cpbench.generators.scenes")
+families: Registry[SceneFamily] = Registry("scene", "cpbench.generators.scenes")
 
 
 def family(
     name: str, summary: str, unit: str, *, mu: float, smallest: int = 1
-) -> Callable[[Callable[[Choices], Scene]], Callable[[Choices], Scene]]:
+) -> Callable[[Callable[[Choices], BodyScene]], Callable[[Choices], BodyScene]]:
     """Register a function that builds scenes (a decorator)."""
 
-    def register(build: Callable[[Choices], Scene]) -> Callable[[Choices], Scene]:
-        families.add(name, Family(name, summary, unit, mu, smallest, build))
+    def register(build: Callable[[Choices], BodyScene]) -> Callable[[Choices], BodyScene]:
+        families.add(name, SceneFamily(name, summary, unit, mu, smallest, build))
         return build
 
     return register
 
 
-def at_rest(x: Any, R: Any = None) -> State:
+def at_rest(x: Any, R: Any = None) -> BodyState:
     """Place bodies with these centres (n, 3) and axes (n, 3, 3), by default those of the world, that do not move."""
     n = len(x)
     axes = np.tile(np.eye(3), (n, 1, 1)) if R is None else np.asarray(R, dtype=np.float64)
-    return State(np.asarray(x, dtype=np.float64), axes, np.zeros((n, 6)))
+    return BodyState(np.asarray(x, dtype=np.float64), axes, np.zeros((n, 6)))
 
 
 def box_inertia(mass: Vector, sides: Dense) -> Dense:

@@ -9,7 +9,7 @@ import numpy as np
 
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import generator
-from cpbench.generators.scenes.bodies import Bodies, Choices, Scene, at_rest, ball_inertia, family, spread
+from cpbench.generators.scenes.bodies import BodyScene, Choices, RigidBodies, at_rest, ball_inertia, family, spread
 from cpbench.generators.scenes.nearness import GROUND, Planes, balls_touch, own_balls
 
 DENSITY = 1000.0
@@ -23,7 +23,7 @@ ROLLING = 0.05
 
 
 @family("spheres", "balls of three sizes that fall into a box", "balls", mu=0.4)
-def spheres(choices: Choices) -> Scene:
+def spheres(choices: Choices) -> BodyScene:
     """Build layers of balls that are set off from one another by half a cell, above the floor of an open box."""
     rng = generator(choices.seed)
     radius = RADIUS * np.array([0.8, 0.9, 1.0])[rng.integers(3, size=choices.size)]
@@ -39,7 +39,7 @@ def spheres(choices: Choices) -> Scene:
 
 
 @family("trough", "balls in a trough whose two sides meet at 60 degrees, wedged between them", "balls", mu=0.3)
-def trough(choices: Choices) -> Scene:
+def trough(choices: Choices) -> BodyScene:
     """Build sections across the trough, each a triangle of three balls that touch its sides and one another."""
     rng = generator(choices.seed)
     section, place = np.divmod(np.arange(choices.size), 3)
@@ -52,7 +52,7 @@ def trough(choices: Choices) -> Scene:
 
 
 @family("chute", "balls that run down a chute of 30 degrees between two walls", "balls", mu=0.3)
-def chute(choices: Choices) -> Scene:
+def chute(choices: Choices) -> BodyScene:
     """Build rows of three and four balls in turn, at rest on the slope, two layers high."""
     rng = generator(choices.seed)
     along = max(1, math.ceil(choices.size / 6))
@@ -64,7 +64,7 @@ def chute(choices: Choices) -> Scene:
 
 
 @family("rolling-heap", "a heap of balls on the ground that resist rolling", "balls", mu=0.6)
-def rolling_heap(choices: Choices) -> Scene:
+def rolling_heap(choices: Choices) -> BodyScene:
     """Build a square pyramid of balls, the top of it cut off where there are too few for a whole one."""
     rng = generator(choices.seed)
     side = 1
@@ -76,7 +76,7 @@ def rolling_heap(choices: Choices) -> Scene:
 
 
 @family("clusters", "piles of four balls, each apart from the others", "piles", mu=0.5)
-def clusters(choices: Choices) -> Scene:
+def clusters(choices: Choices) -> BodyScene:
     """Build three balls that touch and one on them, at the places of a grid of 1 m, each pile turned at random."""
     rng = generator(choices.seed)
     base = 2.0 * RADIUS / math.sqrt(3.0)
@@ -110,14 +110,16 @@ def _square(side: int, layer: int) -> Dense:
     return RADIUS * np.column_stack([off, np.full(side * side, 1.0 + layer * math.sqrt(2.0))])
 
 
-def _balls(name: str, choices: Choices, x: Dense, radius: Vector, planes: Planes, rng: np.random.Generator) -> Scene:
+def _balls(
+    name: str, choices: Choices, x: Dense, radius: Vector, planes: Planes, rng: np.random.Generator
+) -> BodyScene:
     """Return a scene of balls at rest; which of them are heavy is drawn."""
     factor = spread(choices.mass_ratio, rng.permutation(len(radius)).astype(np.float64))
     mass = DENSITY * 4.0 / 3.0 * math.pi * RADIUS**3 * factor
     if choices.mass_ratio == 1.0:
         mass = mass * (radius / RADIUS) ** 3
-    bodies = Bodies(mass, ball_inertia(mass, radius))
+    bodies = RigidBodies(mass, ball_inertia(mass, radius))
     touch = balls_touch(own_balls(radius), planes)
-    return Scene(
+    return BodyScene(
         name=name, bodies=bodies, start=at_rest(x), touch=touch, force=bodies.weight, mu=choices.mu, dt=choices.dt
     )

@@ -8,10 +8,10 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Dense
-from cpbench.generators.scenes.bodies import State, Touching
+from cpbench.generators.scenes.bodies import BodyState, Touching
 
 
-def directions(state: State, touching: Touching, *, rolling: bool = False) -> sp.csr_array:
+def directions(state: BodyState, touching: Touching, *, rolling: bool = False) -> sp.csr_array:
     """Return H, shape (6n, nc·d): rows of u = Hᵀv are the velocity of the first body against the second at the
     contact, along normal and tangents, and with `rolling` the angular velocity along the tangents."""
     n, nc = len(state.x), len(touching.id)
@@ -34,12 +34,12 @@ def directions(state: State, touching: Touching, *, rolling: bool = False) -> sp
     return sp.csr_array(sp.coo_array((data, (row, column)), shape=(6 * n, d * nc)))
 
 
-def own_axes(state: State, wrench: Dense) -> Dense:
+def own_axes(state: BodyState, wrench: Dense) -> Dense:
     """Turn the angular parts of (n, 6) into the principal axes of the bodies."""
     return np.hstack([wrench[:, :3], np.einsum("bji,bj->bi", state.R, wrench[:, 3:])])
 
 
-def axes_of_bodies(state: State) -> sp.csr_array:
+def axes_of_bodies(state: BodyState) -> sp.csr_array:
     """Return the matrix (6n, 6n) that turns velocities in the principal axes into those of the world."""
     n = len(state.x)
     blocks = np.tile(np.eye(6), (n, 1, 1))

@@ -12,12 +12,12 @@ import numpy as np
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import generator
 from cpbench.generators.scenes.bodies import (
-    Bodies,
+    BodyScene,
+    BodyState,
     Choices,
     Frames,
     Numbers,
-    Scene,
-    State,
+    RigidBodies,
     at_rest,
     box_inertia,
     family,
@@ -41,7 +41,7 @@ UP = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
 
 
 @family("tower", "a tower of cubes, each set off a little; the top is the heaviest", "cubes", mu=0.6)
-def tower(choices: Choices) -> Scene:
+def tower(choices: Choices) -> BodyScene:
     """Build cubes on one another; with `mass_ratio` each is heavier than the one below by the same factor."""
     rng, n = generator(choices.seed), choices.size
     x = np.zeros((n, 3))
@@ -51,11 +51,11 @@ def tower(choices: Choices) -> Scene:
     below = np.where(np.arange(n) > 0, np.arange(n) - 1, n)
     start = at_rest(x)
     pads = _faces(np.arange(n), below, x - [0.0, 0.0, CUBE / 2], np.full((n, 2), CUBE / 2))
-    return _blocks("tower", choices, start, Bodies(mass, box_inertia(mass, np.full((n, 3), CUBE))), pads)
+    return _blocks("tower", choices, start, RigidBodies(mass, box_inertia(mass, np.full((n, 3), CUBE))), pads)
 
 
 @family("wall", "a wall of bricks in running bond, with half bricks at its ends", "bricks", mu=0.6)
-def wall(choices: Choices) -> Scene:
+def wall(choices: Choices) -> BodyScene:
     """Build courses of bricks; those of every second course lie on two each."""
     rng = generator(choices.seed)
     wide = max(1, round(math.sqrt(choices.size / 2)))
@@ -79,22 +79,22 @@ def wall(choices: Choices) -> Scene:
     volume = sides.prod(axis=1) if choices.mass_ratio == 1.0 else float(BRICK.prod())
     mass = DENSITY * volume * factor
     pads = _faces(own, np.array(other), centre, half)
-    return _blocks("wall", choices, at_rest(x), Bodies(mass, box_inertia(mass, sides)), pads)
+    return _blocks("wall", choices, at_rest(x), RigidBodies(mass, box_inertia(mass, sides)), pads)
 
 
 @family("arch", "a round arch of stones that stands by its own weight", "stones", mu=0.7, smallest=3)
-def arch(choices: Choices) -> Scene:
+def arch(choices: Choices) -> BodyScene:
     """Build an arch that is thick enough to stand."""
     return _arch("arch", choices, THICK)
 
 
 @family("falling-arch", "a round arch of stones that is too thin to stand", "stones", mu=0.7, smallest=3)
-def falling_arch(choices: Choices) -> Scene:
+def falling_arch(choices: Choices) -> BodyScene:
     """Build an arch that opens at its joints and falls."""
     return _arch("falling-arch", choices, THIN)
 
 
-def _arch(name: str, choices: Choices, thickness: float) -> Scene:
+def _arch(name: str, choices: Choices, thickness: float) -> BodyScene:
     """Build equal stones on a half circle of mean radius 1 m between two abutments.
 
     A stone is the part of a ring between two radii; its centre of gravity is that of this part, its inertia that of a
@@ -118,7 +118,7 @@ def _arch(name: str, choices: Choices, thickness: float) -> Scene:
     frame = np.stack([sign * _tangent(joint), _radial(joint), np.tile([0.0, 1.0, 0.0], (n + 1, 1))], axis=1)
     half = np.tile([thickness / 2, DEPTH / 2], (n + 1, 1))
     pads = _faces(owner, other, _radial(joint), half, frame, inset=1.0)
-    return _blocks(name, choices, at_rest(x, R), Bodies(mass, inertia), pads)
+    return _blocks(name, choices, at_rest(x, R), RigidBodies(mass, inertia), pads)
 
 
 def _radial(angle: Vector) -> Dense:
@@ -165,6 +165,8 @@ def _faces(
     )
 
 
-def _blocks(name: str, choices: Choices, start: State, bodies: Bodies, pads: Pads) -> Scene:
+def _blocks(name: str, choices: Choices, start: BodyState, bodies: RigidBodies, pads: Pads) -> BodyScene:
     touch = pads_touch(pads, start)
-    return Scene(name=name, bodies=bodies, start=start, touch=touch, force=bodies.weight, mu=choices.mu, dt=choices.dt)
+    return BodyScene(
+        name=name, bodies=bodies, start=start, touch=touch, force=bodies.weight, mu=choices.mu, dt=choices.dt
+    )

@@ -11,11 +11,11 @@ from cpbench.foundation.matrices import Dense, Vector
 from cpbench.generators.base import generator
 from cpbench.generators.scenes.bodies import (
     GRAVITY,
-    Bodies,
+    BodyScene,
+    BodyState,
     Choices,
     Numbers,
-    Scene,
-    State,
+    RigidBodies,
     at_rest,
     ball_inertia,
     box_inertia,
@@ -39,13 +39,13 @@ GRIP = 3.0
 
 
 @family("chain", "a chain of links with ball joints that is pulled up from the ground by its end", "links", mu=0.5)
-def chain(choices: Choices) -> Scene:
+def chain(choices: Choices) -> BodyScene:
     """Build links in a row on the ground, each with a ball at both ends, so that neighbours rest side by side."""
     rng, n = generator(choices.seed), choices.size
     ranks = rng.permutation(n).astype(np.float64)
     mass = LIGHTEST * spread(choices.mass_ratio, ranks)
     x = np.stack([LINK * (np.arange(n) + 0.5), np.zeros(n), np.full(n, THICKNESS / 2)], axis=1)
-    bodies = Bodies(mass, box_inertia(mass, np.tile([LINK, THICKNESS, THICKNESS], (n, 1))))
+    bodies = RigidBodies(mass, box_inertia(mass, np.tile([LINK, THICKNESS, THICKNESS], (n, 1))))
     force = bodies.weight.copy()
     force[0, 2] += PULL * GRAVITY * min(float(mass.sum()), float(mass[:4].sum()))
     ends = np.repeat(np.arange(n), 2)
@@ -53,7 +53,7 @@ def chain(choices: Choices) -> Scene:
     place[:, 0] = np.tile([-0.5 * LINK + THICKNESS, 0.5 * LINK - THICKNESS], n)
     balls = Balls(ends, place, np.full(2 * n, THICKNESS / 2))
 
-    def hold(state: State) -> tuple[sp.csr_array, Vector]:
+    def hold(state: BodyState) -> tuple[sp.csr_array, Vector]:
         """Let the end of each link stay where the next begins; what is apart closes within the step."""
         arm = LINK / 2 * state.R[:, :, 0]
         before, after = np.arange(n - 1), np.arange(1, n)
@@ -61,7 +61,7 @@ def chain(choices: Choices) -> Scene:
         apart = (state.x[after] - arm[after]) - (state.x[before] + arm[before])
         return sp.csr_array(G), apart.ravel() / choices.dt
 
-    return Scene(
+    return BodyScene(
         name="chain",
         bodies=bodies,
         start=at_rest(x),
@@ -74,7 +74,7 @@ def chain(choices: Choices) -> Scene:
 
 
 @family("grasp", "a ball that fingers hold by friction alone", "fingers", mu=0.6, smallest=2)
-def grasp(choices: Choices) -> Scene:
+def grasp(choices: Choices) -> BodyScene:
     """Build a ball with fingers around its equator; a finger slides towards the axis and is held in all other ways.
 
     Each finger pushes with the same force. The fingers have the mass of the ball, or with `mass_ratio` that part of it.
@@ -85,13 +85,13 @@ def grasp(choices: Choices) -> Scene:
     x = np.concatenate([np.zeros((1, 3)), -(BALL + TIP) * inward])
     mass = np.concatenate([[BALL_MASS], np.full(n, BALL_MASS / choices.mass_ratio)])
     radius = np.concatenate([[BALL], np.full(n, TIP)])
-    bodies = Bodies(mass, ball_inertia(mass, radius))
+    bodies = RigidBodies(mass, ball_inertia(mass, radius))
     force = np.zeros((n + 1, 6))
     force[0] = bodies.weight[0]
     force[1:, :3] = GRIP * GRAVITY * BALL_MASS / n * inward
     G = _sliders(inward)
     touch = balls_touch(Balls(np.arange(n + 1), np.zeros((n + 1, 3)), radius), Planes(np.zeros((0, 3)), np.zeros(0)))
-    return Scene(
+    return BodyScene(
         name="grasp",
         bodies=bodies,
         start=at_rest(x),

@@ -16,7 +16,16 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
-from cpbench.generators.scenes.bodies import GRAVITY, Bodies, Scene, State, Touching, at_rest, ball_inertia, box_inertia
+from cpbench.generators.scenes.bodies import (
+    GRAVITY,
+    BodyScene,
+    BodyState,
+    RigidBodies,
+    Touching,
+    at_rest,
+    ball_inertia,
+    box_inertia,
+)
 from cpbench.generators.scenes.nearness import GROUND, Pads, Planes, balls_touch, own_balls, pads_touch
 
 DT = 0.01
@@ -38,13 +47,13 @@ class Motion:
     formula : in words. places : coordinates of a state that are compared (k,) [m]. exact : (k,), their closed form [m].
     """
 
-    scene: Scene
+    scene: BodyScene
     steps: int
     formula: str
-    places: Callable[[State], Vector]
+    places: Callable[[BodyState], Vector]
     exact: Vector
 
-    def error(self, state: State) -> float:
+    def error(self, state: BodyState) -> float:
         """Return the largest distance of a coordinate from its closed form over the longest way that the closed form
         has any body go."""
         ways = np.abs(self.exact - self.places(self.scene.start))
@@ -83,12 +92,12 @@ def backspin() -> Motion:
     """
     slide, seconds, radius = 0.5, 1.5, 0.1
     mass = np.ones(1)
-    bodies = Bodies(mass, ball_inertia(mass, np.array([radius])))
+    bodies = RigidBodies(mass, ball_inertia(mass, np.array([radius])))
     start = at_rest(np.array([[0.0, 0.0, radius]]))
     speed = MU * GRAVITY * slide
     start.v[0, 0], start.v[0, 4] = speed / 2.0, -3.0 * speed / radius
     touch = balls_touch(own_balls(np.array([radius])), GROUND)
-    scene = Scene(
+    scene = BodyScene(
         name="backspin",
         bodies=bodies,
         start=start,
@@ -113,13 +122,13 @@ def row_of_spheres() -> Motion:
     gap = speed * DT * np.array([10.5, 11.0, 11.0, 11.0])
     seconds = 1.0
     mass = np.ones(count)
-    bodies = Bodies(mass, ball_inertia(mass, np.full(count, radius)))
+    bodies = RigidBodies(mass, ball_inertia(mass, np.full(count, radius)))
     x = np.zeros((count, 3))
     x[1:, 0] = np.cumsum(2.0 * radius + gap)
     start = at_rest(x)
     start.v[0, 0] = speed
     nothing = Planes(np.zeros((0, 3)), np.zeros(0))
-    scene = Scene(
+    scene = BodyScene(
         name="row of spheres",
         bodies=bodies,
         start=start,
@@ -160,17 +169,17 @@ def capstan() -> Motion:
 MOTIONS: tuple[Callable[[], Motion], ...] = (incline, sliding_to_rest, backspin, row_of_spheres, capstan)
 
 
-def _along_x(scene: Scene, seconds: float, formula: str, way: float) -> Motion:
+def _along_x(scene: BodyScene, seconds: float, formula: str, way: float) -> Motion:
     """Return the motion of a single body, whose way along x has a closed form and which does nothing else."""
     exact = scene.start.x[0] + np.array([way, 0.0, 0.0])
     return Motion(scene, round(seconds / DT), formula, lambda state: state.x[0], exact)
 
 
-def _block(name: str, gravity: Vector, speed: float) -> Scene:
+def _block(name: str, gravity: Vector, speed: float) -> BodyScene:
     """Return a flat block of 1 kg on four points, with x down the slope, that moves along x."""
     sides = np.array([[0.2, 0.2, 0.1]])
     mass = np.ones(1)
-    bodies = Bodies(mass, box_inertia(mass, sides))
+    bodies = RigidBodies(mass, box_inertia(mass, sides))
     start = at_rest(np.array([[0.0, 0.0, 0.05]]))
     start.v[0, 0] = speed
     corner = np.array([[a, b, 0.0] for a in (-0.1, 0.1) for b in (-0.1, 0.1)])
@@ -179,15 +188,17 @@ def _block(name: str, gravity: Vector, speed: float) -> Scene:
     force = np.zeros((1, 6))
     force[0, :3] = GRAVITY * gravity
     touch = pads_touch(pads, start)
-    return Scene(name=name, bodies=bodies, start=start, touch=touch, force=force, mu=MU, dt=DT, theta=0.5, slop=SLOP)
+    return BodyScene(
+        name=name, bodies=bodies, start=start, touch=touch, force=force, mu=MU, dt=DT, theta=0.5, slop=SLOP
+    )
 
 
-def rope_on_drum(knots: int, light: float, heavy: float) -> Scene:
+def rope_on_drum(knots: int, light: float, heavy: float) -> BodyScene:
     """Build two loads [kg] and the knots between them on half a drum; contacts and stretches of the rope stay as they
     are."""
     mass = np.array([light, *[KNOT] * knots, heavy])
     n, radius, turn = len(mass), 0.1, math.pi / knots
-    bodies = Bodies(mass, ball_inertia(mass, np.full(n, 0.01)))
+    bodies = RigidBodies(mass, ball_inertia(mass, np.full(n, 0.01)))
     angle = math.pi - turn * (np.arange(knots) + 0.5)
     normal = np.stack([np.cos(angle), np.zeros(knots), np.sin(angle)], axis=1)
     across = np.tile([0.0, 1.0, 0.0], (knots, 1))
@@ -195,7 +206,7 @@ def rope_on_drum(knots: int, light: float, heavy: float) -> Scene:
     frame = np.stack([normal, np.cross(across, normal), across], axis=1)
     ids, pairs = np.arange(knots), np.stack([np.arange(1, n - 1), np.full(knots, n)], axis=1)
 
-    def touch(state: State) -> Touching:
+    def touch(state: BodyState) -> Touching:
         """Return the same contacts in all states, at the centres of the knots, so that these have no lever arm."""
         return Touching(ids, pairs, state.x[1:-1], frame, np.zeros(knots))
 
@@ -207,7 +218,7 @@ def rope_on_drum(knots: int, light: float, heavy: float) -> Scene:
     held = sp.csr_array(G.reshape(6 * n, n - 1))
     force = np.zeros((n, 6))
     force[[0, -1], 2] = -GRAVITY * mass[[0, -1]]
-    return Scene(
+    return BodyScene(
         name="capstan",
         bodies=bodies,
         start=at_rest(x),

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.generators.scenes.bodies import REACH, Frames, Numbers, State, Touching
+from cpbench.generators.scenes.bodies import REACH, BodyState, Frames, Numbers, Touching
 
 
 def frames(normals: Dense) -> Frames:
@@ -51,14 +51,14 @@ def own_balls(radius: Vector) -> Balls:
     return Balls(np.arange(len(radius)), np.zeros((len(radius), 3)), radius)
 
 
-def balls_touch(balls: Balls, planes: Planes, *, each_other: bool = True) -> Callable[[State], Touching]:
+def balls_touch(balls: Balls, planes: Planes, *, each_other: bool = True) -> Callable[[BodyState], Touching]:
     """Return the contacts of balls on planes, and of pairs of balls of two bodies.
 
     The id of a contact is made of its ball and its plane, or of its two balls. Plane k is body n + k.
     """
     k, widest = len(balls.body), float(balls.radius.max())
 
-    def touch(state: State) -> Touching:
+    def touch(state: BodyState) -> Touching:
         centre = state.x[balls.body] + np.einsum("bij,bj->bi", state.R[balls.body], balls.place)
         above = centre @ planes.normal.T - planes.offset - balls.radius[:, None]
         ball, plane = np.nonzero(above < REACH)
@@ -107,7 +107,7 @@ class Pads:
     half: Dense
 
 
-def pads_touch(pads: Pads, start: State) -> Callable[[State], Touching]:
+def pads_touch(pads: Pads, start: BodyState) -> Callable[[BodyState], Touching]:
     """Return the contacts of pads on their faces; the id of a contact is the number of its pad."""
     x, R = _with_ground(start)
     own, of = pads.owner, pads.other
@@ -115,7 +115,7 @@ def pads_touch(pads: Pads, start: State) -> Callable[[State], Touching]:
     origin = np.einsum("cji,cj->ci", R[of], pads.centre - x[of])
     axes = pads.frame @ R[of]
 
-    def touch(state: State) -> Touching:
+    def touch(state: BodyState) -> Touching:
         x, R = _with_ground(state)
         point = x[own] + np.einsum("cij,cj->ci", R[own], place)
         frame = axes @ R[of].transpose(0, 2, 1)
@@ -128,6 +128,6 @@ def pads_touch(pads: Pads, start: State) -> Callable[[State], Touching]:
     return touch
 
 
-def _with_ground(state: State) -> tuple[Dense, Frames]:
+def _with_ground(state: BodyState) -> tuple[Dense, Frames]:
     """Return places and axes with those of the ground behind them."""
     return np.concatenate([state.x, np.zeros((1, 3))]), np.concatenate([state.R, np.eye(3)[None]])

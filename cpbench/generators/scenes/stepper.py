@@ -27,7 +27,7 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.formulations.grfc import GlobalRollingFrictionContact
 from cpbench.foundation.matrices import Dense, Vector
-from cpbench.generators.scenes.bodies import Scene, State, Touching
+from cpbench.generators.scenes.bodies import BodyScene, BodyState, Touching
 from cpbench.generators.scenes.kinematics import axes_of_bodies, directions, own_axes, rotations
 
 ContactProblem = GlobalFrictionContact | GlobalRollingFrictionContact
@@ -36,7 +36,7 @@ Solve = Callable[[ContactProblem], GFCPoint]
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class SceneStep:
     """One step: its problem, the answer by which the bodies moved, and the state after it.
 
     problem, point : None where nothing touches and nothing holds the bodies.
@@ -44,27 +44,29 @@ class Step:
 
     problem: ContactProblem | None
     point: GFCPoint | None
-    state: State
+    state: BodyState
 
 
-def run(scene: Scene, steps: int, solve: Solve) -> Iterator[Step]:
+def run(scene: BodyScene, steps: int, solve: Solve) -> Iterator[SceneStep]:
     """Yield the steps of a scene; raises what `solve` raises."""
     state = scene.start
     for index in range(steps):
         touching = scene.touch(state)
         free = _mass(scene) * own_axes(state, state.v) + scene.dt * _loads(scene, state)
         if not len(touching.id) and scene.hold is None:
-            step = Step(None, None, _moved(scene, state, free / _mass(scene)))
+            step = SceneStep(None, None, _moved(scene, state, free / _mass(scene)))
         else:
             problem = contact_problem(scene, state, touching, free.ravel(), index)
             point = solve(problem)
             impulse = problem.f + problem.H @ point.r + problem.G @ point.lam
-            step = Step(problem, point, _moved(scene, state, impulse.reshape(-1, 6) / _mass(scene)))
+            step = SceneStep(problem, point, _moved(scene, state, impulse.reshape(-1, 6) / _mass(scene)))
         state = step.state
         yield step
 
 
-def contact_problem(scene: Scene, state: State, touching: Touching, f: Vector, index: int = 0) -> ContactProblem:
+def contact_problem(
+    scene: BodyScene, state: BodyState, touching: Touching, f: Vector, index: int = 0
+) -> ContactProblem:
     """Build the problem of one step in global form; f : (6n,), the momentum without reactions [N s]."""
     H = directions(state, touching, rolling=scene.mu_r > 0)
     d, nc = 5 if scene.mu_r > 0 else 3, len(touching.id)
@@ -93,11 +95,11 @@ def contact_problem(scene: Scene, state: State, touching: Touching, f: Vector, i
     return GlobalFrictionContact(**data)
 
 
-def _mass(scene: Scene) -> Dense:
+def _mass(scene: BodyScene) -> Dense:
     return np.hstack([np.repeat(scene.bodies.mass[:, None], 3, axis=1), scene.bodies.inertia])
 
 
-def _loads(scene: Scene, state: State) -> Dense:
+def _loads(scene: BodyScene, state: BodyState) -> Dense:
     """Return forces and moments (n, 6), moments in the principal axes and with −ω × Jω."""
     loads = own_axes(state, scene.force)
     spin = own_axes(state, state.v)[:, 3:]
@@ -105,8 +107,8 @@ def _loads(scene: Scene, state: State) -> Dense:
     return loads
 
 
-def _moved(scene: Scene, state: State, v: Dense) -> State:
+def _moved(scene: BodyScene, state: BodyState, v: Dense) -> BodyState:
     """Return the state after the step; v : (n, 6), new velocities in the principal axes that the bodies had before."""
     new = np.hstack([v[:, :3], np.einsum("bij,bj->bi", state.R, v[:, 3:])])
     mean = scene.dt * (scene.theta * new + (1.0 - scene.theta) * state.v)
-    return State(state.x + mean[:, :3], rotations(mean[:, 3:]) @ state.R, new)
+    return BodyState(state.x + mean[:, :3], rotations(mean[:, 3:]) @ state.R, new)

@@ -13,9 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.applications.boxed import boxed_problem
-from cpbench.applications.game import game_problem
-from cpbench.applications.least_squares import least_squares_problem
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations import LCP, MLCP, QP, FrictionContact, GlobalFrictionContact, Problem
 from cpbench.formulations.applications.boxed import boxed_problem
