@@ -71,7 +71,7 @@ class Touching:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BodyScene:
-    """RigidBodies, what touches and what holds them.
+    """A scene: bodies, what touches and what holds them.
 
     Attributes
     ----------
