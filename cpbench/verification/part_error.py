@@ -229,7 +229,9 @@ def _growth(
             return frame.norms(of.defect(frame.terms.effects(unit), unit))
         return frame.largest(of.excess(unit))
 
-    grown = measured(rounded)
+    grown, whole = measured(rounded), measured(system)
+    if parts.measure is not Measure.PAIRS:  # a distance changes by no more than what it is of
+        grown = np.minimum(grown, np.maximum(whole - hidden, 0.0))
     if certain:
         return grown, None
-    return grown, (hidden >= 1.0) | (measured(system) - grown >= UNKNOWN)
+    return grown, (hidden >= 1.0) | (whole - grown >= UNKNOWN)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cpbench.formulations import QP, LCPPoint, QPPoint, Relay
+from cpbench.formulations import QP, GFCPoint, GlobalFrictionContact, LCPPoint, QPPoint, Relay
 from cpbench.verification import judge
 
 
@@ -51,3 +51,17 @@ def test_an_unknown_beyond_a_finite_set_is_wrong_where_no_row_depends_on_it() ->
     """0 ≤ z ≤ 10⁻³ beside w = (0, z₂ − 10⁻³/2): z₁ = 1.5 · 10⁻³ is off by half of its set."""
     problem = Relay(M=np.diag([0.0, 1.0]), q=np.array([0.0, -5e-4]), lb=np.zeros(2), ub=np.full(2, 1e-3))
     assert judge(problem, LCPPoint(z=np.array([1.5e-3, 5e-4])), 1e-6).error == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("off", "solved"), [(0.0, True), (1e-5, False)])
+@pytest.mark.parametrize("gap", [1e-6, 1e-9, 1e-12])
+def test_rounding_of_a_fast_contact_is_no_distance_from_its_cone(gap: float, off: float, solved: bool) -> None:
+    """A body of mass 1 slides with speed 1 under a normal impulse of 1, μ = 0.3: v = (−w, 1, 0), r = (1, −0.3, 0).
+
+    û = (0.3, 1, 0) is on the boundary of the dual cone. Its components are known to 10⁻¹⁵, a thousandth of w = 10⁻¹².
+    """
+    mu, r, v = 0.3, np.array([1.0, -0.3, 0.0]), np.array([-gap, 1.0, 0.0])
+    problem = GlobalFrictionContact(M=np.eye(3), H=np.eye(3), f=v - r, w=np.array([gap, 0.0, 0.0]), mu=np.array([mu]))
+    moved = np.array([0.0, off, 0.0])  # of both, so that the dynamics hold: friction that is too small
+    verdict = judge(problem, GFCPoint(v=v + moved, r=r + moved), 1e-6)
+    assert verdict.solved == solved, verdict.error
