@@ -99,9 +99,9 @@ def write_tex(results: Path, folder: Path, title: str, facets: Sequence[str], **
     facets : profiles by `family`, `tolerance`, or both. choices : `publishable`, `with_imported`, `count_stationary`.
     """
     from cpbench.bench.results.citations import citations
-    from cpbench.foundation.extensions import function
+    from cpbench.foundation.extensions import hook
 
-    write_document = function("write_document")
+    write_document = hook("write_document")
     with sealed(results) as store:
         require_folder(folder)
         table, cited = store.table(), citations(store)

@@ -32,7 +32,7 @@ from cpbench.conversions.base import Conversion
 from cpbench.errors import CpbenchError, NoRoute, NotApplicable, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.foundation import brackets, kernel_cache
-from cpbench.foundation.extensions import function
+from cpbench.foundation.extensions import hook
 from cpbench.generators.collection import builtin_folder
 from cpbench.solvers import warming
 from cpbench.solvers.base import Trait, solvers
@@ -117,7 +117,7 @@ def _answer(asked: Mapping[str, Any], talk: _Talk) -> dict[str, Any]:
         require_new(Path(asked["output"]), asked["force"])
     talk.limit(asked["memory"])
     if asked["all"]:
-        require_rows, reply_to = function("require_rows"), function("reply_to")
+        require_rows, reply_to = hook("require_rows"), hook("reply_to")
         if asked["output"] is not None:
             require_rows(Path(asked["output"]))
         talk.begin(JUDGE)

@@ -18,7 +18,7 @@ from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from
 from cpbench.cli.run_output import announce, finish, print_removed
 from cpbench.cli.terminal import print_lines
 from cpbench.errors import StoreError
-from cpbench.foundation.extensions import function
+from cpbench.foundation.extensions import hook
 from cpbench.foundation.imports import import_ahead
 from cpbench.generators.collection import builtin_folder, quick_problems
 
@@ -61,7 +61,7 @@ def command(
     if no_report:
         given["report"] = None
     if certify:
-        function("require_flint")()
+        hook("require_flint")()
     values = (file.top, file.sets) if file is not None else ({}, [])
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
     plan = run_plan.make(given, *values, only=only_sets, suite=suite)

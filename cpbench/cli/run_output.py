@@ -12,7 +12,7 @@ from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.cli.terminal import fitted, folded, print_lines, width
-from cpbench.foundation.extensions import function
+from cpbench.foundation.extensions import hook
 from cpbench.verification import Status
 
 
@@ -46,7 +46,7 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> No
 
     print_lines(run_text.refused(assembly.refused), err=True)
     if certify:
-        print_lines(function("certify_rows")(store), err=True)
+        print_lines(hook("certify_rows")(store), err=True)
         store.end()
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):

@@ -177,9 +177,9 @@ def _apart(problem: str, asked: Mapping[str, Any]) -> dict[str, Any]:
         require_new(Path(asked["output"]), asked["force"])
     address = ADDRESS.convert(problem, None, None)
     if asked["all"]:
-        from cpbench.foundation.extensions import function
+        from cpbench.foundation.extensions import hook
 
-        reply: dict[str, Any] = function("reply_to")(address, asked)
+        reply: dict[str, Any] = hook("reply_to")(address, asked)
         return reply
     answered = solve_apart(
         address,

@@ -5,7 +5,8 @@ Groups of entry points, and what stands behind a name in each:
 - ``cpbench.plugins``: a module that registers solvers, conversions, formats and the like when it is imported
   (`cpbench.registry` loads it);
 - ``cpbench.commands``: a click command of the command line. The first sentence of its module's docstring is its help;
-- ``cpbench.functions``: a function or class, offered as ``cpbench.NAME`` and to cpbench's own commands;
+- ``cpbench.functions``: a function or class, offered as ``cpbench.NAME``;
+- ``cpbench.hooks``: a function that cpbench's own commands call, as ``report --format tex`` does;
 - ``cpbench.executors``: a module that connects a run to other machines (`bench/execution`);
 - ``cpbench.figures``: a package of modules, each with a kind of figure of a problem (`report/figure_kinds`).
 """
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 NATIVE = "cpbench_solvers"
 """The package whose solvers count as cpbench's own: they run in its processes, as trusted as it is itself."""
-COMMANDS, FUNCTIONS = "cpbench.commands", "cpbench.functions"
+COMMANDS, FUNCTIONS, HOOKS = "cpbench.commands", "cpbench.functions", "cpbench.hooks"
 EXECUTORS, FIGURES = "cpbench.executors", "cpbench.figures"
 
 
@@ -46,6 +47,11 @@ def load(group: str, name: str) -> Any:
 def function(name: str) -> Any:
     """Return the function of this name (``cpbench.functions``); raises CpbenchError where no package has it."""
     return load(FUNCTIONS, name)
+
+
+def hook(name: str) -> Any:
+    """Return the function of this name (``cpbench.hooks``); raises CpbenchError where no package has it."""
+    return load(HOOKS, name)
 
 
 def summary(entry: EntryPoint) -> str:
