@@ -139,9 +139,9 @@ class Registry(Generic[T]):
             self._import(packages)
 
     def discover(self) -> None:
-        """Import the registry's packages and the installed plugins, once."""
+        """Import the registry's packages, once, and plugins that were not loaded yet."""
+        load_plugins()  # first: they may have packages of their own
         if not self._discovered:
-            load_plugins()  # they may have packages of their own
             self._discovered = True
             self._import(self._packages)
 

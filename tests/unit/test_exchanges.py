@@ -363,7 +363,7 @@ def test_complementarity_of_others(tmp_path: Path) -> None:
         ({"variables": [{"name": "x"}, {"name": "x"}]}, "two of one name"),
         ({"variables": [{"name": 3}]}, "variables/0/name"),
         ({"constraints": [{"function": _affine(y=1.0), "set": {"type": "Zeros"}}]}, "'y'"),
-        ({"constraints": [{"function": _affine(x=1.0), "set": {"type": "SecondOrderCone"}}]}, "SecondOrderCone"),
+        ({"constraints": [{"function": _affine(x=1.0), "set": {"type": "ExponentialCone"}}]}, "ExponentialCone"),
         ({"constraints": [{"function": _affine(x=1.0), "set": {"type": "EqualTo", "value": "1"}}]}, "value"),
         ({"constraints": [{"function": {"type": "ScalarNonlinearFunction"}, "set": {}}]}, "set/type"),
         ({"constraints": [{"function": {"type": "Sine"}, "set": {"type": "Zeros"}}]}, "Sine"),

@@ -39,13 +39,15 @@ class ReferenceGaussSeidel(Solver):
         places = [slice(d * i, d * i + d) for i in range(mu.size)]
         sizes = [float(np.linalg.norm(W[place, place])) or 1.0 for place in places]
         r = np.zeros(q.size) if start is None else start.r.copy()
-        for sweep in range((budget.iterations or 10_000) + 1):
+        most, sweep = budget.iterations or 10_000, 0
+        while True:
             point = FCPoint(r=r.copy())
             error = prepared.residuals(point, budget.tolerance).error
             if record is not None:
                 record(sweep, error, lambda: point)  # noqa: B023 - called at once or never
-            if error <= budget.tolerance or time.monotonic() > end:
+            if error <= budget.tolerance or sweep >= most or time.monotonic() > end:
                 break
+            sweep += 1
             for i, place in enumerate(places):
                 u = (W[place] @ r + q[place])[None]
                 step = r[place][None] - de_saxce(u, mu[i : i + 1]) / sizes[i]
