@@ -157,6 +157,6 @@ def test_a_run_without_the_rows_of_a_problem_does_not_end_with_0(bench) -> None:
     done = bench.run(paths, ["lemke"], CPBENCH_PLUGINS=str(bench.folder / "deadly.py"))
     assert done.returncode == 1, done.stderr
     lines = done.stderr.splitlines()
-    assert any(line.startswith("cpbench: rows are missing: the content of") and "p.deadly" in line for line in lines), lines
+    assert any(line.startswith("cpbench: rows are missing: the content of") and "p.deadly" in line for line in lines)
     with Store(bench.folder / "r.sqlite") as store:
         assert store.counts() == {"solved": 1}
