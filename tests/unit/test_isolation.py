@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -254,3 +255,18 @@ def _until(condition: Callable[[], bool]) -> None:
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.02)
+
+
+@linux
+def test_memory_is_limited_beside_a_process_that_cannot_be_read() -> None:
+    """The system may refuse /proc/PID of somebody else, at which psutil gives up its look at all processes."""
+    code = (
+        "import resource, psutil\n"
+        "def refused(*_, **__): raise psutil.AccessDenied(1)\n"
+        "psutil.Process.children = refused\n"
+        "from cpbench.bench.processes.isolation import address_space, limit_address_space\n"
+        "before = address_space(); limit_address_space(2**30)\n"
+        "print(0 <= resource.getrlimit(resource.RLIMIT_AS)[0] - before - 2**30 < 2**26)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.stdout.strip() == "True", done.stderr

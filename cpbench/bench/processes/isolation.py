@@ -189,7 +189,10 @@ def limit_address_space(growth: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     if sys.platform == "linux":
         # a limit is inherited at a fork only: what runs already (the program of a solver) has its own
-        for child in psutil.Process().children(recursive=True):
+        children: list[psutil.Process] = []
+        with contextlib.suppress(psutil.Error):  # one process of somebody else that cannot be read ends the look at all
+            children = psutil.Process().children(recursive=True)
+        for child in children:
             with contextlib.suppress(psutil.Error):
                 most = min(child.memory_info().vms + growth, hard)
                 child.rlimit(psutil.RLIMIT_AS, (most, most))
