@@ -229,7 +229,10 @@ def _growth(
             return frame.norms(of.defect(frame.terms.effects(unit), unit))
         return frame.largest(of.excess(unit))
 
-    grown, whole = measured(rounded), measured(system)
+    grown = measured(rounded)
+    if certain and parts.measure is Measure.PAIRS:
+        return grown, None
+    whole = measured(system)
     if parts.measure is not Measure.PAIRS:  # a distance changes by no more than what it is of
         grown = np.minimum(grown, np.maximum(whole - hidden, 0.0))
     if certain:

@@ -19,6 +19,7 @@ from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers.avi.claims import data_of, error_of
 from cpbench_solvers.lcp.claims import CLOSE
 from cpbench_solvers.qp.apart import SHOWN, block, split
+from cpbench_solvers.qp.claims import PARTS_KERNEL
 
 Affine: TypeAlias = AVI | Relay
 Index: TypeAlias = NDArray[np.int64]
@@ -37,7 +38,7 @@ def parted(problem: Affine) -> PartedAffine | None:
     n = problem.q.size
     if n < 2:
         return None
-    part = load("cpbench_solvers.kernels.qp_parts").labels(*data_of(problem)[:2])
+    part = load(PARTS_KERNEL).labels(*data_of(problem)[:2])
     count = int(part.max()) + 1
     if count < 2 or np.setdiff1d(part[n:], part[:n]).size:
         return None
