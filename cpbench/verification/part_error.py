@@ -7,7 +7,8 @@ for rows beside multipliers). In these units, with P the projection on the set o
 
     pairs     ‖x̂ − P(x̂ − f̂)‖, the largest, of complementarity problems and inequalities,
     contact   √Σ‖x̂ − P(x̂ − f̂)‖² over a part, in energy,
-    programs  the distance of x̂ from its set and of f̂ from the dual set, the largest.
+    programs  the distance of x̂ from its set and of f̂ from the dual set, the largest. A gradient of which all terms
+              are below ε of what sides and prices make of it is 0.
 
 Unknowns that a problem leaves free may be of any size, and must hide nothing. Two further numbers count for that.
 
@@ -109,7 +110,7 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     if parts.measure is Measure.ENERGY:
         errors = parts.whole.spread(parts.whole.norm(errors))
     if system.also is not None:
-        _count_also(system, units, errors)
+        _count_also(system, parts, units, errors)
     rounded = _without_rounding(system, noise)
     grown, unknown = _growth(system, rounded, parts, units, noise, errors, least)
     if unknown is not None:
@@ -129,18 +130,35 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
 
 def _conditions(system: System, parts: Parts, units: AnswerUnits) -> Vector:
     """Return by how much every block misses its conditions, in units."""
-    if parts.measure is Measure.GAP:
-        return system.frame.largest(system.distances(units.x, units.f))
-    return system.frame.norms(system.defect(units.x, units.f))
+    if parts.measure is not Measure.GAP:
+        return system.frame.norms(system.defect(units.x, units.f))
+    errors = system.frame.largest(system.distances(units.x, units.f))
+    share = _of_gradient(parts, units)
+    if (share >= errors).all():
+        return errors
+    x_unit, f_unit = (np.where(at, of, 0.0) for at, of in ((parts.beside_z, units.x), (~parts.beside_z, units.f)))
+    primal = system.frame.largest(system.distances(x_unit, f_unit))
+    return np.maximum(primal, np.minimum(errors, share))
 
 
-def _count_also(system: System, units: AnswerUnits, errors: Vector) -> None:
+def _of_gradient(parts: Parts, units: AnswerUnits) -> Vector:
+    """Return the share that the terms of a gradient without prices have in what sides make of it, (k,); else 1."""
+    largest = np.divide(parts.per_row, units.f, out=np.zeros_like(units.f), where=parts.beside_z & (units.f > 0))
+    size, given = parts.whole.largest(largest), parts.scales(units.needed)[1]
+    priced = parts.whole.any(parts.beside_z & (parts.frame.constants > 0))
+    return parts.whole.spread(np.divide(size, given, out=np.ones_like(size), where=(size < given) & ~priced))
+
+
+def _count_also(system: System, parts: Parts, units: AnswerUnits, errors: Vector) -> None:
     """Count the residuals that must vanish beside f; the force of a bound has digits of its own row only."""
     assert system.also is not None
     value, at = system.also
     size = np.maximum(1.0, system.frame.norms(system.f)[at] * units.f[at])
     places = np.arange(errors.size)[at] if isinstance(at, slice) else at
-    np.maximum.at(errors, places, np.abs(value) * units.f[at] / size)
+    found = np.abs(value) * units.f[at] / size
+    if parts.measure is Measure.GAP:
+        found = np.minimum(found, _of_gradient(parts, units)[at])
+    np.maximum.at(errors, places, found)
 
 
 def _without_rounding(system: System, noise: Vector) -> System:
@@ -172,7 +190,10 @@ def _gap(system: System, parts: Parts, units: AnswerUnits) -> tuple[Vector, Vect
     error = np.divide(gap, np.maximum(objective, gap), out=np.zeros_like(gap), where=gap > 0)
     without = whole.any(units.absolute)
     if parts.measure is Measure.GAP or in_units:  # an objective of ε² of what sides and prices make it is 0
-        size, given = np.maximum(objective, gap), np.ones_like(gap) if in_units else parts.objective(units.needed)
+        size, given = (
+            np.maximum(objective, gap),
+            np.ones_like(gap) if in_units else np.multiply(*parts.scales(units.needed)),
+        )
         of_zero = np.sqrt(np.divide(size, given, out=np.ones_like(gap), where=size < given))
         objective, error = np.where(of_zero < error, given, objective), np.minimum(error, of_zero)
     if without.any():

@@ -168,8 +168,9 @@ class Parts:
         sizes = self.frame.constants * self.per_row
         return self.rows.norm(sizes) if self.measure is Measure.ENERGY else self.rows.largest(sizes)
 
-    def objective(self, needed: Any) -> Vector:
-        """Return the size that the sides and prices that are `needed` give the objective of each part of a program.
+    def scales(self, needed: Any) -> tuple[Vector, Vector]:
+        """Return the sizes that the sides and prices that are `needed` give z and the gradient of each part of a
+        program.
 
         z is as large as the sides, or as prices make it where the objective is curved; a gradient is as large as
         prices, or as such a z makes it.
@@ -178,7 +179,7 @@ class Parts:
         sides, prices = (self.whole.largest(np.where(at, sizes, 0.0)) for at in (~self.beside_z, self.beside_z))
         curved = self.whole.any(self.curved)
         z = np.maximum(sides, np.where(curved, prices, 0.0))
-        return z * np.maximum(prices, np.where(curved, z, 0.0))
+        return z, np.maximum(prices, np.where(curved, z, 0.0))
 
     @cached_property
     def indifferent(self) -> Any:

@@ -75,9 +75,12 @@ def qp_error(P: QP, x: QPPoint) -> float:
     row, needed = qp_rows(K, c, y, f, low, high, size, D, of_z)
     column = np.maximum((row[:, None] * np.abs(K)).max(axis=0), 1 / np.maximum(np.abs(low), np.abs(high)))
     push = np.maximum(np.where(np.isinf(low), f, 0.0), np.where(np.isinf(high), -f, 0.0))  # what no bound takes of f
-    error = np.maximum(push * row, np.maximum(low - y, y - high) * column).max()
-    error = max(error, (np.abs(f[:n] - x.nu) * row[:n] / np.maximum(1.0, np.abs(f[:n]) * row[:n])).max())
-    gap, terms = qp_gap(K, c, needed, y, f, low, high, column, D, of_z)
+    pushed, beyond, (z, price) = push * row, np.maximum(low - y, y - high) * column, qp_scales(K, c, needed, D, of_z)
+    gradient = max(pushed[of_z].max(), beyond[~of_z].max(initial=0.0))
+    gradient = max(gradient, (np.abs(f[:n] - x.nu) * row[:n] / np.maximum(1.0, np.abs(f[:n]) * row[:n])).max())
+    # a gradient of which all terms are far below what sides and prices make it is 0
+    error = max(beyond[of_z].max(), pushed[~of_z].max(initial=0.0), min(gradient, (D / row)[of_z].max() / price))
+    gap, terms = qp_gap(K, c, z * price, y, f, low, high, column, of_z)
     near = (np.abs(y - low) <= np.abs(low) / 2) | (np.abs(y - high) <= np.abs(high) / 2)
     fixed = of_z & ((near & np.isfinite(size)) | (y <= low) | (y >= high))
     data = (D * np.maximum(np.abs(c), np.abs(K) @ np.where(fixed, size, 0.0)))[~of_z].max()
@@ -99,21 +102,24 @@ def qp_rows(
     return row, needed
 
 
+def qp_scales(K: Array, c: Array, needed: Array, D: Array, of_z: Array) -> tuple[float, float]:
+    """Return the sizes of z and of the gradient that those of the sides and prices c that are `needed` make."""
+    counts, curved = D * np.abs(c) * needed, K[np.ix_(of_z, of_z)].any()
+    price, side = counts[of_z].max(), counts[~of_z].max()
+    z = max(side, price) if curved else side
+    return z, max(price, z) if curved else price
+
+
 def qp_gap(
-    K: Array, c: Array, needed: Array, y: Array, f: Array, low: Array, high: Array, column: Array, D: Array, of_z: Array
+    K: Array, c: Array, given: float, y: Array, f: Array, low: Array, high: Array, column: Array, of_z: Array
 ) -> tuple[float, float]:
-    """Return the gap over the terms of the objective, and these; of constants c, those that count not are 0."""
+    """Return the gap over the terms of the objective, and these; `given` is what sides and prices make of it."""
     bound = np.where(f > 0, low, high)
     room = np.clip(np.where(np.isinf(bound), y, y - bound), -1 / column, 1 / column)
     gap = np.abs(room * f).sum()
     half, prices, sides = y @ K @ y / 2, (c * y)[of_z], (c * y)[~of_z]
     terms = max(abs(half + prices.sum()), abs(half), min(np.abs(prices).sum(), np.abs(sides).sum()), gap, 1e-300)
-    # what sides and prices could make of the objective: one that is far below is 0
-    counts = D * np.abs(c) * needed
-    price, side, curved = counts[of_z].max(), counts[~of_z].max(), K[np.ix_(of_z, of_z)].any()
-    z = max(side, price) if curved else side
-    given = z * max(price, z) if curved else z * price
-    of_zero = np.sqrt(min(1.0, terms / given))
+    of_zero = np.sqrt(min(1.0, terms / given))  # an objective far below `given` is 0
     return (gap / terms, terms) if gap / terms <= of_zero else (of_zero, given)
 
 

@@ -362,6 +362,16 @@ def test_prices_that_are_all_idle_hide_no_error(seed: int) -> None:
             assert judge(problem, answer, 1e-4).solved == right, problem.node
 
 
+@pytest.mark.parametrize("side", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(("force", "solved"), [(0.0, True), (4e-17, True), (1e-13, True), (1e-5, False), (1e-3, False)])
+def test_forces_that_are_rounding_are_no_gradient(force: float, solved: bool, side: float) -> None:
+    """min ½r² st z − r = side, z ≥ 0 has the answer (side, 0) with the price 0: nothing else is in its gradient."""
+    program = QP.build(np.diag([0.0, 1.0]), np.zeros(2), C=np.array([[1.0, -1.0]]), d=[side], lb=[0.0, -np.inf])
+    r = force * side
+    answer = QPPoint(z=np.array([side, r]), lam=np.zeros(0), mu=np.array([-r]), nu=np.zeros(2))
+    assert judge(program, answer, 1e-6).solved is solved
+
+
 def test_what_an_unknown_costs_at_its_bound_is_a_term_of_the_objective() -> None:
     """min p z₁ + ½(z₂ − 1)² over z₁ ≥ 1, z ≥ 0: with z₂ = 0.9, f is p − 0.495 for p − 0.5; the sum of products is
     0.09, for z₂ pushes by 0.1 from 0.9 where it has no bound."""
