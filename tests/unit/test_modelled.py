@@ -199,12 +199,16 @@ def test_least_squares_as_scipy_solves_them(shape, sparse) -> None:
 
 @pytest.mark.needs("cpbench_solvers")
 def test_least_squares_do_not_square_the_condition_number() -> None:
-    """A planted x comes back where A has the condition number 1e7; by AᵀA no digit of it does."""
+    """A planted x comes back where A has the condition number 1e7; by AᵀA no digit of it does.
+
+    b is off the columns of A by 1e-6, so that the prices, and with them the gradient, are no rounding.
+    """
     rng = np.random.default_rng(0)
     U, V = (np.linalg.qr(rng.standard_normal(shape))[0] for shape in ((30, 8), (8, 8)))
-    A, x = U @ np.diag(np.logspace(0, -7, 8)) @ V, rng.standard_normal(8)
-    model = cpbench.from_least_squares(A, A @ x)
-    normal = cpbench.QP.build(Q=A.T @ A, p=-A.T @ (A @ x))
+    A, x, off = U @ np.diag(np.logspace(0, -7, 8)) @ V, rng.standard_normal(8), rng.standard_normal(30)
+    b = A @ x + 1e-6 * (off - U @ (U.T @ off))
+    model = cpbench.from_least_squares(A, b)
+    normal = cpbench.QP.build(Q=A.T @ A, p=-A.T @ b)
     assert model.lift(cpbench.solve(model.problem, tolerance=1e-9)) == pytest.approx(x, abs=1e-3)
     assert abs(cpbench.solve(normal, tolerance=1e-9).point.z - x).max() > 0.1
 
