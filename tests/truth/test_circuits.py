@@ -11,6 +11,8 @@ from drawn_problems import BENCH, LEAST, MOST
 
 from cpbench.verification import judge
 
+pytestmark = pytest.mark.needs("cpbench_solvers")
+
 EPSILON = 1e-6
 HIDDEN = (4002, 4012, 4023, 4032)
 """Circuits whose wrong answers least-squares logarithms with weights that vanish have passed."""

@@ -21,7 +21,6 @@ from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import FrictionContact
 from cpbench.storage.arrays import read_array
-from cpbench_lab.bundle import archive
 
 M = np.array([[6.0, 1.0, 0.0], [2.0, 5.0, -1.0], [0.0, 0.5, 4.0]])
 Q = np.array([-3.0, 2.0, -8.0])
@@ -125,8 +124,11 @@ def test_archives(kind: str, tmp_path: Path) -> None:
     _ends_in_one_line(tmp_path, "info", "a.npz")
 
 
+@pytest.mark.needs("cpbench_lab")
 @pytest.mark.parametrize("kind", ARCHIVES)
 def test_archives_that_are_bundles(kind: str, tmp_path: Path) -> None:
+    from cpbench_lab.bundle import archive
+
     (tmp_path / "b.zip").write_bytes(_zip(ARCHIVES[kind], (archive.MANIFEST, "q.npy")))
     _ends_in_one_line(tmp_path, "reproduce", "b.zip", "-o", "out")
 

@@ -22,7 +22,6 @@ from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.report.text import code, fenced, plain, table
-from cpbench_lab.bundle import guide
 
 SCRIPT = "<script>alert(36)</script>"
 TEXTS = (
@@ -229,7 +228,10 @@ def test_terminals_get_one_line_for_each_name(tmp_path: Path) -> None:
         assert [line for line in lines if "\\nsecond" in line], arguments
 
 
+@pytest.mark.needs("cpbench_lab")
 def test_the_guide_of_a_bundle_is_text() -> None:
+    from cpbench_lab.bundle import guide
+
     withheld = {
         "address": SCRIPT, "node": "lcp", "fingerprint": "f", "withheld": SCRIPT, "source": SCRIPT, "citation": SCRIPT,
     }  # fmt: skip

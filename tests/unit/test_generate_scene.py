@@ -16,6 +16,8 @@ from cpbench.foundation import matrices
 from cpbench.generators.scenes.bodies import families
 from cpbench.verification import judge
 
+pytestmark = pytest.mark.needs("cpbench_solvers")
+
 SPHERES = ("generate", "--scene", "spheres", "--size", "6", "--steps", "4", "--seed", "3")
 
 

@@ -62,6 +62,7 @@ Model m / e1.price, e2.wage, e3.gap /; Solve m using MCP;
 """
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_names_of_gams_follow_their_numbers(tmp_path: Path) -> None:
     """A mixed problem has its free unknowns first: wage = 3, price = 4/3, gap = 7/3 by hand."""
     (tmp_path / "market.gms").write_text(GAMS)

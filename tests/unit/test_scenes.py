@@ -23,6 +23,8 @@ from cpbench.generators.scenes.kinematics import rotations
 from cpbench.solvers import Budget, solvers
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec
 
+pytestmark = pytest.mark.needs("cpbench_solvers")
+
 NAMES = families.names()
 BY_DAY = ("arch", "chain", "rolling-heap")
 """Of the families, one with blocks, one with joints, one with rolling friction."""
