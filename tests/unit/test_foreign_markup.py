@@ -209,6 +209,7 @@ def test_xml_is_well_formed_and_has_no_foreign_element(written: Path) -> None:
         assert names[0] == names[1], file
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_terminals_get_one_line_for_each_name(tmp_path: Path) -> None:
     """Of a file, of a problem in it, of what it says, in tables and in refusals."""
     address = _problem(tmp_path, FEED)

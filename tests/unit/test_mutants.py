@@ -153,6 +153,7 @@ SEEDS: dict[str, Callable[[Path], object]] = {
 TEXTS = ("matrix.mtx", "program.mps", "program.lp", "program.nl", "binary.nl", "model.gms", "model.mof.json",
          "siconos.dat", "case-M1.txt", "plan.toml")  # fmt: skip
 """Files of which pieces of the text are moved as well."""
+NEEDS = {"bundle.zip": ("cpbench_lab",), "plan.toml": ("cpbench_solvers",)}
 
 
 def _content(path: Path) -> Any:
@@ -178,9 +179,7 @@ def _content(path: Path) -> Any:
 
 
 @pytest.mark.parametrize("count", [10, pytest.param(200, marks=pytest.mark.nightly)])
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.needs("cpbench_lab")) if n == "bundle.zip" else n for n in SEEDS]
-)
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.needs(*NEEDS.get(name, ()))) for name in SEEDS])
 def test_damaged_files_are_refused_or_read(
     name: str, count: int, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
