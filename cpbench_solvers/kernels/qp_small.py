@@ -42,6 +42,9 @@ VECTOR = types.Array(types.float64, 1, "C", readonly=True)
 MATRIX = types.Array(types.float64, 2, "C", readonly=True)
 _OUT = types.float64[::1]
 _OUT2 = types.float64[:, ::1]
+INDEX = types.int64[::1]
+PROGRAM = (MATRIX, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR)
+"""Q, p, A, b, C, d, lb, ub."""
 
 
 @njit(types.float64(_OUT2, _OUT2, types.float64, types.boolean), **COMPILED)
@@ -87,11 +90,100 @@ def _backward(L, x):
             x[j] -= row[j] * value
 
 
+@njit(types.float64(_OUT2, _OUT, types.float64, types.float64, _OUT2), **COMPILED)
+def _factor(H, g, psd, proximal, L):
+    """Write L of H + εI and return ε, which is 0 where H is positive definite; −1 where it is not semidefinite.
+
+    proximal : ε relative to the size of H, or of g where that is much larger.
+    """
+    n, eps, least, top, size = g.size, np.finfo(np.float64).eps, np.inf, 0.0, 0.0
+    for i in range(n):
+        least, size = min(least, H[i, i]), max(size, abs(g[i]))
+        for j in range(n):
+            top = max(top, abs(H[i, j]))
+    if least > 0.0 and _cholesky(H, L, 0.0, False) > n * np.sqrt(eps):
+        return 0.0
+    if not (least >= 0.0 and _cholesky(H, L, max(psd, SEMIDEFINITE * n * eps), True) > 0.0):
+        return -1.0
+    epsilon = proximal * (max(top, LEAST * max(top, size)) or 1.0)
+    return epsilon if _cholesky(H, L, epsilon, False) > 0.0 else -1.0
+
+
+@njit(
+    types.void(_OUT2, VECTOR, VECTOR, VECTOR, VECTOR, _OUT2, _OUT, _OUT, *(_OUT2, INDEX, _OUT, _OUT, _OUT)), **COMPILED
+)
+def _write_sides(G, b, d, lb, ub, L, D, E, M, place, lower, upper, norms):
+    """Write bounds and rows as lower ≤ Mv ≤ upper, each row of M of norm 1, with the s of each in `place`."""
+    n, m, at = D.size, b.size, 0
+    for i in range(n):
+        if lb[i] > -np.inf or ub[i] < np.inf:
+            M[at, i], place[at] = 1.0, i
+            lower[at], upper[at] = lb[i] / D[i], ub[i] / D[i]
+            _forward(L, M[at], i)
+            at += 1
+    for i in range(E.size):
+        put(M[at], G[i])
+        place[at] = n + i
+        lower[at] = (b[i] if i < m else d[i - m]) * E[i]
+        upper[at] = np.inf if i < m else lower[at]
+        _forward(L, M[at], 0)
+        at += 1
+    normalise(M, norms)
+    for k in range(at):
+        if norms[k] > 0.0:
+            lower[k] /= norms[k]
+            upper[k] /= norms[k]
+        else:
+            norms[k] = 1.0
+
+
+@njit(types.float64(*(_OUT, _OUT, INDEX, _OUT, _OUT, _OUT, VECTOR, VECTOR), *(_OUT, _OUT, _OUT, _OUT)), **COMPILED)
+def _write_answer(x, y, place, norms, D, E, lb, ub, z, lam, mu, nu):
+    """Write z, λ, μ and ν of x and the multipliers y of its sides; return the largest size of an x."""
+    n, m, top = x.size, lam.size, 0.0
+    for i in range(n):
+        z[i], nu[i] = min(max(D[i] * x[i], lb[i]), ub[i]), 0.0
+        top = max(top, abs(x[i]))
+    lam[:] = 0.0
+    mu[:] = 0.0
+    for k in range(y.size):
+        i, value = place[k], y[k] / norms[k]
+        if value == 0.0:
+            continue
+        if i < n:
+            nu[i], z[i] = value / D[i], lb[i] if value > 0.0 else ub[i]
+        elif i < n + m:
+            lam[i - n] = value * E[i - n]
+        else:
+            mu[i - n - m] = value * E[i - n]
+    return top
+
+
+@njit(types.float64(*PROGRAM, types.float64, _OUT, _OUT, _OUT, _OUT, _OUT), **COMPILED)
+def _error_of(Q, p, A, b, C, d, lb, ub, tolerance, z, lam, mu, nu, judge):
+    """Return the error of an answer by norms and, where that is within the tolerance, by connected parts."""
+    error = judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, judge)
+    if error <= tolerance and not exact(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
+        conditions = program(rows_of(Q), stacked(rows_of(A), rows_of(C)), p, np.concatenate((b, d)), b.size, lb, ub)
+        error = max(error, largest_error(conditions, np.concatenate((z, lam, mu)), nu))
+    return error
+
+
+@njit(types.void(_OUT, _OUT, _OUT, _OUT, _OUT), **COMPILED)
+def _keep(best, z, nu, lam, mu):
+    """Write an answer, its parts one after the other."""
+    n, m = z.size, lam.size
+    put(best[:n], z)
+    put(best[n : 2 * n], nu)
+    put(best[2 * n : 2 * n + m], lam)
+    put(best[2 * n + m :], mu)
+
+
 @njit(
     types.int64(
-        *(MATRIX, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR),
+        *PROGRAM,
         *(types.float64, types.float64, types.float64, types.float64, types.int64, types.int64),
-        *(_OUT, _OUT, _OUT, _OUT, _OUT, types.int64[::1]),
+        *(_OUT, _OUT, _OUT, _OUT, _OUT, INDEX),
     ),
     **COMPILED,
 )
@@ -118,51 +210,23 @@ def solve(
         for j in range(n):
             G[i, j] = row[j]
     equilibrate(H, G, D, E, SCALINGS)
-    L, eps, epsilon = np.empty((n, n)), np.finfo(np.float64).eps, 0.0
-    least, top, size = np.inf, 0.0, 0.0
+    L, g = np.empty((n, n)), np.empty(n)
     for i in range(n):
-        least, size = min(least, H[i, i]), max(size, abs(D[i] * p[i]))
-        for j in range(n):
-            top = max(top, abs(H[i, j]))
-    if not (least > 0.0 and _cholesky(H, L, 0.0, False) > n * np.sqrt(eps)):
-        if not (least >= 0.0 and _cholesky(H, L, max(psd, SEMIDEFINITE * n * eps), True) > 0.0):
-            return NOT_CONVEX
-        epsilon = proximal * (max(top, LEAST * max(top, size)) or 1.0)
-        if not _cholesky(H, L, epsilon, False) > 0.0:
-            return NOT_CONVEX
-        counts[3] = 1
+        g[i] = D[i] * p[i]
+    epsilon = _factor(H, g, psd, proximal, L)
+    if epsilon < 0.0:
+        return NOT_CONVEX
+    counts[3] = epsilon > 0.0
     sides = 0
     for i in range(n + r):
         sides += i >= n or lb[i] > -np.inf or ub[i] < np.inf
-    M, place = np.zeros((sides, n)), np.empty(sides, np.int64)
-    lower, upper, norms = np.empty(sides), np.empty(sides), np.empty(sides)
-    at = 0
-    for i in range(n):
-        if lb[i] > -np.inf or ub[i] < np.inf:
-            M[at, i], place[at] = 1.0, i
-            lower[at], upper[at] = lb[i] / D[i], ub[i] / D[i]
-            _forward(L, M[at], i)
-            at += 1
-    for i in range(r):
-        put(M[at], G[i])
-        place[at] = n + i
-        lower[at] = (b[i] if i < m else d[i - m]) * E[i]
-        upper[at] = np.inf if i < m else lower[at]
-        _forward(L, M[at], 0)
-        at += 1
-    normalise(M, norms)
-    for k in range(sides):
-        if norms[k] > 0.0:
-            lower[k] /= norms[k]
-            upper[k] /= norms[k]
-        else:
-            norms[k] = 1.0
-    v0, v, y, g, x, best = np.empty(n), np.empty(n), np.zeros(sides), np.empty(n), np.zeros(n), np.empty(2 * n + r)
+    M, place, norms = np.zeros((sides, n)), np.empty(sides, np.int64), np.empty(sides)
+    lower, upper = np.empty(sides), np.empty(sides)
+    _write_sides(G, b, d, lb, ub, L, D, E, M, place, lower, upper, norms)
+    v0, v, y, x, best = np.empty(n), np.empty(n), np.zeros(sides), np.zeros(n), np.empty(2 * n + r)
     R, W, where, side = np.empty((n, n)), np.empty(n, np.int64), np.empty(sides, np.int64), np.empty(sides, np.int64)
     state, gained, before = np.zeros(STATES, np.int64), np.empty(2), np.empty(sides)
     work, judge = np.empty(3 * n + sides), np.empty(2 * n)
-    for i in range(n):
-        g[i] = D[i] * p[i]
     error[0] = np.inf
     outcome, since = SOLVED, 0
     while True:
@@ -183,34 +247,13 @@ def solve(
             return INFEASIBLE
         put(x, v)
         _backward(L, x)
-        top = 0.0
-        for i in range(n):
-            z[i], nu[i] = min(max(D[i] * x[i], lb[i]), ub[i]), 0.0
-            top = max(top, abs(x[i]))
-        lam[:] = 0.0
-        mu[:] = 0.0
-        for k in range(sides):
-            i, value = place[k], y[k] / norms[k]
-            if value == 0.0:
-                continue
-            if i < n:
-                nu[i], z[i] = value / D[i], lb[i] if value > 0.0 else ub[i]
-            elif i < n + m:
-                lam[i - n] = value * E[i - n]
-            else:
-                mu[i - n - m] = value * E[i - n]
-        now = judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, judge)
-        if now <= tolerance and not exact(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
-            conditions = program(rows_of(Q), stacked(rows_of(A), rows_of(C)), p, np.concatenate((b, d)), m, lb, ub)
-            now = max(now, largest_error(conditions, np.concatenate((z, lam, mu)), nu))
+        top = _write_answer(x, y, place, norms, D, E, lb, ub, z, lam, mu, nu)
+        now = _error_of(Q, p, A, b, C, d, lb, ub, tolerance, z, lam, mu, nu, judge)
         if now < GAIN * error[0]:
             since = counts[1]
         if now < error[0]:
             error[0] = now
-            put(best[:n], z)
-            put(best[n : 2 * n], nu)
-            put(best[2 * n : 2 * n + m], lam)
-            put(best[2 * n + m :], mu)
+            _keep(best, z, nu, lam, mu)
         if now <= tolerance:
             return SOLVED
         if outcome != SOLVED or epsilon == 0.0 or not top < RAY or counts[1] - since > WINDOW:
