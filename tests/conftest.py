@@ -52,6 +52,8 @@ collect_ignore = [
     *(name.removeprefix("cpbench_") for name in ABSENT),
     *(("docs", "browser") if ABSENT else ()),  # what is said of all three packages
 ]
+LONG = ("faults", "browser", "lab")
+"""Folders whose tests wait for processes, pages and proofs."""
 _unexpected: list[str] = []
 
 
@@ -100,7 +102,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip tests whose mark `needs` names a package that is not installed."""
+    """Skip tests whose mark `needs` names a package that is not installed; put long tests first, so that no worker is
+    left with them at the end."""
+    items.sort(key=lambda item: item.path.parent.name not in LONG)
     for item in items:
         for mark in item.iter_markers("needs"):
             lacking = [name for name in mark.args if name in ABSENT]

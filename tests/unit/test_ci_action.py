@@ -137,7 +137,11 @@ def test_a_workflow_has_its_keys_and_no_right_that_it_does_not_need(path: Path) 
 def test_our_workflow_tests_compares_builds_the_pages_and_writes_nothing_back() -> None:
     workflow = load(ROOT / ".github/workflows/ci.yml")
     jobs = workflow["jobs"]
-    assert [step["run"] for step in jobs["tests"]["steps"] if "run" in step] == [".ci/run"]
+    assert [step["run"] for step in jobs["tests"]["steps"] if "run" in step] == ['.ci/run "$JOB"']
+    parts = dict(re.findall(r"^  (\w+)\) (.*?);;$", (ROOT / ".ci/run").read_text(), re.MULTILINE | re.DOTALL))
+    assert set(jobs["tests"]["strategy"]["matrix"]["job"]) == set(parts)
+    left_out = set(re.findall(r"--ignore=(\S+?)[\s)]", parts["unit"]))
+    assert left_out == {name for job in parts if job != "unit" for name in re.findall(r"(tests/\w+)", parts[job])}
     (build,) = (step["run"] for step in jobs["docs"]["steps"] if "mkdocs" in step.get("run", ""))
     assert "unshare" in build
     assert "--strict" in build
