@@ -28,6 +28,9 @@ LARGE = 1e5
 they have grown as much again."""
 ENOUGH = 0.02
 """Of the gap that the tolerance allows: products tz far below it cost accuracy of the linear systems."""
+FLOOR, GAINED = 2.0, 0.95
+"""tᵀz within this factor of ENOUGH has come to its end. Where the error is above the tolerance and has not fallen by a
+twentieth, it is far above tᵀz over its size, and tᵀz has to be less."""
 NEAR = 10.0
 """The judged error is measured when tᵀz, which is cheap, is within this factor of the tolerance."""
 POLISH = 3
@@ -84,6 +87,11 @@ class Path:
         enough = ENOUGH * tolerance * (tolerance**0.5 if polish else 1.0)
         how = self._options.to_boundary, NEAR * tolerance, enough
         return self._kernel.advance(*self._data, *how, self._counts, self._sizes, until)
+
+    @property
+    def gap(self) -> float:
+        """The least tᵀz so far, relative to its size."""
+        return float(self._sizes[self.stops.BEST])
 
     def undecided(self) -> float:
         """Return the largest of the pairs' smaller numbers, in data of size one."""
@@ -189,7 +197,7 @@ class _Run:
         scales, H, G = sparse_scaled(data)
         path, progress, measure = Path(scales, H, G, self._options), Progress(STALL), self._measure
         stops, polished, tolerance, earlier = path.stops, 0, self._budget.tolerance, self._done
-        aim = tolerance
+        aim, previous = tolerance, math.inf
         before = path.x.copy(), path.y.copy()
         outcome = stops.LIMIT if path.begin() else stops.BROKEN
         while True:
@@ -227,8 +235,10 @@ class _Run:
             until = self._limit - earlier
             if not math.isinf(self._budget.seconds):
                 until = min(until, path.done + path.chunk)
-            if near and measure.norms <= tolerance < error:  # the objective may be far below the size of tᵀz
+            stuck = path.gap <= FLOOR * ENOUGH * aim and error > GAINED * previous
+            if near and error > tolerance and (measure.norms <= tolerance or stuck):
                 aim = reduced(aim, error, tolerance)
+            previous = error if near else math.inf
             outcome = path.advance(aim, next_stop(path.done, until, self._record), polish=polished > 0)
 
 

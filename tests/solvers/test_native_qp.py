@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from cpbench import storage
 from cpbench.formulations import QP
 from cpbench.formulations.qp import QPPoint
 from cpbench.foundation.kernel_cache import load
@@ -700,3 +702,15 @@ def test_prices_in_small_units_are_no_excuse(name: str, unit: float) -> None:
     assert output.claim is Claim.SOLVED
     assert judge(problem, output.point, 1e-6).solved
     assert output.point.z == pytest.approx([0.03, 1.295], abs=1e-5)
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8])
+@pytest.mark.parametrize("name", ["QSCRS8", "QSIERRA"])
+def test_the_path_goes_on_where_products_are_small_and_the_error_is_not(
+    shared_data: Path, name: str, tolerance: float
+) -> None:
+    """The error of these answers is ten thousand times their tᵀz over its size."""
+    problem = storage.load(shared_data / "qp" / f"{name}.mat")
+    output = solvers.get("interior-point-qp").run(problem, Budget(tolerance=tolerance))
+    assert output.claim is Claim.SOLVED
+    assert judge(problem, output.point, tolerance).solved
