@@ -73,22 +73,16 @@ def row_errors(system: System) -> RowErrors:
         return RowErrors(np.full(frame.k, np.inf), False, 0.0)
     definite = _definite(frame, sizes, scale, fixed)
     homogeneous = (definite == 0) & (scale > 0)
-    if frame.multiplier is not None and homogeneous.any():  # multipliers alone: 0 certifies as well
-        homogeneous &= frame.terms.sums(np.where(frame.multiplier, 0.0, sizes)) > 0
-    outside = frame.norms(system.x - system.nearest()) > 0
-    error = _measure(system, sizes, scale, definite, outside)
     if homogeneous.any():
-        sure = np.where(homogeneous, np.inf, definite)
-        relative = _measure(system, sizes, scale, sure, outside)
-        by_itself = _measure(system, sizes, np.where(homogeneous, 1.0, scale), sure, outside, homogeneous)
-        error = min(by_itself, relative, key=lambda errors: largest(float(errors.max(initial=0.0))))
+        sure, by_itself = np.where(homogeneous, np.inf, definite), np.where(homogeneous, 1.0, scale)
+        error = _measure(system, sizes, by_itself, sure, homogeneous)
+    else:
+        error = _measure(system, sizes, scale, definite)
     floor = EPS * (4.0 + frame.terms.lengths.max(initial=0))
     return RowErrors(error, bool(homogeneous.any()), float(floor))
 
 
-def _measure(
-    system: System, sizes: Vector, scale: Vector, definite: Vector, outside: Flags, absolute: Flags | None = None
-) -> Vector:
+def _measure(system: System, sizes: Vector, scale: Vector, definite: Vector, absolute: Flags | None = None) -> Vector:
     """Return the natural map of every block; unknowns of `absolute` rows are measured by themselves."""
     frame = system.frame
     f_unit = np.divide(1.0, scale, out=np.ones_like(scale), where=scale > 0)
@@ -97,9 +91,7 @@ def _measure(
     if sure.any():
         cut = np.divide(definite, share, out=np.ones_like(share), where=share > definite)
         f_unit = np.where(sure, f_unit * cut, f_unit)
-    # inside its set, beside a row that is 0 to rounding, the unit of an unknown changes nothing
-    asked = outside | (share > ROUNDINGS * EPS)
-    x_unit = _units(frame.terms, sizes, scale, definite, asked)
+    x_unit = _units(frame.terms, sizes, scale, definite)
     if absolute is not None:
         x_unit = np.where(absolute, 1.0, x_unit)
     # a set of finite size is data: an unknown beyond it is wrong even where no row feels that
@@ -109,11 +101,10 @@ def _measure(
     return frame.norms(system.defect(x_unit, f_unit))
 
 
-def _units(terms: Terms, sizes: Vector, scale: Vector, definite: Vector, asked: Flags) -> Vector:
-    """Return E_c of the unknowns that are asked for: the largest effect on a row, per unit; 1 for one that no row
-    has."""
+def _units(terms: Terms, sizes: Vector, scale: Vector, definite: Vector) -> Vector:
+    """Return E_c: the largest effect on a row, per unit; 1 for one that no row has."""
     if not np.isfinite(definite).any():
-        units = np.where(asked, terms.effects(inverse(scale)), 0.0)
+        units = terms.effects(inverse(scale))
     else:
         columns = terms.columns
         effect = columns.data * inverse(scale)[columns.indices]
@@ -123,7 +114,7 @@ def _units(terms: Terms, sizes: Vector, scale: Vector, definite: Vector, asked: 
         effect[some] = np.minimum(effect[some], top[some] / own[some])
         effect[~some & (top == 0)] = 0.0
         units = segment_max(effect, columns.indptr)
-    return np.where(terms.alone, np.divide(1.0, sizes, out=np.ones_like(sizes), where=sizes > 1.0), units)
+    return np.where(terms.alone, 1.0, units)
 
 
 def _definite(frame: Frame, sizes: Vector, scale: Vector, fixed: Flags) -> Vector:

@@ -110,9 +110,7 @@ def worst_loaded(P: Any, system: System, tolerance: float) -> float:
     law, d = contact_set(P), P.dimension
     r, u = system.x[: P.nc * d], system.f[: P.nc * d]
     rho = np.repeat(P.rho, d)
-    one, still = np.ones(r.size), _norms(system.velocity[: P.nc * d], d)
-    stuck = _norms(law.defect(r, np.zeros(r.size), one, one).ravel(), d) + P.rho * still
-    defect = np.minimum(_norms(law.defect(r, u, one, rho).ravel(), d), stuck)
+    defect = _norms(law.defect(r, u, np.ones(r.size), rho).ravel(), d)
     r_size, u_size = _norms(r, d), P.rho * _norms(u, d)
     free = P.q if hasattr(P, "q") else P.free_velocity if hasattr(P, "free_velocity") else P.reference.free_velocity
     energy = np.sqrt((P.rho * _norms(free * _units(P), d) ** 2).sum())
