@@ -7,8 +7,8 @@ for rows beside multipliers). In these units, with P the projection on the set o
 
     pairs     ‖x̂ − P(x̂ − f̂)‖, the largest, of complementarity problems and inequalities,
     contact   √Σ‖x̂ − P(x̂ − f̂)‖² over a part, in energy,
-    programs  the distance of x̂ from its set and of f̂ from the dual set, the largest. A gradient of which all terms
-              are below ε of what sides and prices make of it is 0.
+    programs  the distance of x̂ from its set and of f̂ from the dual set, the largest. A gradient without prices of
+              which all terms are below ε of what sides make of it is 0.
 
 Unknowns that a problem leaves free may be of any size, and must hide nothing. Two further numbers count for that.
 
@@ -189,12 +189,11 @@ def _gap(system: System, parts: Parts, units: AnswerUnits) -> tuple[Vector, Vect
         objective = np.maximum(objective, np.minimum(straight, sides))
     error = np.divide(gap, np.maximum(objective, gap), out=np.zeros_like(gap), where=gap > 0)
     without = whole.any(units.absolute)
-    if parts.measure is Measure.GAP or in_units:  # an objective of ε² of what sides and prices make it is 0
-        size, given = (
-            np.maximum(objective, gap),
-            np.ones_like(gap) if in_units else np.multiply(*parts.scales(units.needed)),
-        )
-        of_zero = np.sqrt(np.divide(size, given, out=np.ones_like(gap), where=size < given))
+    if parts.measure is Measure.GAP or in_units:  # an objective of ε² (pairs: of ε) of what data make it is 0
+        size = np.maximum(objective, gap)
+        given = np.ones_like(gap) if in_units else np.multiply(*parts.scales(units.needed))
+        of_zero = np.divide(size, given, out=np.ones_like(gap), where=size < given)
+        of_zero = of_zero if in_units else np.sqrt(of_zero)
         objective, error = np.where(of_zero < error, given, objective), np.minimum(error, of_zero)
     if without.any():
         by_itself = whole.sum(np.abs(products) * (1.0 if in_units else units.x * units.f))

@@ -169,7 +169,7 @@ def _gap(program, x, f, sums, unit, effect, of_x):
                 terms = max(straight[q], abs(quadratic[q]))
             size = max(terms, gap[q])
             error = gap[q] / size
-            worst = max(worst, error if with_rows or size >= 1.0 else min(error, np.sqrt(size)))
+            worst = max(worst, error if with_rows or size >= 1.0 else min(error, size))
     return worst
 
 

@@ -60,7 +60,7 @@ def lcp_error(M: Array, q: Array, z: Array) -> float:
     row = D / (D * np.abs(q)).max()
     column = (row[:, None] * np.abs(M)).max(axis=0)
     growth = np.abs(np.minimum(z * column, w * row)).max()
-    return max(pairs, min(gap / terms, np.sqrt(min(terms, 1.0))), min(growth, 1.0) ** 2)
+    return max(pairs, min(gap / terms, terms), min(growth, 1.0) ** 2)
 
 
 def qp_error(P: QP, x: QPPoint) -> float:
@@ -78,8 +78,9 @@ def qp_error(P: QP, x: QPPoint) -> float:
     pushed, beyond, (z, price) = push * row, np.maximum(low - y, y - high) * column, qp_scales(K, c, needed, D, of_z)
     gradient = max(pushed[of_z].max(), beyond[~of_z].max(initial=0.0))
     gradient = max(gradient, (np.abs(f[:n] - x.nu) * row[:n] / np.maximum(1.0, np.abs(f[:n]) * row[:n])).max())
-    # a gradient of which all terms are far below what sides and prices make it is 0
-    error = max(beyond[of_z].max(), pushed[~of_z].max(initial=0.0), min(gradient, (D / row)[of_z].max() / price))
+    # a gradient without prices of which all terms are far below what sides make of it is 0
+    share = np.inf if P.p.any() else (D / row)[of_z].max() / price
+    error = max(beyond[of_z].max(), pushed[~of_z].max(initial=0.0), min(gradient, share))
     gap, terms = qp_gap(K, c, z * price, y, f, low, high, column, of_z)
     near = (np.abs(y - low) <= np.abs(low) / 2) | (np.abs(y - high) <= np.abs(high) / 2)
     fixed = of_z & ((near & np.isfinite(size)) | (y <= low) | (y >= high))

@@ -362,6 +362,15 @@ def test_prices_that_are_all_idle_hide_no_error(seed: int) -> None:
             assert judge(problem, answer, 1e-4).solved == right, problem.node
 
 
+def test_products_of_an_lcp_without_an_objective_count_as_they_are() -> None:
+    """z₁ ≥ 0 beside z₂, z₂ ≥ 0 beside 1 − z₁: zᵀMz and qᵀz are 0 at (0.5, 0), and nothing makes products small."""
+    problem = LCP(M=np.array([[0.0, 1.0], [-1.0, 0.0]]), q=np.array([0.0, 1.0]))
+    for off in (1e-9, 1e-7, 1e-5):
+        found = judge(problem, LCPPoint(z=np.array([0.5, off])), 1e-6)
+        assert 0.1 * off < found.error < 3.0 * off
+        assert found.solved is (off < 1e-6)
+
+
 @pytest.mark.parametrize("side", [1e-6, 1.0, 1e6])
 @pytest.mark.parametrize(("force", "solved"), [(0.0, True), (4e-17, True), (1e-13, True), (1e-5, False), (1e-3, False)])
 def test_forces_that_are_rounding_are_no_gradient(force: float, solved: bool, side: float) -> None:
