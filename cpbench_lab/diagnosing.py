@@ -27,8 +27,6 @@ SECONDS = 10.0
 """Limit of a solve [s], where none is given."""
 MINUTES = 2.0
 """Time of a whole explanation by the command."""
-CERTIFIED = ("lcp", "relay", "mlcp", "avi", "qp", "fc", "fcm", "gfc", "ncp", "micp", "equation")
-"""Formulations for which a proof of a solution is known (`certificates`)."""
 CERTIFIED_SIZE = 200
 """Unknowns up to which a certificate is looked for here: exact systems of this size take about a second."""
 CERTIFIED_SECONDS = 5.0
@@ -97,10 +95,11 @@ def diagnose_apart(
 
 def _certified(found: Diagnosis, deadline: Deadline, say: Callable[[str], None], address: str) -> str:
     """Return what a certificate says of the most accurate answer, or why none was made; '' where no proof is known."""
+    from cpbench_lab.certificates.mixed import provable
     from cpbench_lab.diagnosis.deadline import Deadline, OutOfTime
 
     problem = found.failed.trial.problem
-    if problem.node not in CERTIFIED:
+    if not provable(problem.node):
         return ""
     right = [(one.error, one.answer) for one in found.tried if one.works]
     right += [(found.failed.error, found.failed.answer)] if found.failed.solved else []

@@ -3,11 +3,14 @@
 They come in as those of any other package do, by the entry point `cpbench.plugins`.
 """
 
+import pkgutil
+
 from cpbench.foundation import kernel_cache
 from cpbench.solvers.base import solvers
 
-GROUPS = ("lcp", "mlcp", "qp", "avi", "cone", "contact", "nonlinear")
+KERNELS = f"{__name__}.kernels"
+GROUPS = [m.name for m in pkgutil.iter_modules(__path__, f"{__name__}.") if m.ispkg and m.name != KERNELS]
 """Packages of formulations that share their mathematics."""
 
-solvers.include(*(f"{__name__}.{group}" for group in GROUPS))
-kernel_cache.include(f"{__name__}.kernels")
+solvers.include(*GROUPS)
+kernel_cache.include(KERNELS)

@@ -13,6 +13,7 @@ from cpbench.formulations.affine import AffineProblem
 from cpbench.formulations.base import (
     Point,
     Residuals,
+    Term,
     formulations,
     matrix_field,
     scaled,
@@ -58,6 +59,14 @@ class AVI(AffineProblem):
     )
     point_type: ClassVar[type[Point]] = AVIPoint
     primal: ClassVar[str] = "z"
+    terms: ClassVar[tuple[Term, ...]] = (
+        ("q", 1, "M", "z"),
+        ("q", -1, "Aᵀ", "lam"),
+        ("q", -1, "Cᵀ", "mu"),
+        ("b", -1, "A", "z"),
+        ("d", -1, "C", "z"),
+    )
+    map_place: ClassVar[tuple[float, float]] = (6.45, 2.2)
 
     M: Matrix = matrix_field("n", "n")
     q: Vector = vector_field("n")

@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
-from functools import cached_property
+from functools import cache, cached_property
 from types import MappingProxyType
 from typing import Any, ClassVar, Self, TypeAlias
 
@@ -28,6 +28,10 @@ from cpbench.registry import Registry
 Trace: TypeAlias = Mapping[str, Any]
 """Data that a conversion keeps for the way back: named matrices, vectors, factorizations, numbers and strings (what
 the native storage can write with a converted file)."""
+
+
+Term: TypeAlias = tuple[str, int, str, str]
+"""Vector of the data, sign, matrix (`Aᵀ` for its transpose) and part of the answer: b, -1, A, z says b − Az."""
 
 
 class Kind(StrEnum):
@@ -230,6 +234,10 @@ class Problem(ABC):
     point_type: ClassVar[type[Point]]
     primal: ClassVar[str] = ""
     """The unknowns among the parts of a point whose other parts are multipliers; "" where there are no multipliers."""
+    terms: ClassVar[tuple[Term, ...]] = ()
+    """The products of its affine rows; () where rows are nonlinear."""
+    map_place: ClassVar[tuple[float, float] | None] = None
+    """Place on the map of formulations, columns from mechanics to mathematics; None: in the row below."""
 
     notebook_view: ClassVar[Callable[[Any], str] | None] = None
     """Makes the HTML that a notebook shows, where something above has set it: pictures are not made down here."""
@@ -311,6 +319,16 @@ class Problem(ABC):
     def data(self) -> dict[str, Matrix | Vector]:
         """Return the matrices and vectors by name, in the order of the definition."""
         return {f.name: getattr(self, f.name) for f in self._data_fields()}
+
+    @classmethod
+    @cache
+    def shapes(cls) -> Mapping[str, tuple[str, ...]]:
+        """Return the dimensions of each matrix, vector and map, as they are declared, by name."""
+        return {
+            f.name: f.metadata.get("shape") or f.metadata["map"]
+            for f in fields(cls)
+            if {"shape", "map"} & f.metadata.keys()
+        }
 
     @classmethod
     def has_maps(cls) -> bool:

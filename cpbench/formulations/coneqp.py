@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench.errors import ProblemError
-from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
+from cpbench.formulations.base import Point, Residuals, Term, formulations, matrix_field, scaled, vector_field
 from cpbench.formulations.conic import ConicProblem, cone_fields, cone_residuals
 from cpbench.formulations.defects import cone_defect
 from cpbench.formulations.sizes import group_max, least, ratio, row_sizes
@@ -46,6 +46,8 @@ class ConeQP(ConicProblem):
     relations: ClassVar[tuple[str, ...]] = ("min ½xᵀQx + pᵀx", "Ax + b ∈ K")
     point_type: ClassVar[type[Point]] = ConeQPPoint
     primal: ClassVar[str] = "x"
+    terms: ClassVar[tuple[Term, ...]] = (("p", 1, "Q", "x"), ("p", -1, "Aᵀ", "y"), ("b", 1, "A", "x"))
+    map_place: ClassVar[tuple[float, float]] = (2.0, 5.0)
     cone_rows: ClassVar[str] = "b"
 
     Q: Matrix = matrix_field("n", "n")

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.errors import ProblemError
-from cpbench.formulations.base import Contacts, Point, Problem, Residuals, Sequence, scaled, squared
+from cpbench.formulations.base import Contacts, Point, Problem, Residuals, Sequence, Term, scaled, squared
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import Coulomb, Law, RollingCoulomb
 from cpbench.foundation.matrices import Dense, Matrix, Vector, norm
@@ -154,6 +154,8 @@ class DelassusContact(_HasDelassus, ContactProblem):
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LocalContact(DelassusContact):
     """Contact in terms of reactions alone: u = Wr + q."""
+
+    terms: ClassVar[tuple[Term, ...]] = (("q", 1, "W", "r"),)
 
     @property
     def point_sizes(self) -> dict[str, int]:

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, squared, vector_field
+from cpbench.formulations.base import Point, Residuals, Term, formulations, matrix_field, scaled, squared, vector_field
 from cpbench.formulations.contact import DelassusContact
 from cpbench.formulations.sizes import least_squares
 from cpbench.foundation import matrices
@@ -45,6 +45,13 @@ class MixedFrictionContact(DelassusContact):
         "K*_μ ∋ û ⟂ r ∈ K_μ",
     )
     point_type: ClassVar[type[Point]] = FCMPoint
+    terms: ClassVar[tuple[Term, ...]] = (
+        ("q", 1, "W", "r"),
+        ("q", 1, "V", "lam"),
+        ("s", 1, "Vᵀ", "r"),
+        ("s", 1, "R", "lam"),
+    )
+    map_place: ClassVar[tuple[float, float]] = (1.0, 2.6)
 
     W: Matrix = matrix_field("m", "m")
     V: Matrix = matrix_field("m", "p")

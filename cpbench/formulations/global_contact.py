@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse.linalg as spla
 
-from cpbench.formulations.base import Point, Residuals, scaled, squared
+from cpbench.formulations.base import Point, Residuals, Term, scaled, squared
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.sizes import least_squares
 from cpbench.foundation import matrices
@@ -51,6 +51,13 @@ class GlobalContact(_HasDynamics, ContactProblem):
     """
 
     rows_of: ClassVar[str] = "w"
+    terms: ClassVar[tuple[Term, ...]] = (
+        ("f", -1, "M", "v"),
+        ("f", 1, "H", "r"),
+        ("f", 1, "G", "lam"),
+        ("w", 1, "Hᵀ", "v"),
+        ("b", 1, "Gᵀ", "v"),
+    )
 
     @property
     def point_sizes(self) -> dict[str, int]:

@@ -12,6 +12,7 @@ from cpbench.formulations.affine import AffineProblem
 from cpbench.formulations.base import (
     Point,
     Residuals,
+    Term,
     formulations,
     matrix_field,
     scaled,
@@ -42,6 +43,8 @@ class LCP(AffineProblem):
     equation: ClassVar[str] = "(13)"
     relations: ClassVar[tuple[str, ...]] = ("0 ≤ z ⟂ w = Mz + q ≥ 0",)
     point_type: ClassVar[type[Point]] = LCPPoint
+    terms: ClassVar[tuple[Term, ...]] = (("q", 1, "M", "z"),)
+    map_place: ClassVar[tuple[float, float]] = (4.72, 1.95)
 
     M: Matrix = matrix_field("n", "n")
     q: Vector = vector_field("n")

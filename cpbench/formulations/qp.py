@@ -13,6 +13,7 @@ from cpbench.formulations.base import (
     Point,
     Problem,
     Residuals,
+    Term,
     formulations,
     matrix_field,
     vector_field,
@@ -50,6 +51,14 @@ class QP(Problem):
     relations: ClassVar[tuple[str, ...]] = ("min ½zᵀQz + pᵀz", "Az ≥ b", "Cz = d", "lb ≤ z ≤ ub")
     point_type: ClassVar[type[Point]] = QPPoint
     primal: ClassVar[str] = "z"
+    terms: ClassVar[tuple[Term, ...]] = (
+        ("p", 1, "Q", "z"),
+        ("p", -1, "Aᵀ", "lam"),
+        ("p", -1, "Cᵀ", "mu"),
+        ("b", -1, "A", "z"),
+        ("d", -1, "C", "z"),
+    )
+    map_place: ClassVar[tuple[float, float]] = (4.6, 5.0)
 
     Q: Matrix = matrix_field("n", "n")
     p: Vector = vector_field("n")

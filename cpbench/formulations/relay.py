@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.formulations.affine import AffineProblem
-from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, vector_field
+from cpbench.formulations.base import Point, Residuals, Term, formulations, matrix_field, vector_field
 from cpbench.formulations.box import box_residuals, check_bounds, largest_in_box, own_scale, top
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.sizes import least, ratio
@@ -32,6 +32,8 @@ class Relay(AffineProblem):
     equation: ClassVar[str] = "(22), affine over a box"
     relations: ClassVar[tuple[str, ...]] = ("w = Mz + q", "lb ≤ z ≤ ub", "−w ∈ N_[lb,ub](z)")
     point_type: ClassVar[type[Point]] = LCPPoint
+    terms: ClassVar[tuple[Term, ...]] = (("q", 1, "M", "z"),)
+    map_place: ClassVar[tuple[float, float]] = (6.6, 1.0)
 
     M: Matrix = matrix_field("n", "n")
     q: Vector = vector_field("n")

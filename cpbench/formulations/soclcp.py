@@ -9,7 +9,7 @@ import numpy as np
 
 from cpbench.errors import ProblemError
 from cpbench.formulations.affine import AffineProblem
-from cpbench.formulations.base import Point, Residuals, formulations, matrix_field, scaled, vector_field
+from cpbench.formulations.base import Point, Residuals, Term, formulations, matrix_field, scaled, vector_field
 from cpbench.formulations.conic import ConicProblem, cone_residuals
 from cpbench.formulations.defects import cone_defect
 from cpbench.foundation.matrices import Matrix, Vector, max_abs, norm
@@ -36,6 +36,8 @@ class SOCLCP(AffineProblem, ConicProblem):
     equation: ClassVar[str] = "(17)"
     relations: ClassVar[tuple[str, ...]] = ("K ∋ x ⟂ w = Mx + q ∈ K*",)
     point_type: ClassVar[type[Point]] = SOCLCPPoint
+    terms: ClassVar[tuple[Term, ...]] = (("q", 1, "M", "x"),)
+    map_place: ClassVar[tuple[float, float]] = (3.2, 4.5)
     cone_rows: ClassVar[str] = "q"
 
     M: Matrix = matrix_field("n", "n")

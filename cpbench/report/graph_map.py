@@ -15,14 +15,6 @@ from cpbench.report.text import counted
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PLACES = {
-    "grfc": (0.0, 5.0), "nfc": (0.0, 3.2), "gfc": (0.0, 1.6), "rfc": (1.0, 4.5), "fcm": (1.0, 2.6), "afc": (1.0, 0.0),
-    "fc": (2.0, 1.55), "coneqp": (2.0, 5.0), "soclcp": (3.2, 4.5), "cp": (3.1, 3.5), "qvi": (1.6, 3.3),
-    "mlcp": (3.15, 0.0), "micp": (3.9, 1.05), "lcp": (4.72, 1.95), "ncp": (3.25, 2.3), "qp": (4.6, 5.0),
-    "nlp": (5.5, 5.0), "relay": (6.6, 1.0), "avi": (6.45, 2.2), "vi": (3.95, 4.0), "ge": (5.2, 3.3),
-    "equation": (5.9, 0.4),
-}  # fmt: skip
-"""Columns from the mechanics to the mathematics; a formulation that has no place here stands in a row below."""
 WIDTH = 6.0
 UNIT = (65.0, 62.0)
 """Points of a unit of the places."""
@@ -76,8 +68,10 @@ def graph_map(kinds: Collection[Kind] = tuple(Kind)) -> tuple[Figure, int]:
 
 def _places() -> dict[str, tuple[float, float]]:
     """Return where every formulation stands."""
-    others = [name for name in formulations.names() if name not in PLACES]
-    return PLACES | {name: (WIDTH * (k + 1) / (len(others) + 1), -0.9) for k, name in enumerate(others)}
+    given = {kind.node: vars(kind).get("map_place") for kind in formulations}  # one that is inherited is taken
+    others = [node for node, place in given.items() if place is None]
+    below = {node: (WIDTH * (k + 1) / (len(others) + 1), -0.9) for k, node in enumerate(others)}
+    return below | {node: place for node, place in given.items() if place is not None}
 
 
 def _border(name: str, place: tuple[float, float], other: tuple[float, float]) -> float:

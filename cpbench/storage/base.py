@@ -11,7 +11,7 @@ import os
 import secrets
 import stat
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, ClassVar
 
@@ -33,7 +33,7 @@ class Format(ABC):
     ----------
     name : what ``--format`` takes. summary : one line for tables.
     suffixes : of files that may be in this format, lower case. writes : nodes it can write.
-    why_not : node -> why it cannot, where there is more to say.
+    by_suffix : whether a file is written in this format because its name ends in one of `suffixes`.
     keeps_provenance : whether an answer to a written file can be lifted. keeps_guesses : whether it has
     starting points. text : whether its files are text, which may also be compressed (NAME.SUFFIX.gz).
     """
@@ -42,7 +42,7 @@ class Format(ABC):
     summary: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
     writes: ClassVar[frozenset[str]] = frozenset()
-    why_not: ClassVar[Mapping[str, str]] = {}
+    by_suffix: ClassVar[bool] = True
     keeps_provenance: ClassVar[bool] = False
     keeps_guesses: ClassVar[bool] = False
     text: ClassVar[bool] = False
@@ -50,6 +50,14 @@ class Format(ABC):
     @abstractmethod
     def recognises(self, path: Path, head: bytes) -> bool:
         """Return whether a file with these first bytes may be in this format (cheap, may be wrong)."""
+
+    def why_not(self, node: str) -> str:
+        """Return why the format cannot hold problems of a formulation, "" where there is no more to say."""
+        return ""
+
+    def holds(self, problem: Problem) -> bool:
+        """Return whether a file of this format may hold the problem, as far as formulation and dimension say."""
+        return problem.node in self.writes
 
     def in_folder(self, path: Path, head: bytes) -> bool:
         """Return whether a file met while a folder is searched should be listed."""

@@ -22,9 +22,9 @@ from cpbench.storage.compressed import is_compressed, plain
 from cpbench.storage.half_stored import Half
 
 logger = logging.getLogger("cpbench.storage")
-_TEXT_NODES = frozenset({"lcp", "avi", "mlcp", "relay", "soclcp", "fc", "gfc", "rfc", "grfc"})
 
-
+NATIVE = ".h5"
+"""Suffix of the format that holds every problem."""
 _MATRICES = (".npy", ".npz", ".mtx", ".csv")
 """Suffixes of files that hold a matrix or a vector, as `cpbench pack` takes them."""
 
@@ -93,7 +93,7 @@ def save(
         if not chosen.writes:
             raise FormatError(file, "", f"the format {chosen.name} is only read; cpbench list formats has the others")
         able = ", ".join(sorted(chosen.writes))
-        reason = f": {chosen.why_not[problem.node]}" if problem.node in chosen.why_not else ""
+        reason = f": {why}" if (why := chosen.why_not(problem.node)) else ""
         raise FormatError(
             file, "", f"the format {chosen.name} writes {able}, not a problem of type {problem.node}{reason}"
         )
@@ -188,26 +188,18 @@ def _candidates(file: Path) -> list[Format]:
 
 
 def _by_suffix(problem: Problem, file: Path) -> Format:
-    suffix = file.suffix.lower()
-    if suffix in (".h5", ".hdf5"):
+    if file.suffix.lower() in (NATIVE, ".hdf5"):  # the usual one: no other format has to be imported
         return formats.get("native")
-    if suffix == ".dat" and problem.node in _TEXT_NODES:
-        d = getattr(problem, "dimension", None)
-        space = "" if d is None else f"{(d + 1) // 2 if problem.node in ('rfc', 'grfc') else d}d"
-        return formats.get(f"siconos-{problem.node}{space}")
-    if suffix == ".npz" and problem.node == "qp":
-        return formats.get("qp-npz")
-    if file.name.lower().endswith(".mof.json"):
-        return formats.get("mof")
-    if suffix == ".nl" and problem.node in formats.get("nl").writes:
-        return formats.get("nl")
-    others = {
-        ".nl": problem.node in formats.get("nl").writes,
-        ".dat": problem.node in _TEXT_NODES,
-        ".npz": problem.node == "qp",
-        ".mof.json": problem.node in formats.get("mof").writes,
-    }
-    known = " or ".join([".h5", *(name for name, fits in others.items() if fits)])
+    name = file.name.lower()
+    fitting = [f for f in formats if f.by_suffix and f.holds(problem)]
+    reasoned = [f for f in formats if f.writes and f.why_not(problem.node)]  # it says what to do
+    for chosen in (*fitting, *reasoned):
+        if any(name.endswith(suffix) for suffix in chosen.suffixes):
+            return chosen
+    suffixes = sorted({suffix for f in fitting for suffix in f.suffixes if NATIVE not in f.suffixes})
     raise FormatError(
-        file, "", f"no format writes a problem of type {problem.node} to a name that ends in '{suffix}': use {known}"
+        file,
+        "",
+        f"no format writes a problem of type {problem.node} to a name that ends in '{file.suffix.lower()}': use "
+        f"{' or '.join([NATIVE, *suffixes])}",
     )

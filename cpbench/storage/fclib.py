@@ -33,7 +33,12 @@ from cpbench.storage.hdf5_tree import Tree
 from cpbench.storage.hdf5_writer import put_array, put_integer
 
 LOCAL, GLOBAL, ROLLING = "fclib_local", "fclib_global", "fclib_global_rolling"
-GROUPS = {"fc": LOCAL, "fcm": LOCAL, "gfc": GLOBAL, "grfc": ROLLING}
+GROUPS = {
+    FrictionContact.node: LOCAL,
+    MixedFrictionContact.node: LOCAL,
+    GlobalFrictionContact.node: GLOBAL,
+    GlobalRollingFrictionContact.node: ROLLING,
+}
 """The group of every node that FCLIB has."""
 _BILATERAL = frozenset({"V", "R", "s", "G", "b"})
 _DIMENSIONS = {LOCAL: (2, 3), GLOBAL: (2, 3), ROLLING: (3, 5)}

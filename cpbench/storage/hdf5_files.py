@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO, ClassVar
+from typing import BinaryIO
 
 import h5py
 
@@ -163,10 +163,13 @@ class FCLIB(HDF5):
     name = "fclib"
     summary = "FCLIB's HDF5: frictional contact, local and global, with joints and global rolling"
     writes = frozenset(fclib.GROUPS)
-    why_not: ClassVar[Mapping[str, str]] = {
-        "afc": "FCLIB has one coefficient of friction a contact",
-        "rfc": "FCLIB has rolling friction in global form alone",
-    }
+    by_suffix = False  # .h5 is the native format
+
+    def why_not(self, node: str) -> str:
+        return {
+            "afc": "FCLIB has one coefficient of friction a contact",
+            "rfc": "FCLIB has rolling friction in global form alone",
+        }.get(node, "")
 
     def _require(self, parent: Tree, group: str) -> None:
         if not group and not any(name in parent for name in _PARTS.values()):

@@ -38,7 +38,7 @@ from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.storage.base import build
 from cpbench.storage.program_properties import OFFSET, SENSE, UNKNOWNS
 
-_COMPLEMENTARITY = ("lcp", "mlcp", "relay", "avi", "ncp", "micp")
+_PROGRAMS = (QP.node, NLP.node, ConeQP.node)
 
 
 def problem_of(
@@ -65,7 +65,7 @@ def _free(model: Model) -> Any:
 
 
 def _made(model: Model, path: Path, name: str, node: str, convex: bool) -> Problem:
-    if model.complementary or (node in _COMPLEMENTARITY and not model.names):
+    if model.complementary or (node and node not in _PROGRAMS and not model.names):
         return _complementarity(model, path, name, node)
     if node == "nlp" or not model.affine or isinstance(model.objective, Nonlinear):
         return build(path, NLP, "", name=name, convex=convex, **program(model))
@@ -84,10 +84,10 @@ def _complementarity(model: Model, path: Path, name: str, node: str) -> Problem:
     M, _ = _matrix([ModelRow(function, 0.0) for function in functions], len(model.names))
     q = np.array([cast("Affine", function).constant for function in functions], float)
     fits = {
-        "lcp": half.all(),
-        "mlcp": (free | half).all() and (np.diff(free.astype(int)) <= 0).all(),
-        "relay": np.isfinite(lb).all() and np.isfinite(ub).all(),
-        "avi": True,
+        LCP.node: half.all(),
+        MLCP.node: (free | half).all() and (np.diff(free.astype(int)) <= 0).all(),
+        Relay.node: np.isfinite(lb).all() and np.isfinite(ub).all(),
+        AVI.node: True,
     }
     if not fits.get(node, False):
         node = "mlcp" if (free | half).all() else "avi"

@@ -18,32 +18,25 @@ cones, plain and rotated, are read and not written.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, ClassVar
+from typing import BinaryIO
 
+import cpbench.storage.mof_nonlinear  # noqa: F401  # pyright: ignore[reportUnusedImport]  (enters its models)
 from cpbench.errors import FormatError
-from cpbench.formulations.base import Point, Problem
-from cpbench.storage import mof_linear, mof_nonlinear, mof_read
+from cpbench.formulations.base import Point, Problem, formulations
+from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.equation import Equation
+from cpbench.storage import mof_read
 from cpbench.storage.base import Format, formats, no_member
 from cpbench.storage.mof_linear import obstacle
-from cpbench.storage.mof_write import Written, joined
+from cpbench.storage.mof_write import MODELS, joined
 
 __all__ = ["MOF", "SUFFIX", "obstacle", "text"]
 
 SUFFIX = ".mof.json"
 LARGEST = 5_000_000
 """Coefficients or operations beyond which a file would take gigabytes; HDF5 takes matrices of any size."""
-_MODELS: Mapping[str, Callable[[Any], Written]] = {
-    "lcp": mof_linear.lcp,
-    "mlcp": mof_linear.mlcp,
-    "relay": mof_linear.box,
-    "avi": mof_linear.box,
-    "qp": mof_linear.qp,
-    "nlp": mof_nonlinear.nlp,
-    "ncp": mof_nonlinear.ncp,
-    "micp": mof_nonlinear.micp,
-}
 
 
 class MOF(Format):
@@ -51,20 +44,22 @@ class MOF(Format):
     summary = "MathOptFormat 1.x (JSON), as JuMP reads it: complementarity problems, quadratic and nonlinear programs"
     suffixes = (SUFFIX,)
     text = True
-    writes = frozenset(_MODELS)
-    why_not: ClassVar[Mapping[str, str]] = {
-        **dict.fromkeys(
-            ("fc", "fcm", "gfc", "rfc", "grfc", "afc", "nfc"), "a cone with friction is none of MathOptFormat's sets"
-        ),
-        **dict.fromkeys(
-            ("cp", "vi", "ge", "qvi"),
-            "MathOptFormat has complementarity between bounds alone (Complements): convert it to micp, where it can be",
-        ),
-        "equation": "MathOptFormat has optimization and complementarity; an equation is a micp without bounds",
-    }
+    writes = frozenset(MODELS)
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return path.name.lower().endswith(SUFFIX)
+
+    def why_not(self, node: str) -> str:
+        kind = formulations.get(node)
+        if issubclass(kind, ContactProblem):
+            return "a cone with friction is none of MathOptFormat's sets"
+        if issubclass(kind, Equation):
+            return "MathOptFormat has optimization and complementarity; an equation is a micp without bounds"
+        if not kind.has_maps():
+            return ""
+        return (
+            "MathOptFormat has complementarity between bounds alone (Complements): convert it to micp, where it can be"
+        )
 
     def load(self, path: Path, member: str) -> Problem:
         no_member(path, member)
@@ -77,7 +72,7 @@ class MOF(Format):
 
 def text(problem: Problem) -> Iterator[str]:
     """Yield the file in pieces; raises FormatError when it would be too large, or the set of an avi is no box."""
-    model = _MODELS[problem.node](problem)
+    model = MODELS[problem.node](problem)
     if model.entries > LARGEST:
         raise FormatError(
             problem.name or problem.node, "", f"has {model.entries} coefficients or operations, too many: use .h5"

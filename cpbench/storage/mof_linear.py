@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from cpbench.errors import FormatError
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Sparse, Vector
-from cpbench.storage.mof_write import FEASIBILITY, Written, joined, numbered, one_sided
+from cpbench.storage.mof_write import FEASIBILITY, MODELS, Written, joined, numbered, one_sided
 from cpbench.storage.program_properties import offset
 
 
@@ -22,11 +22,13 @@ def obstacle(problem: Any) -> str | None:
     return None
 
 
+@MODELS.of("lcp")
 def lcp(problem: Any) -> Written:
     n = problem.q.size
     return _complements(problem.M, problem.q, numbered("z", n), np.zeros(n), np.full(n, np.inf))
 
 
+@MODELS.of("relay", "avi")
 def box(problem: Any) -> Written:
     why = obstacle(problem)
     if why is not None:
@@ -34,6 +36,7 @@ def box(problem: Any) -> Written:
     return _complements(problem.M, problem.q, numbered("z", problem.q.size), problem.lb, problem.ub)
 
 
+@MODELS.of("mlcp")
 def mlcp(problem: Any) -> Written:
     n, m = problem.a.size, problem.b.size
     M = matrices.block([[problem.A, problem.C], [problem.D, problem.B]])
@@ -68,6 +71,7 @@ def _complements(M: Any, q: Vector, names: Sequence[str], lb: Vector, ub: Vector
     return Written(names, lb, ub, [FEASIBILITY], rows(), F.nnz)
 
 
+@MODELS.of("qp")
 def qp(problem: Any) -> Written:
     names = numbered("z", problem.p.size)
     A, C = kept(problem.A), kept(problem.C)

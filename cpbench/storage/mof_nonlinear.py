@@ -10,11 +10,12 @@ import numpy as np
 
 from cpbench.formulations.expressions import Map, to_mof
 from cpbench.storage.mof_read import CONVEX
-from cpbench.storage.mof_write import FEASIBILITY, Written, numbered
+from cpbench.storage.mof_write import FEASIBILITY, MODELS, Written, numbered
 
 MINOR = to_mof.VERSION["minor"]
 
 
+@MODELS.of("nlp")
 def nlp(problem: Any) -> Written:
     """Write every row as a function of its own, as simple as it reads back; g, or h, as one vector where its rows share
     so much that this would be far longer.
@@ -44,11 +45,13 @@ def nlp(problem: Any) -> Written:
     )
 
 
+@MODELS.of("ncp")
 def ncp(problem: Any) -> Written:
     n = problem.start.size
     return _complements(problem, np.zeros(n), np.full(n, np.inf))
 
 
+@MODELS.of("micp")
 def micp(problem: Any) -> Written:
     return _complements(problem, problem.lb, problem.ub)
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from cpbench.formulations.expressions import to_mof
+from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Vector
 
 FEASIBILITY = '{"sense": "feasibility"}'
@@ -54,6 +56,10 @@ class Written:
                     yield f'{{"function": {{"type": "Variable", "name": "{name}"}}, "set": {bound}}}'
         for name, value in self.parameters.items():
             yield json.dumps(to_mof.parameter(name, value))
+
+
+MODELS: NodeTable[Callable[[Any], Written]] = NodeTable("model of MathOptFormat", "not written as .mof.json")
+"""Function that makes the parts of a file of a problem."""
 
 
 def one_sided(kind: str, side: str, value: float) -> str:

@@ -25,7 +25,7 @@ from cpbench.storage.model_problem import problem_of
 from cpbench.storage.nl_encoders import Binary, Encoder, Text
 from cpbench.storage.nl_model import model_of
 from cpbench.storage.nl_segments import read_segments
-from cpbench.storage.nl_write import CONVEX, NODES, encoded
+from cpbench.storage.nl_write import CONVEX, WRITERS, encoded
 from cpbench.storage.squares import squared
 
 logger = logging.getLogger("cpbench.storage")
@@ -43,7 +43,7 @@ class NL(Format):
     name = "nl"
     summary = "AMPL's .nl, text or binary: programs and complementarity problems, as AMPL, Pyomo and JuMP write them"
     suffixes = (SUFFIX,)
-    writes = NODES
+    writes = frozenset(WRITERS)
     text: ClassVar[bool] = True
     encoder: ClassVar[Encoder] = Text()
 
@@ -64,6 +64,7 @@ class BinaryNL(NL):
     name = "nl-binary"
     summary = "AMPL's .nl in binary (nl reads both)"
     encoder = Binary()
+    by_suffix = False  # .nl is text
 
     def recognises(self, path: Path, head: bytes) -> bool:
         return False

@@ -8,7 +8,7 @@ counts as nonlinear all up to the last one that is.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 from cpbench.errors import FormatError
 from cpbench.formulations.expressions.from_mof import Affine
 from cpbench.formulations.expressions.operators import Operator
+from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Vector
 from cpbench.storage.mof_linear import kept, quadratic
 from cpbench.storage.nl_encoders import Encoder
@@ -55,6 +56,10 @@ class _Written:
     pairs: int = 0
 
 
+WRITERS: NodeTable[Callable[[Any, Encoder], _Written]] = NodeTable("model of .nl", "not written as .nl")
+"""Function that makes the parts of a file of a problem."""
+
+
 def obstacle(problem: Any) -> str | None:
     """Return why a problem of a formulation that can be written cannot be, None where it can."""
     for name, F in problem.maps().items():
@@ -71,10 +76,11 @@ def encoded(problem: Any, to: Encoder) -> bytes:
     why = obstacle(problem)
     if why is not None:
         raise FormatError(problem.name or problem.node, "", f"cannot be written as nl: {why}")
-    model = _MODELS[problem.node](problem, to)
+    model = WRITERS[problem.node](problem, to)
     return b"".join((_header(problem, model, to).encode(), *_segments(model, to)))
 
 
+@WRITERS.of("nlp")
 def _nlp(problem: Any, to: Encoder) -> _Written:
     model = _Written(problem.lb, problem.ub, problem.start)
     terms = NLTerms(problem.start.size, (problem.f, problem.g, problem.h))
@@ -83,6 +89,7 @@ def _nlp(problem: Any, to: Encoder) -> _Written:
     return model
 
 
+@WRITERS.of("ncp", "micp")
 def _pairs(problem: Any, to: Encoder) -> _Written:
     n = problem.start.size
     lb, ub = (problem.lb, problem.ub) if problem.node == "micp" else (np.zeros(n), np.full(n, np.inf))
@@ -111,6 +118,7 @@ def _rows(model: _Written, terms: NLTerms, kinds: Sequence[str], to: Encoder) ->
     return found
 
 
+@WRITERS.of("qp")
 def _qp(problem: Any, to: Encoder) -> _Written:
     n = problem.p.size
     model = _Written(problem.lb, problem.ub, np.zeros(n))
@@ -142,10 +150,6 @@ def _qp(problem: Any, to: Encoder) -> _Written:
             row = Affine(S.indices[inside].tolist(), S.data[inside].tolist(), 0.0)
             model.rows.append(_Row(zero, (), row.columns, row.values, to.numbers(kind, side)))
     return model
-
-
-_MODELS: Mapping[str, Any] = {"nlp": _nlp, "ncp": _pairs, "micp": _pairs, "qp": _qp}
-NODES = frozenset(_MODELS)
 
 
 def _header(problem: Any, model: _Written, to: Encoder) -> str:

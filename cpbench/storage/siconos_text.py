@@ -101,6 +101,9 @@ class SiconosText(Format):
             path, cause.field, f"{cause.cause} (no Siconos layout fits to its last number, nearest {name})"
         )
 
+    def holds(self, problem: Problem) -> bool:
+        return super().holds(problem) and getattr(problem, "dimension", None) == self.dimension
+
     def encode(self, problem: Problem, *, compress: bool) -> bytes:
         if getattr(problem, "dimension", None) != self.dimension:
             raise FormatError(problem.name or problem.node, "dimension", f"does not fit {self.name}")

@@ -9,12 +9,14 @@ import numpy as np
 from cpbench.formulations import Problem
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing import planted, planted_conic
+from cpbench.testing.makers import plants
 
 
 def _rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
+@plants("relay")
 def _relay() -> dict[str, tuple[Problem, Any]]:
     named: dict[str, tuple[Problem, Any]] = {
         kind.replace(" ", "-"): planted_conic.relay(_rng(i), 10, kind) for i, kind in enumerate(planted.SQUARE)
@@ -25,6 +27,7 @@ def _relay() -> dict[str, tuple[Problem, Any]]:
     return named
 
 
+@plants("avi")
 def _avi() -> dict[str, tuple[Problem, Any]]:
     return {
         "monotone": planted_conic.avi(_rng(0), 8, 5, 2),
@@ -38,6 +41,7 @@ def _avi() -> dict[str, tuple[Problem, Any]]:
     }
 
 
+@plants("soclcp")
 def _soclcp() -> dict[str, tuple[Problem, Any]]:
     named: dict[str, tuple[Problem, Any]] = {
         kind.replace(" ", "-"): planted_conic.soclcp(_rng(i), None, kind) for i, kind in enumerate(planted.SQUARE)
@@ -50,6 +54,7 @@ def _soclcp() -> dict[str, tuple[Problem, Any]]:
     return named
 
 
+@plants("coneqp")
 def _coneqp() -> dict[str, tuple[Problem, Any]]:
     contacts = ProductCone.of((Cone.SECOND_ORDER, 4, 3, np.array([0.0, 0.3, 0.6, 1.0])))
     return {
@@ -62,6 +67,3 @@ def _coneqp() -> dict[str, tuple[Problem, Any]]:
         "one": planted_conic.plain_coneqp(_rng(7), ProductCone.of((Cone.NONNEGATIVE, 1, 1))),
         "empty": planted_conic.plain_coneqp(_rng(8), ProductCone.of()),
     }
-
-
-MAKERS = {"relay": _relay, "avi": _avi, "soclcp": _soclcp, "coneqp": _coneqp}

@@ -8,12 +8,14 @@ import numpy as np
 
 from cpbench.formulations import Problem
 from cpbench.testing import planted_contact
+from cpbench.testing.makers import plants
 
 
 def _rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
+@plants("fcm")
 def _fcm() -> dict[str, tuple[Problem, Any]]:
     return {
         "definite-3d": planted_contact.fcm(_rng(0), 4, 3, 3),
@@ -36,6 +38,7 @@ def gfc_with_joints() -> dict[str, tuple[Problem, Any]]:
     }
 
 
+@plants("rfc")
 def _rfc() -> dict[str, tuple[Problem, Any]]:
     return {
         "definite-5": planted_contact.rfc(_rng(0), 4, 5),
@@ -48,6 +51,7 @@ def _rfc() -> dict[str, tuple[Problem, Any]]:
     }
 
 
+@plants("grfc")
 def _grfc() -> dict[str, tuple[Problem, Any]]:
     return {
         "free-5": planted_contact.grfc(_rng(0), 3, 4, 0, 5),
@@ -58,6 +62,7 @@ def _grfc() -> dict[str, tuple[Problem, Any]]:
     }
 
 
+@plants("afc")
 def _afc() -> dict[str, tuple[Problem, Any]]:
     return {
         "definite": planted_contact.afc(_rng(0), 5),
@@ -66,6 +71,3 @@ def _afc() -> dict[str, tuple[Problem, Any]]:
         "one": planted_contact.afc(_rng(3), 1),
         "empty": planted_contact.afc(_rng(4), 0),
     }
-
-
-MAKERS = {"fcm": _fcm, "rfc": _rfc, "grfc": _grfc, "afc": _afc}

@@ -28,6 +28,7 @@ from cpbench.formulations import (
 from cpbench.formulations.conic import cone_fields
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing import planted_nonlinear as plant
+from cpbench.testing.makers import plants
 from cpbench.testing.planted_nonlinear import graph
 
 Named = dict[str, tuple[Problem, Any]]
@@ -42,6 +43,7 @@ def _laws(make: Callable[..., Any], seed: int, *sizes: Any) -> Named:
     return {law: make(_rng(seed + i), *sizes, law=law) for i, law in enumerate(plant.LAWS)}
 
 
+@plants("ncp")
 def _ncp() -> Named:
     """Return z = F(z) = 0 in half of the components, not monotone, F without a value at 0."""
     named = _laws(plant.ncp, 300, 9)
@@ -58,6 +60,7 @@ def _ncp() -> Named:
     return named
 
 
+@plants("micp")
 def _micp() -> Named:
     """Return a problem with nothing bounded, everything fixed, at a bound with F = 0."""
     named = _laws(plant.micp, 320, 10)
@@ -79,6 +82,7 @@ def _micp() -> Named:
     return named
 
 
+@plants("equation")
 def _equation() -> Named:
     """Build smooth equations, with corners, and nothing to solve."""
     named = _laws(plant.equation, 340, 7)
@@ -93,6 +97,7 @@ def _ball(n: int, radius: float) -> ProductCone:
     return ProductCone.of((Cone.BALL, 1, n, radius))
 
 
+@plants("vi")
 def _vi() -> Named:
     """Build a box, polyhedron, ball, second-order cone, products, g(z) ≥ 0; everything at once."""
     soc = ProductCone.of((Cone.SECOND_ORDER, 3, 3, np.array([0.0, 0.5, 1.0])))
@@ -121,6 +126,7 @@ def _vi() -> Named:
     return named
 
 
+@plants("ge")
 def _ge() -> Named:
     soc = ProductCone.of((Cone.SECOND_ORDER, 2, 3, np.array([0.5, 1.0])))
     orthant = ProductCone.of((Cone.NONNEGATIVE, 1, 4), (Cone.ZERO, 1, 2))
@@ -135,6 +141,7 @@ def _ge() -> Named:
     }
 
 
+@plants("cp")
 def _cp() -> Named:
     """Build products with and without rows; the lecture's orthant; μ of 0 and ∞."""
     half_space = ProductCone.of((Cone.SECOND_ORDER, 3, 3, np.array([0.0, np.inf, 1.0])))
@@ -152,6 +159,7 @@ def _cp() -> Named:
     }
 
 
+@plants("nlp")
 def _nlp() -> Named:
     """Build convex ones and qualified ones, qualified by nobody's word, stationary points, nothing but bounds, nothing
     at all."""
@@ -177,6 +185,7 @@ def _nlp() -> Named:
     return named
 
 
+@plants("qvi")
 def _qvi() -> Named:
     return {
         "moving-box": plant.moving_box(_rng(440), 7),
@@ -189,6 +198,7 @@ def _qvi() -> Named:
     }
 
 
+@plants("nfc")
 def _nfc() -> Named:
     return {
         "damping-3d": plant.nfc(_rng(450), 3, 4, 3),
@@ -198,19 +208,6 @@ def _nfc() -> Named:
         "one": plant.nfc(_rng(454), 1, 1, 3),
         "no-contact": plant.nfc(_rng(455), 2, 0, 3),
     }
-
-
-MAKERS = {
-    "ncp": _ncp,
-    "micp": _micp,
-    "equation": _equation,
-    "vi": _vi,
-    "ge": _ge,
-    "cp": _cp,
-    "nlp": _nlp,
-    "qvi": _qvi,
-    "nfc": _nfc,
-}
 
 
 def infeasible(node: str) -> dict[str, Problem]:

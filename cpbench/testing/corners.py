@@ -23,6 +23,7 @@ from cpbench.formulations import (
     QPPoint,
 )
 from cpbench.testing import planted
+from cpbench.testing.makers import plants
 
 UNITS = (1e-8, 1e8)
 _NONE = np.zeros(0)
@@ -32,6 +33,7 @@ def _rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
+@plants("lcp")
 def _lcp() -> dict[str, tuple[Problem, Any]]:
     """Build impulses and velocities in other units; M, q or a row of M zero."""
     problem, point = planted.lcp(_rng(20), 8, "positive definite")
@@ -52,6 +54,7 @@ def _lcp() -> dict[str, tuple[Problem, Any]]:
     return corners
 
 
+@plants("mlcp")
 def _mlcp() -> dict[str, tuple[Problem, Any]]:
     """Return cases with u in another unit, everything smaller or larger; A and B zero; nothing to balance."""
     problem, point = planted.mlcp(_rng(21), 4, 5, "positive definite")
@@ -76,6 +79,7 @@ def _mlcp() -> dict[str, tuple[Problem, Any]]:
     return corners
 
 
+@plants("qp")
 def _qp() -> dict[str, tuple[Problem, Any]]:
     """Build objective and z in other units; no unknowns, no objective, rows that say nothing or the same twice."""
     problem, point = planted.qp(_rng(30), 6, 4, 2)
@@ -114,6 +118,7 @@ def _qp_point(z: Any, lam: Any = _NONE, mu: Any = _NONE, nu: Any = None) -> QPPo
     return QPPoint(z=z, lam=lam, mu=mu, nu=np.zeros(len(z)) if nu is None else nu)
 
 
+@plants("fc")
 def _fc() -> dict[str, tuple[Problem, Any]]:
     """Build impulses and velocities in other units, fast sliding, nothing pushes, a contact without any inertia in
     it."""
@@ -142,6 +147,7 @@ def _fc() -> dict[str, tuple[Problem, Any]]:
     return corners
 
 
+@plants("gfc")
 def _gfc() -> dict[str, tuple[Problem, Any]]:
     """Build masses in other units; two contacts in one place, which share a reaction in infinitely many ways."""
     problem, point = planted.gfc(_rng(50), 3, 4, 3)
@@ -166,6 +172,3 @@ def _gfc() -> dict[str, tuple[Problem, Any]]:
         GFCPoint(v=v, r=push),
     )
     return corners
-
-
-MAKERS = {"lcp": _lcp, "mlcp": _mlcp, "qp": _qp, "fc": _fc, "gfc": _gfc}

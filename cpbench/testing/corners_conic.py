@@ -11,6 +11,7 @@ from cpbench.formulations import AVI, SOCLCP, AVIPoint, ConeQP, ConeQPPoint, LCP
 from cpbench.formulations.conic import cone_fields
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing import planted_conic
+from cpbench.testing.makers import plants
 
 UNITS = (1e-8, 1e8)
 Corners = dict[str, tuple[Problem, Any]]
@@ -22,6 +23,7 @@ def _rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
+@plants("relay")
 def _relay() -> Corners:
     problem, point = planted_conic.relay(_rng(110), 6)
     M, q, lb, ub, z = problem.M, problem.q, problem.lb, problem.ub, point.z
@@ -52,6 +54,7 @@ def _relay() -> Corners:
     return corners
 
 
+@plants("avi")
 def _avi() -> Corners:
     problem, point = planted_conic.avi(_rng(120), 6, 4, 2)
     M, q, A, b, C, d, lb, ub = (getattr(problem, k) for k in ("M", "q", "A", "b", "C", "d", "lb", "ub"))
@@ -102,6 +105,7 @@ def _avi() -> Corners:
     return corners
 
 
+@plants("soclcp")
 def _soclcp() -> Corners:
     K = planted_conic.cone(_rng(130))
     problem, point = planted_conic.soclcp(_rng(131), K)
@@ -138,6 +142,7 @@ def _soclcp() -> Corners:
     return corners
 
 
+@plants("coneqp")
 def _coneqp() -> Corners:
     K = planted_conic.cone(_rng(150), cylinders=True)
     problem, point = planted_conic.coneqp(_rng(151), 8, K)
@@ -194,9 +199,6 @@ def _coneqp() -> Corners:
     s, _ = planted_conic.pair(_rng(170), K)
     corners["all-ties"] = (ConeQP.over(Q, -Q @ x, K, A, s - A @ x), ConeQPPoint(x=x, y=np.zeros(K.rows)))
     return corners
-
-
-MAKERS = {"relay": _relay, "avi": _avi, "soclcp": _soclcp, "coneqp": _coneqp}
 
 
 def infeasible(node: str) -> dict[str, Problem]:

@@ -20,6 +20,7 @@ from cpbench.formulations import (
     RollingFrictionContact,
 )
 from cpbench.testing import planted, planted_contact
+from cpbench.testing.makers import plants
 
 UNITS = (1e-8, 1e8)
 Corners = dict[str, tuple[Problem, Any]]
@@ -29,6 +30,7 @@ def _rng(seed: int) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
+@plants("fcm")
 def _fcm() -> Corners:
     problem, point = planted_contact.fcm(_rng(60), 4, 3, 3)
     W, V, R, q, s, mu = problem.W, problem.V, problem.R, problem.q, problem.s, problem.mu
@@ -88,7 +90,8 @@ def _frictionless(nc: int) -> tuple[np.ndarray, np.ndarray]:
     return r.ravel(), u.ravel()
 
 
-def _gfc() -> Corners:
+@plants("gfc")
+def gfc() -> Corners:
     """Build, beside those of `corners`, what joints bring."""
     problem, point = planted_contact.gfc(_rng(70), 3, 4, 2, 3)
     return _joints(problem, point)
@@ -136,6 +139,7 @@ def _driven(M: Any, H: Any, G: Any, r: np.ndarray, lam: np.ndarray) -> np.ndarra
     return np.linalg.solve(M, H @ r + G @ lam)
 
 
+@plants("rfc")
 def _rfc() -> Corners:
     corners: Corners = {}
     for d in (3, 5):
@@ -182,6 +186,7 @@ def _rolling(rng: np.random.Generator, d: int, W: Any, mu: np.ndarray, mu_r: np.
     return RollingFrictionContact(W=W, q=u - W @ r, mu=mu, mu_r=mu_r, dimension=d), FCPoint(r=r)
 
 
+@plants("grfc")
 def _grfc() -> Corners:
     problem, point = planted_contact.grfc(_rng(90), 3, 4, 2, 5)
     corners = _joints(problem, point)
@@ -199,6 +204,7 @@ def _grfc() -> Corners:
     return corners
 
 
+@plants("afc")
 def _afc() -> Corners:
     problem, point = planted_contact.afc(_rng(100), 4)
     W, q = problem.W, problem.q
@@ -226,9 +232,6 @@ def _elliptic(rng: np.random.Generator, W: Any, mu: np.ndarray) -> tuple[Problem
     r, u = planted.contact_state(rng, nc, 3, np.ones(nc))
     r, u = S * r, u / S
     return AnisotropicFrictionContact(W=W, q=u - W @ r, mu=mu), FCPoint(r=r)
-
-
-MAKERS = {"fcm": _fcm, "gfc": _gfc, "rfc": _rfc, "grfc": _grfc, "afc": _afc}
 
 
 WEDGE = np.array([[1.0, -1.0], [-1.0, 1.0]])

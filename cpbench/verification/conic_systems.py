@@ -17,11 +17,14 @@ from cpbench.foundation.matrices import Vector
 from cpbench.verification import sets
 from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.frame import Frame, System, Terms, block_norms
+from cpbench.verification.parts import Measure
 from cpbench.verification.sets import Flags
 from cpbench.verification.systems import kept
+from cpbench.verification.tables import rows_of
 from cpbench.verification.vanishing import caps
 
 
+@rows_of("soclcp", by=Measure.PAIRS)
 def soclcp(P: Any, point: Any) -> System:
     """Return x in K beside Mx + q."""
 
@@ -32,6 +35,7 @@ def soclcp(P: Any, point: Any) -> System:
     return System(kept(P, frame), point.x, P.M @ point.x + P.q)
 
 
+@rows_of("coneqp", by=Measure.GAP)
 def coneqp(P: Any, point: Any) -> System:
     """Return (x, y) beside Qx + p − Aᵀy and Ax + b, which is in K."""
     x, y = point.x, point.y
@@ -58,6 +62,7 @@ def coneqp(P: Any, point: Any) -> System:
     )
 
 
+@rows_of("ncp", "micp", "equation")
 def complementarity(P: Any, point: Any) -> System:
     """Return the rows of ncp, micp and equation: z between bounds beside F(z)."""
     z = point.z
@@ -65,12 +70,14 @@ def complementarity(P: Any, point: Any) -> System:
     return _with_rows(P, z, P.F(z), P.F.jacobian(z), [sets.Box.of(np.arange(z.size), lb, ub)], np.arange(z.size))
 
 
+@rows_of("ge")
 def ge(P: Any, point: Any) -> System:
     """Return z in S beside F(z)."""
     z = point.z
     return _with_rows(P, z, P.F(z), P.F.jacobian(z), *_simple(P, P.K, P.lb, P.ub, z.size))
 
 
+@rows_of("vi")
 def vi(P: Any, point: Any) -> System:
     """Return (z, λ, μ, ν) beside F(z) − Aᵀλ − Cᵀμ − ∇g ν, Az − b, Cz − d and g(z)."""
     z = point.z
@@ -91,6 +98,7 @@ def vi(P: Any, point: Any) -> System:
     )  # fmt: skip
 
 
+@rows_of("cp")
 def cp(P: Any, point: Any) -> System:
     """Return (x, λ) beside F(x) − Aᵀλ and Ax."""
     x = point.x
@@ -101,6 +109,7 @@ def cp(P: Any, point: Any) -> System:
     )  # fmt: skip
 
 
+@rows_of("qvi")
 def qvi(P: Any, point: Any) -> System:
     """Return (z, ν) beside F(z) − ∇_y g ν and g(z, z), z in S(z)."""
     z = point.z
@@ -119,6 +128,7 @@ def qvi(P: Any, point: Any) -> System:
     )  # fmt: skip
 
 
+@rows_of("nlp", by=Measure.GAP)
 def nlp(P: Any, point: Any) -> System:
     """Return (z, λ, μ) beside ∇f − ∇g λ − ∇h μ, g(z) and h(z); ν is the first of them."""
     z, lam, mu = point.z, point.lam, point.mu

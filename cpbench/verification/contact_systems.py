@@ -19,10 +19,14 @@ from cpbench.foundation.matrices import Vector, dense
 from cpbench.foundation.product_cones import Cone
 from cpbench.verification import sets
 from cpbench.verification.frame import Frame, System, Terms
+from cpbench.verification.parts import Measure
 from cpbench.verification.projections import row_norms
 from cpbench.verification.systems import kept, stack
+from cpbench.verification.tables import rows_of
 
 
+@rows_of("fc", by=Measure.ENERGY, stacked=True)
+@rows_of("rfc", "afc", by=Measure.ENERGY)
 def local(P: Any, point: Any) -> System:
     """Return the rows of fc, rfc and afc: r beside û(Wr + q)."""
     unit = _units(P)
@@ -36,6 +40,7 @@ def local(P: Any, point: Any) -> System:
     return System(kept(P, frame), r, shifted(P, u), velocity=u)
 
 
+@rows_of("fcm", by=Measure.ENERGY)
 def mixed(P: Any, point: Any) -> System:
     """Return the rows of fcm: (r, λ) beside û(Wr + Vλ + q) and Vᵀr + Rλ + s."""
     unit, lam = _units(P), point.lam
@@ -54,6 +59,7 @@ def mixed(P: Any, point: Any) -> System:
     return System(kept(P, frame), np.concatenate([point.r / unit, lam]), f, velocity=velocity)
 
 
+@rows_of("gfc", "grfc", by=Measure.ENERGY)
 def dynamic(P: Any, point: Any) -> System:
     """Return the rows of gfc and grfc: (r, v, λ) beside û(Hᵀv + w), Mv − Hr − Gλ − f and Gᵀv + b."""
     v, lam = point.v, point.lam
@@ -62,6 +68,7 @@ def dynamic(P: Any, point: Any) -> System:
     return _dynamics(P, point.r, v, lam, force, joints, lambda: P.M, np.abs(P.f), np.abs(P.b), P.G, keep=True)
 
 
+@rows_of("nfc", by=Measure.ENERGY)
 def nonlinear_dynamic(P: Any, point: Any) -> System:
     """Return the rows of nfc: (r, v) beside û(Hᵀv + w) and F(v) − Hr, F linearized at v."""
     v, F, M = point.v, P.F(point.v), P.F.jacobian(point.v)

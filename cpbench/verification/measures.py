@@ -8,30 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.verification import conic_systems, contact_systems, systems
+import cpbench.verification.conic_systems  # noqa: F401  # pyright: ignore[reportUnusedImport]  (enters its rows)
+from cpbench.verification import contact_systems
 from cpbench.verification.backward_error import BackwardError
 from cpbench.verification.frame import System
 from cpbench.verification.mixed_error import mixed_error
 from cpbench.verification.part_error import part_error, parts_between, parts_of
 from cpbench.verification.parts import Measure
+from cpbench.verification.tables import BY_PARTS, SYSTEMS
 
-SYSTEMS: dict[str, Callable[[Any, Any], System]] = {
-    "lcp": systems.lcp, "mlcp": systems.mlcp, "relay": systems.relay, "avi": systems.avi, "qp": systems.qp,
-    "fc": contact_systems.local, "rfc": contact_systems.local, "afc": contact_systems.local,
-    "fcm": contact_systems.mixed, "gfc": contact_systems.dynamic, "grfc": contact_systems.dynamic,
-    "nfc": contact_systems.nonlinear_dynamic,
-    "soclcp": conic_systems.soclcp, "coneqp": conic_systems.coneqp,
-    "ncp": conic_systems.complementarity, "micp": conic_systems.complementarity,
-    "equation": conic_systems.complementarity, "ge": conic_systems.ge, "vi": conic_systems.vi, "cp": conic_systems.cp,
-    "qvi": conic_systems.qvi, "nlp": conic_systems.nlp,
-}  # fmt: skip
-
-
-CONTACT = ("fc", "rfc", "afc", "fcm", "gfc", "grfc", "nfc")
-BY_PARTS: dict[str, Measure] = dict.fromkeys(("lcp", "mlcp", "relay", "avi", "soclcp"), Measure.PAIRS)
-BY_PARTS |= dict.fromkeys(("qp", "coneqp", "nlp"), Measure.GAP)
-BY_PARTS |= dict.fromkeys(CONTACT, Measure.ENERGY)
-"""What is measured of the nodes that are taken part by part; of others the linear parts are (`mixed_error`)."""
 AT_START: dict[str, Callable[[Any], dict[str, Any]]] = {
     "nlp": lambda problem: {"z": problem.at_start},
     "nfc": lambda problem: {"v": problem.start},
@@ -65,7 +50,7 @@ def measure(problem: Any, point: Any, system: System | None = None) -> BackwardE
 
 def misses_the_law(problem: Any, system: System | None, tolerance: float) -> bool:
     """Return whether a contact that carries load misses its law by more than `NOTICED` of its own size."""
-    if system is None or problem.node not in CONTACT or not problem.nc:
+    if system is None or BY_PARTS.get(problem.node) is not Measure.ENERGY or not problem.nc:
         return False
     with np.errstate(all="ignore"):
         return contact_systems.worst_loaded(problem, system, tolerance) > NOTICED

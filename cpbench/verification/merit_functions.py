@@ -13,15 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.verification.sets import INFINITE
 
-NODES = ("lcp", "mlcp", "relay", "ncp", "micp", "equation")
-"""Formulations that are mixed complementarity problems without any conversion."""
+Bounds: TypeAlias = tuple[Any, Any]
+BOUNDS: NodeTable[Callable[[Any], Bounds]] = NodeTable("bounds beside F", "verify --as shows no norms of PATH")
+"""Bounds of the unknowns, by formulation: those that are mixed complementarity problems without any conversion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +39,8 @@ class _Mixed:
 
 def path_norms(problem: Any, point: Any) -> dict[str, float]:
     """Complementarity, normal map, minimum map, Fischer function, and the gradient of ½‖Fischer function‖²."""
-    if problem.node == "mlcp":
-        lb, given = np.concatenate([np.full(point.u.size, -np.inf), np.zeros(point.v.size)]), _stacked(point)
-    else:
-        given = point.z
-        lb = _bound(problem, "lb", -np.inf if problem.node == "equation" else 0.0)
-    ub = _bound(problem, "ub", np.inf, given.size)
+    given = np.concatenate([np.zeros(0), *point.arrays().values()])
+    lb, ub = (np.broadcast_to(bound, given.shape) for bound in BOUNDS[problem.node](problem))
     lb, ub = np.where(lb <= -INFINITE, -np.inf, lb), np.where(ub >= INFINITE, np.inf, ub)
     z = np.minimum(np.maximum(given, lb), ub)
     mixed = _evaluated(problem, z, lb, ub)
@@ -58,13 +56,24 @@ def path_norms(problem: Any, point: Any) -> dict[str, float]:
     return {name: max(value, beyond) for name, value in found.items()}
 
 
-def _stacked(point: Any) -> Vector:
-    return np.concatenate([point.u, point.v])
+@BOUNDS.of("lcp", "ncp")
+def _half_line(problem: Any) -> Bounds:
+    return 0.0, np.inf
 
 
-def _bound(problem: Any, name: str, otherwise: float, size: int | None = None) -> Vector:
-    own = getattr(problem, name, None)
-    return np.full(problem.point_sizes["z"] if size is None else size, otherwise) if own is None else own
+@BOUNDS.of("relay", "micp")
+def _box(problem: Any) -> Bounds:
+    return problem.lb, problem.ub
+
+
+@BOUNDS.of("equation")
+def _line(problem: Any) -> Bounds:
+    return -np.inf, np.inf
+
+
+@BOUNDS.of("mlcp")
+def _mixed(problem: Any) -> Bounds:
+    return np.concatenate([np.full(problem.a.size, -np.inf), np.zeros(problem.b.size)]), np.inf
 
 
 def _evaluated(problem: Any, z: Vector, lb: Vector, ub: Vector) -> _Mixed:

@@ -7,7 +7,7 @@ What `Problem.residuals` has measured already is read from there.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +17,7 @@ from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import max_abs
 from cpbench.foundation.product_cones import Cone
 from cpbench.verification import sets
-from cpbench.verification.merit_functions import NODES, path_norms
+from cpbench.verification.merit_functions import BOUNDS, path_norms
 from cpbench.verification.projections import project, row_norms
 
 PATH = "PATH (Ferris and Munson; Billups, Dirkse and Ferris 1997)"
@@ -61,7 +61,7 @@ class PublishedMeasure:
 class Family:
     """Measures that are computed together: of which formulations, by whom, and how of (problem, point, residuals)."""
 
-    nodes: tuple[str, ...]
+    nodes: Collection[str]
     source: str
     of: Callable[[Any, Any, Mapping[str, float]], dict[str, float]]
 
@@ -121,7 +121,7 @@ def contactbench(problem: Any, point: Any, known: Mapping[str, float]) -> dict[s
 
 
 FAMILIES: tuple[Family, ...] = (
-    Family(NODES, PATH, lambda problem, point, known: path_norms(problem, point)),
+    Family(BOUNDS, PATH, lambda problem, point, known: path_norms(problem, point)),
     Family(("qp",), OSQP, osqp),
     Family(("qp",), QPBENCHMARK, qpbenchmark),
     Family(CONTACT, CONTACTBENCH, contactbench),

@@ -23,8 +23,8 @@ from cpbench.verification.measures import BY_PARTS, SYSTEMS
 from cpbench.verification.part_error import BlockErrors, block_errors
 from cpbench.verification.parts import Parts
 from cpbench.verification.sets import Flags
+from cpbench.verification.tables import STACKED
 
-NODES = ("lcp", "mlcp", "qp", "fc")
 ENTRIES = 2**17
 """Numbers of the data that are judged in one go: what is made of them stays in the cache."""
 
@@ -54,10 +54,10 @@ def judge_stack(stack: Stack, answers: Mapping[str, Any], tolerance: float) -> V
     ----------
     answers : (k, size) of every part of a point, by name.
 
-    Raises PointError where an answer has other shapes, ValueError for a formulation that is not among `NODES`.
+    Raises PointError where an answer has other shapes, ValueError for a formulation that is not in `STACKED`.
     """
-    if stack.kind.node not in NODES:
-        raise ValueError(f"{stack.kind.node}: answers are judged as arrays for {', '.join(NODES)}")
+    if stack.kind.node not in STACKED:
+        raise ValueError(f"{stack.kind.node}: answers are judged as arrays for {', '.join(sorted(STACKED))}")
     parts = {name: np.asarray(answers[name], dtype=float) for name in (f.name for f in fields(stack.kind.point_type))}
     for name, size in stack.point_sizes.items():
         if parts[name].shape != (stack.count, size):

@@ -13,6 +13,8 @@ from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Matrix, Vector, dense, transpose
 from cpbench.verification import sets
 from cpbench.verification.frame import SMALL, Frame, System, Terms
+from cpbench.verification.parts import Measure
+from cpbench.verification.tables import rows_of
 
 _FRAMES: WeakKeyDictionary[Problem, Any] = WeakKeyDictionary()
 AnyFrame = TypeVar("AnyFrame", bound=Frame)
@@ -47,6 +49,7 @@ def stack(blocks: list[list[Any]]) -> Any:
     return abs(sp.csr_array(sp.vstack(lines, format="csr")))  # half of the time of block_array
 
 
+@rows_of("lcp", by=Measure.PAIRS, stacked=True)
 def lcp(problem: Any, point: Any) -> System:
     """Return z ≥ 0 beside Mz + q."""
     z, q = point.z, problem.q
@@ -58,6 +61,7 @@ def lcp(problem: Any, point: Any) -> System:
     return System(kept(problem, frame), z, problem.M @ z + q)
 
 
+@rows_of("relay", by=Measure.PAIRS)
 def relay(problem: Any, point: Any) -> System:
     """Return z between bounds beside Mz + q."""
     z, q = point.z, problem.q
@@ -69,6 +73,7 @@ def relay(problem: Any, point: Any) -> System:
     return System(kept(problem, frame), z, problem.M @ z + q)
 
 
+@rows_of("mlcp", by=Measure.PAIRS, stacked=True)
 def mlcp(problem: Any, point: Any) -> System:
     """Return (u, v) with v ≥ 0 beside Au + Cv + a and Du + Bv + b."""
     P, u, v = problem, point.u, point.v
@@ -85,11 +90,13 @@ def mlcp(problem: Any, point: Any) -> System:
     return System(kept(P, frame), np.concatenate([u, v]), f)
 
 
+@rows_of("avi", by=Measure.PAIRS)
 def avi(problem: Any, point: Any) -> System:
     """Return z and the multipliers of its rows beside Mz + q less their forces, and the rows."""
     return _with_rows(problem, point, problem.M, problem.q)
 
 
+@rows_of("qp", by=Measure.GAP, stacked=True)
 def qp(problem: Any, point: Any) -> System:
     """Return z and the multipliers of its rows beside Qz + p less their forces, and the rows."""
     return _with_rows(problem, point, problem.Q, problem.p)

@@ -35,15 +35,13 @@ from cpbench_lab.certificates.contact_boxes import enclose_contacts
 from cpbench_lab.certificates.exact_points import rounded, solves_contacts
 from cpbench_lab.certificates.exact_rows import ExactRows, nearest, rational
 from cpbench_lab.certificates.krawczyk import balls, digits, up
-from cpbench_lab.certificates.mixed import Mixed, mixed
+from cpbench_lab.certificates.mixed import CONTACTS, POLYHEDRAL, Mixed, mixed
 from cpbench_lab.certificates.nonlinear_boxes import Bounded, enclose_nonlinear, exact_point
 from cpbench_lab.certificates.refutation import ROWS, excluded
 from cpbench_lab.certificates.uniqueness import leading, uniqueness
 
 ENUMERATION = "enumeration"
 """The fact that makes a solution unique where all bases were looked at."""
-MONOTONE = ("lcp", "relay", "mlcp", "avi", "qp")
-"""Nodes in which the first unknowns, those that are compared, belong to a matrix that may make them unique."""
 
 
 def certify(problem: Problem, point: Any, seconds: float = 60.0, tolerance: float = TOLERANCE) -> Certificate:
@@ -78,7 +76,7 @@ def _certified(problem: Problem, point: Any, plain: Certificate, seconds: float)
     form = mixed(problem, point)
     if form is not None:
         return _proved(problem, point, *form, plain, seconds)
-    if problem.node in ("fc", "fcm", "gfc"):
+    if problem.node in CONTACTS:
         return _contacts(problem, point, plain, seconds)
     P = Bounded.of(problem)
     if P is None:
@@ -124,7 +122,7 @@ def _at(plain: Certificate, near: Vector, x: Vector, compared: slice) -> Certifi
 def _proved(problem: Problem, point: Any, P: Mixed, x: Vector, plain: Certificate, seconds: float) -> Certificate:
     size = P.answer.shape[0]
     unique = ""
-    if problem.node in MONOTONE:
+    if problem.node in POLYHEDRAL:
         unique = uniqueness(leading(P.K, size), box=size == P.c.size)
     every, uncounted = None if unique else all_solutions(problem), plain
     if every is not None:
@@ -167,7 +165,7 @@ def _compared(problem: Problem, point: Any) -> Vector:
     """Return what of the answer is compared with the exact point."""
     if problem.node == "mlcp":
         return np.concatenate([point.u, point.v])
-    return point.z if problem.node in MONOTONE else point.r
+    return point.z if problem.node in POLYHEDRAL else point.r
 
 
 def _distance(P: Mixed, answer: Vector, exact: Any) -> float:

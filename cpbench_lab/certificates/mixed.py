@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from cpbench.formulations.base import Problem
+from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Sparse, Vector
 from cpbench.verification.sets import INFINITE
 
@@ -37,29 +38,46 @@ class Mixed:
     parts: tuple[tuple[int, int], ...]
 
 
+AsMixed: TypeAlias = Callable[[Any, Any], tuple[Mixed, Vector]]
+POLYHEDRAL: NodeTable[AsMixed] = NodeTable("polyhedral form", "certify has no exact solution of it")
+"""Function that returns a problem and a point in this form."""
+CONTACTS = ("fc", "fcm", "gfc")
+"""Nodes whose solutions are enclosed in a box contact by contact."""
+MAPS = ("ncp", "micp", "equation")
+"""Nodes F(z) beside bounds whose solutions are enclosed in a box."""
+
+
+def provable(node: str) -> bool:
+    """Return whether a proof of a solution of this formulation is known."""
+    return node in POLYHEDRAL or node in CONTACTS or node in MAPS
+
+
 def mixed(problem: Problem, point: Any) -> tuple[Mixed, Vector] | None:
     """Return the problem in this form, with the point as x; None where it is not polyhedral.
 
     Sides and bounds from 1e19 on are taken for infinite, as the verdict takes them.
     """
-    make = _FORMS.get(problem.node)
+    make = POLYHEDRAL.get(problem.node)
     if make is not None:
         return make(problem, point)
-    if problem.node not in ("fc", "fcm", "gfc"):
+    if problem.node not in CONTACTS:
         return None
     law: Any = problem
     return _contact(law, point) if law.dimension == 2 or not law.mu.any() else None
 
 
+@POLYHEDRAL.of("lcp")
 def _lcp(problem: Any, point: Any) -> tuple[Mixed, Vector]:
     n = problem.q.size
     return _plain(problem.M, problem.q, np.zeros(n), np.full(n, np.inf), n), point.z
 
 
+@POLYHEDRAL.of("relay")
 def _relay(problem: Any, point: Any) -> tuple[Mixed, Vector]:
     return _plain(problem.M, problem.q, problem.lb, problem.ub, problem.q.size), point.z
 
 
+@POLYHEDRAL.of("mlcp")
 def _mlcp(problem: Any, point: Any) -> tuple[Mixed, Vector]:
     free, signed = problem.a.size, problem.b.size
     K = _block([[problem.A, problem.C], [problem.D, problem.B]], free + signed)
@@ -69,21 +87,14 @@ def _mlcp(problem: Any, point: Any) -> tuple[Mixed, Vector]:
     return replace(form, parts=((0, free), (free, c.size))), np.concatenate([point.u, point.v])
 
 
+@POLYHEDRAL.of("avi")
 def _avi(problem: Any, point: Any) -> tuple[Mixed, Vector]:
     return _with_rows(problem, problem.M, problem.q, point)
 
 
+@POLYHEDRAL.of("qp")
 def _qp(problem: Any, point: Any) -> tuple[Mixed, Vector]:
     return _with_rows(problem, problem.Q, problem.p, point)
-
-
-_FORMS: dict[str, Callable[[Any, Any], tuple[Mixed, Vector]]] = {
-    "lcp": _lcp,
-    "relay": _relay,
-    "mlcp": _mlcp,
-    "avi": _avi,
-    "qp": _qp,
-}
 
 
 def _with_rows(P: Any, M: Any, q: Vector, point: Any) -> tuple[Mixed, Vector]:

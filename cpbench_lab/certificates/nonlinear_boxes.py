@@ -19,6 +19,7 @@ from cpbench_lab.certificates.exact_points import rounded
 from cpbench_lab.certificates.exact_rows import Index, rational
 from cpbench_lab.certificates.krawczyk import PARTS, Enclosed, balls, digits, enclose, no_box
 from cpbench_lab.certificates.map_balls import exact_values, jacobian, slopes, values
+from cpbench_lab.certificates.mixed import MAPS
 from cpbench_lab.certificates.redundant import reduced
 
 LARGEST = 1500
@@ -38,7 +39,7 @@ class Bounded:
     def of(cls, problem: Problem) -> Bounded | None:
         """Return an NCP, MiCP or equation in this form; None for other problems."""
         own: Any = problem
-        n = own.F.inputs if problem.node in ("ncp", "micp", "equation") else 0
+        n = own.F.inputs if problem.node in MAPS else 0
         if problem.node == "ncp":
             return cls(own.F, np.zeros(n), np.full(n, np.inf))
         if problem.node == "equation":

@@ -21,7 +21,7 @@ from cpbench_lab.certificates.contact_balls import BallRows, Scene, square
 from cpbench_lab.certificates.descent import WithRows, direction
 from cpbench_lab.certificates.krawczyk import digits
 from cpbench_lab.certificates.map_balls import values
-from cpbench_lab.certificates.mixed import mixed
+from cpbench_lab.certificates.mixed import CONTACTS, POLYHEDRAL, mixed
 from cpbench_lab.certificates.nonlinear_boxes import Bounded
 
 ROWS = ("qp", "avi")
@@ -72,12 +72,12 @@ def _test(problem: Problem, point: Any) -> tuple[Callable[[Sequence[Any]], bool]
     P = Bounded.of(problem)
     if P is not None:
         return lambda x: _bounds(P.lo, P.hi, x, values(P.F, x)), point.z
-    if problem.node in ("lcp", "relay", "mlcp", *ROWS):
+    if problem.node in POLYHEDRAL:
         form = mixed(problem, point)
         assert form is not None
         affine, rows = form[0], BallRows.of(form[0].K, form[0].c)
         return lambda x: _bounds(affine.lo, affine.hi, x, rows(x)), form[1]
-    if problem.node in ("fc", "fcm", "gfc"):
+    if problem.node in CONTACTS:
         scene, x = Scene.of(problem, point)
         return lambda balls: _contacts(scene, balls), x
     return None

@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.base import Problem
+from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.verification.equilibration import equilibrate
@@ -34,16 +35,22 @@ class Scaled:
     after: float
 
 
+UNITS: NodeTable[Callable[[Any], Scaled]] = NodeTable("change of units", "explain does not try other units")
+"""Function that returns a problem in units in which its entries are alike."""
+
+
 def scaled(problem: Any) -> Scaled | None:
     """Return the problem in units in which its entries are alike; None for formulations that are not listed above."""
-    make = {"lcp": _lcp, "mlcp": _mlcp, "qp": _qp, "fc": _fc}.get(problem.node)
+    make = UNITS.get(problem.node)
     return make(problem) if make is not None else None
 
 
+@UNITS.of("lcp")
 def _lcp(P: Any) -> Scaled:
     return _one_matrix(P, "M", "z", _units(_both(P.M)))
 
 
+@UNITS.of("mlcp")
 def _mlcp(P: Any) -> Scaled:
     n = P.a.size
     K = matrices.block([[P.A, P.C], [P.D, P.B]])
@@ -59,6 +66,7 @@ def _mlcp(P: Any) -> Scaled:
     )
 
 
+@UNITS.of("qp")
 def _qp(P: Any) -> Scaled:
     n, m = P.p.size, P.b.size
     rows = sp.vstack([sp.csr_array(P.A), sp.csr_array(P.C)], format="csr")
@@ -80,6 +88,7 @@ def _qp(P: Any) -> Scaled:
     )
 
 
+@UNITS.of("fc")
 def _fc(P: Any) -> Scaled:
     d = P.dimension
     W = sp.coo_array(sp.csr_array(P.W))

@@ -8,12 +8,17 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench_lab.diagnosis.attempts import SolverTrial
 
-MATRIX = {"lcp": "M", "relay": "M", "avi": "M", "mlcp": "A", "qp": "Q", "fc": "W"}
-"""The matrix of each formulation that is shifted."""
+
+def principal(problem: Problem) -> str:
+    """Return the name of the square matrix of the first rows, which is shifted here; "" where there is none."""
+    _, sign, name, _ = problem.terms[0] if problem.terms else ("", 0, "", "")
+    rows, columns = problem.shapes()[name] if sign == 1 and name in problem.shapes() else ("", "-")
+    return name if rows == columns else ""
 
 
 def shifted(trial: SolverTrial, *, definite: bool = False) -> SolverTrial | None:
@@ -22,8 +27,8 @@ def shifted(trial: SolverTrial, *, definite: bool = False) -> SolverTrial | None
     None for formulations without such a matrix.
     """
     problem: Any = trial.problem
-    name = MATRIX.get(problem.node)
-    if name is None or not getattr(problem, name).shape[0]:
+    name = principal(problem)
+    if not name or not getattr(problem, name).shape[0]:
         return None
     K: Matrix = getattr(problem, name)
     size = float(np.abs(K.diagonal()).mean()) or matrices.max_abs(K) or 1.0
@@ -43,8 +48,8 @@ def dominated(trial: SolverTrial) -> SolverTrial | None:
     Sweeps over such a matrix contract, by half each. None for formulations without such a matrix.
     """
     problem: Any = trial.problem
-    name = MATRIX.get(problem.node)
-    if name is None or not getattr(problem, name).shape[0]:
+    name = principal(problem)
+    if not name or not getattr(problem, name).shape[0]:
         return None
     K: Matrix = getattr(problem, name)
     diagonal = np.asarray(K.diagonal(), dtype=float)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.base import Problem
+from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Dense, Vector, dense
 from cpbench.foundation.product_cones import Cone
 
@@ -71,26 +72,31 @@ class _Rows:
 
 
 INF = np.inf
+FORMS: NodeTable[Callable[[Any], Form | None]] = NodeTable("box and cones", "reduce writes no script in C++ or Julia")
+"""Function that returns a problem as a `Form`."""
 
 
 def form(problem: Problem) -> Form | None:
     """Return a problem in this form; None where it has none: nonlinear maps, cones that are not of friction."""
-    make = _MAKERS.get(problem.node)
+    make = FORMS.get(problem.node)
     return None if make is None else make(problem)
 
 
+@FORMS.of("lcp")
 def _lcp(P: Any) -> Form:
     rows = _Rows()
     rows.add([P.M], P.q, 0.0, INF)
     return rows.form({"z": P.q.size})
 
 
+@FORMS.of("relay")
 def _relay(P: Any) -> Form:
     rows = _Rows()
     rows.add([P.M], P.q, P.lb, P.ub)
     return rows.form({"z": P.q.size})
 
 
+@FORMS.of("mlcp")
 def _mlcp(P: Any) -> Form:
     rows = _Rows()
     rows.add([P.A, P.C], P.a, -INF, INF)
@@ -98,6 +104,7 @@ def _mlcp(P: Any) -> Form:
     return rows.form({"u": P.a.size, "v": P.b.size})
 
 
+@FORMS.of("qp", "avi")
 def _program(P: Any) -> Form:
     M, q = (P.Q, P.p) if P.node == "qp" else (P.M, P.q)
     n, m, k = q.size, P.b.size, P.d.size
@@ -119,12 +126,14 @@ def _contacts(P: Any, start: int) -> dict[str, Any]:
     return {"blocks": blocks, "friction": True}
 
 
+@FORMS.of("fc", "rfc")
 def _local(P: Any) -> Form:
     rows = _Rows()
     rows.add([P.W], P.q, -INF, INF)
     return rows.form({"r": P.q.size}, **_contacts(P, 0))
 
 
+@FORMS.of("fcm")
 def _joined(P: Any) -> Form:
     rows = _Rows()
     rows.add([P.W, P.V], P.q, -INF, INF)
@@ -132,6 +141,7 @@ def _joined(P: Any) -> Form:
     return rows.form({"r": P.q.size, "lam": P.s.size}, **_contacts(P, 0))
 
 
+@FORMS.of("gfc", "grfc")
 def _global(P: Any) -> Form:
     n, m, p = P.f.size, P.w.size, P.b.size
     H, G, rows = dense(P.H), dense(P.G), _Rows()
@@ -141,6 +151,7 @@ def _global(P: Any) -> Form:
     return rows.form({"v": n, "r": m, "lam": p}, **_contacts(P, n))
 
 
+@FORMS.of("soclcp")
 def _conic(P: Any) -> Form | None:
     sets = _sets(P, 0, dual=False)
     if sets is None:
@@ -151,6 +162,7 @@ def _conic(P: Any) -> Form | None:
     return rows.form({"x": P.q.size}, blocks=blocks)
 
 
+@FORMS.of("coneqp")
 def _cone_program(P: Any) -> Form | None:
     n, m = P.p.size, P.b.size
     sets = _sets(P, n, dual=True)
@@ -180,19 +192,3 @@ def _sets(P: Any, start: int, *, dual: bool) -> tuple[Vector, Vector, tuple[Cone
             return None
     lo, hi = np.array(sides).reshape(-1, 2).T
     return lo, hi, tuple(blocks)
-
-
-_MAKERS: Mapping[str, Callable[[Any], Form | None]] = {
-    "lcp": _lcp,
-    "relay": _relay,
-    "mlcp": _mlcp,
-    "qp": _program,
-    "avi": _program,
-    "fc": _local,
-    "rfc": _local,
-    "fcm": _joined,
-    "gfc": _global,
-    "grfc": _global,
-    "soclcp": _conic,
-    "coneqp": _cone_program,
-}

@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from cpbench.errors import NotApplicable
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
-from cpbench_lab.reduction.parts import SQUARE, bare
+from cpbench_lab.reduction.parts import bare, square
 
 P = TypeVar("P", bound=Problem)
 
@@ -129,9 +129,9 @@ def replanted(problem: P, solution: Any, count: int) -> P:
 
     What is degenerate stays so, where rounding q itself would move the pairs that are both 0. Raises NotApplicable.
     """
-    if problem.node not in SQUARE:
+    names = square(problem)
+    if names is None:
         raise NotApplicable("replanted", f"{problem.node} is not w = Mz + q alone")
-    names = SQUARE[problem.node]
     z = next(iter(solution.arrays().values()))
     slack = next(iter(problem.slacks(solution).values()))
     top = max(matrices.max_abs(slack), matrices.max_abs(np.asarray(problem.data()[names[1]])))

@@ -11,7 +11,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
@@ -28,36 +27,6 @@ from cpbench.foundation.product_cones import Cone
 
 P = TypeVar("P", bound=Problem)
 Index = NDArray[np.int64]
-Term = tuple[str, int, str, str]
-
-_CONTACT = (("q", 1, "W", "r"),)
-_GLOBAL = (
-    ("f", -1, "M", "v"),
-    ("f", 1, "H", "r"),
-    ("f", 1, "G", "lam"),
-    ("w", 1, "Hᵀ", "v"),
-    ("b", 1, "Gᵀ", "v"),
-)
-TERMS: Mapping[str, tuple[Term, ...]] = {
-    "lcp": (("q", 1, "M", "z"),),
-    "relay": (("q", 1, "M", "z"),),
-    "mlcp": (("a", 1, "A", "u"), ("a", 1, "C", "v"), ("b", 1, "D", "u"), ("b", 1, "B", "v")),
-    "qp": (
-        ("p", 1, "Q", "z"), ("p", -1, "Aᵀ", "lam"), ("p", -1, "Cᵀ", "mu"), ("b", -1, "A", "z"), ("d", -1, "C", "z"),
-    ),
-    "avi": (
-        ("q", 1, "M", "z"), ("q", -1, "Aᵀ", "lam"), ("q", -1, "Cᵀ", "mu"), ("b", -1, "A", "z"), ("d", -1, "C", "z"),
-    ),
-    "soclcp": (("q", 1, "M", "x"),),
-    "coneqp": (("p", 1, "Q", "x"), ("p", -1, "Aᵀ", "y"), ("b", 1, "A", "x")),
-    "fc": _CONTACT,
-    "rfc": _CONTACT,
-    "afc": _CONTACT,
-    "fcm": (("q", 1, "W", "r"), ("q", 1, "V", "lam"), ("s", 1, "Vᵀ", "r"), ("s", 1, "R", "lam")),
-    "gfc": _GLOBAL,
-    "grfc": _GLOBAL,
-}  # fmt: skip
-"""Vector of the data, sign, matrix and part of the answer: what is held at values adds to the vector."""
 ALONE = (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE)
 """Cones whose rows may be left out one by one."""
 
@@ -70,16 +39,6 @@ class RemovablePart:
     places: Mapping[str, Index]
 
 
-@cache
-def shapes_of(cls: type[Problem]) -> dict[str, tuple[str, ...]]:
-    """Return the dimensions of each matrix, vector and map of a formulation."""
-    return {
-        f.name: f.metadata.get("shape") or f.metadata["map"]
-        for f in dataclasses.fields(cls)
-        if {"shape", "map"} & f.metadata.keys()
-    }
-
-
 def _symbol(dimension: str) -> str:
     """Return the symbol of a dimension such as n, 2n or 1."""
     return dimension.lstrip("0123456789")
@@ -88,7 +47,7 @@ def _symbol(dimension: str) -> str:
 def _cone_symbol(problem: Any) -> str:
     """Return the dimension whose rows the cones of a conic node are over; empty where it has none."""
     name = getattr(type(problem), "cone_rows", "")
-    return shapes_of(type(problem))[name][0] if name else ""
+    return problem.shapes()[name][0] if name else ""
 
 
 def kinds(problem: Problem) -> dict[str, list[RemovablePart]]:
@@ -97,7 +56,7 @@ def kinds(problem: Problem) -> dict[str, list[RemovablePart]]:
     found: dict[str, list[RemovablePart]] = {}
     sizes, taken = problem.sizes(), set[str]()
     if hasattr(law, "rows_of"):
-        d, rows = law.dimension, shapes_of(type(problem))[law.rows_of][0]
+        d, rows = law.dimension, problem.shapes()[law.rows_of][0]
         found["contact"] = [_part("contact", {"nc": [c], rows: range(d * c, d * c + d)}) for c in range(law.nc)]
         taken |= {"nc", rows}
         if "n" in sizes and not problem.has_maps():
@@ -108,7 +67,7 @@ def kinds(problem: Problem) -> dict[str, list[RemovablePart]]:
     cone = _cone_symbol(problem)
     if cone:
         found["factor"] = list(_factors(law, cone))
-        taken |= {cone, *shapes_of(type(problem))["cone_kind"]}
+        taken |= {cone, *problem.shapes()["cone_kind"]}
     names = {"n": "unknown", "m": "unknown" if problem.node == "mlcp" else "row"}
     for symbol, size in sizes.items():
         if symbol not in taken and size:
@@ -152,9 +111,9 @@ def without(problem: P, parts: Sequence[RemovablePart], values: Any = None) -> P
     cone = _cone_symbol(problem)
     if cone:
         runs = _runs(problem, ~gone[cone])
-        gone[shapes_of(type(problem))["cone_kind"][0]][:] = False
+        gone[problem.shapes()["cone_kind"][0]][:] = False
     keep = {symbol: np.flatnonzero(~dropped) for symbol, dropped in gone.items()}
-    own, data = shapes_of(type(problem)), problem.data()
+    own, data = problem.shapes(), problem.data()
     for name, shape in own.items():
         if name not in data:
             changed[name] = _map(problem.maps()[name], shape, keep, gone, _held(problem, values))
@@ -170,10 +129,10 @@ def without(problem: P, parts: Sequence[RemovablePart], values: Any = None) -> P
     return bare(problem, changed)
 
 
-SQUARE: Mapping[str, tuple[str, str]] = {
-    "lcp": ("M", "q"), "relay": ("M", "q"), "fc": ("W", "q"), "rfc": ("W", "q"), "soclcp": ("M", "q")
-}  # fmt: skip
-"""Formulations with w = Mz + q alone: the matrix and the vector."""
+def square(problem: Problem) -> tuple[str, str] | None:
+    """Return the matrix and the vector of w = Mz + q, None where the rows of the formulation are not that alone."""
+    terms = [(name, vector) for vector, sign, name, _ in problem.terms if sign == 1]
+    return terms[0] if len(terms) == len(problem.terms) == 1 else None
 
 
 def condensed(problem: P, parts: Sequence[RemovablePart]) -> P:
@@ -182,13 +141,13 @@ def condensed(problem: P, parts: Sequence[RemovablePart]) -> P:
 
     Raises CpbenchError where the formulation has no such form or the rows do not determine the parts.
     """
-    if problem.node not in SQUARE:
+    names = square(problem)
+    if names is None:
         raise NotApplicable("condensed", f"{problem.node} is not w = Mz + q alone")
-    names = SQUARE[problem.node]
     M, q = matrices.dense(problem.data()[names[0]]), np.asarray(problem.data()[names[1]])
     gone = np.zeros(q.size, dtype=bool)
     for part in parts:
-        gone[part.places[shapes_of(type(problem))[names[1]][0]]] = True
+        gone[part.places[problem.shapes()[names[1]][0]]] = True
     try:
         solved = np.linalg.solve(M[np.ix_(gone, gone)], np.column_stack([M[np.ix_(gone, ~gone)], q[gone]]))
     except np.linalg.LinAlgError:
@@ -217,8 +176,8 @@ def _loads(
     problem: Problem, keep: Mapping[str, Index], gone: Mapping[str, Any], values: Any
 ) -> Iterator[tuple[str, Vector]]:
     """Yield what is held at values adds to the vectors of the data."""
-    own = shapes_of(type(problem))
-    for vector, sign, name, part in TERMS.get(problem.node, ()):
+    own = problem.shapes()
+    for vector, sign, name, part in problem.terms:
         M: Any = getattr(problem, name[0])
         rows, columns = own[name[0]]
         if name.endswith("ᵀ"):

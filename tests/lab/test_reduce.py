@@ -17,12 +17,12 @@ from command_line import with_plugins
 from generated import instances
 
 import cpbench
-from cpbench.formulations import LCP, Problem
+from cpbench.formulations import LCP, Problem, formulations
 from cpbench.generators import generators
 from cpbench_lab.reduction import numbers
 from cpbench_lab.reduction.forms import form
 from cpbench_lab.reduction.minimize import minimized
-from cpbench_lab.reduction.parts import TERMS, condensed, kinds, without
+from cpbench_lab.reduction.parts import condensed, kinds, without
 from cpbench_lab.reduction.predicate import parse_predicate, predicate_of
 from cpbench_lab.reduction.snippets import snippets
 
@@ -73,7 +73,7 @@ def test_the_shortest_list_is_found_and_environment_few_times() -> None:
 # ------------------------------------------------------------------------------------------- parts
 
 
-COLLECTIONS = [c.name for c in generators if c.node in TERMS and c.builtin]
+COLLECTIONS = [c.name for c in generators if formulations.get(c.node).terms and c.builtin]
 
 
 @pytest.mark.parametrize("collection", COLLECTIONS)

@@ -185,7 +185,7 @@ def test_the_answer_of_an_nlp_by_name(tmp_path: Path) -> None:
 @pytest.mark.parametrize("node", sorted(set(formulations.names()) - storage.formats.get("mof").writes))
 def test_what_the_format_cannot_say_is_refused_with_a_reason(node: str, tmp_path: Path) -> None:
     if node not in NODES:
-        assert node in storage.formats.get("mof").why_not or node in ("soclcp", "coneqp")
+        assert storage.formats.get("mof").why_not(node) or node in ("soclcp", "coneqp")
         return
     with pytest.raises(FormatError, match=r"not a problem of type \w+: ") as refusal:
         storage.save(draw(node, 0, 2).problem, tmp_path / "p.mof.json")

@@ -399,7 +399,7 @@ def test_speed_hides_a_reaction_and_the_reader_is_told() -> None:
 
 def test_joints_given_twice_have_the_scale_of_joints_given_once() -> None:
     """K is singular then; the free motion, which scales the contact errors, is the same."""
-    made = corners_contact.MAKERS["gfc"]()
+    made = corners_contact.gfc()
     twice, _ = made["joints-twice"]
     once = dataclasses.replace(twice, G=twice.G[:, :2], b=twice.b[:2])
     assert twice.saddle.singular

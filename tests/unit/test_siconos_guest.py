@@ -109,8 +109,8 @@ def test_one_worker_and_one_interpreter_serve_a_whole_run(tmp_path: Path) -> Non
 
 
 def test_tolerance_and_bound_are_always_set() -> None:
-    assert stopping("fc", 1e-4, 1e-8).settings == {NAME: pytest.approx(1e-9)}
-    assert stopping("fc", 1e-4, 1e-2).settings == {NAME: 1e-4}  # its own default
+    assert stopping(SiconosContact.test, 1e-4, 1e-8).settings == {NAME: pytest.approx(1e-9)}
+    assert stopping(SiconosContact.test, 1e-4, 1e-2).settings == {NAME: 1e-4}  # its own default
     assert limit(Budget(), Bound.NEWTON) == 1000
     assert limit(Budget(iterations=7), Bound.SWEEPS) == 7
 

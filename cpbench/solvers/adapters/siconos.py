@@ -21,7 +21,7 @@ from typing import Any, ClassVar
 
 import cpbench.solvers.guests
 from cpbench.formulations.base import Kind
-from cpbench.solvers.adapters.siconos_tolerances import NAME, Bound, limit, stopping
+from cpbench.solvers.adapters.siconos_tolerances import NAME, Bound, ErrorTest, limit, stopping
 from cpbench.solvers.base import Availability, Budget, Record, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.external.served import HandedOver, ServedSolver
 from cpbench.solvers.stopping import Stopping
@@ -103,6 +103,7 @@ class SiconosSolver(ServedSolver):
 
     own_clock: ClassVar[bool] = True
     node: ClassVar[str]
+    test: ClassVar[ErrorTest]
     carried_by: ClassVar[str] = "npy-dir"
     """The exchange."""
 
@@ -136,7 +137,7 @@ class SiconosSolver(ServedSolver):
         return super().solve(prepared, budget, settings, start, record)
 
     def stopping(self, tolerance: float, problem: Any = None) -> Stopping:
-        return stopping(self.node, self.row.default, tolerance, problem)
+        return stopping(self.test, self.row.default, tolerance, problem)
 
     def version(self) -> str:
         return str(about(interpreter()).get("version", ""))

@@ -15,6 +15,7 @@ import dataclasses
 from typing import Any
 
 from cpbench.solvers.adapters.siconos import SiconosSolver
+from cpbench.solvers.adapters.siconos_tolerances import MAP, ErrorTest
 from cpbench.solvers.base import Budget, Record, SolverOutput
 from cpbench.solvers.external.served import HandedOver
 
@@ -26,6 +27,7 @@ class SiconosNonlinear(SiconosSolver):
     """A solver that calls F back, and F′ unless it only projects."""
 
     carried_by = "npy-map"
+    test = ErrorTest("norm of the solver's own function of (z, F), absolute", MAP)
 
     def obstacle(self, problem: Any) -> str | None:
         n = problem.start.size

@@ -28,7 +28,7 @@ tests `error > tol`.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
@@ -40,22 +40,23 @@ from cpbench.solvers.stopping import Stopping, no_looser
 
 FACTOR = 0.1
 NAME = "dparam[SICONOS_DPARAM_TOL]"
-_SUM = "adds a force to a velocity: it may pass too early where the matrix is far from 1, by that factor"
-_MAP = "absolute: it may pass too early where F is below 1, whose size is not known before it is solved"
-TESTS: Mapping[str, tuple[str, str]] = {
-    "lcp": ("‖min(z, w)‖/‖q‖", _SUM),
-    "mlcp": ("Σ|Au + Cv + a|, Σ of violations and of products v·w, each over 2 + norms", _SUM),
-    "relay": ("‖z − P(z − w)‖/(1 + ‖q‖)", _SUM),
-    "soclcp": ("‖x − P_K(x − w)‖/(1 + ‖q‖)", _SUM),
-    "fc": ("‖r − P_K(r − û)‖/max(‖q‖, ‖r‖, ‖u‖)", _SUM),
-    "rfc": ("‖r − P_K(r − û)‖/max(‖q‖, ‖r‖, ‖u‖)", _SUM),
-    "gfc": ("as for fc, plus ‖Mv − Hr − f‖/max of its terms", _SUM),
-    "grfc": ("as for rfc, plus ‖Mv − Hr − f‖/max of its terms", _SUM),
-    "ncp": ("norm of the solver's own function of (z, F), absolute", _MAP),
-    "micp": ("norm of the solver's own function of (z, F), absolute", _MAP),
-    "vi": ("‖z − P(z − F)‖, absolute", _MAP),
-}
-"""Siconos' test by node, and what it does not see."""
+SUM = "adds a force to a velocity: it may pass too early where the matrix is far from 1, by that factor"
+MAP = "absolute: it may pass too early where F is below 1, whose size is not known before it is solved"
+
+
+@dataclass(frozen=True)
+class ErrorTest:
+    """Siconos' test of the problems of one formulation.
+
+    Attributes
+    ----------
+    text : the error that it compares. differs : what it does not see. constants : vectors of the problem whose size
+    and 1 it divides by, where it does.
+    """
+
+    text: str
+    differs: str = SUM
+    constants: tuple[str, ...] = ()
 
 
 class Bound(IntEnum):
@@ -70,16 +71,15 @@ class Bound(IntEnum):
     """Loops with a solver inside that has a bound of its own."""
 
 
-def stopping(node: str, default: float, tolerance: float, problem: Any = None) -> Stopping:
+def stopping(test: ErrorTest, default: float, tolerance: float, problem: Any = None) -> Stopping:
     """Return the test of a solver of Siconos and its tolerance. default : the solver's own."""
-    test, differs = TESTS[node]
     defaults = {NAME: default}
     return Stopping(
-        test=test,
-        settings=no_looser({NAME: FACTOR * tolerance * _share(node, problem)}, defaults),
+        test=test.text,
+        settings=no_looser({NAME: FACTOR * tolerance * _share(test, problem)}, defaults),
         defaults=defaults,
-        differs=differs,
-        factor=math.inf if differs == _MAP else _excess(problem),
+        differs=test.differs,
+        factor=math.inf if test.differs == MAP else _excess(problem),
     )
 
 
@@ -88,12 +88,11 @@ def limit(budget: Budget, bound: Bound) -> int:
     return int(bound) if budget.iterations is None else budget.iterations
 
 
-def _share(node: str, problem: Any) -> float:
+def _share(test: ErrorTest, problem: Any) -> float:
     """Return the size of the constants that a test compares with 1 + itself, at most 1."""
-    if problem is None or node not in ("mlcp", "relay", "soclcp"):
+    if problem is None or not test.constants:
         return 1.0
-    constants = np.concatenate([problem.a, problem.b]) if node == "mlcp" else problem.q
-    return min(1.0, norm(constants) or 1.0)
+    return min(1.0, norm(np.concatenate([getattr(problem, name) for name in test.constants])) or 1.0)
 
 
 def _excess(problem: Any) -> float:

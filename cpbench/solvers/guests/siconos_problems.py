@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from siconos_memory import LIBRARY, copied, matrix, structure
@@ -62,6 +62,22 @@ class Loaded:
         return self._answer(*self.arrays)
 
 
+LOADERS: dict[str, Callable[[Mapping[str, Any], str, int], Loaded]] = {}
+"""Function that brings a problem into the memory of C, by node."""
+Loader = TypeVar("Loader", bound=Callable[[Mapping[str, Any], str, int], Loaded])
+
+
+def loads(*nodes: str) -> Callable[[Loader], Loader]:
+    """Return a decorator that enters the loader of some nodes."""
+
+    def enter(loader: Loader) -> Loader:
+        LOADERS.update(dict.fromkeys(nodes, loader))
+        return loader
+
+    return enter
+
+
+@loads("lcp")
 def _lcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """Return LinearComplementarityProblem.h. Blocks have the most rows, up to 4, that divide n; n tells no better."""
     n = len(data["q"])
@@ -70,6 +86,7 @@ def _lcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     return Loaded("linearComplementarity_driver", structure(**fields), (n, n), lambda z, w: {"z": z})
 
 
+@loads("mlcp")
 def _mlcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """Return MixedLinearComplementarityProblem.h, in both of its storages (M, q and A, B, C, D, a, b) as Siconos'
     own files have them. One block of equalities and one of complementarities, or one a row where M is stored in
@@ -102,6 +119,7 @@ def _mlcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     )
 
 
+@loads("relay")
 def _relay(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """Return RelayProblem.h."""
     n = len(data["q"])
@@ -113,6 +131,7 @@ def _relay(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     return Loaded("relay_driver", structure(**fields), (n, n), lambda z, w: {"z": z})
 
 
+@loads("soclcp")
 def _soclcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """Return SecondOrderConeLinearComplementarityProblem.h: n, nc, M, q, cone ends, tau; second-order cones alone."""
     if (data["cone_kind"] != SECOND_ORDER).any():
@@ -130,6 +149,7 @@ def _soclcp(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     return Loaded("soclcp_driver", structure(**fields), (n, n), lambda r, v: {"x": r})
 
 
+@loads("fc", "rfc")
 def _local(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """Return FrictionContactProblem.h and RollingFrictionContactProblem.h."""
     rolling = "mu_r" in data
@@ -152,6 +172,7 @@ def _local(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     return Loaded(drivers[dimension, rolling], structure(**fields), (m, m), lambda r, u: {"r": r})
 
 
+@loads("gfc", "grfc")
 def _global(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
     """Return GlobalFrictionContactProblem.h and GlobalRollingFrictionContactProblem.h: Mv = Hr + q, u = Hᵀv + b."""
     rolling = "mu_r" in data
@@ -184,18 +205,6 @@ def _global(data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:
         (m, m, n),
         lambda r, u, v: {"v": v, "r": r, "lam": np.zeros(0)},
     )
-
-
-LOADERS: Mapping[str, Callable[[Mapping[str, Any], str, int], Loaded]] = {
-    "lcp": _lcp,
-    "mlcp": _mlcp,
-    "relay": _relay,
-    "soclcp": _soclcp,
-    "fc": _local,
-    "rfc": _local,
-    "gfc": _global,
-    "grfc": _global,
-}
 
 
 def load(node: str, data: Mapping[str, Any], storage: str, dimension: int) -> Loaded:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cpbench import storage
 from cpbench.errors import FormatError
-from cpbench.formulations import Problem
+from cpbench.formulations import LCP, MLCP, QP, FrictionContact, GlobalFrictionContact, Problem
 from cpbench.storage.base import require_new
 from cpbench.storage.half_stored import Half
 from cpbench.storage.hdf5_files import SUFFIXES
@@ -15,11 +15,9 @@ from cpbench.storage.packing import parts, steps
 from cpbench.storage.packing.parts import Part
 
 PARTS: Mapping[str, Sequence[str]] = {
-    "lcp": "Mq",
-    "mlcp": "ABCDab",
-    "qp": "Qp",
-    "fc": ("W", "q", "mu"),
-    "gfc": ("M", "H", "f", "w", "mu"),
+    **{kind.node: tuple(kind.shapes()) for kind in (LCP, MLCP, FrictionContact)},
+    QP.node: "Qp",
+    GlobalFrictionContact.node: ("M", "H", "f", "w", "mu"),
     "game": "AB",
     "least_squares": "Ab",
     "boxed": ("A", "b", "lo", "hi", "findex"),

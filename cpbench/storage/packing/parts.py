@@ -7,14 +7,14 @@ step is met more often than a vector with a wrong number of rows.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cpbench.errors import FormatError, ProblemError
-from cpbench.formulations import LCP, MLCP, QP, FrictionContact, GlobalFrictionContact, Problem
+from cpbench.formulations import QP, Problem, formulations
 from cpbench.formulations.applications.boxed import boxed_problem
 from cpbench.formulations.applications.game import game_problem
 from cpbench.formulations.applications.least_squares import least_squares_problem
@@ -22,13 +22,6 @@ from cpbench.formulations.contact import ContactProblem
 from cpbench.foundation import matrices
 from cpbench.storage.half_stored import Half, whole
 
-NODES: Mapping[str, type[Problem]] = {
-    "lcp": LCP,
-    "mlcp": MLCP,
-    "qp": QP,
-    "fc": FrictionContact,
-    "gfc": GlobalFrictionContact,
-}
 APPLICATIONS: Mapping[str, tuple[Callable[..., Problem], Mapping[str, tuple[str, ...]]]] = {
     "game": (game_problem, {"A": ("m", "n"), "B": ("m", "n")}),
     "boxed": (
@@ -72,7 +65,7 @@ def build(
     values = {part: _completed(node, part, given, half) for part, given in parts.items()}
     if node == "qp":
         return QP.build(**values, name=name)
-    kind = NODES[node]
+    kind = formulations.get(node)
     if not issubclass(kind, ContactProblem):
         return kind(**values, name=name)
     d = _dimension(node, parts, kind.rows_of, axes)
@@ -95,7 +88,7 @@ def _symbols(node: str) -> dict[str, tuple[str, ...]]:
     """Return the dimensions of every part, as the formulation declares them."""
     if node in APPLICATIONS:
         return dict(APPLICATIONS[node][1])
-    return {f.name: f.metadata["shape"] for f in fields(NODES[node]) if "shape" in f.metadata}
+    return dict(formulations.get(node).shapes())
 
 
 def _require_shapes(node: str, parts: Mapping[str, Part]) -> None:

@@ -10,22 +10,23 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Problem
+from cpbench.formulations.contact import ContactProblem
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.verification.polyhedra import Polyhedron, conditions
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 
 ROOM = 1e-9
 """Room, over the size of the rows, below which there is none: what the linear program leaves."""
-NODES = ("qp", "coneqp", "lcp", "mlcp")
-"""Nodes whose conditions are rows; contact without friction leaves no room to the tangents, and needs none."""
 LARGEST = 3000
 """Unknowns of the largest linear program."""
 
 
 def no_interior(case: FailedTrial) -> Cause | None:
     """Find the point with the most room to the sides of all inequalities, by a linear program."""
-    if case.problem.node not in NODES:
+    # contact without friction leaves no room to the tangents, and needs none; those of an AVI have its multipliers
+    if isinstance(case.problem, ContactProblem | AVI):
         return None
     P = _around_cones(case.problem) if case.problem.node == "coneqp" else conditions(case.problem)
     if P is None or P.lb.size > LARGEST:

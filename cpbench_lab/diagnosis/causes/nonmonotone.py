@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from cpbench.formulations import MLCP
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
-from cpbench_lab.diagnosis.shifted import shifted
-
-SUBJECTS = {"lcp": "M", "relay": "M", "avi": "M", "qp": "Q", "fc": "W", "mlcp": "[[A, C], [D, B]]"}
+from cpbench_lab.diagnosis.shifted import principal, shifted
 
 
 def nonmonotone(case: FailedTrial) -> Cause | None:
     """Look at the least eigenvalue of the symmetric part of the problem's matrix."""
-    subject = SUBJECTS.get(case.problem.node)
+    whole = "[[A, C], [D, B]]" if isinstance(case.problem, MLCP) else ""
+    subject = whole or principal(case.problem)
     fact = next((f for f in case.source_facts if f.name == "definiteness" and f.matrix == subject), None)
     if fact is None or fact.value not in ("indefinite", "negative semidefinite", "not positive semidefinite"):
         return None

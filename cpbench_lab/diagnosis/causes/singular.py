@@ -7,22 +7,22 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations import facts
+from cpbench.formulations.contact import ContactProblem
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 from cpbench_lab.diagnosis.scaled import scaled
-from cpbench_lab.diagnosis.shifted import shifted
-
-BLOCKS = {"mlcp": "A", "qp": "Q", "lcp": "M", "relay": "M", "avi": "M"}
+from cpbench_lab.diagnosis.shifted import principal, shifted
 
 
 def singular(case: FailedTrial) -> Cause | None:
     """Count the rank of the block that methods of the formulation factor, or of the Jacobian where the solver ended."""
     P: Any = case.problem
-    if P.node in BLOCKS:
+    name = "" if isinstance(case.problem, ContactProblem) else principal(P)  # W is singular in most heaps, and may be
+    if name:
         in_units = scaled(P)  # the rank of a matrix has none
-        block: Matrix = getattr(P if in_units is None else in_units.problem, BLOCKS[P.node])
-        fact = facts.rank(block, BLOCKS[P.node])
+        block: Matrix = getattr(P if in_units is None else in_units.problem, name)
+        fact = facts.rank(block, name)
         n = block.shape[0]
         if not isinstance(fact.value, int) or fact.value >= n:
             return None
@@ -31,7 +31,7 @@ def singular(case: FailedTrial) -> Cause | None:
             evidence=f"{fact} of {n}",
             numbers={"rank": fact.value, "size": n},
             without=shifted(case.trial),
-            change=f"{BLOCKS[P.node]} with its mean diagonal added to it",
+            change=f"{name} with its mean diagonal added to it",
         )
     where = case.failed.answer if case.failed.answer is not None else case.known
     if getattr(P, "F", None) is None or where is None or not where.finite:

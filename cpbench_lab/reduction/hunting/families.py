@@ -6,8 +6,8 @@ degenerate pairs, decades of masses, range of friction. The solutions are plante
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,6 +18,19 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.foundation.matrices import Dense, Vector
 
 Rng = np.random.Generator
+Draw: TypeAlias = Callable[[Rng], Problem]
+FAMILIES: dict[str, tuple[Draw, ...]] = {}
+"""Formulation -> its families. Others have the built-in problems and their mutations."""
+
+
+def family(node: str) -> Callable[[Draw], Draw]:
+    """Return a decorator that enters a function as one more family of a formulation."""
+
+    def enter(draw: Draw) -> Draw:
+        FAMILIES[node] = (*FAMILIES.get(node, ()), draw)
+        return draw
+
+    return enter
 
 
 def _size(rng: Rng, most: int) -> int:
@@ -45,6 +58,7 @@ def _pairs(rng: Rng, n: int) -> tuple[Vector, Vector]:
     return np.where(state == 0, sizes, 0.0), np.where(state == 1, sizes, 0.0)
 
 
+@family("lcp")
 def planted_lcp(rng: Rng) -> LCP:
     """Draw a monotone LCP with a planted solution."""
     n = _size(rng, 40)
@@ -52,6 +66,7 @@ def planted_lcp(rng: Rng) -> LCP:
     return LCP(M=M, q=w - M @ z)
 
 
+@family("lcp")
 def whole_lcp(rng: Rng) -> LCP:
     """Draw an LCP of small whole numbers, whose ratios tie; M is no P-matrix as a rule."""
     n = _size(rng, 12)
@@ -61,6 +76,7 @@ def whole_lcp(rng: Rng) -> LCP:
     return LCP(M=M, q=np.asarray(w - M @ z, dtype=float))
 
 
+@family("mlcp")
 def planted_mlcp(rng: Rng) -> MLCP:
     """Draw a monotone mixed LCP; its equations may be singular."""
     n, m = _size(rng, 12), _size(rng, 25)
@@ -69,6 +85,7 @@ def planted_mlcp(rng: Rng) -> MLCP:
     return MLCP(A=A, C=C, D=D, B=B, a=-(A @ u + C @ v), b=w - D @ u - B @ v)
 
 
+@family("relay")
 def planted_relay(rng: Rng) -> Relay:
     """Draw a relay problem of a monotone operator, bounds of ±1 in units of their own."""
     n = _size(rng, 30)
@@ -79,6 +96,7 @@ def planted_relay(rng: Rng) -> Relay:
     return Relay(M=M, q=w - M @ z, lb=-bound, ub=bound)
 
 
+@family("qp")
 def planted_qp(rng: Rng) -> QP:
     """Draw a convex QP with rows, repeated ones among them, and bounds; its multipliers are planted."""
     n, m = _size(rng, 20), _size(rng, 30)
@@ -141,6 +159,7 @@ def _states(rng: Rng, nc: int, d: int, mu: Vector) -> tuple[Vector, Vector]:
     return r.ravel(), u.ravel()
 
 
+@family("fc")
 def planted_fc(rng: Rng) -> FrictionContact:
     """Draw a step of bodies in contact as W and q."""
     scene = _scene(rng)
@@ -150,19 +169,9 @@ def planted_fc(rng: Rng) -> FrictionContact:
     return FrictionContact(W=half.T @ half, q=q, mu=scene["mu"], dimension=scene["dimension"])
 
 
+@family("gfc")
 def planted_gfc(rng: Rng) -> GlobalFrictionContact:
     """Draw the same with the bodies in it."""
     scene = _scene(rng)
     M = np.diag(scene.pop("M"))
     return GlobalFrictionContact(M=M, **scene)
-
-
-FAMILIES: Mapping[str, tuple[Callable[[Rng], Problem], ...]] = {
-    "lcp": (planted_lcp, whole_lcp),
-    "mlcp": (planted_mlcp,),
-    "relay": (planted_relay,),
-    "qp": (planted_qp,),
-    "fc": (planted_fc,),
-    "gfc": (planted_gfc,),
-}
-"""Formulation -> its families. Others have the built-in problems and their mutations."""

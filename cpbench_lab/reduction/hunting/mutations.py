@@ -15,7 +15,7 @@ from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import dense
 from cpbench_lab.reduction.numbers import FIXED, FRICTION, OPERATORS, rounded
-from cpbench_lab.reduction.parts import RemovablePart, bare, kinds, shapes_of, without
+from cpbench_lab.reduction.parts import RemovablePart, bare, kinds, without
 from cpbench_lab.reduction.reduce import semidefinite
 
 Rng = np.random.Generator
@@ -60,7 +60,7 @@ def _units(problem: Problem, solution: Any, rng: Rng) -> Problem:
     _affine_only(problem)
     part, factor = _any_part(problem, rng), 10.0 ** float(rng.integers(-4, 5))
     changed: dict[str, Any] = {}
-    for name, shape in shapes_of(type(problem)).items():
+    for name, shape in problem.shapes().items():
         if name in (*FIXED, *FRICTION) or not set(shape) & part.places.keys():
             continue
         value: Any = getattr(problem, name)
@@ -83,7 +83,7 @@ def _repeated(problem: Problem, solution: Any, rng: Rng) -> Problem:
         raise CpbenchError("a body that is there twice has no masses of its own")
     changed: dict[str, Any] = {}
     sizes = problem.sizes()
-    for name, shape in shapes_of(type(problem)).items():
+    for name, shape in problem.shapes().items():
         value: Any = getattr(problem, name)
         array = np.array(dense(value) if len(shape) == 2 else value)
         for axis, symbol in enumerate(shape):
