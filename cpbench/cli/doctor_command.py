@@ -8,17 +8,19 @@ from collections.abc import Iterable
 import click
 
 from cpbench.api.availability_text import checkup_lines
+from cpbench.api.node_traits import trait_table
 from cpbench.bench import availability, machine, time_limits
 from cpbench.bench.availability import SolverState
 from cpbench.bench.processes import isolation
 from cpbench.cli.options import Command
-from cpbench.cli.terminal import fitted, folded, print_lines, reading_width
+from cpbench.cli.terminal import fitted, folded, print_lines, reading_width, table
 from cpbench.foundation import kernel_cache
 
 
 @click.command(cls=Command)
 @click.option("--warm", is_flag=True, help="Compile and load every solver and conversion now.")
-def command(warm: bool) -> None:
+@click.option("--node", metavar="NAME", help="Say instead what a formulation has, and what it lacks.")
+def command(warm: bool, node: str | None) -> None:
     """Say what works on this machine, and how to install what does not.
 
     The package of every solver is imported in a process of its own, so that a package that crashes or hangs is reported
@@ -26,6 +28,12 @@ def command(warm: bool) -> None:
     """
     from cpbench.solvers.base import solvers
 
+    if node is not None:
+        if warm:
+            raise click.UsageError("--node takes no --warm: it compiles nothing")
+        line, rows = trait_table(node)
+        print_lines([line, *table(rows)])
+        return
     for name, value in (*machine.describe().items(), *machine.versions().items()):
         click.echo(f"{name:<12} {value}")
     click.echo("isolation")

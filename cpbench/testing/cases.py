@@ -14,6 +14,7 @@ from cpbench.formulations import LCP, MLCP, QP, Problem
 from cpbench.formulations.conic import ConicProblem
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder
+from cpbench.formulations.node_table import NodeTable
 from cpbench.generators import generators
 from cpbench.testing import (  # those that are not used here enter their makers
     cases_conic,  # noqa: F401  # pyright: ignore[reportUnusedImport]
@@ -110,7 +111,9 @@ def draw(node: str, seed: int, size: int) -> Case:
     return Case(f"{kind}-{size}-{seed}", problem, point)
 
 
-_SYMBOLS: dict[str, dict[str, tuple[str, ...]]] = {
+SYMBOLS: NodeTable[dict[str, tuple[str, ...]]] = NodeTable("order of dimensions", "no check of another numbering")
+"""Dimensions of a node whose order has no meaning, with the parts of a point that they count."""
+for _node, _counts in {
     "lcp": {"n": ("z",)},
     "mlcp": {"n": ("u",), "m": ("v",)},
     "qp": {"n": ("z", "nu"), "m": ("lam",), "k": ("mu",)},
@@ -133,8 +136,8 @@ _SYMBOLS: dict[str, dict[str, tuple[str, ...]]] = {
     "cp": {"n": ("x",), "m": ("lam",), "c": ()},
     "qvi": {"n": ("z",), "p": ("nu",), "c": ()},
     "nfc": {"n": ("v",), "m": ("r",), "nc": ()},
-}
-"""Dimensions of a node whose order has no meaning, with the parts of a point that they count."""
+}.items():
+    SYMBOLS.enter(_counts, _node)
 
 
 _NO_ROWS = np.zeros(0, dtype=np.int64)
@@ -143,7 +146,7 @@ _NO_ROWS = np.zeros(0, dtype=np.int64)
 def renumbered(case: Case, seed: int) -> Case | None:
     """Return the same problem with unknowns, rows and contacts in another order; None for a node that is not known
     here."""
-    symbols = _SYMBOLS.get(case.problem.node)
+    symbols = SYMBOLS.get(case.problem.node)
     if symbols is None:
         return None
     rng = _rng(seed)

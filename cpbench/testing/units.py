@@ -6,17 +6,17 @@ A change of units changes no mathematics, but what an absolute tolerance means.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from typing import Any
 
 from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder
+from cpbench.formulations.node_table import NodeTable
 from cpbench.testing.cases import Case
 
 
 def in_unit(case: Case, unit: float) -> Case | None:
     """Return a case whose rows are `unit` times as large, with its solution; None of a node that is not listed here."""
-    change = _CHANGES.get(case.problem.node)
+    change = CHANGES.get(case.problem.node)
     if change is None:
         return None
     data, answer = change
@@ -35,7 +35,9 @@ def _scaled(F: Map, unit: float) -> Map:
     return record.map(record(F, record.z) * unit)
 
 
-_CHANGES: Mapping[str, tuple[str, str]] = {
+CHANGES: NodeTable[tuple[str, str]] = NodeTable("change of unit", "no check in other units")
+"""By node: the data, and the parts of an answer, that are multiplied."""
+for _node, _names in {
     "lcp": ("M q", ""),
     "mlcp": ("A B C D a b", ""),
     "relay": ("M q", ""),
@@ -52,5 +54,5 @@ _CHANGES: Mapping[str, tuple[str, str]] = {
     "equation": ("F", ""),
     "vi": ("F", "lam mu nu"),
     "nlp": ("f", "lam mu nu"),
-}
-"""By node: the data, and the parts of an answer, that are multiplied."""
+}.items():
+    CHANGES.enter(_names, _node)

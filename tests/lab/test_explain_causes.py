@@ -20,7 +20,7 @@ from cpbench.formulations import LCPPoint
 from cpbench.formulations.base import formulations
 from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.verification import Status
-from cpbench_lab.diagnosing import CERTIFIED
+from cpbench_lab.certificates.mixed import provable
 from cpbench_lab.diagnosis.attempts import Raw, SolverTrial, TrialOutcome, attempt
 from cpbench_lab.diagnosis.case import FailedTrial
 from cpbench_lab.diagnosis.causes.magnitude import magnitude
@@ -235,7 +235,7 @@ def test_formulations_with_certificates_are_those_offered(node: str) -> None:
     if problem is None:
         pytest.skip(f"no case of {node}")
     reason = cp.certify(problem, problem.zero_point(), seconds=5.0).reason
-    assert reason.startswith("no proof is known") == (node not in CERTIFIED)
+    assert reason.startswith("no proof is known") == (not provable(node))
 
 
 def test_steps_are_printed_while_they_last(capsys: pytest.CaptureFixture[str]) -> None:
