@@ -16,7 +16,7 @@ import cpbench as cp
 from cpbench import storage
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.throughput import throughputs
-from cpbench.bench import block, messages, pair_run, stacked
+from cpbench.bench import block, messages, stacked, worker_call
 from cpbench.bench.planning import plan
 from cpbench.bench.processes.process import Child
 from cpbench.bench.results import answers as packed
@@ -161,7 +161,7 @@ def test_a_call_that_ends_its_process_is_a_crash_of_each(
     slot: Slot, pairs: list[plan.Pair], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The worker is killed once it has the problems; the next call has a new one."""
-    hear = pair_run.hear
+    hear = worker_call.hear
 
     def killed(worker: Child, seconds: float) -> messages.Message:
         message = hear(worker, seconds)
@@ -172,7 +172,7 @@ def test_a_call_that_ends_its_process_is_a_crash_of_each(
         return message
 
     with monkeypatch.context() as patch:
-        patch.setattr(pair_run, "hear", killed)
+        patch.setattr(worker_call, "hear", killed)
         crashed = [outcome for _, outcome in block.run(slot, block.Block(tuple(pairs)))]
     assert [(outcome.status, outcome.batch) for outcome in crashed] == [("crash", 4)] * 4
     again = [outcome for _, outcome in block.run(slot, block.Block(tuple(pairs)))]
