@@ -44,7 +44,7 @@ def packing(count: int, size: int, *, bodies: int, ordered: bool) -> tuple[sp.cs
     """M and H of `count` contacts, each between a body and one of the next 50 (bodies of `size` unknowns)."""
     rng = np.random.default_rng(count + size)
     G = rng.standard_normal((bodies, size, size))
-    M = sp.csr_array(sp.block_diag(list(G @ G.transpose(0, 2, 1) + np.eye(size)), format="csr"))
+    M = sp.csr_array(sp.block_diag(list(map(sp.csr_array, G @ G.transpose(0, 2, 1) + np.eye(size))), format="csr"))
     first = rng.integers(0, bodies, count)
     if ordered:
         first.sort()
@@ -63,7 +63,9 @@ def delassus(counts: list[int]) -> None:
                 M, H = packing(count, size, bodies=int(count / per_body), ordered=ordered)
                 factor = Factorization(M)
                 assert not factor.singular
-                inverse = sp.csr_array(sp.block_diag(list(factor.block_inverses[0].values), format="csr"))
+                inverse = sp.csr_array(
+                    sp.block_diag(list(map(sp.csr_array, factor.block_inverses[0].values)), format="csr")
+                )
 
                 def plain(H=H, inverse=inverse):
                     return H.T @ (inverse @ H)

@@ -38,7 +38,7 @@ def glued(rng: np.random.Generator, count: int, *, sparse: bool = True) -> Frict
         W.append(H @ H.T / mass)
         q.append(load * (rng.standard_normal(3 * nc) - 0.5 * np.tile([1.0, 0.0, 0.0], nc)))
         mu.append(rng.uniform(0.1, 0.9, nc))
-    blocks = sp.block_diag(W, format="csr")
+    blocks = sp.block_diag(list(map(sp.csr_array, W)), format="csr")
     nc = blocks.shape[0] // 3
     order = rng.permutation(nc)
     rows = (3 * order[:, None] + np.arange(3)).ravel()
@@ -58,7 +58,7 @@ def glued_rolling(rng: np.random.Generator, count: int) -> RollingFrictionContac
         mu.append(rng.uniform(0.1, 0.9, nc))
         mu_r.append(rng.uniform(0.01, 0.5, nc))
     law: dict[str, Any] = {"mu": np.concatenate(mu), "mu_r": np.concatenate(mu_r)}
-    return RollingFrictionContact(W=sp.block_diag(W, format="csr"), q=np.concatenate(q), **law)
+    return RollingFrictionContact(W=sp.block_diag(list(map(sp.csr_array, W)), format="csr"), q=np.concatenate(q), **law)
 
 
 def test_the_error_of_a_part_is_that_of_the_definition() -> None:

@@ -41,7 +41,7 @@ def side_by_side(problems: list[Any], rng: Any) -> Any:
             data[matrix].append(getattr(P, matrix))
             data[side].append(z * getattr(P, side))
     joined = {name: np.concatenate(data[name]) for name in ("q", "b", "d", "lb", "ub") if data[name]}
-    joined |= {name: sp.block_diag(data[name], format="csr") for name in "MAC" if data[name]}
+    joined |= {name: sp.block_diag(list(map(sp.csr_array, data[name])), format="csr") for name in "MAC" if data[name]}
     return type(problems[0])(**joined)
 
 

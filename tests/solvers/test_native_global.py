@@ -138,7 +138,7 @@ def bodies(dimension: int, seed: int = 0, nc: int = 24) -> GlobalFrictionContact
         for body in rng.choice(6, 2, replace=False):
             H[6 * body : 6 * body + 6, dimension * c : dimension * (c + 1)] = rng.standard_normal((6, dimension))
     return GlobalFrictionContact(
-        M=sp.csr_array(sp.block_diag([A @ A.T + np.eye(6) for A in factors])),
+        M=sp.csr_array(sp.block_diag([sp.csr_array(A @ A.T + np.eye(6)) for A in factors])),
         H=sp.csr_array(H),
         f=rng.standard_normal(36),
         w=rng.standard_normal(dimension * nc),

@@ -27,7 +27,7 @@ def side_by_side(problems: list[Any], rng: Any) -> Any:
         for name, size in zip("MHGfwb", (f / v, 1.0, 1.0, f, v, v), strict=True):
             data[name].append(size * getattr(P, name))
     whole = {name: np.concatenate(data[name]) for name in "fwb"}
-    whole |= {name: sp.block_diag(data[name], format="csr") for name in "MHG"}
+    whole |= {name: sp.block_diag(list(map(sp.csr_array, data[name])), format="csr") for name in "MHG"}
     law = {"mu": np.concatenate([P.mu for P in problems]), "dimension": problems[0].dimension}
     if hasattr(problems[0], "mu_r"):
         law["mu_r"] = np.concatenate([P.mu_r for P in problems])

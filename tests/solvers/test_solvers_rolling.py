@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from tiers import some_by_day
 
 from cpbench.formulations import FCPoint, FrictionContact, RollingFrictionContact
-from cpbench.foundation import cones, kernel_cache, matrices
+from cpbench.foundation import cones, kernel_cache
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted, planted_contact
 from cpbench.verification import judge
@@ -194,7 +194,7 @@ def test_a_part_that_is_small_beside_another_is_right(rng: np.random.Generator) 
     """Two scenes that do not touch, the second one with a ten-thousandth of the loads."""
     for _ in range(5):
         first, second = (planted_contact.rfc(rng, 4, 5)[0] for _ in range(2))
-        W: Any = sp.block_diag([matrices.dense(first.W), matrices.dense(second.W)]).toarray()
+        W: Any = sp.block_diag([sp.csr_array(first.W), sp.csr_array(second.W)]).toarray()
         mu, mu_r = (np.concatenate([getattr(P, name) for P in (first, second)]) for name in ("mu", "mu_r"))
         problem = RollingFrictionContact(W=W, q=np.concatenate([first.q, 1e-4 * second.q]), mu=mu, mu_r=mu_r)
         output = solvers.get(SOLVER).run(problem, Budget(tolerance=1e-6))

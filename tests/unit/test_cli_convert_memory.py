@@ -17,7 +17,7 @@ from cpbench.formulations import FrictionContact
 @pytest.fixture
 def contact(tmp_path: Path) -> Path:
     path = tmp_path / "contact.hdf5"
-    W = sp.block_diag([np.eye(3) + 0.1] * 40, format="csr")
+    W = sp.block_diag([sp.csr_array(np.eye(3) + 0.1)] * 40, format="csr")
     storage.save(FrictionContact(W=W, q=-np.ones(120), mu=np.full(40, 0.3)), path)
     return path
 

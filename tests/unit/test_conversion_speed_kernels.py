@@ -162,7 +162,7 @@ def test_products_that_cancel_are_not_stored(compiled) -> None:
 
 def test_a_large_problem_takes_the_compiled_loop_and_no_copy(rng) -> None:
     nc = 2580
-    W = sp.block_diag([rng.standard_normal((90, 90)) for _ in range(nc // 30)], format="csr")
+    W = sp.block_diag([sp.csr_array(rng.standard_normal((90, 90))) for _ in range(nc // 30)], format="csr")
     assert W.nnz > congruence.COMPILED_ABOVE
     problem = FrictionContact(W=W, q=rng.standard_normal(3 * nc), mu=np.full(nc, 0.3))
     form = facets.congruence(facets.directions(8, 0.0))

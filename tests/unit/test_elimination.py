@@ -27,7 +27,7 @@ def bodies(rng, sizes, *, symmetric: bool = True):
     for size in sizes:
         G = rng.standard_normal((size, size))
         blocks.append(G @ G.T + size * np.eye(size) if symmetric else G + 2 * size * np.eye(size))
-    A = sp.block_diag(blocks, format="csr")
+    A = sp.block_diag(list(map(sp.csr_array, blocks)), format="csr")
     shuffle = rng.permutation(A.shape[0])
     return sp.csr_array(A[shuffle][:, shuffle]), np.argsort(shuffle)
 

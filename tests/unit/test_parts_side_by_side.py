@@ -35,7 +35,7 @@ def planted_parts(rng: np.random.Generator, count: int) -> tuple[list[Dense], li
 
 def block_diagonal(matrices: list[Dense]) -> Any:
     """Put matrices side by side, sparse."""
-    return sp.block_diag(matrices, format="csr")
+    return sp.block_diag(list(map(sp.csr_array, matrices)), format="csr")
 
 
 def check(name: str, problem: LCP | MLCP) -> None:
