@@ -36,6 +36,7 @@ COMMANDS = {
     "import": "Judge answers that were computed elsewhere, and put them into a results file.",
     "merge": "Put the rows of several results files into one.",
     "export": "Write the rows or the answers of a results file to other formats.",
+    "collection": "Add the problem files that others publish, and check them.",
     "generate": "Write the built-in problems again from their formulas, or check them; or simulate a scene.",
     "new": "Write a plugin that works: a solver in some language, a conversion or problems.",
     "check": "Run the conformance checks on a plugin.",

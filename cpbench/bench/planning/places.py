@@ -1,4 +1,4 @@
-"""Names of the built-in problems as paths; the only module of planning that loading a problem needs."""
+"""Names of built-in problems and of added collections as paths; the only module of planning that loading a problem needs."""
 
 from __future__ import annotations
 
@@ -7,18 +7,26 @@ from collections.abc import Callable
 from pathlib import Path
 
 from cpbench.storage.base import SEPARATOR
+from cpbench.storage.collections import PREFIX
 
 BUILTIN = "builtin"
 
 
 def located(text: str, builtin: Callable[[], Path]) -> str:
-    """Return `builtin/...` as a path below the folder of the built-in problems, any other text as it is.
+    """Return `builtin/...` as a path below the folder of the built-in problems, `collection/...` as one in what the
+    user has added, any other text as it is.
+
+    Raises UnknownName, and CpbenchError where a collection has not been added.
 
     >>> located("builtin/lcp/lcp-classics.h5::fathi-10", lambda: Path("problems"))
     'problems/lcp/lcp-classics.h5::fathi-10'
     """
     head, slash, rest = text.partition("/")
     head, separator, member = head.partition(SEPARATOR) if not slash else (head, "", "")
-    if head != BUILTIN or os.path.exists(text):
+    if head not in (BUILTIN, PREFIX) or os.path.exists(text):
         return text
+    if head == PREFIX:
+        from cpbench.storage.collections import added
+
+        return added.place(f"{rest}{separator}{member}")
     return f"{builtin()}{slash}{rest}{separator}{member}"

@@ -36,6 +36,7 @@ from cpbench.bench.results.store import KEEP
 from cpbench.bench.starts import parse_start
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.solvers.external import declared
+from cpbench.storage.collections import PREFIX
 from cpbench.storage.dispatch import reading
 from cpbench.verification import CONTRADICTION, Status
 
@@ -164,7 +165,7 @@ def _beside(folder: Path, key: str, value: Any) -> Any:
 
 
 def _builtin(text: str) -> bool:
-    return text.split("/")[0] == BUILTIN
+    return text.split("/")[0] in (BUILTIN, PREFIX)
 
 
 # --------------------------------------------------------------------------------------------- the values

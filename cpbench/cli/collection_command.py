@@ -1,0 +1,127 @@
+"""`cpbench collection`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from cpbench.cli.options import Command, force_option
+from cpbench.cli.terminal import print_lines, table
+from cpbench.cli.types import FOLDER
+from cpbench.foundation.plurals import counted, some_of
+from cpbench.storage.collections import PREFIX, added, manifests
+
+SHOWN = 5
+"""Names of files that a line shows."""
+
+
+@click.group()
+def command() -> None:
+    """Add the problem files that others publish, and check them.
+
+    cpbench has the facts of these collections: where their files are, their licences, sizes and hashes. It has none of
+    their files, and downloads none. A collection that has been added is an address as that of a file is: `cpbench run
+    collection/maros-meszaros`, `cpbench info collection/diphasic/diphasic-Ma.txt`.
+    """
+
+
+@command.command("list", cls=Command)
+def list_collections() -> None:
+    """List the collections, with their formulations, formats, files, licences and sources."""
+    print_lines(table(_rows()))
+
+
+def _rows() -> Iterator[tuple[str, ...]]:
+    yield "collection", "formulation", "format", "files", "size", "licence", "source"
+    for known in map(manifests.manifest, manifests.names()):
+        size = size_text(known.size) if known.files else "unknown"
+        yield (
+            known.name,
+            known.formulation or "none",
+            known.reader or "not read",
+            known.extent,
+            size,
+            known.licence,
+            known.source,
+        )
+
+
+@command.command("status", cls=Command)
+def status() -> None:
+    """Show which collections have been added, and the commands that add the others."""
+    for known in map(manifests.manifest, manifests.names()):
+        found = added.check(known, content=False)
+        if found is None:
+            print_lines([f"{known.name}: not added; {added.how_to_add(known)}"])
+        else:
+            print_lines([f"{known.name}: {_extent(found)}, in {found.folder}", *_lacking(found)])
+
+
+@command.command("add", cls=Command)
+@click.argument("name")
+@click.option("--from", "source", type=FOLDER, required=True, metavar="DIR", help="Folder with the files.")
+@force_option
+def add(name: str, source: Path, force: bool) -> None:
+    """Copy the files of a collection into the data directory of the user.
+
+    Each file is checked against its SHA-256. Where one has another content, or is a Git-LFS pointer, nothing is added.
+    Files whose hashes are not known (collection list calls them files of the user) are copied as they are.
+    """
+    known = manifests.manifest(name)
+    found = added.add(known, source, force=force)
+    checked = sum(file in known.files for file in found.files)
+    print_lines([f"added {known.name}: {_extent(found)}, {checked} of them checked, in {found.folder}"])
+    print_lines(_lacking(found))
+    print_lines([f"licence: {known.licence}; cite: {known.citation}"])
+    if known.reader:
+        print_lines([f"next: cpbench run {PREFIX}/{known.name}"])
+    else:
+        print_lines(["cpbench reads none of these files yet"])
+
+
+@command.command("verify", cls=Command)
+@click.argument("names", nargs=-1, metavar="[NAME]...")
+def verify(names: tuple[str, ...]) -> None:
+    """Check the files of collections against their hashes, of all that have been added where none is named.
+
+    The exit code is 1 where files are missing or have another content.
+    """
+    wrong = False
+    for known in map(manifests.manifest, names or manifests.names()):
+        found = added.check(known)
+        if found is not None:
+            changed = [*found.changed, *found.pointers]
+            wrong |= bool(changed or found.missing)
+            as_listed = sum(file in known.files and file not in changed for file in found.files)
+            print_lines([f"{known.name}: {_extent(found)}, {as_listed} as the manifest has them", *_lacking(found)])
+        elif names:
+            wrong = True
+            print_lines([f"{known.name}: not added; {added.how_to_add(known)}"])
+    sys.exit(int(wrong))
+
+
+def _extent(found: added.Found) -> str:
+    return f"{counted(len(found.files), 'file')}, {size_text(found.size)}"
+
+
+def _lacking(found: added.Found) -> Iterator[str]:
+    """Yield a line each on files that are missing, have another content, or are Git-LFS pointers."""
+    for files, what in (
+        (found.missing, "missing"),
+        (found.changed, "with another content (SHA-256)"),
+        (found.pointers, "Git-LFS pointers in place of the files"),
+    ):
+        if files:
+            yield f"  {len(files)} {what}: {some_of(files, SHOWN)}"
+
+
+def size_text(size: int) -> str:
+    """Return a number of bytes in kB or MB.
+
+    >>> size_text(18881), size_text(5216409)
+    ('18.9 kB', '5.22 MB')
+    """
+    return f"{size / 1e3:.3g} kB" if size < 1e6 else f"{size / 1e6:.3g} MB"
