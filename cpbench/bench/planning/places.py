@@ -1,4 +1,4 @@
-"""Names of built-in problems and of added collections as paths; the only module of planning that loading a problem needs."""
+"""Names of built-in problems and of collections as paths; the only module of planning that loading a problem needs."""
 
 from __future__ import annotations
 

@@ -96,7 +96,8 @@ def names() -> tuple[str, ...]:
 def _read(path: Path) -> Manifest:
     table: dict[str, Any] = tomllib.loads(path.read_text("utf-8"))
     files = {name: _listed(name, entry) for name, entry in table.pop("files", {}).items()}
-    return Manifest(name=path.stem, **{**table, "names": tuple(table.get("names", ())), "files": files})
+    patterns = tuple(table.pop("names", ()))
+    return Manifest(name=path.stem, names=patterns, files=files, **table)
 
 
 def _listed(name: str, entry: Mapping[str, Any]) -> ListedFile:
