@@ -28,14 +28,14 @@ from cpbench.api import scenes
 from cpbench.api.results import Results
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.foundation.matrices import Dense
+from cpbench.foundation.matrices import Dense, dense
 from cpbench.generators.lcp_classics import fathi, murty
+from cpbench.generators.scenes.kinematics import own_axes
+from cpbench.generators.scenes.stepper import contact_problem
 
 FOLDER = Path(__file__).resolve().parents[2] / "reports" / "reproductions"
 COLUMNS = ("problem", "solver", "tolerance", "status", "time", "count", "what", "message")
 RATIOS = (1.0, 1e2, 1e4, 1e6)
-STEPS = (0, 10, 50)
-"""Steps of the scene whose contact problems are taken."""
 Packed = dict[str, tuple[Problem, tuple[Point, ...]]]
 """Problems by name, each with its starting points."""
 
@@ -65,20 +65,32 @@ def ben_gharbia_gilbert_problems() -> Packed:
 
 
 def murty_problems() -> Packed:
-    """Return Murty's problems of growing size."""
-    return {f"murty-{n}": (murty(n).problem, ()) for n in (4, 6, 8, 10, 12, 14)}
+    """Return Murty's problems of growing size, as they are hard for Lemke's method and for the least-index rule.
+
+    For Lemke's method with the covering vector e, −q = (2ⁿ, 2ⁿ + 2ⁿ⁻¹, …); for the rule, which takes the first negative
+    component, the unknowns are in reverse order.
+    """
+    made: Packed = {}
+    for n in (4, 6, 8, 10, 12):
+        M = dense(murty(n).problem.M)
+        hard = LCP(M=M, q=-np.cumsum(2.0 ** np.arange(n, 0, -1)), name=f"lemke-{n}")
+        reverse = LCP(M=M[::-1, ::-1], q=-np.ones(n), name=f"least-index-{n}")
+        made |= {hard.name: (hard, ()), reverse.name: (reverse, ())}
+    return made
 
 
 def mass_ratio_problems() -> Packed:
-    """Return contact problems of a heavy cube on a light one, of steps of 1 ms, by mass ratio."""
+    """Return the contact problem of a heavy cube at rest on a light one, of a step of 1 ms, by mass ratio.
+
+    All steps of the scene have this problem, since nothing moves.
+    """
     made: Packed = {}
     for ratio in RATIOS:
         scene = scenes.scene_of("tower", size=2, mass_ratio=ratio, mu=0.9, dt=1e-3)
-        simulation = scenes.Simulation(scene, None, 1e-9)
-        for k, step in enumerate(simulation.run(max(STEPS) + 1)):
-            if k in STEPS and step.problem is not None:
-                name = f"cubes-{ratio:.0e}-{k:02d}"
-                made[name] = replace(step.problem, name=name, sequence=None), ()
+        free = scene.dt * own_axes(scene.start, scene.force)
+        problem = contact_problem(scene, scene.start, scene.touch(scene.start), free.ravel())
+        name = f"cubes-{ratio:.0e}"
+        made[name] = replace(problem, name=name, sequence=None), ()
     return made
 
 

@@ -17,8 +17,16 @@ from cpbench.storage.collections.manifests import ListedFile, Manifest
 from cpbench.storage.dispatch import reading
 
 POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:0000\nsize 27172252\n"
-SUITED = ("diphasic", "hock-schittkowski", "maros-meszaros", "maros-meszaros-sif", "mpc-qpbenchmark", "mpeclib")
-"""Collections of which the folder of real files has what is listed."""
+SUITED = {
+    "diphasic": "diphasic-Ma.txt",
+    "hock-schittkowski": "hs071.gms",
+    "maros-meszaros": "HS118.mat",
+    "maros-meszaros-sif": "HS118.SIF",
+    "mpc-qpbenchmark": "LIPMWALK0.npz",
+    "mpeclib": "frictionalblock_1.gms",
+    "siconos-numerics": "fc3d_global/CubeH8.hdf5",
+}
+"""Collections of which the folder of real files has what is listed, and a problem of each."""
 
 
 @pytest.fixture
@@ -175,7 +183,7 @@ def test_every_manifest_is_complete() -> None:
         assert one.title, one.name
         assert one.citation, one.name
         assert one.source.startswith("https://"), one.name
-        assert one.reader in formats | {""}, one.name
+        assert {*one.reader.split(", ")} <= formats | {""}, one.name
         assert bool(one.files) != bool(one.names), f"{one.name}: files have hashes, or the user brings them"
         assert one.count is None or len(one.files) <= one.count, one.name
         for name, listed in one.files.items():
@@ -194,10 +202,12 @@ def test_real_files_are_added_verified_and_read(name: str, shared_data: Path, tm
     done = cpbench(tmp_path, "collection", "verify")
     assert (done.returncode, done.stdout.count("\n")) == (0, 1)
     assert f"{len(one.files)} as the manifest has them" in done.stdout
-    first = storage.problem_files([located(f"collection/{name}", Path)])[0]
-    chosen, _ = reading(one.reader)
+    chosen, _ = reading(one.reader.split(", ")[0])
     assert chosen is not None
-    assert storage.load(first).fingerprint == chosen.load(Path(first), "").fingerprint
+    place = located(f"collection/{name}/{SUITED[name]}", Path)
+    problem = storage.load(place)
+    assert problem.fingerprint == chosen.load(Path(place), "").fingerprint
+    assert problem.node in one.formulation.split(", ")
 
 
 def test_what_is_listed_and_what_is_there(source: Path, tmp_path: Path) -> None:
