@@ -10,6 +10,7 @@ import engine_laws_page
 import interface_page
 import motion_page
 import registry_pages
+import reproductions_page
 import schema_page
 import tolerance_page
 import tutorial_pages
@@ -29,6 +30,7 @@ PAGES: dict[str, Callable[[], str | bytes]] = {
     "methods/tolerances.md": tolerance_page.page,
     "methods/engine-laws.md": engine_laws_page.page,
     "methods/motion.md": motion_page.page,
+    "methods/reproductions.md": reproductions_page.page,
     "decisions/index.md": decision_index.page,
 }
 

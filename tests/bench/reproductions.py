@@ -1,6 +1,6 @@
 """Published results, measured again: the problems and the plan of each, and the table that its page shows.
 
-    python tests/bench/reproductions.py [NAME ...]     # fathi, bg2012, exponential, mass-ratio, orderings
+    python tests/bench/reproductions.py [NAME ...]     # fathi, bg2012, exponential, mass-ratio, incline, orderings
 
 writes the problems of reports/reproductions/NAME.toml beside it, runs it in a folder of its own, and writes NAME.csv.
 `python docs/generate/reproductions_page.py` then writes the pages.
@@ -31,11 +31,14 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation.matrices import Dense, dense
 from cpbench.generators.lcp_classics import fathi, murty
 from cpbench.generators.scenes.kinematics import own_axes
+from cpbench.generators.scenes.motions import incline
 from cpbench.generators.scenes.stepper import contact_problem
 
 FOLDER = Path(__file__).resolve().parents[2] / "reports" / "reproductions"
 COLUMNS = ("problem", "solver", "tolerance", "status", "time", "count", "what", "message")
 RATIOS = (1.0, 1e2, 1e4, 1e6)
+FIRST = 10
+"""Steps of the block on the incline whose contact problems are taken."""
 Packed = dict[str, tuple[Problem, tuple[Point, ...]]]
 """Problems by name, each with its starting points."""
 
@@ -94,6 +97,17 @@ def mass_ratio_problems() -> Packed:
     return made
 
 
+def incline_problems() -> Packed:
+    """Return the contact problems of the first steps of the block on the incline, which move by answers to 1e-9."""
+    simulation = scenes.Simulation(incline().scene, None, 1e-9)
+    made: Packed = {}
+    for k, step in enumerate(simulation.run(FIRST)):
+        if step.problem is not None:
+            name = f"incline-{k}"
+            made[name] = replace(step.problem, name=name, sequence=None), ()
+    return made
+
+
 def lemke_howson_path(d: int, dropped: int) -> int:
     """Count the steps of Lemke and Howson's algorithm on the d × d game of two dual cyclic polytopes.
 
@@ -145,6 +159,7 @@ PROBLEMS: Mapping[str, Callable[[], Packed]] = {
     "bg2012": ben_gharbia_gilbert_problems,
     "exponential": murty_problems,
     "mass-ratio": mass_ratio_problems,
+    "incline": incline_problems,
 }
 EXTRA: Mapping[str, Callable[[], Iterator[dict[str, object]]]] = {"exponential": lemke_howson_rows}
 NAMES = (*PROBLEMS, "orderings")
