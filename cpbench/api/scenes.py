@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from cpbench import graph, storage
 from cpbench.api.solution import Solution
@@ -49,6 +50,7 @@ class Simulation:
         self.steps: list[SceneStep] = []
         self.solutions: list[Solution | None] = []
         self._last: tuple[Contacts | None, Any] | None = None
+        self._libraries: ThreadpoolController | None = None
 
     def run(self, steps: int) -> Iterator[SceneStep]:
         """Yield `steps` steps from the start; raises NotSolved, NoRoute, UnknownName, NotApplicable, Unavailable."""
@@ -76,8 +78,10 @@ class Simulation:
         start = None
         if self._last is not None and Trait.WARM_START in way.solver.spec.traits:
             start = graph.push(way.problem, transfer(*self._last, problem).point, way.steps)
-        # no time limit: a busy machine must not make another motion
-        solution, _ = solve_there(problem, way, self.tolerance, math.inf, start)
+        self._libraries = self._libraries or ThreadpoolController()
+        # no time limit, and one thread: neither a busy machine nor another number of threads may make another motion
+        with self._libraries.limit(limits=1):
+            solution, _ = solve_there(problem, way, self.tolerance, math.inf, start)
         point = solution.point
         if point is None or not point.finite:
             why = f"{way.name} gave no answer ({solution.status}{': ' if solution.message else ''}{solution.message})"

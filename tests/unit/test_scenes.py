@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from cpbench import graph
 from cpbench.api.scenes import LOCAL, NotSolved, Simulation, scene_of
@@ -264,3 +265,27 @@ def test_a_step_without_an_answer_ends_the_simulation(monkeypatch: pytest.Monkey
     with pytest.raises(NotSolved, match=r"^tower: step 0: gives-up gave no answer \(failed: gave up\)"):
         list(simulation.run(3))
     assert simulation.steps == []
+
+
+def test_steps_are_solved_on_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Sums over several threads have other roundings, and threads that wait for a core keep small products waiting."""
+    seen: list[int] = []
+
+    class Asks(Solver):
+        """A solver that looks how many threads the libraries of linear algebra have, and gives up."""
+
+        spec = SolverSpec(name="asks", node="fc", summary="", method="")
+
+        def solve(self, prepared: Any, budget: Budget, options: Any, start: Any = None, record: Any = None) -> Any:
+            seen.extend(library["num_threads"] for library in threadpool_info())
+            return SolverOutput(claim=Claim.FAILED)
+
+    solvers.discover()
+    monkeypatch.setitem(solvers._items, "asks", Asks())
+    with threadpool_limits(2):
+        before = [library["num_threads"] for library in threadpool_info()]
+        with pytest.raises(NotSolved):
+            list(Simulation(scene_of("tower", size=2), "asks").run(1))
+        assert [library["num_threads"] for library in threadpool_info()] == before
+    assert max(before) == 2
+    assert set(seen) == {1}
