@@ -13,6 +13,7 @@ import click
 from cpbench.analysis import cautions, contradictions
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import lacking_lines, unreached_lines, unreached_summary
+from cpbench.analysis.quotation import quotation
 from cpbench.analysis.ranking import RankedSolver, Ranking, rankings
 from cpbench.analysis.reached import SENTENCE, at_reached
 from cpbench.api.cross_examination import contradiction_lines
@@ -66,6 +67,8 @@ def print_answer(store: Store, reached: bool = False) -> None:
         print_lines(folded("why: cpbench route PROBLEM --explain, and the report"))
     if len(reasons) > LINES:
         click.echo(f"and {counted(len(reasons) - LINES, 'more reason')} why pairs could not be run")
+    if quoted := quotation(meta):
+        print_lines(folded(quoted))
     lines = [line for ranking in ranked for line in _sentence(ranking)]
     disturbed = cautions.disturbance(table, meta)
     first = [click.style(line, fg="yellow") for line in folded(disturbed)] if disturbed else []

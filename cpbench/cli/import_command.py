@@ -10,6 +10,7 @@ import click
 
 from cpbench.api.cross_examination import contradiction_lines, cross_examine
 from cpbench.api.import_text import remarks
+from cpbench.api.quoting import quote_collection
 from cpbench.bench.planning.selection import addresses
 from cpbench.bench.results.imported import ELSEWHERE, Origin, import_answers
 from cpbench.bench.results.store import Store
@@ -79,6 +80,7 @@ def command(
             command=shlex.join(["cpbench", *sys.argv[1:]]),
             force=force,
         )
+        quote_collection(store)
         found = cross_examine(store, say=lambda line: print_lines([line], err=True))
     print_lines(remarks(done), err=True)
     print_lines(contradiction_lines(found))

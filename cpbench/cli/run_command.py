@@ -20,7 +20,8 @@ from cpbench.cli.terminal import print_lines
 from cpbench.errors import StoreError
 from cpbench.foundation.extensions import hook
 from cpbench.foundation.imports import import_ahead
-from cpbench.generators.collection import builtin_folder, quick_problems
+from cpbench.generators.collection import builtin_folder
+from cpbench.generators.quick import quick_problems
 
 
 @click.command(cls=Sections, sections=SECTIONS, examples=EXAMPLES)

@@ -42,6 +42,7 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> No
     """Certify answers where asked, print the answer and the last lines, and write the report; exits with 1 where the
     run failed."""
     from cpbench.api.cross_examination import cross_examine
+    from cpbench.api.quoting import quote_collection
     from cpbench.cli.answer import print_answer
 
     print_lines(run_text.refused(assembly.refused), err=True)
@@ -52,6 +53,7 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> No
     if counts.get(Status.UNAVAILABLE):
         print_lines(run_text.not_available(store), err=True)
     table = store.table()
+    quote_collection(store)
     found = cross_examine(store, table, lambda line: print_lines([line], err=True))
     print_answer(store)
     ending = run_text.ending(plan, store, assembly, table, found)

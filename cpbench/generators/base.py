@@ -10,9 +10,13 @@ import numpy as np
 
 from cpbench.formulations.base import Info, Point, Problem
 from cpbench.foundation.matrices import Dense, Vector
+from cpbench.generators.descriptions import describe
 from cpbench.registry import Registry
 
-LICENCE = "Apache-2.0"
+LICENCE = "CC0-1.0"
+"""Licence of the problems, as numbers in files; the code that makes them is under that of cpbench."""
+SMALL, STANDARD, LARGE = TIERS = ("small", "standard", "large")
+"""Tiers of the collection: shipped in files; made in minutes; made on request."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +47,7 @@ class Instance:
 class Collection:
     """One family: a registered generator. `build` is deterministic and takes no argument.
 
-    `builtin` : its files are shipped, for they come out bit for bit alike on every machine.
+    `tier` : the tier that it belongs to, '' for none. Problems of tiers come out bit for bit alike on every machine.
     """
 
     name: str
@@ -51,20 +55,30 @@ class Collection:
     summary: str
     citation: str
     build: Callable[[], list[Instance]]
-    builtin: bool = True
+    tier: str = SMALL
+
+    @property
+    def builtin(self) -> bool:
+        """Whether its files are shipped."""
+        return self.tier == SMALL
 
     def instances(self) -> list[Instance]:
-        """Build the instances, with family, source, licence and citation in their info."""
+        """Build the instances, with description, family, source, licence and citation in their info."""
         return [self._signed(instance) for instance in self.build()]
 
     def _signed(self, instance: Instance) -> Instance:
+        facts = {"known": instance.known, **instance.properties}
+        told = describe(self.name, instance.name, {**instance.problem.sizes(), **facts})
+        if told.solutions:
+            facts = {"solutions": told.solutions, **facts}
         info = Info(
             title=instance.problem.info.title or self.summary,
+            description=told.sentences,
             source=f"cpbench generate, collection {self.name}",
             licence=LICENCE,
             family=self.name,
             citation=self.citation,
-            properties={"known": instance.known, **instance.properties},
+            properties=facts,
         )
         return replace(instance, problem=replace(instance.problem, info=info))
 
@@ -73,12 +87,15 @@ generators: Registry[Collection] = Registry("generator", "cpbench.generators")
 
 
 def collection(
-    name: str, node: str, summary: str, citation: str, *, builtin: bool = True
+    name: str, node: str, summary: str, citation: str, *, builtin: bool = True, tier: str = ""
 ) -> Callable[[Callable[[], list[Instance]]], Any]:
-    """Register a function that builds instances as a collection (a decorator)."""
+    """Register a function that builds instances as a collection (a decorator).
+
+    builtin : it is of the small tier, whose files are shipped. tier : another one.
+    """
 
     def register(build: Callable[[], list[Instance]]) -> Callable[[], list[Instance]]:
-        generators.add(name, Collection(name, node, summary, citation, build, builtin))
+        generators.add(name, Collection(name, node, summary, citation, build, tier or (SMALL if builtin else "")))
         return build
 
     return register

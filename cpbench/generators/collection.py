@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import tomllib
-from collections.abc import Iterator, Sequence
-from itertools import zip_longest
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from cpbench import storage
 from cpbench.errors import CpbenchError
-from cpbench.generators.base import Collection, Instance, generators
+from cpbench.formulations.base import Problem
+from cpbench.generators.base import SMALL, TIERS, Collection, Instance, generators
 
-SMALL, FEW = 40, 2
-"""The largest dimension of a problem of the quick suite, and how many of them a formulation has there."""
-UNKNOWN = ("nothing", "infeasible")
-"""Facts of a problem that has no known solution."""
+NAME, VERSION = "cpbench-collection", "2026.12"
+"""Name of the collection; its version changes when problems are added, changed or removed."""
+TIER_SHEETS = "tiers"
+"""Folder, among the built-in problems, of the sheets of problems that are not shipped."""
 
 
 def builtin_folder() -> Path:
@@ -43,37 +46,99 @@ def address_text(address: str) -> str:
     return address if inside == address else f"builtin/{inside}"
 
 
-def quick_problems(folder: Path) -> list[str]:
-    """Return the addresses of the small problems of every formulation whose solution is known:
-    `builtin/NODE/COLLECTION.h5::NAME`.
+@dataclass(frozen=True)
+class Entry:
+    """What the collection says of one of its problems, without its data.
 
-    FEW of a formulation, from its collections in turn: of each the largest first that has no dimension above SMALL.
+    Attributes
+    ----------
+    address : `builtin/...` of a problem of the small tier, else the place in the folder of its tier. unknowns : numbers
+    that a solver has to find, multipliers of rows not counted. known : how a solution is known. weight : what it counts
+    in a profile where each family of a formulation and tier counts 1. solutions : their number, '' where it is not
+    known.
     """
-    found: dict[str, list[list[str]]] = {}
-    for sheet in sorted(folder.glob("*/*.toml")):
-        described = tomllib.loads(sheet.read_text("utf-8"))
-        sizes = {
-            str(problem["name"]): max(size for size in problem.values() if isinstance(size, int))
-            for problem in described["problem"]
-            if problem["known"] not in UNKNOWN
-        }
-        small = sorted((name for name in sizes if sizes[name] <= SMALL), key=lambda name: (-sizes[name], name))
-        pack = f"builtin/{described['node']}/{sheet.stem}.h5"
-        found.setdefault(str(described["node"]), []).append([f"{pack}::{name}" for name in small])
-    return [
-        address
-        for collections in found.values()
-        for address in [one for turn in zip_longest(*collections) for one in turn if one is not None][:FEW]
-    ]
+
+    address: str
+    name: str
+    node: str
+    family: str
+    tier: str
+    unknowns: int
+    known: str
+    weight: float
+    licence: str
+    citation: str
+    description: str
+    solutions: str
+    fingerprint: str
+    properties: Mapping[str, Any]
+
+    @property
+    def decade(self) -> int:
+        """Power of ten at or below the number of unknowns."""
+        return len(str(self.unknowns)) - 1
 
 
-def write_collections(folder: str | Path, names: Sequence[str] = ()) -> Iterator[Path]:
-    """Write the collections `names` below `folder` (none: all that are shipped), replacing what is there.
+@dataclass(frozen=True)
+class Identity:
+    """Name by which results quote the collection: version, number of problems, hash over their mathematics."""
 
-    Yields the files; raises UnknownName. Not compressed: zlib and zlib-ng, which h5py's wheels carry in turn, deflate
-    the same numbers to other bytes.
+    name: str
+    problems: int
+    digest: str
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.problems} problems, sha256 {self.digest[:16]})"
+
+
+def identity(entries: Sequence[Entry]) -> Identity:
+    """Return the identity of the collection that has these entries, in any order.
+
+    The hash is that of the sorted fingerprints, which are hashes of the mathematics of each problem.
     """
-    for collection in [generators.get(name) for name in names] or [c for c in generators if c.builtin]:
+    marks = "\n".join(sorted(entry.fingerprint for entry in entries))
+    return Identity(f"{NAME} {VERSION}", len(entries), hashlib.sha256(marks.encode("ascii")).hexdigest())
+
+
+def catalogue(folder: Path | None = None) -> list[Entry]:
+    """Return the entries of all tiers, from the sheets in the folder of the built-in problems.
+
+    Those of the standard and the large tier are in its `tiers`, without their files. Raises CpbenchError where no
+    problems are installed.
+    """
+    place = folder or builtin_folder()
+    found: list[Entry] = []
+    for tier, sheets in ((SMALL, place), *((tier, place / TIER_SHEETS / tier) for tier in TIERS if tier != SMALL)):
+        for sheet in sorted(sheets.glob("*/*.toml")):
+            start = "builtin" if tier == SMALL else tier
+            found += _entries(sheet, tier, f"{start}/{sheet.parent.name}/{sheet.stem}.h5")
+    return found
+
+
+def _entries(sheet: Path, tier: str, address: str) -> Iterator[Entry]:
+    described = tomllib.loads(sheet.read_text("utf-8"))
+    problems = described["problem"]
+    for problem in problems:
+        yield Entry(
+            address=f"{address}::{problem['name']}",
+            family=described["name"],
+            tier=tier,
+            weight=1.0 / len(problems),
+            licence=described["licence"],
+            citation=described["citation"],
+            node=described["node"],
+            properties=json.loads(problem["properties"]),
+            **{key: problem[key] for key in ("name", "unknowns", "known", "description", "solutions", "fingerprint")},
+        )
+
+
+def write_collections(folder: str | Path, names: Sequence[str] = (), tier: str = SMALL) -> Iterator[Path]:
+    """Write the collections `names` below `folder` (none: all of the tier), replacing what is there.
+
+    Yields the files; one collection at a time is in memory. Raises UnknownName. The files are not compressed: zlib and
+    zlib-ng, which h5py's wheels carry in turn, deflate the same numbers to other bytes.
+    """
+    for collection in [generators.get(name) for name in names] or [c for c in generators if c.tier == tier]:
         place = Path(folder) / collection.node
         place.mkdir(parents=True, exist_ok=True)
         instances = collection.instances()
@@ -107,9 +172,18 @@ def _sheet(collection: Collection, instances: list[Instance]) -> str:
         problem = instance.problem
         lines += ["", "[[problem]]", f"name = {_quoted(problem.name)}", f"fingerprint = {_quoted(problem.fingerprint)}"]
         lines += [f"{symbol} = {size}" for symbol, size in problem.sizes().items()]
+        lines.append(f"unknowns = {unknowns(problem)}")
         lines.append(f"known = {_quoted(instance.known)}")
+        lines.append(f"solutions = {_quoted(str(problem.info.properties.get('solutions', '')))}")
+        lines.append(f"description = {_quoted(problem.info.description)}")
         lines.append(f"properties = {_quoted(json.dumps(dict(instance.properties), sort_keys=True))}")
     return "\n".join(lines) + "\n"
+
+
+def unknowns(problem: Problem) -> int:
+    """Return how many numbers a solver has to find; multipliers beside an unknown z are not counted."""
+    sizes = problem.point_sizes
+    return sizes["z"] if "z" in sizes else sum(sizes.values())
 
 
 def _quoted(text: str) -> str:

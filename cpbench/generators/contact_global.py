@@ -32,7 +32,7 @@ def build() -> list[Instance]:
     "gfc",
     "high stacks of boxes at rest, and many bodies with planted reactions",
     "planted by cpbench; the equilibrium of a stack: each level carries the weight above it",
-    builtin=False,
+    tier="standard",
 )
 def build_high() -> list[Instance]:
     return [box_stack(25), box_stack(50), _planted("bodies-60", 60, 100)]

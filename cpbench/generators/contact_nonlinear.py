@@ -44,7 +44,7 @@ def build() -> list[Instance]:
     ]
 
 
-@collection("contact-nonlinear-large", "nfc", SUMMARY, CITATION, builtin=False)
+@collection("contact-nonlinear-large", "nfc", SUMMARY, CITATION, tier="standard")
 def build_large() -> list[Instance]:
     """Build a hundred bodies and long chains."""
     return [balls(100), spinning(100), pendulum(30)]

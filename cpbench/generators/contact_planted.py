@@ -63,7 +63,7 @@ def build_2d() -> list[Instance]:
     "fc",
     "a hundred and more contacts with planted reactions, Delassus form",
     "planted by cpbench",
-    builtin=False,
+    tier="standard",
 )
 def build_large() -> list[Instance]:
     """Build large problems, on which solvers of the whole matrix differ from those of one contact at a time."""

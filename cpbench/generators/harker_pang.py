@@ -29,7 +29,7 @@ def build_sets() -> list[Instance]:
     return [simplex(10), simplex(40), box(20)]
 
 
-@collection("harker-pang-large", "ncp", "a dense random monotone NCP with arctan", CITATION, builtin=False)
+@collection("harker-pang-large", "ncp", "a dense random monotone NCP with arctan", CITATION, tier="standard")
 def build_large() -> list[Instance]:
     return [complementarity(300)]
 

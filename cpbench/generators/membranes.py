@@ -38,7 +38,7 @@ def build() -> list[Instance]:
     "micp",
     "the same with 2500 and 10⁴ unknowns",
     "Ciarlet 1978 (MCPLIB: obstacle); Hoppe and Mittelmann 1989 (Bratu); Dolan, Moré, Munson 2004 (COPS 3.0)",
-    builtin=False,
+    tier="standard",
 )
 def build_large() -> list[Instance]:
     return [membrane(50), membrane(100), bratu(50, 12.0, 0.5), bratu(100, 12.0, 0.5), minimal_surface(49)]

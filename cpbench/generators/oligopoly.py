@@ -44,7 +44,7 @@ def build() -> list[Instance]:
     "ncp",
     "Cournot–Nash equilibria of 500 firms, whose Jacobian is dense",
     "planted by cpbench, after Murphy, Sherali, Soyster 1982, Math. Prog. 24:92",
-    builtin=False,
+    tier="standard",
 )
 def build_large() -> list[Instance]:
     return [firms(500)]

@@ -41,7 +41,7 @@ def build_grids() -> list[Instance]:
     "micp",
     "the same with 5368 unknowns",
     "Beckmann, McGuire, Winsten 1956; Bureau of Public Roads 1964; planted by cpbench",
-    builtin=False,
+    tier="standard",
 )
 def build_large() -> list[Instance]:
     return [grid(12, 8)]

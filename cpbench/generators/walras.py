@@ -62,7 +62,7 @@ def build_activities() -> list[Instance]:
     "ncp",
     "a Cobb–Douglas exchange economy of 200 goods",
     "Arrow and Debreu 1954, Econometrica 22:265; planted by cpbench",
-    builtin=False,
+    tier="standard",
 )
 def build_large() -> list[Instance]:
     return [cobb_douglas(200, 20)]

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from cpbench.analysis.quotation import quotation
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.run import Run
 from cpbench.report.text import code, counted, plain, seconds
@@ -36,6 +37,7 @@ def _settings(run: Run) -> str:
         "threads": _all_of(run, "threads", "{:g}"),
         "repeats": _all_of(run, "repeats_asked", "{:g} of short solves"),
         "start": ", ".join(sorted(set(run.rows["start"].unique()) - {""})),
+        "collection": quotation(meta),
         "run on": meta.get("date", ""),
         "random order": f"seed {meta['seed']}" if meta.get("seed") is not None else "",
         "rows": f"{run.all_rows}, one a pair" if len(run.rows) else "",

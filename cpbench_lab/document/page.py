@@ -17,6 +17,7 @@ import pandas as pd
 from cpbench.analysis import cautions, means, profiles, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import participating
+from cpbench.analysis.quotation import quotation
 from cpbench.analysis.table import ResultGroup
 from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import UnknownName
@@ -147,6 +148,8 @@ def _methods(run: Run, macros: Macros) -> Iterator[str]:
     tolerance = macros.define(("tolerance",), tolerances)
     machine = run.meta.get("machine") or {}
     where = f" Solved on {text(machine['cpu'])}." if machine.get("cpu") else ""
+    quoted = quotation(run.meta)
+    where += f" The problems include {text(quoted)}." if quoted else ""
     yield (
         "\\section{Methods}\nEvery answer is carried back to the problem that was asked, and its error is computed "
         "there from the problem's data by code that shares nothing with the solver. A pair is solved when that error "

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.analysis import multi_start
+from cpbench.analysis.quotation import quotation
 from cpbench.report.html.markup import Markup, element, table
 from cpbench.report.run import Run, tuned_sentence
 from cpbench.report.run_sections import DRIFT
@@ -63,6 +64,7 @@ def machine(run: Run) -> Iterator[Markup]:
     facts: dict[str, Any] = {**(run.meta.get("machine") or {})}
     hosts = sorted(set(run.rows["host"].unique()) - {""})
     facts |= {"hosts": ", ".join(hosts)} if hosts else {}
+    facts |= {"problems": quoted} if (quoted := quotation(run.meta)) else {}
     facts |= {f"{name} (package)": version for name, version in sorted((run.meta.get("versions") or {}).items())}
     if facts:
         yield table("Machine and versions", ["what", "value"], ([name, value] for name, value in facts.items()))

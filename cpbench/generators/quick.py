@@ -1,0 +1,44 @@
+"""The problems of the quick suite: few of each formulation, large enough that methods matter and not the call."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import zip_longest
+from pathlib import Path
+
+from cpbench.generators.base import SMALL
+from cpbench.generators.collection import Entry, catalogue
+
+FEW = 10
+"""How many problems of a formulation the suite has: from so many on, a ranking is more than a hint."""
+SMALLEST, LARGEST = 30, 2000
+"""Unknowns of the problems that it takes first; others only where these are too few."""
+NONE = "infeasible"
+"""How it is known that a problem has no solution; the suite has none of these."""
+
+
+def quick_problems(folder: Path) -> list[str]:
+    """Return the addresses of the problems of the suite, at most FEW of each formulation.
+
+    Families take turns. Of each family, the largest problem first that has between SMALLEST and LARGEST unknowns; where
+    these are fewer than FEW, smaller ones after them, the largest first.
+    """
+    by_node: dict[str, list[Entry]] = {}
+    for entry in catalogue(folder):
+        if entry.tier == SMALL and entry.known != NONE and entry.unknowns <= LARGEST:
+            by_node.setdefault(entry.node, []).append(entry)
+    chosen: list[str] = []
+    for entries in by_node.values():
+        large = [entry for entry in entries if entry.unknowns >= SMALLEST]
+        small = [entry for entry in entries if entry.unknowns < SMALLEST]
+        chosen += [entry.address for entry in (*_by_turns(large), *_by_turns(small))][:FEW]
+    return chosen
+
+
+def _by_turns(entries: Sequence[Entry]) -> Iterator[Entry]:
+    """Yield the largest of each family, then the second of each, and so on."""
+    families: dict[str, list[Entry]] = {}
+    for entry in sorted(entries, key=lambda entry: (-entry.unknowns, entry.name)):
+        families.setdefault(entry.family, []).append(entry)
+    for turn in zip_longest(*(families[name] for name in sorted(families))):
+        yield from (entry for entry in turn if entry is not None)
