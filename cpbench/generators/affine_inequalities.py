@@ -21,6 +21,8 @@ def build() -> list[Instance]:
         nearest_in_simplex(),
         _planted("polyhedral-24", rng, 24, 12, 4),
         _planted("degenerate-box-40", rng, 40, 0, 0),
+        *(_planted(f"polyhedral-{n}", rng, n, n // 2, n // 8) for n in (30, 32, 34, 36)),
+        *(_planted(f"degenerate-box-{n}", rng, n, 0, 0) for n in (30, 36)),
     ]
 
 

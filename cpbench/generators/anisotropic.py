@@ -21,7 +21,8 @@ from cpbench.generators.contact_planted import DIRECTIONS, delassus
     "Michalowski and Mroz 1978, Arch. Mech. 30:259 (associated slip); planted by cpbench",
 )
 def build() -> list[Instance]:
-    return [block(1.0, 0.25), block(1.0, 2.0**-10), _planted("planted-10", 10)]
+    sizes = range(10, 18)
+    return [block(1.0, 0.25), block(1.0, 2.0**-10), *(_planted(f"planted-{nc}", nc) for nc in sizes)]
 
 
 def block(mu_1: float, mu_2: float) -> Instance:

@@ -27,7 +27,8 @@ class Instance:
     ----------
     solution : a solution, None where none is known in closed form.
     known : how it is known: `planted` (the data were made for it; `planted to rounding` where the sums are not
-        exact), `published`, `closed form`, `infeasible` (then `certificate` proves it), or `nothing`.
+        exact), `published`, `closed form`, `infeasible` or `unbounded` (then `certificate` proves it: multipliers, or a
+        ray), or `nothing`.
     starts : starting points that were published with it, the first of them the problem's own; the file's guesses.
     """
 

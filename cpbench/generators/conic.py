@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.conic import cone_fields
@@ -29,7 +30,7 @@ MU, MU_R, RADIUS = 0.625, 0.3125, 5.0
     "Moreau 1962 (decomposition by a cone and its polar); planted by cpbench",
 )
 def build_soclcp() -> list[Instance]:
-    return [nearest_in_cone(), _planted_soclcp("monotone-12-factors", generator(25))]
+    return [nearest_in_cone(), _planted_soclcp("monotone-12-factors", generator(25)), *nearest(9)]
 
 
 @collection(
@@ -39,7 +40,8 @@ def build_soclcp() -> list[Instance]:
     "Lobo, Vandenberghe, Boyd, Lebret 1998, Linear Algebra Appl. 284:193; planted by cpbench",
 )
 def build_coneqp() -> list[Instance]:
-    return [least_in_ball(), enclosing_ball(), _planted_coneqp("planted-13-factors", generator(27))]
+    planted = [_planted_coneqp(f"planted-13-factors-{n}", generator(2700 + n), n) for n in range(30, 37)]
+    return [least_in_ball(), enclosing_ball(), _planted_coneqp("planted-13-factors", generator(27)), *planted]
 
 
 def nearest_in_cone() -> Instance:
@@ -47,6 +49,26 @@ def nearest_in_cone() -> Instance:
     K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 1.0))
     problem = SOCLCP(M=np.eye(3), q=[0.0, -3.0, -4.0], **cone_fields(K), name="nearest-in-cone")
     return Instance(problem, SOCLCPPoint(x=[2.5, 1.5, 2.0]), "closed form", properties={"class": "SPD"})
+
+
+def nearest(count: int) -> list[Instance]:
+    """Build `count` problems of k second-order cones in ℝ³, chained by springs: M = tridiagonal ⊗ I, made for their
+    solution: inside, on the boundary and at the tip by turns."""
+    found: list[Instance] = []
+    for k in range(10, 10 + 4 * count, 4):
+        rng = generator(2600 + k)
+        way, size = _ways(rng, k), 2.0 ** rng.integers(-1, 2, k)[:, None]
+        x, w = np.hstack([5.0 * size, way * size]), np.hstack([5.0 * size, -way * size]) / 4.0
+        turn = np.arange(k) % 3
+        x[turn == 0, 1:] /= 2.0
+        w[turn == 0] = 0.0
+        x[turn == 1] = 0.0
+        M = sp.kron(sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(k, k)), sp.eye_array(3))
+        K = ProductCone.of((Cone.SECOND_ORDER, k, 3, 1.0))
+        q = w.ravel() - M @ x.ravel()
+        problem = SOCLCP(M=sp.csr_array(M), q=q, **cone_fields(K), name=f"chained-cones-{k}")
+        found.append(Instance(problem, SOCLCPPoint(x=x.ravel()), "planted", properties={"class": "SPD"}))
+    return found
 
 
 def least_in_ball() -> Instance:
@@ -79,9 +101,8 @@ def _planted_soclcp(name: str, rng: np.random.Generator) -> Instance:
     return Instance(problem, SOCLCPPoint(x=x), "planted", properties={"class": "PD nonsymmetric"})
 
 
-def _planted_coneqp(name: str, rng: np.random.Generator) -> Instance:
+def _planted_coneqp(name: str, rng: np.random.Generator, n: int = 15) -> Instance:
     K, s, y = _factors(rng, cylinders=True)
-    n = 15
     G, A = dyadic(rng, (n, n), -1, 1), dyadic(rng, (K.rows, n), -1, 1)
     Q, x = G @ G.T + np.eye(n), dyadic(rng, n, -2, 2)
     problem = ConeQP.over(Q, A.T @ y - Q @ x, K, A, s - A @ x)

@@ -21,7 +21,7 @@ CITATION = (
 
 @collection("harker-pang", "ncp", "random monotone NCPs with arctan", CITATION)
 def build() -> list[Instance]:
-    return [complementarity(n) for n in (10, 50)]
+    return [complementarity(n) for n in (10, 50, 30)]
 
 
 @collection("harker-pang-sets", "vi", "random monotone maps with arctan over a simplex and a box", CITATION)

@@ -18,12 +18,26 @@ from cpbench.generators.base import Instance, collection, dyadic, generator
 def build() -> list[Instance]:
     """Build SPD, singular PSD, Harker–Pang (monotone, nonsymmetric), H₊, degenerate and badly scaled matrices."""
     return [
-        *(_instance(f"spd-{n}", _spd(n), n, {"class": "SPD", "symmetric": True}) for n in (20, 100, 200)),
+        *(_instance(f"spd-{n}", _spd(n), n, {"class": "SPD", "symmetric": True}) for n in (20, 100)),
         *(_instance(f"psd-{n}", _psd(n), n, {"class": "PSD singular", "symmetric": True}) for n in (20, 100)),
-        *(_instance(f"harker-pang-{n}", _harker_pang(n), n, {"class": "PD nonsymmetric"}) for n in (20, 100, 200)),
+        *(_instance(f"harker-pang-{n}", _harker_pang(n), n, {"class": "PD nonsymmetric"}) for n in (20, 100)),
         _instance("h-plus-60", _h_plus(60), 60, {"class": "P", "symmetric": False}),
         _instance("degenerate-40", _spd(40), 40, {"class": "SPD", "degenerate": True}, degenerate=True),
         _scaled(40),
+    ]
+
+
+@collection(
+    "lcp-planted-large",
+    "lcp",
+    "random LCPs with a planted solution, up to 2000 unknowns",
+    "Harker and Pang 1990, Lectures in Applied Math. 26:265 (monotone family)",
+    tier="standard",
+)
+def build_large() -> list[Instance]:
+    return [
+        *(_instance(f"spd-{n}", _spd(n), n, {"class": "SPD", "symmetric": True}) for n in (200, 1000)),
+        *(_instance(f"harker-pang-{n}", _harker_pang(n), n, {"class": "PD nonsymmetric"}) for n in (200, 2000)),
     ]
 
 

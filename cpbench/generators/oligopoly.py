@@ -36,7 +36,7 @@ TEN_STARTS = (
     "ones planted by cpbench",
 )
 def build() -> list[Instance]:
-    return [five(), ten(), *(firms(n) for n in (20, 100))]
+    return [five(), ten(), *(firms(n) for n in (20, 100, 30, 40, 60))]
 
 
 @collection(

@@ -13,7 +13,7 @@ FEW = 10
 """How many problems of a formulation the suite has: from so many on, a ranking is more than a hint."""
 SMALLEST, LARGEST = 30, 2000
 """Unknowns of the problems that it takes first; others only where these are too few."""
-NONE = "infeasible"
+NONE = ("infeasible", "unbounded")
 """How it is known that a problem has no solution; the suite has none of these."""
 
 
@@ -25,7 +25,7 @@ def quick_problems(folder: Path) -> list[str]:
     """
     by_node: dict[str, list[Entry]] = {}
     for entry in catalogue(folder):
-        if entry.tier == SMALL and entry.known != NONE and entry.unknowns <= LARGEST:
+        if entry.tier == SMALL and entry.known not in NONE and entry.unknowns <= LARGEST:
             by_node.setdefault(entry.node, []).append(entry)
     chosen: list[str] = []
     for entries in by_node.values():

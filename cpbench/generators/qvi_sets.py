@@ -42,7 +42,7 @@ def build_friction() -> list[Instance]:
     "planted by cpbench",
 )
 def build_obstacles() -> list[Instance]:
-    return [yielding_obstacle(n) for n in (8, 20)]
+    return [yielding_obstacle(n) for n in (8, 20, 30, 40, 50, 60, 80)]
 
 
 def duopoly(*, rows: bool) -> Instance:

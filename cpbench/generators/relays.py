@@ -27,7 +27,14 @@ STEP = 2.0**-6
 )
 def build() -> list[Instance]:
     rng = generator(21)
-    return [sliding_scalars(), filippov_spiral(), _planted("monotone-20", rng, 20), _sparse("sparse-60", rng, 60)]
+    return [
+        sliding_scalars(),
+        filippov_spiral(),
+        _planted("monotone-20", rng, 20),
+        _sparse("sparse-60", rng, 60),
+        *(_planted(f"monotone-{n}", rng, n) for n in (30, 40)),
+        *(_sparse(f"sparse-{n}", rng, n) for n in (30, 100, 200, 400)),
+    ]
 
 
 def sliding_scalars() -> Instance:

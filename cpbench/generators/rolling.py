@@ -7,6 +7,8 @@ v = (P − μ_r N/R)/(1 + J/(mR²)) and ‖r_T‖ = P − mv (Acary and Bourrier
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
@@ -27,12 +29,14 @@ BALL_INERTIA = 0.5
 
 @collection("rolling", "rfc", "discs and balls with rolling resistance, local form", CITATION)
 def build_local() -> list[Instance]:
-    return [disc("rests", push=1.0), disc("rolls", push=5.0), ball_rolls(), _planted("planted-12", 12)]
+    sizes = (12, 6, 7, 8, 9, 10, 11)
+    planted = [_planted(f"planted-{nc}", nc) for nc in sizes]
+    return [disc("rests", push=1.0), disc("rolls", push=5.0), ball_rolls(), *planted]
 
 
 @collection("rolling-global", "grfc", "discs and balls with rolling resistance, global form", CITATION)
 def build_global() -> list[Instance]:
-    return [coupled_discs(), ball_global()]
+    return [coupled_discs(), ball_global(), *(_planted_global(bodies) for bodies in range(3, 11))]
 
 
 def disc(what: str, push: float) -> Instance:
@@ -107,11 +111,9 @@ def ball_rolls() -> Instance:
     return Instance(problem, FCPoint(r=whole.solution.r), "closed form", properties={"state": "rolls", "rank": 5})
 
 
-def _planted(name: str, nc: int) -> Instance:
-    """Plant contacts that stick, slide, roll, do both or are open, μ = 5/8, μ_r = 5/16, W of full rank."""
-    rng = generator(31)
-    states = [("stick", "slide", "roll", "both", "open")[c % 5] for c in range(nc)]
-    r, u = np.zeros((nc, 5)), np.zeros((nc, 5))
+def _contacts(rng: np.random.Generator, states: Sequence[str]) -> tuple[Dense, Dense]:
+    """Return r and u, shape (nc, 5) each, of contacts in these states, μ = 5/8, μ_r = 5/16."""
+    r, u = np.zeros((len(states), 5)), np.zeros((len(states), 5))
     for c, state in enumerate(states):
         way, spin = DIRECTIONS[rng.integers(8, size=2)]
         if state == "open":
@@ -120,6 +122,38 @@ def _planted(name: str, nc: int) -> Instance:
         slides, rolls = state in ("slide", "both"), state in ("roll", "both")
         r[c] = np.r_[8.0, way * (1.0 if slides else 0.5), spin * (0.5 if rolls else 0.25)]
         u[c] = np.r_[0.0, -way * slides / 4, -spin * rolls / 8]
+    return r, u
+
+
+STATES = ("stick", "slide", "roll", "both", "open")
+
+
+def _planted_global(bodies: int) -> Instance:
+    """Plant balls on the floor in a row, in contact with the next one too, in all states; v is planted."""
+    rng = generator(3100 + bodies)
+    pairs = [(b, -1) for b in range(bodies)] + [(b, b + 1) for b in range(bodies - 1)]
+    states = [STATES[c % 5] for c in range(len(pairs))]
+    H = np.zeros((6 * bodies, 5 * len(pairs)))
+    for c, (first, second) in enumerate(pairs):
+        for body, sign in ((first, 1.0), (second, -1.0)):
+            if body >= 0:
+                H[6 * body : 6 * body + 6, 5 * c : 5 * c + 5] = sign * dyadic(rng, (6, 5), -1, 1, 4)
+    M = np.diag(np.tile([1.0, 1, 1, BALL_INERTIA, BALL_INERTIA, BALL_INERTIA], bodies))
+    r, u = _contacts(rng, states)
+    v, nc = dyadic(rng, 6 * bodies, -2, 2), len(pairs)
+    problem = GlobalRollingFrictionContact(
+        M=M, H=H, f=M @ v - H @ r.ravel(), w=u.ravel() - H.T @ v, mu=np.full(nc, 0.625), mu_r=np.full(nc, 0.3125),
+        name=f"balls-{bodies}",
+    )  # fmt: skip
+    properties = {"bodies": bodies, "states": {s: states.count(s) for s in STATES}}
+    return Instance(problem, GFCPoint(v=v, r=r.ravel()), "planted", properties=properties)
+
+
+def _planted(name: str, nc: int) -> Instance:
+    """Plant contacts that stick, slide, roll, do both or are open, W of full rank."""
+    rng = generator(31)
+    states = [STATES[c % 5] for c in range(nc)]
+    r, u = _contacts(rng, states)
     B = dyadic(rng, (5 * nc, 5 * nc), -1, 1)
     W = B @ B.T / 8 + np.eye(5 * nc)
     problem = RollingFrictionContact(

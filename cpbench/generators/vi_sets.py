@@ -42,19 +42,21 @@ def build() -> list[Instance]:
     "planted by cpbench",
 )
 def build_planted() -> list[Instance]:
-    return [box(12), polyhedron(20, 8, 3), balls(5), cones(6), product_set(4)]
+    first = [box(12), polyhedron(20, 8, 3), balls(5), cones(6), product_set(4)]
+    more = [box(30), polyhedron(30, 12, 4), balls(10), cones(10), product_set(8)]
+    return [*first, *more]
 
 
 @collection(
     "ge-planted", "ge", "cubic monotone generalized equations with normal cones of products", "planted by cpbench"
 )
 def build_generalized() -> list[Instance]:
-    return [generalized(k) for k in (2, 10)]
+    return [generalized(k) for k in (2, 10, 9, 12)]
 
 
 @collection("cp-planted", "cp", "cubic monotone cone complementarity problems", "planted by cpbench")
 def build_cones() -> list[Instance]:
-    return [cone_complementarity(k) for k in (3, 12)]
+    return [cone_complementarity(k) for k in (3, 12, 8, 10)]
 
 
 def kojima_shindo_simplex() -> Instance:

@@ -33,7 +33,7 @@ SHARES = 16
     "Arrow and Debreu 1954, Econometrica 22:265; Mathiesen 1987, Math. Prog. 37:1; planted by cpbench",
 )
 def build() -> list[Instance]:
-    return [cobb_douglas(goods, people) for goods, people in ((4, 3), (10, 5), (40, 12))]
+    return [cobb_douglas(goods, people) for goods, people in ((4, 3), (10, 5), (40, 12), (30, 4), (60, 8))]
 
 
 @collection(
@@ -60,12 +60,12 @@ def build_activities() -> list[Instance]:
 @collection(
     "walras-large",
     "ncp",
-    "a Cobb–Douglas exchange economy of 200 goods",
+    "Cobb–Douglas exchange economies of up to 2000 goods",
     "Arrow and Debreu 1954, Econometrica 22:265; planted by cpbench",
     tier="standard",
 )
 def build_large() -> list[Instance]:
-    return [cobb_douglas(200, 20)]
+    return [cobb_douglas(goods, people) for goods, people in ((200, 20), (1000, 70), (2000, 130))]
 
 
 class _Economy:

@@ -19,10 +19,12 @@ from cpbench.generators.base import Collection
 from cpbench.generators.collection import write_collections
 from cpbench.testing import checks_formulation
 from cpbench.testing.cases import Case
-from cpbench.verification import certified_infeasible, judge
+from cpbench.verification import certified_infeasible, judge, prove
 
 KNOWN = {"planted": 1e-12, "published": 1e-12, "closed form": 1e-12, "planted to rounding": 1e-9}
 """How a solution may be known, and the largest error it may have then."""
+PROVED = ("infeasible", "unbounded")
+"""How it may be known that there is none."""
 
 
 def check_problems_are_of_the_node(collection: Collection, cases: list[Case]) -> None:
@@ -49,11 +51,18 @@ def check_what_is_known_holds(collection: Collection, cases: list[Case]) -> None
             assert error <= KNOWN[known], f"{name}: {known}, and the solution has error {error:.1e}"
             continue
         assert solution is None, f"{name}: known is '{known}', and there is a solution"
-        if known == "infeasible":
-            proved = certified_infeasible(instance.problem, instance.certificate)
-            assert proved, f"{name}: the certificate does not prove that there is no solution"
+        if known in PROVED:
+            assert _proved(instance), f"{name}: the certificate does not prove that there is no solution"
         else:
-            assert known == "nothing", f"{name}: known is '{known}'; say {', '.join(KNOWN)}, infeasible or nothing"
+            words = ", ".join((*KNOWN, *PROVED))
+            assert known == "nothing", f"{name}: known is '{known}'; say {words} or nothing"
+
+
+def _proved(instance: Instance) -> bool:
+    """Return whether the certificate proves that there is no solution, in rational arithmetic."""
+    if instance.known == "infeasible":
+        return certified_infeasible(instance.problem, instance.certificate)
+    return prove(instance.problem, instance.known, instance.certificate).proof is not None
 
 
 def check_the_same_twice(collection: Collection, cases: list[Case]) -> None:

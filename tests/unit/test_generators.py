@@ -33,6 +33,10 @@ def test_what_is_known_is_measured(name: str) -> None:
         assert instance.solution is None
         assert instance.certificate is not None
         assert instance.problem.certifies_infeasibility(instance.certificate)
+    elif instance.known == "unbounded":
+        assert instance.solution is None
+        ray = np.asarray(instance.certificate)
+        assert verification.prove(instance.problem, "unbounded", ray).proof is not None
     else:
         assert instance.known == "nothing"
         assert instance.solution is None
