@@ -14,9 +14,7 @@ import scipy.sparse as sp
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.generators.base import Instance, collection, dyadic, generator
 
-CITATION = (
-    "Maier 1970, Meccanica 5:54; Cottle, Pang, Stone 1992, The Linear Complementarity Problem; planted by cpbench"
-)
+CITATION = "Maier 1970, Meccanica 5:54; Cottle, Pang, Stone 1992, The Linear Complementarity Problem; by cpbench"
 
 
 @collection("plastic-trusses", "mlcp", "elastic-plastic trusses, a third of whose bars yields", CITATION)

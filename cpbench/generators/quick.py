@@ -11,8 +11,8 @@ from cpbench.generators.collection import Entry, catalogue
 
 FEW = 10
 """How many problems of a formulation the suite has: from so many on, a ranking is more than a hint."""
-SMALLEST, LARGEST = 30, 2000
-"""Unknowns of the problems that it takes first; others only where these are too few."""
+SMALLEST, MIDDLE, LARGEST = 30, 100, 2000
+"""Unknowns of the problems that it takes first, those nearest to MIDDLE (as ratios): solves take milliseconds there."""
 NONE = ("infeasible", "unbounded")
 """How it is known that a problem has no solution; the suite has none of these."""
 
@@ -20,8 +20,8 @@ NONE = ("infeasible", "unbounded")
 def quick_problems(folder: Path) -> list[str]:
     """Return the addresses of the problems of the suite, at most FEW of each formulation.
 
-    Families take turns. Of each family, the largest problem first that has between SMALLEST and LARGEST unknowns; where
-    these are fewer than FEW, smaller ones after them, the largest first.
+    Families take turns. Of each family, the problem nearest to MIDDLE comes first of those that have between SMALLEST
+    and LARGEST unknowns; where there are fewer than FEW of these, smaller ones follow, the largest first.
     """
     by_node: dict[str, list[Entry]] = {}
     for entry in catalogue(folder):
@@ -36,9 +36,13 @@ def quick_problems(folder: Path) -> list[str]:
 
 
 def _by_turns(entries: Sequence[Entry]) -> Iterator[Entry]:
-    """Yield the largest of each family, then the second of each, and so on."""
+    """Yield the first of each family, then the second of each, and so on, those nearest to MIDDLE first."""
+
+    def distance(entry: Entry) -> tuple[float, str]:
+        return max(entry.unknowns / MIDDLE, MIDDLE / entry.unknowns), entry.name
+
     families: dict[str, list[Entry]] = {}
-    for entry in sorted(entries, key=lambda entry: (-entry.unknowns, entry.name)):
+    for entry in sorted(entries, key=distance):
         families.setdefault(entry.family, []).append(entry)
     for turn in zip_longest(*(families[name] for name in sorted(families))):
         yield from (entry for entry in turn if entry is not None)

@@ -1,8 +1,9 @@
 """Spatial price equilibria: what is shipped between regions costs as much as the price differs, or nothing is shipped.
 
 Region i supplies s_i at the price a_i + b_i s_i, region j takes D_j at the price c_j − d_j D_j; x_ij is shipped at the
-cost t_ij: 0 ≤ x_ij ⟂ a_i + b_i s_i + t_ij − (c_j − d_j D_j) ≥ 0, s_i = Σ_j x_ij, D_j = Σ_i x_ij. Prices and shipments are
-drawn first, then a, c and t, so that all is exact. Supplies, demands and prices are unique, shipments need not be.
+cost t_ij: 0 ≤ x_ij ⟂ a_i + b_i s_i + t_ij − (c_j − d_j D_j) ≥ 0, s_i = Σ_j x_ij, D_j = Σ_i x_ij. Prices and
+shipments are drawn first, then a, c and t, so that all is exact. Supplies, demands and prices are unique, shipments
+need not be.
 """
 
 from __future__ import annotations
