@@ -14,7 +14,8 @@ from click.core import ParameterSource
 from cpbench.cli.options import Command, ListOption, force_option, seed_option, tolerance_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import COUNT, DURATION, FILE
-from cpbench.generators.collection import builtin_folder, write_collections
+from cpbench.generators.base import SMALL, TIERS
+from cpbench.generators.collection import NAME, TIER_SHEETS, VERSION, builtin_folder, write_collections
 from cpbench.storage.base import require_new
 
 
@@ -26,6 +27,13 @@ from cpbench.storage.base import require_new
     cls=ListOption,
     metavar="NAME",
     help="Collection to write; needs FOLDER. Repeatable.",
+)
+@click.option(
+    "--tier",
+    type=click.Choice(TIERS),
+    default=SMALL,
+    show_default=True,
+    help="Problems to write: small ones are shipped; others need FOLDER.",
 )
 @click.option("--check", is_flag=True, help="Write nothing; exit with 1 unless the files are the same bit for bit.")
 @click.option("--scene", metavar="NAME", help="Scene to simulate, instead of built-in problems; needs -o.")
@@ -41,12 +49,19 @@ from cpbench.storage.base import require_new
 @force_option
 @click.pass_context
 def command(
-    ctx: click.Context, folder: Path | None, names: tuple[str, ...], check: bool, scene: str | None, **chosen: Any
+    ctx: click.Context,
+    folder: Path | None,
+    names: tuple[str, ...],
+    tier: str,
+    check: bool,
+    scene: str | None,
+    **chosen: Any,
 ) -> None:
     """Write the built-in problems again from their formulas (default: into the shipped folder), or a scene.
 
-    Larger contact problems and scenes are written only when they are named: contact-planted-large, contact-stacks,
-    contact-sequence, contact-sequence-global.
+    The standard tier has up to 100,000 unknowns, the large tier up to a million; each collection is written before the
+    next one is made. The exit code is 1 unless all are those of the published collection. The recorded sequences
+    contact-sequence and contact-sequence-global are written only when they are named.
 
     With --scene, rigid bodies move under gravity by Moreau and Jean's time stepping, and the contact problem of each
     step is written in local and in global form: arch, chain, chute, clusters, falling-arch, grasp, rolling-heap,
@@ -62,6 +77,13 @@ def command(
             raise click.UsageError(f"--{name.replace('_', '-')} is of a scene: add --scene NAME")
     if names and folder is None:
         raise click.UsageError("--collection needs a FOLDER to write to: the shipped one holds the built-in problems")
+    if tier != SMALL:
+        if folder is None or names or check:
+            raise click.UsageError(
+                f"--tier {tier} needs a FOLDER to write to, and goes without --collection and --check"
+            )
+        _write_tier(folder, tier)
+        return
     target = folder or builtin_folder()
     if not check:
         for path in write_collections(target, names):
@@ -79,6 +101,22 @@ def command(
     if different:
         sys.exit(1)
     click.echo(f"{target}: every file is what its formula gives, bit for bit")
+
+
+def _write_tier(folder: Path, tier: str) -> None:
+    """Write a tier that is not shipped, and compare its sheets with those of the published collection."""
+    published = builtin_folder() / TIER_SHEETS / tier
+    different: list[str] = []
+    for path in write_collections(folder, tier=tier):
+        click.echo(str(path))
+        sheet = published / path.relative_to(folder)
+        if path.suffix == ".toml" and not (sheet.exists() and filecmp.cmp(path, sheet, shallow=False)):
+            different.append(str(path))
+    for name in different:
+        click.echo(f"not as published: {name}", err=True)
+    if different:
+        sys.exit(1)
+    click.echo(f"{folder}: every problem is that of {NAME} {VERSION}")
 
 
 def _simulate(name: str, output: Path | None, steps: int | None, solver: str | None, tolerance: float, force: bool,

@@ -26,6 +26,19 @@ def build() -> list[Instance]:
     ]
 
 
+@collection(
+    "affine-inequalities-large",
+    "avi",
+    "dense affine variational inequalities of up to 1000 unknowns",
+    "planted by cpbench",
+    tier="standard",
+)
+def build_large() -> list[Instance]:
+    rng = generator(2300)
+    wide = [_planted(f"polyhedral-{n}", rng, n, n // 2, n // 8) for n in (300, 1000)]
+    return [*wide, _planted("degenerate-box-1000", rng, 1000, 0, 0)]
+
+
 def braess() -> Instance:
     """Build Braess' network with its bridge: 6 units over three routes, 2 each, at cost 92 (83 without the bridge).
 

@@ -30,7 +30,22 @@ MU, MU_R, RADIUS = 0.625, 0.3125, 5.0
     "Moreau 1962 (decomposition by a cone and its polar); planted by cpbench",
 )
 def build_soclcp() -> list[Instance]:
-    return [nearest_in_cone(), _planted_soclcp("monotone-12-factors", generator(25)), *nearest(9)]
+    return [
+        nearest_in_cone(),
+        _planted_soclcp("monotone-12-factors", generator(25)),
+        *(chained(k) for k in range(10, 46, 4)),
+    ]
+
+
+@collection(
+    "cone-complementarity-large",
+    "soclcp",
+    "chains of up to 30,000 second-order cones",
+    "planted by cpbench",
+    tier="standard",
+)
+def build_large() -> list[Instance]:
+    return [chained(k) for k in (400, 1000, 3000, 30_000)]
 
 
 @collection(
@@ -51,24 +66,20 @@ def nearest_in_cone() -> Instance:
     return Instance(problem, SOCLCPPoint(x=[2.5, 1.5, 2.0]), "closed form", properties={"class": "SPD"})
 
 
-def nearest(count: int) -> list[Instance]:
-    """Build `count` problems of k second-order cones in ℝ³, chained by springs: M = tridiagonal ⊗ I, made for their
-    solution: inside, on the boundary and at the tip by turns."""
-    found: list[Instance] = []
-    for k in range(10, 10 + 4 * count, 4):
-        rng = generator(2600 + k)
-        way, size = _ways(rng, k), 2.0 ** rng.integers(-1, 2, k)[:, None]
-        x, w = np.hstack([5.0 * size, way * size]), np.hstack([5.0 * size, -way * size]) / 4.0
-        turn = np.arange(k) % 3
-        x[turn == 0, 1:] /= 2.0
-        w[turn == 0] = 0.0
-        x[turn == 1] = 0.0
-        M = sp.kron(sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(k, k)), sp.eye_array(3))
-        K = ProductCone.of((Cone.SECOND_ORDER, k, 3, 1.0))
-        q = w.ravel() - M @ x.ravel()
-        problem = SOCLCP(M=sp.csr_array(M), q=q, **cone_fields(K), name=f"chained-cones-{k}")
-        found.append(Instance(problem, SOCLCPPoint(x=x.ravel()), "planted", properties={"class": "SPD"}))
-    return found
+def chained(k: int) -> Instance:
+    """Build k second-order cones in ℝ³, chained by springs: M = tridiagonal ⊗ I; the solution is inside, at the tip and
+    on the boundary by turns."""
+    rng = generator(2600 + k)
+    way, size = _ways(rng, k), 2.0 ** rng.integers(-1, 2, k)[:, None]
+    x, w = np.hstack([5.0 * size, way * size]), np.hstack([5.0 * size, -way * size]) / 4.0
+    turn = np.arange(k) % 3
+    x[turn == 0, 1:] /= 2.0
+    w[turn == 0] = 0.0
+    x[turn == 1] = 0.0
+    M = sp.kron(sp.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(k, k)), sp.eye_array(3))
+    K = ProductCone.of((Cone.SECOND_ORDER, k, 3, 1.0))
+    problem = SOCLCP(M=sp.csr_array(M), q=w.ravel() - M @ x.ravel(), **cone_fields(K), name=f"chained-cones-{k}")
+    return Instance(problem, SOCLCPPoint(x=x.ravel()), "planted", properties={"class": "SPD"})
 
 
 def least_in_ball() -> Instance:

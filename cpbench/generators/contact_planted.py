@@ -76,6 +76,45 @@ def build_large() -> list[Instance]:
     ]
 
 
+@collection(
+    "contact-chains",
+    "fc",
+    "chains of bodies that touch their neighbours, to 10⁵ rows",
+    "planted by cpbench",
+    tier="standard",
+)
+def build_chains() -> list[Instance]:
+    return [chain(nc) for nc in (400, 1000, 3000, 30_000)]
+
+
+@collection(
+    "contact-chains-huge",
+    "fc",
+    "a chain of 10⁵ contacts",
+    "planted by cpbench",
+    tier="large",
+)
+def build_huge() -> list[Instance]:
+    return [chain(100_000)]
+
+
+def chain(nc: int) -> Instance:
+    """Build a row of nc + 1 spheres of equal mass that touch their neighbours; W is block tridiagonal, the states of
+    contacts are drawn."""
+    rng = generator(400 + nc)
+    arms = dyadic(rng, (2, nc, 3, 3), -1, 1, 4)
+    c, axis, freedom = np.meshgrid(np.arange(nc), np.arange(3), np.arange(6), indexing="ij")
+    parts = [np.concatenate([np.broadcast_to(np.eye(3), (nc, 3, 3)), arms[side]], axis=2) for side in (0, 1)]
+    rows = np.concatenate([(6 * (c + side) + freedom).ravel() for side in (0, 1)])
+    values = np.concatenate([sign * part.ravel() for sign, part in zip((1.0, -1.0), parts, strict=True)])
+    H = sp.csr_array((values, (rows, np.tile((3 * c + axis).ravel(), 2))), shape=(6 * (nc + 1), 3 * nc))
+    W = sp.csr_array(H.T @ H)
+    states = [STATES[k] for k in rng.integers(0, 3, nc)]
+    r, u = contact_states(rng, states, MU, 3)
+    facts: dict[str, object] = {"symmetric": True, "states": {s: states.count(s) for s in STATES[:3]}}
+    return planted(f"chain-{nc}", W, r, u, MU, facts)
+
+
 def contact_states(rng: np.random.Generator, states: Sequence[str], mu: float, dimension: int) -> tuple[Dense, Dense]:
     """Return r and u of contacts in the given states, shape (nc, d) each; complementary by construction."""
     nc, d = len(states), dimension

@@ -33,6 +33,18 @@ def build() -> list[Instance]:
     ]
 
 
+@collection(
+    "equations-large",
+    "equation",
+    "systems of equations with up to 10⁴ unknowns",
+    "Moré, Garbow, Hillstrom 1981, ACM Trans. Math. Softw. 7:17",
+    tier="standard",
+)
+def build_large() -> list[Instance]:
+    many = [*(extended_rosenbrock(n) for n in (1000, 10_000)), *(extended_powell(n) for n in (1000, 4000))]
+    return [*many, *(broyden_tridiagonal(n) for n in (1000, 10_000)), *(boundary_value(n) for n in (500, 5000))]
+
+
 def _known(
     name: str,
     formula: Callable[[list[Symbol]], Sequence[Any]],

@@ -54,6 +54,72 @@ def torsions() -> list[Instance]:
     return [torsion(n, c) for n, c in ((12, 5.0), (20, 10.0))]
 
 
+@collection(
+    "obstacle-radial-large",
+    "lcp",
+    "a membrane over a spherical obstacle, to 10⁵ points",
+    "Majava and Tai 2004, Int. J. Numer. Anal. Model. 1:73",
+    tier="standard",
+)
+def radial_obstacles_large() -> list[Instance]:
+    return [radial_obstacle(n) for n in (45, 90, 316)]
+
+
+@collection(
+    "journal-bearing-large",
+    "lcp",
+    "pressure in a lubricated bearing, to 10⁵ points",
+    "Cryer 1971, Math. Comp. 25:435; Moré and Toraldo 1991, SIAM J. Optim. 1:93",
+    tier="standard",
+)
+def journal_bearings_large() -> list[Instance]:
+    return [journal_bearing(m, n, e) for m, n, e in ((60, 30, 0.1), (120, 60, 0.9), (450, 225, 0.8))]
+
+
+@collection(
+    "american-put-large",
+    "lcp",
+    "one implicit step of an American put option, to 10⁵ prices",
+    "Brennan and Schwartz 1977, J. Finance 32:449; Wilmott, Dewynne, Howison 1993",
+    tier="standard",
+)
+def american_puts_large() -> list[Instance]:
+    return [american_put(n) for n in (1000, 10_000, 100_000)]
+
+
+@collection(
+    "torsion-large",
+    "qp",
+    "elastic-plastic torsion of a square bar, to 10⁵ points",
+    "Moré and Toraldo 1991, SIAM J. Optim. 1:93",
+    tier="standard",
+)
+def torsions_large() -> list[Instance]:
+    return [torsion(n, c) for n, c in ((45, 5.0), (90, 10.0), (316, 20.0))]
+
+
+@collection(
+    "free-boundaries-huge",
+    "lcp",
+    "obstacle, bearing and option with up to 10⁶ unknowns",
+    "Majava and Tai 2004; Cryer 1971; Moré and Toraldo 1991; Brennan and Schwartz 1977",
+    tier="large",
+)
+def huge() -> list[Instance]:
+    return [radial_obstacle(1000), journal_bearing(1000, 1000, 0.8), american_put(1_000_000)]
+
+
+@collection(
+    "torsion-huge",
+    "qp",
+    "elastic-plastic torsion of a square bar, 10⁶ points",
+    "Moré and Toraldo 1991, SIAM J. Optim. 1:93",
+    tier="large",
+)
+def torsion_huge() -> list[Instance]:
+    return [torsion(1000, 10.0)]
+
+
 def _laplacian(m: int, n: int, a: float = 1.0, b: float = 1.0) -> Sparse:
     """Return a·(−∂²/∂x²) + b·(−∂²/∂y²) on m×n interior points, unscaled by the mesh size."""
     one = [sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(k, k)) for k in (m, n)]

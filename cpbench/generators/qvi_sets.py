@@ -45,6 +45,17 @@ def build_obstacles() -> list[Instance]:
     return [yielding_obstacle(n) for n in (8, 20, 30, 40, 50, 60, 80)]
 
 
+@collection(
+    "qvi-obstacles-large",
+    "qvi",
+    "implicit obstacle problems of up to 5000 points",
+    "Outrata, Kočvara, Zowe 1998, ch. 9; planted by cpbench",
+    tier="standard",
+)
+def build_large() -> list[Instance]:
+    return [yielding_obstacle(n) for n in (500, 1000, 5000)]
+
+
 def duopoly(*, rows: bool) -> Instance:
     """Build 0 ≤ z ≤ 10, z₁ + z₂ ≤ 15: each chooses within what the other leaves. `rows`: the limit as g(y, z) ≥ 0.
 

@@ -65,6 +65,19 @@ def _around(name: str, M: Matrix, rng: np.random.Generator, properties: dict[str
     return Instance(problem, LCPPoint(z=z), "planted", properties={"degenerate": True, **properties})
 
 
+@collection(
+    "relays-large",
+    "relay",
+    "chains of masses with dry friction, to 10⁵ masses",
+    "Acary and Brogliato 2010, Syst. Control Lett. 59:284; planted by cpbench",
+    tier="standard",
+)
+def build_large() -> list[Instance]:
+    rng = generator(2100)
+    sparse = [_sparse(f"sparse-{n}", rng, n) for n in (2000, 5000, 10_000, 100_000)]
+    return [_planted(f"monotone-{n}", rng, n) for n in (300, 1000)] + sparse
+
+
 def _planted(name: str, rng: np.random.Generator, n: int) -> Instance:
     G, S = dyadic(rng, (n, n), -1, 1), dyadic(rng, (n, n), -1, 1)
     M = G @ G.T + np.eye(n) + np.triu(S, 1) - np.triu(S, 1).T

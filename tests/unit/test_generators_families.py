@@ -1,0 +1,252 @@
+"""Families from formulas, against closed forms, enumeration in exact arithmetic, and methods that are written here."""
+
+from __future__ import annotations
+
+import itertools
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from cpbench.formulations import LCP
+from cpbench.foundation import matrices
+from cpbench.generators import belts, bimatrix, circuits, control, linear_twins, plastic, spatial, support_vectors
+from cpbench.generators.collection import builtin_folder, catalogue
+from cpbench.generators.lcp_classics import isolated, munson1
+from cpbench.generators.lcp_hard import csizmadia_degenerate, cycling
+from cpbench.solvers import Budget, solvers
+
+
+def _exact(M: np.ndarray) -> list[list[Fraction]]:
+    return [[Fraction(float(value)) for value in row] for row in matrices.dense(M)]
+
+
+def _solved(rows: list[list[Fraction]], right: list[Fraction]) -> list[Fraction] | None:
+    """Solve a square system over the rationals; None where it is singular."""
+    n = len(rows)
+    table = [[*row, value] for row, value in zip(rows, right, strict=True)]
+    for c in range(n):
+        pivot = next((r for r in range(c, n) if table[r][c]), None)
+        if pivot is None:
+            return None
+        table[c], table[pivot] = table[pivot], table[c]
+        table[c] = [value / table[c][c] for value in table[c]]
+        for r in range(n):
+            if r != c and table[r][c]:
+                table[r] = [a - table[r][c] * b for a, b in zip(table[r], table[c], strict=True)]
+    return [row[n] for row in table]
+
+
+def _solutions(problem: LCP) -> set[tuple[Fraction, ...]]:
+    """Return the solutions of an LCP at its complementary bases, by trying all 2ⁿ of them."""
+    M, q = _exact(problem.M), [Fraction(float(value)) for value in problem.q]
+    n = len(q)
+    found: set[tuple[Fraction, ...]] = set()
+    for size in range(n + 1):
+        for basis in itertools.combinations(range(n), size):
+            part = _solved([[M[i][j] for j in basis] for i in basis], [-q[i] for i in basis])
+            if part is None or any(value < 0 for value in part):
+                continue
+            z = dict(zip(basis, part, strict=True))
+            if all(sum((M[i][j] * z[j] for j in basis), q[i]) >= 0 for i in range(n) if i not in z):
+                found.add(tuple(z.get(i, Fraction(0)) for i in range(n)))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("instance", "count"),
+    [
+        (isolated(), 1),
+        (munson1(), 1),
+        (csizmadia_degenerate(6), 1),
+        (cycling(6), 1),
+        (cycling(7), 1),
+        (linear_twins.lcp_many(4), 16),
+        (linear_twins.lcp_infeasible(5), 0),
+        (bimatrix.coordination(3), 7),
+        (bimatrix.long_paths(4), 1),
+    ],
+    ids=lambda value: getattr(value, "name", value),
+)
+def test_the_number_of_solutions_is_found_by_trying_all_bases(instance: object, count: int) -> None:
+    assert len(_solutions(instance.problem)) == count
+
+
+@pytest.mark.nightly
+def test_a_game_of_half_supports_has_one_equilibrium() -> None:
+    assert len(_solutions(bimatrix.half_supports(2).problem)) == 1
+
+
+def test_small_problems_have_as_many_solutions_as_their_sheets_say() -> None:
+    """LCPs of at most 5 unknowns whose number of solutions is known and finite."""
+    from cpbench import storage
+
+    small = [e for e in catalogue() if e.node == "lcp" and e.unknowns <= 5 and e.solutions.isdigit()]
+    assert len(small) >= 6
+    for entry in small:
+        problem = storage.load(f"{builtin_folder()}/{entry.address.removeprefix('builtin/')}")
+        assert len(_solutions(problem)) == int(entry.solutions), entry.address
+
+
+def _newton_min(problem: LCP, z: np.ndarray, steps: int) -> list[bytes]:
+    """Iterate plain Newton-min (Ben Gharbia and Gilbert 2012, algorithm 1.1), and return the active sets."""
+    M, q = matrices.dense(problem.M), problem.q
+    seen: list[bytes] = []
+    for _ in range(steps):
+        inside = z > M @ z + q
+        seen.append(inside.tobytes())
+        z = np.zeros(q.size)
+        z[inside] = np.linalg.solve(M[np.ix_(inside, inside)], -q[inside])
+    return seen
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 6, 7, 33, 64])
+def test_newton_min_runs_in_a_cycle_of_n_sets(n: int) -> None:
+    instance = cycling(n)
+    sets = _newton_min(instance.problem, np.asarray(instance.starts[0].z), 3 * n)
+    later = sets[n:]
+    assert later[:n] == later[n:]
+    assert len(set(later)) == n
+
+
+@pytest.mark.parametrize("n", [3, 4, 5, 6, 7])
+def test_the_matrices_of_cycles_have_positive_principal_minors(n: int) -> None:
+    M = matrices.dense(cycling(n).problem.M)
+    for size in range(1, n + 1):
+        for rows in itertools.combinations(range(n), size):
+            assert np.linalg.det(M[np.ix_(rows, rows)]) > 1e-9
+
+
+def _path(A: list[list[Fraction]], B: list[list[Fraction]], label: int) -> int:
+    """Count the pivots of Lemke and Howson's path from the artificial equilibrium, in exact arithmetic."""
+    m, n = len(A), len(A[0])
+    least = min(min(map(min, A)), min(map(min, B))) - 1  # payoffs > 0: the polytopes are bounded
+    one = Fraction(1)
+    tables = (
+        [[*(B[i][j] - least for i in range(m)), *(Fraction(int(k == j)) for k in range(n)), one] for j in range(n)],
+        [[*(Fraction(int(k == i)) for k in range(m)), *(A[i][j] - least for j in range(n)), one] for i in range(m)],
+    )
+    bases = ([m + j for j in range(n)], list(range(m)))
+    side, entering, count = (0 if label < m else 1), label, 0
+    while True:
+        table, basis = tables[side], bases[side]
+        row = min((table[r][-1] / table[r][entering], r) for r in range(len(table)) if table[r][entering] > 0)[1]
+        table[row] = [value / table[row][entering] for value in table[row]]
+        for r in range(len(table)):
+            if r != row and table[r][entering]:
+                table[r] = [a - table[r][entering] * b for a, b in zip(table[r], table[row], strict=True)]
+        leaving, basis[row] = basis[row], entering
+        count += 1
+        if leaving == label:
+            return count
+        entering, side = leaving, 1 - side
+
+
+@pytest.mark.parametrize(
+    ("d", "longest"), [(2, 4), (4, 20), pytest.param(6, 88, marks=pytest.mark.nightly),
+                       pytest.param(8, 376, marks=pytest.mark.nightly)]
+)  # fmt: skip
+def test_paths_of_lemke_and_howson_grow_as_published(d: int, longest: int) -> None:
+    """Savani and von Stengel 2006: a(d) = 4 a(d − 2) + a(d − 4) + 4 for the labels 1 and d, so by 4.236 a step."""
+    payoffs = [_exact(payoff) for payoff in bimatrix.long_path_payoffs(d)]
+    lengths = [_path(*payoffs, label) for label in range(2 * d)]
+    assert max(lengths) == lengths[0] == lengths[d - 1] == longest
+
+
+def test_games_of_half_supports_are_those_of_quantecon() -> None:
+    games = pytest.importorskip("quantecon.game_theory.game_generators", reason="needs a package: quantecon")
+    for k in (2, 5):
+        first, second = (player.payoff_array for player in games.sgc_game(k).players)
+        M, n = matrices.dense(bimatrix.half_supports(k).problem.M), 4 * k - 1
+        assert np.allclose(M[:n, n:] + first, M[0, n] + first[0, 0], atol=1e-15)  # costs are a number minus payoffs
+        assert np.allclose(M[n:, :n] + second, M[n, 0] + second[0, 0], atol=1e-15)
+
+
+@pytest.mark.parametrize("mu", [0.25, 0.75])
+def test_the_pull_on_a_rope_tends_to_the_exponential(mu: float) -> None:
+    """Euler and Eytelwein: e^(μθ); the error of n links is of second order in their angle."""
+    errors: list[float] = []
+    for bits in (4, 5, 6):
+        n = 2**bits
+        angle = 4.0 * n * np.arctan(2.0**-bits)
+        errors.append(abs(float(belts.limit_ratio(n, bits, mu)) / np.exp(mu * angle) - 1.0))
+    assert errors[0] < 0.03
+    assert np.allclose(np.divide(errors[:-1], errors[1:]), 4.0, rtol=0.05)
+
+
+def test_a_heavy_rope_needs_more_pull_than_one_without_mass() -> None:
+    for n, bits, mu in ((6, 3, 0.5), (24, 5, 0.5)):
+        massless = float(belts.limit_ratio(n, bits, mu))
+        assert massless < float(belts.tensions(n, bits, mu)[-1]) < 1.2 * massless
+
+
+def test_the_first_force_is_that_of_riccati_where_no_limit_is_active() -> None:
+    masses, horizon = 3, 12
+    problem = control.chain(masses, horizon, push=0.0625, limit=64.0).problem
+    A, B = control.dynamics(masses)
+    Q, C = matrices.dense(problem.Q), matrices.dense(problem.C)
+    n, k = problem.p.size, problem.d.size
+    system = np.block([[Q, C.T], [C, np.zeros((k, k))]])
+    z = np.linalg.solve(system, np.concatenate([np.zeros(n), problem.d]))[:n]
+    start = np.linalg.solve(A, problem.d[: 2 * masses])
+    P, R = np.eye(2 * masses), control.EFFORT * np.eye(masses)
+    for _ in range(horizon):
+        K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+        P = np.eye(2 * masses) + A.T @ P @ (A - B @ K)
+    assert z[:masses] == pytest.approx(-K @ start, abs=1e-12)
+
+
+def test_the_dual_of_a_machine_has_no_gap_to_the_primal() -> None:
+    """½|w|² + C Σ max(0, 1 − y(wᵀx + b)) over w and b is what the dual, negated, has at its minimum."""
+    points, features = 60, 20
+    problem = support_vectors.machine(points, features).problem
+    X, y = support_vectors.data(points, features)
+    alpha = solvers.get("clarabel").run(problem, Budget(tolerance=1e-10)).point.z
+    w = X.T @ (y * alpha)
+    dual = alpha.sum() - 0.5 * w @ w
+    margins = X @ w
+    losses = [np.maximum(0.0, 1.0 - y * (margins + b)).sum() for b in y - margins]  # it breaks at these b
+    assert 0.5 * w @ w + support_vectors.COST * min(losses) == pytest.approx(dual, rel=1e-6)
+
+
+@pytest.mark.parametrize("side", [3, 9])
+def test_sources_of_a_circuit_supply_what_resistors_and_diodes_take(side: int) -> None:
+    instance = circuits.grid(side)
+    p, u, v = instance.problem, instance.solution.u, instance.solution.v
+    G, C = matrices.dense(p.A), matrices.dense(p.C)
+    assert u @ -p.a == u @ (G @ u) + (C.T @ u) @ v  # all are short numbers: exact
+    assert (np.abs(C).sum(axis=0) == 2).all()
+    assert (C.sum(axis=0) == 0).all()
+    assert ((C.T @ u) >= 0).all(), "current flows through a diode from the higher voltage"
+    assert np.linalg.eigvalsh(G)[0] > 0
+
+
+def test_a_truss_is_no_mechanism_and_its_matrix_is_positive_definite() -> None:
+    B = plastic.bars_of(3, 2).toarray()
+    assert np.linalg.matrix_rank(B) == B.shape[0]
+    p = plastic.truss(3, 2).problem
+    whole = np.block([[matrices.dense(p.A), matrices.dense(p.C)], [matrices.dense(p.D), matrices.dense(p.B)]])
+    assert np.array_equal(whole, whole.T)
+    assert np.linalg.eigvalsh(whole)[0] > 1e-6
+
+
+def test_bars_of_a_truss_do_not_change_when_it_turns() -> None:
+    """A small rotation about any point changes no length, to first order."""
+    for across, up in ((1, 1), (3, 2)):
+        B = plastic.bars_of(across, up).toarray()
+        along = np.repeat(np.arange(1, across + 1), up + 1) * 3.0
+        high = np.tile(np.arange(up + 1), across) * 4.0
+        turn = np.column_stack([-high, along]).ravel()
+        inner = B.sum(axis=0) == 0  # both ends are free
+        assert inner.any()
+        assert np.abs(B[:, inner].T @ turn).max() == 0
+
+
+def test_both_forms_of_spatial_prices_have_the_same_shipments_and_prices() -> None:
+    local, mixed = spatial.by_shipments(6, 7), spatial.mixed(6, 7)
+    x = local.solution.z
+    assert np.array_equal(x, mixed.solution.v)
+    price_gap = matrices.dense(local.problem.M) @ x + local.problem.q
+    p, u = mixed.problem, mixed.solution.u
+    assert np.array_equal(price_gap, matrices.dense(p.D) @ u + matrices.dense(p.B) @ x + p.b)
+    assert np.linalg.matrix_rank(matrices.dense(local.problem.M)) <= 12
