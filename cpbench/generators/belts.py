@@ -42,9 +42,9 @@ def build_local() -> list[Instance]:
     return [condensed(rope(n, bits, mu)) for n, bits, mu in sizes]
 
 
-@collection("belts-large", "gfc", "ropes of up to 4000 points over drums", CITATION, tier="standard")
+@collection("belts-large", "gfc", "ropes of up to 2000 points over drums", CITATION, tier="standard")
 def build_large() -> list[Instance]:
-    return [rope(n, bits, mu) for n, bits, mu in ((400, 8, 0.5), (4000, 11, 0.5))]
+    return [rope(n, bits, mu) for n, bits, mu in ((400, 8, 0.5), (2000, 10, 0.5))]
 
 
 def tensions(n: int, bits: int, mu: float) -> list[Fraction]:

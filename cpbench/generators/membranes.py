@@ -28,7 +28,7 @@ from cpbench.generators.symbols import Symbol, exp, mapped, sqrt, total, unknown
 def build() -> list[Instance]:
     return [
         *(membrane(n) for n in (10, 20)),
-        *(bratu(n, load, 0.5) for n, load in ((10, 6.0), (20, 12.0))),
+        *(bratu(n, load, 0.5) for n, load in ((7, 12.0), (10, 6.0), (20, 12.0))),
         *(minimal_surface(n) for n in (9, 19)),
     ]
 

@@ -11,7 +11,7 @@ from cpbench.generators.collection import Entry, catalogue
 
 FEW = 10
 """How many problems of a formulation the suite has: from so many on, a ranking is more than a hint."""
-SMALLEST, MIDDLE, LARGEST = 30, 100, 2000
+SMALLEST, MIDDLE, LARGEST = 30, 100, 300
 """Unknowns of the problems that it takes first, those nearest to MIDDLE (as ratios): solves take milliseconds there."""
 NONE = ("infeasible", "unbounded")
 """How it is known that a problem has no solution; the suite has none of these."""

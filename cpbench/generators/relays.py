@@ -33,7 +33,7 @@ def build() -> list[Instance]:
         _planted("monotone-20", rng, 20),
         _sparse("sparse-60", rng, 60),
         *(_planted(f"monotone-{n}", rng, n) for n in (30, 40)),
-        *(_sparse(f"sparse-{n}", rng, n) for n in (30, 100, 200, 400)),
+        *(_sparse(f"sparse-{n}", rng, n) for n in (30, 50, 100, 200, 400)),
     ]
 
 

@@ -33,7 +33,7 @@ def build_paths() -> list[Instance]:
     "by cpbench",
 )
 def build_grids() -> list[Instance]:
-    return [grid(side, destinations) for side, destinations in ((3, 1), (4, 3), (6, 4))]
+    return [grid(side, destinations) for side, destinations in ((3, 1), (4, 3), (6, 4), (3, 2))]
 
 
 @collection(

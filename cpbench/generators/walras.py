@@ -54,7 +54,7 @@ def build_simplex() -> list[Instance]:
     "cpbench",
 )
 def build_activities() -> list[Instance]:
-    return [activities(goods, people, k) for goods, people, k in ((4, 2, 3), (12, 5, 10), (30, 6, 24))]
+    return [activities(goods, people, k) for goods, people, k in ((4, 2, 3), (12, 5, 10), (30, 6, 24), (20, 6, 16))]
 
 
 @collection(

@@ -14,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from cpbench import graph, storage
+from cpbench.analysis import ranking_sentence as ranking
 from cpbench.analysis.participation import left_out_lines
 from cpbench.bench import skipped
 from cpbench.bench.planning import grids, run_plan, suites
@@ -23,7 +24,8 @@ from cpbench.bench.results.store import Store
 from cpbench.cli import cli
 from cpbench.errors import CpbenchError
 from cpbench.formulations import LCP
-from cpbench.generators.collection import FEW, SMALL, builtin_folder, quick_problems
+from cpbench.generators.collection import builtin_folder, catalogue, unknowns
+from cpbench.generators.quick import FEW, LARGEST, SMALLEST, quick_problems
 from cpbench.solvers.base import missing, solvers
 
 
@@ -35,26 +37,38 @@ def _made(given: Mapping[str, Any], *sets: Mapping[str, Any]) -> run_plan.RunPla
     return run_plan.make(given, {}, sets, suite=lambda name: suites.values(name, _few))
 
 
-def test_the_quick_problems_are_few_small_and_known_in_every_formulation() -> None:
+def test_the_quick_problems_are_of_every_formulation_and_of_a_size_that_matters() -> None:
     folder = builtin_folder()
     chosen = quick_problems(folder)
+    entries = {entry.address: entry for entry in catalogue()}
     assert len(set(chosen)) == len(chosen)
-    nodes = Counter(address.split("/")[1] for address in chosen)
-    assert set(nodes) == {sheet.parent.name for sheet in folder.glob("*/*.toml")}
+    nodes = Counter(entries[address].node for address in chosen)
+    assert set(nodes) == {entry.node for entry in entries.values()}
     assert max(nodes.values()) == FEW
     for address in chosen:
-        pack, _, name = address.removeprefix("builtin/").partition("::")
-        sheet = tomllib.loads((folder / pack).with_suffix(".toml").read_text("utf-8"))
-        (told,) = [problem for problem in sheet["problem"] if problem["name"] == name]
-        problem = storage.load(f"{folder / pack}::{name}")
-        assert told["known"] not in ("nothing", "infeasible")
-        assert problem.fingerprint == told["fingerprint"]
-        assert max(problem.sizes().values()) <= SMALL
+        entry = entries[address]
+        problem = storage.load(f"{folder}/{address.removeprefix('builtin/')}")
+        assert entry.known not in ("infeasible", "unbounded")
+        assert problem.fingerprint == entry.fingerprint
+        assert unknowns(problem) == entry.unknowns <= LARGEST
+    for node, count in nodes.items():  # smaller ones only where there are too few
+        large = [e for e in entries.values() if e.node == node and SMALLEST <= e.unknowns <= LARGEST]
+        taken = [e for e in map(entries.__getitem__, chosen) if e.node == node and e.unknowns >= SMALLEST]
+        assert len(taken) == min(FEW, len([e for e in large if e.known not in ("infeasible", "unbounded")]))
+        assert count == FEW or count == len([e for e in entries.values() if e.node == node])
 
 
-def test_collections_take_turns() -> None:
+def test_the_main_formulations_have_enough_quick_problems_for_more_than_a_hint() -> None:
+    nodes = Counter(address.split("/")[1] for address in quick_problems(builtin_folder()))
+    assert min(nodes[node] for node in ("lcp", "mlcp", "qp", "fc", "gfc", "ncp", "micp", "vi", "nlp")) >= ranking.FEW
+
+
+def test_families_take_turns_nearest_to_the_middle_first() -> None:
     lcp = [address for address in quick_problems(builtin_folder()) if address.startswith("builtin/lcp/")]
-    assert len({address.partition("::")[0] for address in lcp}) == len(lcp) == FEW
+    families = [address.partition("::")[0] for address in lcp]
+    assert len(set(families[:8])) == 8
+    assert "builtin/lcp/lcp-classics.h5::murty-100" in lcp
+    assert "builtin/lcp/lcp-planted.h5::harker-pang-100" in lcp
 
 
 @pytest.mark.needs("cpbench_solvers")

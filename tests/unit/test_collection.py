@@ -1,0 +1,138 @@
+"""The collection: descriptions, facts, identity, tiers, and how results quote it."""
+
+from __future__ import annotations
+
+import random
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from threadpoolctl import threadpool_limits
+
+import cpbench
+from cpbench import storage
+from cpbench.api.quoting import quote_collection
+from cpbench.bench.results.store import Store
+from cpbench.cli import cli
+from cpbench.formulations import LCP
+from cpbench.generators import generators
+from cpbench.generators.base import LARGE, SMALL, STANDARD
+from cpbench.generators.collection import TIER_SHEETS, builtin_folder, catalogue, identity, write_collections
+from cpbench.generators.descriptions import describe, entries, pattern_of
+
+ENTRIES = catalogue()
+
+
+def test_every_problem_is_described_and_every_description_is_used() -> None:
+    assert not [
+        entry.address for entry in ENTRIES if len(entry.description) < 40 or "Difficulty: " not in entry.description
+    ]
+    large = {pattern_of(c.name, "") for c in generators if c.tier == LARGE}
+    used = {pattern_of(entry.family, entry.name) for entry in ENTRIES} | large
+    assert {pattern for pattern in entries() if not pattern.startswith("free-boundaries-huge")} <= used
+
+
+def test_a_description_has_the_sizes_of_its_problem() -> None:
+    for address in ("lcp-classics/murty-100", "lcp-classics/fathi-10"):
+        family, name = address.split("/")
+        (entry,) = [e for e in ENTRIES if (e.family, e.name) == (family, name)]
+        assert f" {entry.unknowns} rows" in entry.description
+    assert describe("nobody", "nothing", {}).sentences == ""
+    with pytest.raises(KeyError, match="'n'"):
+        describe("lcp-classics", "murty-10", {})
+
+
+def test_the_licence_of_the_problems_is_that_of_the_data() -> None:
+    assert {entry.licence for entry in ENTRIES} == {"CC0-1.0"}
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
+    assert project["license"] == "Apache-2.0 AND CC0-1.0"
+    text = (Path(__file__).parents[2] / "LICENSE-DATA").read_text("utf-8")
+    assert "CC0 1.0 Universal" in text
+
+
+def test_a_family_weighs_as_much_as_any_other() -> None:
+    weights: dict[tuple[str, str, str], float] = {}
+    for entry in ENTRIES:
+        key = entry.tier, entry.node, entry.family
+        weights[key] = weights.get(key, 0.0) + entry.weight
+    assert np.allclose(list(weights.values()), 1.0, atol=1e-12)
+    assert min(entry.weight for entry in ENTRIES) < 0.1 < max(entry.weight for entry in ENTRIES)
+
+
+def test_the_catalogue_is_what_the_files_hold() -> None:
+    small = [entry for entry in ENTRIES if entry.tier == SMALL]
+    addresses = {f"builtin/{a.removeprefix(f'{builtin_folder()}/')}" for a in storage.problem_files([builtin_folder()])}
+    assert {entry.address for entry in small} == addresses
+    assert {entry.family for entry in ENTRIES if entry.tier == STANDARD} == {
+        c.name for c in generators if c.tier == STANDARD
+    }
+
+
+def test_the_hash_is_of_the_mathematics_of_all_problems_in_any_order() -> None:
+    whole = identity(ENTRIES)
+    shuffled = list(ENTRIES)
+    random.Random(1).shuffle(shuffled)
+    assert identity(shuffled) == whole
+    assert str(whole) == f"cpbench-collection 2026.12 ({len(ENTRIES)} problems, sha256 {whole.digest[:16]})"
+    changed = [replace(ENTRIES[0], fingerprint="0" * 32), *ENTRIES[1:]]
+    renamed = [replace(ENTRIES[0], name="another"), *ENTRIES[1:]]
+    assert identity(changed).digest != whole.digest
+    assert identity(renamed).digest == whole.digest
+    assert identity(ENTRIES[1:]).digest != whole.digest
+
+
+def test_the_decade_of_a_size() -> None:
+    decades = {size: replace(ENTRIES[0], unknowns=size).decade for size in (1, 9, 10, 99, 100, 1000)}
+    assert decades == {1: 0, 9: 0, 10: 1, 99: 1, 100: 2, 1000: 3}
+
+
+def test_a_collection_of_the_standard_tier_is_as_published(tmp_path: Path) -> None:
+    name = "nash-cournot-large"
+    pack, sheet = write_collections(tmp_path, [name])
+    assert sheet.read_bytes() == (builtin_folder() / TIER_SHEETS / STANDARD / "ncp" / sheet.name).read_bytes()
+    assert storage.load(f"{pack}::nash-cournot-500").info.licence == "CC0-1.0"
+
+
+@pytest.mark.nightly
+def test_the_standard_tier_is_compared_with_the_published_sheets(tmp_path: Path) -> None:
+    done = CliRunner().invoke(cli, ["generate", "--tier", "standard", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.endswith("every problem is that of cpbench-collection 2026.12\n")
+
+
+def test_a_tier_that_is_not_shipped_needs_a_folder(tmp_path: Path) -> None:
+    for arguments in (["--tier", "large"], ["--tier", "standard", str(tmp_path), "--check"]):
+        done = CliRunner().invoke(cli, ["generate", *arguments])
+        assert done.exit_code == 2
+        assert "needs a FOLDER to write to" in done.output
+
+
+def test_problems_are_the_same_with_any_number_of_threads() -> None:
+    """Those whose matrices come from products that BLAS may split."""
+    for name in ("lcp-planted-large", "support-vectors-large"):
+        marks: list[list[str]] = []
+        for threads in (1, 2):
+            with threadpool_limits(threads):
+                marks.append([instance.problem.fingerprint for instance in generators.get(name).instances()])
+        assert marks[0] == marks[1]
+
+
+@pytest.mark.needs("cpbench_solvers")
+def test_results_quote_the_collection_where_their_problems_are_its_own(tmp_path: Path) -> None:
+    own = f"{builtin_folder()}/lcp/lcp-classics.h5::munson1"
+    other = LCP(M=np.eye(2), q=[-1.0, -2.0], name="mine")
+    storage.save(other, tmp_path / "mine.h5")
+    quoted = f"1 problem of {identity(ENTRIES)}"
+    results = cpbench.run([own, str(tmp_path / "mine.h5")], ["lemke"], seconds=20, out=tmp_path / "r.sqlite")
+    results.report(tmp_path / "report")
+    assert quoted in (tmp_path / "report" / "report.md").read_text("utf-8")
+    said = CliRunner().invoke(cli, ["info", str(tmp_path / "r.sqlite")]).stdout
+    assert quoted in " ".join(said.split())
+    cpbench.run(str(tmp_path / "mine.h5"), ["lemke"], seconds=20, out=tmp_path / "s.sqlite")
+    with Store(tmp_path / "s.sqlite", create=True) as store:
+        quote_collection(store)
+        assert "collection" not in store.meta()
+    assert "cpbench-collection" not in CliRunner().invoke(cli, ["info", str(tmp_path / "s.sqlite")]).stdout
