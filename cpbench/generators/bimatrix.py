@@ -3,12 +3,14 @@ be searched, and one with every pure and mixed coordination as equilibrium."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench.formulations.applications.game import GAME, game_problem
-from cpbench.formulations.lcp import LCPPoint
+from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection
 
@@ -112,12 +114,18 @@ def _rounded(rows: list[list[Fraction]]) -> Dense:
 
 def long_paths(d: int) -> Instance:
     """Build the game of `long_path_payoffs` as an LCP; u and v of the only equilibrium in exact arithmetic."""
-    problem = game_problem(*long_path_payoffs(d), name=f"long-paths-{d}")
-    M = np.asarray(problem.M)
+    problem = _by_rows(game_problem(*long_path_payoffs(d), name=f"long-paths-{d}"))
+    M = problem.M.toarray()
     costs = [[[Fraction(float(value)) for value in row] for row in block] for block in (M[d:, :d], M[:d, d:])]
     z = [float(sum(row)) for block in costs for row in _inverse(block)]
     facts = {"class": "bimatrix game", GAME: [d, d], "solutions": "1"}
     return Instance(problem, LCPPoint(z=z), "planted to rounding", properties=facts)
+
+
+def _by_rows(problem: LCP) -> LCP:
+    """Return the problem with M in CSR, whose product with z has one order of sums on every machine: that of a dense
+    one with a z that is not exact depends on threads and kernels of BLAS, and a file has w = Mz + q."""
+    return replace(problem, M=sp.csr_array(problem.M))
 
 
 def half_supports(k: int) -> Instance:
@@ -138,13 +146,11 @@ def half_supports(k: int) -> Instance:
     rest = np.arange(2 * k)
     A[m + rest, m + rest] = 0.75
     C[m + rest, m + (rest ^ 1)] = 0.75
-    problem = game_problem(A, C.T, name=f"half-supports-{k}")
-    M = np.asarray(problem.M)
-    share = np.zeros(n)
-    share[:m] = 1.0 / m
-    v, u = share / (share @ M[:n, n:] @ share), share / (share @ M[n:, :n] @ share)
+    problem = _by_rows(game_problem(A, C.T, name=f"half-supports-{k}"))
+    z = np.zeros(2 * n)
+    z[:m] = z[n : n + m] = 0.8 / m  # payoffs in the cycle are ¾ in the mean, costs 2 − ¾
     facts = {"class": "bimatrix game", GAME: [n, n], "solutions": "1"}
-    return Instance(problem, LCPPoint(z=np.concatenate([u, v])), "planted to rounding", properties=facts)
+    return Instance(problem, LCPPoint(z=z), "planted to rounding", properties=facts)
 
 
 def coordination(n: int) -> Instance:
