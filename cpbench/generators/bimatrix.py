@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations.applications.game import GAME, game_problem
 from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Dense
 from cpbench.generators.base import Instance, collection
 
@@ -115,7 +116,7 @@ def _rounded(rows: list[list[Fraction]]) -> Dense:
 def long_paths(d: int) -> Instance:
     """Build the game of `long_path_payoffs` as an LCP; u and v of the only equilibrium in exact arithmetic."""
     problem = _by_rows(game_problem(*long_path_payoffs(d), name=f"long-paths-{d}"))
-    M = problem.M.toarray()
+    M = matrices.dense(problem.M)
     costs = [[[Fraction(float(value)) for value in row] for row in block] for block in (M[d:, :d], M[:d, d:])]
     z = [float(sum(row)) for block in costs for row in _inverse(block)]
     facts = {"class": "bimatrix game", GAME: [d, d], "solutions": "1"}

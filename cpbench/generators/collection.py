@@ -18,6 +18,8 @@ from cpbench.generators.base import SMALL, TIERS, Collection, Instance, generato
 
 NAME, VERSION = "cpbench-collection", "2026.12"
 """Name of the collection; its version changes when problems are added, changed or removed."""
+PROOFS = "proofs.toml"
+"""File, among the built-in problems, of what is proved of them; `tests/bench/certified.py --save` writes it."""
 TIER_SHEETS = "tiers"
 """Folder, among the built-in problems, of the sheets of problems that are not shipped."""
 
@@ -53,9 +55,11 @@ class Entry:
     Attributes
     ----------
     address : `builtin/...` of a problem of the small tier, else the place in the folder of its tier. unknowns : numbers
-    that a solver has to find, multipliers of rows not counted. known : how a solution is known. weight : what it counts
-    in a profile where each family of a formulation and tier counts 1. solutions : their number, '' where it is not
-    known.
+        that a solver has to find, multipliers of rows not counted. known : how a solution is known.
+    proof : what is proved in exact arithmetic: `proved` or `enclosed` (levels of `certify`), `infeasible, proved`,
+        `unbounded, proved`, '' for nothing.
+    weight : what it counts where each family of a formulation and tier counts 1. solutions : their number, '' where it
+        is not known.
     """
 
     address: str
@@ -65,6 +69,7 @@ class Entry:
     tier: str
     unknowns: int
     known: str
+    proof: str
     weight: float
     licence: str
     citation: str
@@ -107,15 +112,17 @@ def catalogue(folder: Path | None = None) -> list[Entry]:
     problems are installed.
     """
     place = folder or builtin_folder()
+    proved = place / PROOFS
+    proofs = tomllib.loads(proved.read_text("utf-8")) if proved.exists() else {}
     found: list[Entry] = []
     for tier, sheets in ((SMALL, place), *((tier, place / TIER_SHEETS / tier) for tier in TIERS if tier != SMALL)):
         for sheet in sorted(sheets.glob("*/*.toml")):
             start = "builtin" if tier == SMALL else tier
-            found += _entries(sheet, tier, f"{start}/{sheet.parent.name}/{sheet.stem}.h5")
+            found += _entries(sheet, tier, f"{start}/{sheet.parent.name}/{sheet.stem}.h5", proofs)
     return found
 
 
-def _entries(sheet: Path, tier: str, address: str) -> Iterator[Entry]:
+def _entries(sheet: Path, tier: str, address: str, proofs: Mapping[str, str]) -> Iterator[Entry]:
     described = tomllib.loads(sheet.read_text("utf-8"))
     problems = described["problem"]
     for problem in problems:
@@ -123,6 +130,7 @@ def _entries(sheet: Path, tier: str, address: str) -> Iterator[Entry]:
             address=f"{address}::{problem['name']}",
             family=described["name"],
             tier=tier,
+            proof=proofs.get(problem["fingerprint"], ""),
             weight=1.0 / len(problems),
             licence=described["licence"],
             citation=described["citation"],

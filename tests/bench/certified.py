@@ -1,12 +1,13 @@
 """How many verified answers are proved or enclosed, by formulation, with times and what stops the others.
 
     python tests/bench/certified.py [builtin | FILE | FOLDER ...] [--nodes lcp,mlcp,...] [--largest 500]
-        [--contacts 100] [--seconds 20] [--proof 60] [--check]
+        [--contacts 100] [--seconds 20] [--proof 60] [--check] [--save problems/proofs.toml]
 
 Every problem is solved in this process, by the automatic choice and, where its answer is not proved, by one solver of
 each other method of its formulation (`cpbench_lab.certifying.verified_answers`); only answers that the verdict accepts
 are counted. Times are of the proof, of this processor [s]. With --check, every certificate is proved again by the
-program without cpbench.
+program without cpbench. With --save, what is proved is written by fingerprint into the file that the catalogue of the
+collection reads; what is there of other problems is kept.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,7 @@ import cpbench
 from cpbench import storage
 from cpbench.errors import CpbenchError
 from cpbench.generators.collection import builtin_folder
+from cpbench.verification import prove
 from cpbench_lab.certifying import save_certificate, verified_answers
 
 NODES = "lcp,mlcp,relay,avi,qp,fc,fcm,gfc,ncp,micp,equation"
@@ -42,7 +45,9 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--proof", type=float, default=60.0)
     parser.add_argument("--check", action="store_true")
+    parser.add_argument("--save", type=Path)
     asked = parser.parse_args()
+    proofs: dict[str, str] = {}
     rows: dict[str, list[tuple[str, float, str]]] = defaultdict(list)
     for address in storage.problem_files([str(builtin_folder()) if p == "builtin" else p for p in asked.paths]):
         try:
@@ -62,8 +67,12 @@ def main() -> None:
             if found:
                 break
         if certificate is None:
-            print(f"{address}: no verified answer", flush=True)
+            kind = next((k for k in ("infeasible", "unbounded") if prove(problem, k).proof is not None), "")
+            proofs |= {problem.fingerprint: f"{kind}, proved"} if kind else {}
+            print(f"{address}: no verified answer{f', proved to be {kind}' if kind else ''}", flush=True)
             continue
+        if certificate:
+            proofs[problem.fingerprint] = certificate.level
         level = certificate.level
         if certificate and asked.check:
             level += "" if checked(certificate, problem) else ", NOT CHECKED"
@@ -74,6 +83,15 @@ def main() -> None:
         told = certificate.reason or f"within {certificate.distance:.2g} {certificate.unique}"
         print(f"{address} ({kind}): {level}, {seconds:.2f} s, answer {count} by {solver}, {told}", flush=True)
     table(rows)
+    if asked.save:
+        save(proofs, asked.save)
+
+
+def save(proofs: dict[str, str], path: Path) -> None:
+    """Write what is proved, by fingerprint, beside what the file has of other problems."""
+    before = tomllib.loads(path.read_text("utf-8")) if path.exists() else {}
+    lines = [f'{fingerprint} = "{level}"' for fingerprint, level in sorted({**before, **proofs}.items())]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def unknowns(problem: Any) -> int:
