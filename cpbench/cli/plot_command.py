@@ -11,6 +11,8 @@ import click
 RUNS = "cpbench.report.plots"
 OF_RUNS, OF_PROBLEMS = ("cpbench.cli.plot_run", "Of runs"), ("cpbench.cli.plot_problem", "Of problems")
 """The module whose `command_of` makes a command of a kind of figure, and the heading in the help."""
+TABLE = "table"
+"""The command that writes the numbers behind the figures."""
 
 
 def packages() -> dict[str, tuple[str, str]]:
@@ -32,9 +34,13 @@ class Kinds(click.Group):
     """The kinds of figures as subcommands."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(_kinds())
+        return [*_kinds(), TABLE]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name == TABLE:
+            from cpbench.cli.plot_table import command as table
+
+            return table
         if cmd_name not in _kinds():
             return None
         from cpbench.report.figure_kinds import find
@@ -47,9 +53,11 @@ class Kinds(click.Group):
         for package, (_, heading) in packages().items():
             with formatter.section(heading):
                 formatter.write_dl([(name, text) for name, (own, text) in _kinds().items() if own == package])
+        with formatter.section("No figure"):
+            formatter.write_dl([(TABLE, "The rankings of a run as a table for a paper: LaTeX, Markdown or CSV.")])
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        if args and args[0] not in _kinds():
+        if args and args[0] not in (*_kinds(), TABLE):
             from cpbench.errors import UnknownName
 
             raise UnknownName("figure", args[0], _kinds())
@@ -58,7 +66,8 @@ class Kinds(click.Group):
 
 command = Kinds(
     "plot",
-    help="Draw a single figure, as SVG, PNG or PDF.\n\n`cpbench plot KIND --help` has the options of a kind.",
+    help="Draw a single figure, as SVG, PNG or PDF, or write a table.\n\n"
+    "`cpbench plot KIND --help` has the options of a kind.",
     context_settings={"help_option_names": ["-h", "--help"]},
     subcommand_metavar="KIND [RESULTS|FILE] -o FIGURE",
 )

@@ -10,13 +10,31 @@ from typing import Any
 import click
 
 from cpbench.cli.options import ListOption
-from cpbench.cli.types import DURATION, FACET_LIST, PATH
-from cpbench.report.figure_kinds import FigureKind
+from cpbench.cli.types import DURATION, FACET_LIST, LENGTH, PATH
+from cpbench.report import arrangement
+from cpbench.report.figure_kinds import Drawing, FigureKind
 
 OUTPUT = (
     click.Option(["-o", "--output"], type=PATH, required=True, help="Output file: x.svg, .png or .pdf."),
     click.Option(["--bare"], is_flag=True, help="Leave out the title and the explanation below it."),
 )
+SIZE = (
+    click.Option(
+        ["--width"],
+        type=LENGTH,
+        default=math.nan,
+        help=f"Width of the figure, as 3.5in or 89mm; below {arrangement.NARROW:g}in without the explanation, which is "
+        "printed.",
+    ),
+    click.Option(
+        ["--height"], type=LENGTH, default=math.nan, help="Height of the figure, without title and explanation."
+    ),
+)
+
+
+def caption(drawn: Drawing) -> str:
+    """Return the explanation of a figure that has no room for it, as a line for its caption."""
+    return f"caption: {drawn.guide}".replace(r"\$", "$")
 
 
 def help_text(kind: FigureKind) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +11,12 @@ import click
 from cpbench import storage
 from cpbench.cli.options import Command
 from cpbench.cli.outputs import replaced
-from cpbench.cli.plot_options import OUTPUT, help_text, kind_option
+from cpbench.cli.plot_options import OUTPUT, SIZE, caption, help_text, kind_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 from cpbench.formulations import Problem
-from cpbench.report import canvas
+from cpbench.report import arrangement, canvas
 from cpbench.report.figure_kinds import FigureKind, Need
 
 
@@ -32,7 +33,7 @@ def command_of(kind: FigureKind) -> click.Command:
         text = "Answer file (.h5, .npy, .npz, .csv); default: the candidate in the file's own /solution."
         parameters.append(click.Option(["--answer"], type=PATH, help=text))
     parameters += [kind_option(name, default, kind.helps[name]) for name, default in kind.options.items()]
-    parameters += OUTPUT
+    parameters += [*SIZE, *OUTPUT]
 
     def draw(
         output: Path,
@@ -40,6 +41,8 @@ def command_of(kind: FigureKind) -> click.Command:
         source: str | None = None,
         file_format: str | None = None,
         answer: Path | None = None,
+        width: float = math.nan,
+        height: float = math.nan,
         **options: Any,
     ) -> None:
         canvas.require_suffix(output)
@@ -48,8 +51,10 @@ def command_of(kind: FigureKind) -> click.Command:
         point = None if kind.answer is Need.NONE else _answer(kind, source, problem, answer)
         with canvas.drawing():
             drawn = kind.draw(problem, point, **options)
-            canvas.write(drawn, output, bare=bare)
-        print_lines([f"{kind.name}: {replaced(output, before)}"])
+            arrangement.scale(drawn.figure, width, height)
+            column = arrangement.narrow(width)
+            canvas.write(drawn, output, bare=bare, guide=not column)
+        print_lines([f"{kind.name}: {replaced(output, before)}", *([caption(drawn)] if column else [])])
 
     return Command(kind.name, params=parameters, callback=draw, help=help_text(kind))
 

@@ -12,9 +12,9 @@ from cpbench.bench import history
 from cpbench.bench.results.sealed import sealed
 from cpbench.cli.options import Command, ListOption
 from cpbench.cli.outputs import replaced
-from cpbench.cli.plot_options import OUTPUT, help_text, kind_option
+from cpbench.cli.plot_options import OUTPUT, SIZE, caption, help_text, kind_option
 from cpbench.cli.terminal import print_lines
-from cpbench.cli.types import LENGTH, PATH, POSITIVE
+from cpbench.cli.types import PATH, POSITIVE
 from cpbench.report import arrangement, canvas, run_canvas
 from cpbench.report.chosen import Choice
 from cpbench.report.figure_kinds import FigureKind
@@ -35,10 +35,6 @@ CHOICE: tuple[click.Option, ...] = (
 )
 _LAYOUT = (
     click.Option(["--publishable"], is_flag=True, help="Leave out solvers that restrict the publishing of figures."),
-    click.Option(["--width"], type=LENGTH, default=math.nan, help="Width of the figure, as 3.5in or 89mm."),
-    click.Option(
-        ["--height"], type=LENGTH, default=math.nan, help="Height of the figure, without title and explanation."
-    ),
     click.Option(["--legend"], type=click.Choice(arrangement.PLACES), help="Place of the legend."),
 )
 
@@ -47,7 +43,7 @@ def command_of(kind: FigureKind) -> click.Command:
     """Build `cpbench plot KIND RESULTS -o FIGURE` with the options of the kind and those that choose rows."""
     parameters: list[click.Parameter] = [click.Argument(["results"], type=PATH)]
     parameters += [kind_option(name, default, kind.helps[name]) for name, default in kind.options.items()]
-    parameters += [*CHOICE, *_LAYOUT, *OUTPUT]
+    parameters += [*CHOICE, *_LAYOUT, *SIZE, *OUTPUT]
 
     def draw(results: Path, output: Path, bare: bool, publishable: bool, **given: Any) -> None:
         size, place = (given.pop("width"), given.pop("height")), given.pop("legend") or ""
@@ -62,8 +58,9 @@ def command_of(kind: FigureKind) -> click.Command:
         with run_canvas.drawing():
             drawn = kind.draw(run, choice, **own)
             arrangement.arrange(drawn.figure, *size, place)
+        column = arrangement.narrow(size[0])
         with canvas.drawing():
-            canvas.write(drawn, output, bare=bare)
-        print_lines([f"{kind.name}: {replaced(output, before)}"])
+            canvas.write(drawn, output, bare=bare, guide=not column)
+        print_lines([f"{kind.name}: {replaced(output, before)}", *([caption(drawn)] if column else [])])
 
     return Command(kind.name, params=parameters, callback=draw, help=help_text(kind))

@@ -7,18 +7,23 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from cpbench.errors import CpbenchError
+from cpbench.report import legend
 from cpbench.report.legend import LEGEND, LINE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PLACES = ("beside", "below", "none")
+PLACES = ("beside", "below", "inside", "none")
 """Where a legend may stand."""
+NARROW = 4.5
+"""Width below which a figure is for one column: legend inside, narrow margins, no guide [in]."""
 LEAST = 0.8
 """Width and height that the axes need at least [in]."""
-RIGHT = 0.1
-"""Margin at the right where no legend is [in]."""
+RIGHT = 0.17
+"""Margin at the right where no legend is: half of the last tick's label [in]."""
+MARGINS = (0.42, 0.38, 0.09, 0.05)
+"""Left, below, right and above where the legend is inside [in]."""
 GAP = 0.12
 """Between a legend and the edge, and above a legend that is below [in]."""
 
@@ -27,7 +32,8 @@ Box = tuple[float, float, float, float]
 
 
 def arrange(figure: Figure, width: float, height: float, place: str) -> None:
-    """Make a figure `width` × `height` [in, NaN: as it is] with its legend at `place` ('': beside, as it is).
+    """Make a figure `width` × `height` [in, NaN: as it is] with its legend at `place` ('': inside a figure of one
+    column, else beside, as it is).
 
     Raises CpbenchError for a legend that is not there, and where a size leaves no room.
     """
@@ -40,6 +46,9 @@ def arrange(figure: Figure, width: float, height: float, place: str) -> None:
         raise CpbenchError(f"--legend {place}: this figure has no legend")
     if not place and math.isnan(width) and math.isnan(height):
         return
+    if legends and (place == "inside" or (not place and narrow(width))):
+        _inside(figure, drawn, legends[0], old_width if math.isnan(width) else width, height)
+        return
     beside = place in ("", "beside") and bool(legends)
     lines = _lines(legends[0]) * LINE if legends else 0.0
     boxes = [_inches(axes, old_width, old_height) for axes in drawn]
@@ -51,7 +60,7 @@ def arrange(figure: Figure, width: float, height: float, place: str) -> None:
     height = old_height + extra if math.isnan(height) else height
     new: Box = (left, low + extra, width - margin, height - (old_height - top))
     if new[2] - new[0] < LEAST:
-        advice = "; --legend below or none needs less" if beside else ""
+        advice = "; --legend inside, below or none needs less" if beside else ""
         raise CpbenchError(f"--width {width:g} in: at least {width + LEAST - new[2] + new[0]:.2g} in{advice}")
     needed = max(LEAST - new[3] + new[1], lines - new[3] if beside else 0.0)
     if needed > 0:
@@ -67,6 +76,47 @@ def arrange(figure: Figure, width: float, height: float, place: str) -> None:
     else:
         for axes in legends:
             axes.remove()
+
+
+def narrow(width: float) -> bool:
+    """Return whether a figure of this width [in] is for one column; not where it is NaN."""
+    return width < NARROW
+
+
+def scale(figure: Figure, width: float, height: float) -> None:
+    """Make a figure of fixed places `width` × `height` [in]; where one is NaN, its shape stays."""
+    old_width, old_height = figure.get_size_inches()
+    if math.isnan(width) and math.isnan(height):
+        return
+    if math.isnan(height):
+        height = old_height * width / old_width
+    if math.isnan(width):
+        width = old_width * height / old_height
+    for value, flag in ((width, "--width"), (height, "--height")):
+        if value < LEAST:
+            raise CpbenchError(f"{flag} {value:.2g} in: at least {LEAST:g} in are needed here")
+    figure.set_size_inches(width, height)
+
+
+def _inside(figure: Figure, drawn: Sequence[Axes], source: Axes, width: float, height: float) -> None:
+    """Let the axes fill the figure but for their labels, as high as it is wide by default, and put the legend into
+    them."""
+    old = figure.get_size_inches()
+    height = width if math.isnan(height) else height
+    left, low, right, top = MARGINS
+    boxes = [_inches(axes, *old) for axes in drawn]
+    new: Box = (left, low, width - right, height - top)
+    for length, flag, k in ((width, "--width", 0), (height, "--height", 1)):
+        if new[k + 2] - new[k] < LEAST:
+            needed = length + LEAST - new[k + 2] + new[k]
+            raise CpbenchError(f"{flag} {length:.2g} in: at least {needed:.2g} in are needed here")
+    figure.set_size_inches(width, height)
+    for axes, box in zip(drawn, boxes, strict=True):
+        _put(axes, _moved(box, _around(boxes), new), width, height)
+        for label in axes.get_xticklabels()[-1:]:
+            label.set_horizontalalignment("right")  # or half of it would be cut
+    legend.within(drawn[0], source)
+    source.remove()
 
 
 def _lines(axes: Axes) -> float:

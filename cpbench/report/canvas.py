@@ -96,8 +96,9 @@ def require_suffix(path: Path) -> None:
         raise CpbenchError(f"{path}: unknown suffix '{path.suffix}'; figures are written as {', '.join(SUFFIXES)}")
 
 
-def write(drawn: Drawing, path: Path, *, bare: bool = False) -> None:
-    """Write a drawing with its title and guide around it, or `bare`; no dates or versions are in the file.
+def write(drawn: Drawing, path: Path, *, bare: bool = False, guide: bool = True) -> None:
+    """Write a drawing with its title and guide around it, without `guide` its title alone, or `bare`; no dates or
+    versions are in the file.
 
     Raises CpbenchError for an unknown suffix, FormatError when it cannot be written.
     """
@@ -105,7 +106,7 @@ def write(drawn: Drawing, path: Path, *, bare: bool = False) -> None:
 
     require_suffix(path)
     if not bare:
-        _caption(drawn)
+        _caption(drawn, guide)
     metadata: dict[str, Any] = {
         ".png": {"Software": None},
         ".svg": {"Date": None, "Creator": None, "Title": drawn.title.replace("$", "")},
@@ -119,14 +120,15 @@ def write(drawn: Drawing, path: Path, *, bare: bool = False) -> None:
         raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
 
 
-def _caption(drawn: Drawing) -> None:
-    """Make room above and below what is there, whose axes have fixed places."""
+def _caption(drawn: Drawing, guide: bool) -> None:
+    """Make room above and below what is there, whose axes have fixed places; a title alone is smaller."""
     figure = drawn.figure
     width, height = figure.get_size_inches()
-    lines = wrapped(drawn.guide, _fits(figure, width - 0.2, 6.5))
-    title = wrapped(drawn.title, _fits(figure, width - 0.2, 9, "bold"))
-    above = _TITLE + 0.15 * (len(title) - 1)
-    below = _LINE * len(lines) + 0.12
+    size = 9.0 if guide else 7.0
+    lines = wrapped(drawn.guide, _fits(figure, width - 0.2, 6.5)) if guide else []
+    title = wrapped(drawn.title if guide else drawn.short or drawn.title, _fits(figure, width - 0.2, size, "bold"))
+    above = _TITLE + 0.15 * (len(title) - 1) if guide else 0.08 + 0.12 * len(title)
+    below = _LINE * len(lines) + 0.12 if guide else 0.0
     whole = height + above + below
     for axes in figure.axes:
         box = axes.get_position(original=True)
@@ -136,7 +138,9 @@ def _caption(drawn: Drawing) -> None:
         text.set_position((x, (y * height + below) / whole))
     figure.set_size_inches(width, whole)
     left = 0.1 / width
-    figure.text(left, 1 - 0.08 / whole, "\n".join(title), fontsize=9, fontweight="bold", va="top")
+    figure.text(
+        left, 1 - (0.08 if guide else 0.04) / whole, "\n".join(title), fontsize=size, fontweight="bold", va="top"
+    )
     figure.text(left, 0.06 / whole, "\n".join(lines), fontsize=6.5, color="#444444", va="bottom", linespacing=1.3)
 
 

@@ -74,23 +74,30 @@ class SelectedRows:
             reasons.append(f"{listed_plainly(elsewhere)} answered elsewhere")
         return found, f" Left out: {'; '.join(reasons)}." if reasons else ""
 
+    @property
+    def starts(self) -> str:
+        """The starts of the rows as text; '' where they are not recorded."""
+        names = sorted({one_line(start) for start in self.rows["start"]} - {""})
+        return f"start{'s' * (len(names) > 1)} {', '.join(names)}" if names else ""
+
     def scope(self, *more: str) -> str:
-        """Return the end of a title: what, how many, tolerance."""
+        """Return the end of a title: what, how many, tolerance, start."""
         of = counted(self.problems, "problem")
-        return ", ".join([f"{one_line(self.node)}: {of}", f"tolerance {self.tolerance:g}", *more])
+        return ", ".join(
+            filter(None, (f"{one_line(self.node)}: {of}", f"tolerance {self.tolerance:g}", self.starts, *more))
+        )
 
     def conditions(self) -> str:
         """Return the end of every guide: N, tolerance, limit, start and what counts as solved."""
         most = rows_of.limit(self.rows)
-        starts = ", ".join(sorted({one_line(start) for start in self.rows["start"]} - {""}))
         judged = f"{self.tolerance:g}" + (
             "" if self.run_tolerance == self.tolerance else f" (asked for: {self.run_tolerance:g})"
         )
         limit = f"{seconds(most)} a solve" if math.isfinite(most) else "none"
         return (
             f"N = {counted(self.problems, 'problem')} of {one_line(self.node)}; tolerance {judged}; limit {limit}; "
-            f"start {starts or 'not recorded'}. Solved: the error that we measure on the problem asked for is at most "
-            "the tolerance, whatever the solver says."
+            f"{self.starts or 'start not recorded'}. Solved: the error that we measure on the problem asked for is at "
+            "most the tolerance, whatever the solver says."
         )
 
 

@@ -36,11 +36,15 @@ class Need(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A figure, what it shows in a few words, and how to read it in a sentence or two."""
+    """A figure, what it shows in a few words, and how to read it in a sentence or two.
+
+    short : the title of a figure that has room for a line only, where it is another one.
+    """
 
     figure: Figure
     title: str
     guide: str
+    short: str = ""
 
 
 @dataclass(frozen=True)

@@ -110,7 +110,8 @@ def _figures(
     slug = slug_of(run, group)
     most = rows_of.limit(rows)
     limit = f"limit {most:g} s" if math.isfinite(most) else "no limit"
-    title = f"{group.node}: {counted(profile.problems, 'problem')}, tolerance {group.tolerance:g}, {limit}"
+    start = f", start {group.start}" if group.start else ""
+    title = f"{group.node}: {counted(profile.problems, 'problem')}, tolerance {group.tolerance:g}{start}, {limit}"
     if profile.compares:
         yield "### Performance profile"
         name = f"profile-{slug}"

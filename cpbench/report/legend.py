@@ -57,6 +57,21 @@ def height(curves: int, notes: int = 0, most: int = LINES) -> float:
     return LINE * (min(curves, most) + notes + 1.5)
 
 
+def within(axes: Axes, source: Axes) -> None:
+    """Put the coloured lines of a legend into the axes of the curves, where they cover least of them."""
+    named = [
+        (line, f"{label.get_text()} ({number.get_text()})")
+        for line, number, label in zip(source.lines, source.texts[1::2], source.texts[2::2], strict=False)
+        if line.get_color() != GREY
+    ]
+    if not named:
+        return
+    handles, labels = zip(*named, strict=True)
+    frame: Any = {"framealpha": 0.85, "edgecolor": "none", "borderpad": 0.3, "handlelength": 1.8, "labelspacing": 0.25}
+    title = source.texts[0].get_text().partition("  ")[0]
+    axes.legend(handles, labels, loc="best", fontsize=6.5, title=f"({title})", title_fontsize=6.5, **frame)
+
+
 def beside(
     axes: Axes,
     head: str,

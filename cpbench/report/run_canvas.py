@@ -41,8 +41,8 @@ def with_legend(curves: int, least: float = 2.9, notes: int = 3) -> tuple[Figure
 
 def drawn(figure: Figure, title: str, guide: str, chosen: SelectedRows) -> Drawing:
     """Return the figure with its words and its scope; no character of them starts a formula."""
-    whole = f"{guide} {chosen.conditions()}"
-    return Drawing(figure, one_line(title).replace("$", r"\$"), one_line(whole).replace("$", r"\$"))
+    words = (title, f"{guide} {chosen.conditions()}", chosen.scope())
+    return Drawing(figure, *(one_line(text).replace("$", r"\$") for text in words))
 
 
 def amount(value: float, metric: Metric) -> str:

@@ -198,18 +198,27 @@ def walking() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def test_sequence_has_time_iterations_error_and_warm_over_cold() -> None:
+def test_a_sequence_with_both_starts_has_the_median_of_warm_over_cold() -> None:
+    """1/4, 2/4, 3/4 of three steps, the fourth unsolved: the median is a half, the quartiles 0.375 and 0.625."""
     drawn = draw("sequence", run_of(walking()))
-    assert [axes.get_ylabel() for axes in drawn.figure.axes[:4]] == [
-        "time",
-        "iterations",
-        "judged error",
-        "warm / cold",
-    ]
-    (ratio,) = [line for line in lines(drawn, 3) if line.get_marker() == "o"]
-    assert np.array_equal(ratio.get_ydata(), [0.25, 0.5, 0.75, math.nan], equal_nan=True)
+    (axes,) = drawn.figure.axes
+    (mark,) = [line for line in axes.lines if line.get_marker() == "o"]
+    assert mark.get_xdata()[0] == pytest.approx(0.5)
+    (whisker,) = [line for line in axes.lines if line.get_alpha() == 0.5]
+    assert list(whisker.get_xdata()) == pytest.approx([0.375, 0.625])
+    assert "steps 0 to 2" in [text.get_text() for text in axes.texts]
+    assert drawn.title == "Sequence walk (lcp): 4 steps, tolerance 1e-06, starts cold, previous"
     found = walk.steps(rows_of.normalised(walking()))[1]
     assert found.loc[found["start"] == "previous", "iterations"].tolist() == [10.0, 20.0, 30.0, math.inf]
+
+
+def test_a_sequence_with_one_start_has_time_iterations_and_error() -> None:
+    cold = walking()
+    drawn = draw("sequence", run_of(cold[cold["start"] == "cold"]))
+    labels = [axes.get_ylabel() for axes in drawn.figure.axes[:3]]
+    assert labels == ["time", "iterations", "judged error"]
+    (time,) = [line for line in lines(drawn, 0) if line.get_marker() == "o"]
+    assert list(time.get_ydata()) == [4.0] * 4
 
 
 def test_sequence_says_where_there_is_none() -> None:
