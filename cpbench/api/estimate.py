@@ -55,11 +55,11 @@ NOTHING = Span(0.0, 0.0)
 
 
 def estimate(todo: Sequence[Pair], plan: RunPlan) -> str:
-    """Return how long the pairs may take, as text, and what that rests on."""
+    """Return how long the pairs may take, as text, and what that rests on; '' where nothing like it was measured."""
     spans, measured = solves(todo, shipped_times())
     known = [span for span in spans if span is not None]
     if len(known) < ENOUGH:
-        return "no estimate: nothing like it was measured before"
+        return ""
     solving = sum(known, NOTHING) * (len(todo) / len(known) / plan.jobs)
     basis = f"{measured} of {counted(len(todo), 'pair')} were timed, on another machine"
     for path in dict.fromkeys([plan.results, *map(Path, BEFORE)]):

@@ -6,7 +6,7 @@ import logging
 import sys
 from pathlib import Path
 
-from cpbench.bench.events import Compiling, Event, Solving, Starting
+from cpbench.bench.events import Compiling, Event, Joined, Solving, Spent, Starting
 from cpbench.errors import CpbenchError
 from cpbench.foundation.plain_text import on_one_line
 
@@ -41,6 +41,8 @@ def log_line(event: Event) -> str:
         return f"{'start':<12} {event.solver}"
     if isinstance(event, Compiling):
         return f"{'compiling':<12} {event.solver}"
+    if isinstance(event, Joined | Spent):
+        return on_one_line(f"{'cluster':<12} {event}")
     named = f"{event.pair.address} {event.pair.label}"
     if isinstance(event, Solving):
         return on_one_line(f"{'solve':<12} {named}")

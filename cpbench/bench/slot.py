@@ -43,8 +43,8 @@ class Slot:
     def __init__(self, setting: Setting | None = None) -> None:
         self.setting = setting = setting or Setting()
         self._scratch = TemporaryHome(RUN)
-        means = context(setting.threads, few=setting.single)
-        self.referee = RefereeClient(means, setting, self._scratch.folder)
+        self._means = means = context(setting.threads, few=setting.single)
+        self.referee = self.another_referee()
         self.workers = WorkerPool(means, setting, self._scratch.folder)
         idle = sorted({*machine.cores()} - {*setting.cpus}) if setting.cpus and setting.slots == 1 else []
         self.compiler = Compiler(means, idle)
@@ -69,6 +69,10 @@ class Slot:
             if child is not None:
                 child.kill_all()
 
+    def another_referee(self) -> RefereeClient:
+        """Return a further referee beside that of the slot, which the caller closes."""
+        return RefereeClient(self._means, self.setting, self._scratch.folder)
+
     def survey(
         self,
         address: str,
@@ -77,11 +81,12 @@ class Slot:
         timeout: float = 0.0,
         *,
         guesses: bool = False,
+        referee: RefereeClient | None = None,
     ) -> messages.Surveyed:
         """Return facts of a problem for the plan; raises Refused, Unread. `timeout` : of a solve. `guesses` : whether
-        the starting points of its file are counted, too."""
+        the starting points of its file are counted, too. `referee` : who reads it, None for that of the slot."""
         asked = messages.Survey(address, format, tuple(requests), guesses)
-        reply = self.referee.ask(REFEREE.limit(timeout), asked, messages.Surveyed)
+        reply = (referee or self.referee).ask(REFEREE.limit(timeout), asked, messages.Surveyed)
         if isinstance(reply, messages.Declined):
             raise Refused(reply.message)
         if isinstance(reply, messages.Failure):

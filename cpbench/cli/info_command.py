@@ -5,26 +5,25 @@ from __future__ import annotations
 import json
 import shlex
 import sys
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import click
 
 from cpbench import storage
-from cpbench.api import problem_text
-from cpbench.api.problem_text import StepFacts
+from cpbench.api import folder_text, problem_text
 from cpbench.api.results import is_results_file
 from cpbench.cli import terminal
 from cpbench.cli.answer import print_results
 from cpbench.cli.options import Command, format_option, reached_option
+from cpbench.cli.steps import Steps
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS
-from cpbench.errors import CpbenchError
 from cpbench.formulations import facts
-from cpbench.foundation.plurals import counted
 
 MANY = 3
 """Number of problems up to which each is shown by itself."""
+LISTED = 60
+"""Number of problems up to which each has a line."""
 
 
 @click.command(cls=Command)
@@ -36,8 +35,9 @@ MANY = 3
 def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None, reached: bool) -> None:
     """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
 
-    More than three problems get one line each; a problem that cannot be read does not stop the others. For a results
-    file the command shows which solver to use, as at the end of the run.
+    More than three problems get one line each, more than sixty a line for each formulation and family; problems that
+    are there twice are named. A problem that cannot be read does not stop the others. For a results file the command
+    shows which solver to use, as at the end of the run.
 
     Every fact has its method: exact, by a factorization, by a randomized estimate, or not decided.
     """
@@ -52,11 +52,7 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
         raise click.UsageError("--reached is of a results file")
     addresses = storage.problem_files(files) or list(files)
     if len(addresses) > MANY and not as_json:
-        rows, steps, refused = _read(addresses, file_format)
-        print_lines(_summary(rows, steps))
-        print_lines(refused, err=True)
-        if refused:
-            sys.exit(2)
+        _print_many(files, addresses, file_format)
         return
     records: list[dict[str, object]] = []
     for address in addresses:
@@ -70,32 +66,19 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
         click.echo(json.dumps(records, indent=2, ensure_ascii=False, allow_nan=False))
 
 
-Row = tuple[str, str, str]
-
-
-def _read(addresses: Sequence[str], file_format: str | None) -> tuple[list[Row], list[StepFacts], list[str]]:
-    """Return formulation, sizes and address of each problem, facts of those that are steps, and a line for each that
-    cannot be read."""
-    rows: list[Row] = []
-    steps: list[StepFacts] = []
-    refused: list[str] = []
-    for address in addresses:
-        try:
-            problem = storage.load(address, format=file_format)
-        except CpbenchError as cause:
-            refused.append(f"refused: {cause if address in str(cause) else f'{address}: {cause}'}")
-            continue
-        rows.append((problem.node, problem_text.sizes_line(problem), address))
-        if (step := problem_text.step_of(problem)) is not None:
-            steps.append(step)
-    return rows, steps, refused
-
-
-def _summary(rows: Sequence[Row], steps: Sequence[StepFacts]) -> Iterator[str]:
-    nodes = Counter(node for node, _, _ in rows)
-    kinds = ", ".join(f"{count} {node}" for node, count in nodes.most_common())
-    yield f"{counted(len(rows), 'problem')}: {kinds or 'none could be read'}"
-    yield from problem_text.sequence_lines(steps)
+def _print_many(places: Sequence[str], addresses: Sequence[str], file_format: str | None) -> None:
+    """Print what is in a folder; exits with 2 where something cannot be read."""
+    with Steps(quiet=False) as steps:
+        found = folder_text.collect(steps.through(addresses, "reading", "problem"), file_format)
+    print_lines([folder_text.headline(found)])
+    print_lines(problem_text.sequence_lines(found.steps))
+    many = len(found.members) > LISTED
+    rows = [(m.node, m.line, m.address) for m in found.members]
+    print_lines(terminal.table(folder_text.classes(found.members) if many else rows))
+    print_lines(folder_text.twins(found.members))
+    print_lines(folder_text.others(places, addresses))
     if rows:
-        yield from terminal.table(rows)
-        yield f"all that is known of one: cpbench info {shlex.quote(rows[0][2])}; of all, for programs: --json"
+        print_lines([f"all that is known of one: cpbench info {shlex.quote(rows[0][2])}; of all, for programs: --json"])
+    print_lines(found.refused, err=True)
+    if found.refused:
+        sys.exit(2)

@@ -4,33 +4,32 @@ from __future__ import annotations
 
 import shutil
 import sys
-import threading
 import time
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
-from datetime import timedelta
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from cpbench.api.run_log import log_line, run_log
-from cpbench.bench.events import Compiling, Event, Solving, Starting
+from cpbench.bench.events import Compiling, Event, Joined, Solving, Spent, Starting
+from cpbench.bench.pace import Expected, Pace
 from cpbench.bench.planning.plan import Pair
 from cpbench.cli.standings import Standings
+from cpbench.cli.steps import EVERY, Steps
 from cpbench.cli.terminal import print_lines
 from cpbench.conversions import Conversion
 from cpbench.errors import NotApplicable
 from cpbench.formulations import Problem
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.plurals import counted, summary
 from cpbench.graph import Apply
 
 if TYPE_CHECKING:
     from rich.console import Group
 
-MINUTE = 60.0
-PAUSE = 1.0
-"""Seconds without a line after which a step has one."""
+FIRST = 50
+"""Pairs after which a run of more than ten times as many has its first line, with an estimate."""
 ROOM = 4
 """Lines of a terminal that no row of the live table may take: head and end of the table, and what is below it."""
 LARGE = 50e6
@@ -44,26 +43,45 @@ class Display:
     with `log` one in that file too.
     """
 
-    def __init__(self, quiet: bool = False, verbose: bool = False, log: Path | None = None) -> None:
-        self._quiet = quiet
+    def __init__(self, quiet: bool = False, verbose: bool = False, log: Path | None = None, slots: int = 1) -> None:
+        self._quiet, self._slots = quiet, slots
         self._terminal = sys.stderr.isatty() and not quiet and not verbose
         self._events = run_log(verbose, log)
+        self._steps = Steps(quiet)
         self._live: Any = None
         self._total = self._done = self._before = 0
         self._counts: Counter[str] = Counter()
         self._standings = Standings()
         self._now: dict[str, tuple[str, float, float]] = {}
         self._warming = ""
-        self._began = self._printed = time.monotonic()
+        self._pace = Pace(slots)
+
+    def step(self, text: str) -> None:
+        """Note what is being done before and after pairs are run: it has a line while it lasts."""
+        self._steps.say(text, EVERY)
+
+    def rest(self) -> None:
+        """Note that the step has ended, and none begins."""
+        self._steps.stop()
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
-        """Yield the addresses, with a bar over the files on a terminal."""
-        yield from self._track(addresses, "reading")
+        """Yield the addresses, with a bar over the files on a terminal, with lines elsewhere."""
+        if self._terminal:
+            from rich.console import Console
+            from rich.progress import track
+
+            self._steps.stop()
+            console = Console(file=sys.stderr)
+            yield from track(addresses, description="reading", console=console, transient=True)
+        else:
+            yield from self._steps.through(addresses, "reading", "problem")
+        self.step("planning pairs")
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
+        self._steps.stop()
         self._total = len({p.key for p in planned} & set(pending))
         self._before = len(planned) - self._total
-        self._began = self._printed = time.monotonic()
+        self._done, self._pace = 0, Pace(self._slots)
         if not self._quiet:
             resumed = f", {self._before} done before" if self._before else ""
             click.echo(f"{counted(len(planned), 'pair')}{resumed}", err=True)
@@ -74,9 +92,12 @@ class Display:
             console = Console(file=sys.stderr)
             self._live = Live(get_renderable=self.view, console=console, refresh_per_second=2, transient=True)
             self._live.start()
+        elif self._total:
+            self._steps.watch(self._line, EVERY)
 
     def progress(self, event: Event) -> None:
         """Show an event of the run."""
+        self._pace.note(event)
         if isinstance(event, Starting):
             self._warming = event.solver
         elif isinstance(event, Compiling):
@@ -86,6 +107,9 @@ class Display:
         elif isinstance(event, Solving):
             self._warming, pair = "", event.pair
             self._now[pair.key] = (f"{pair.label} on {pair.problem}", time.monotonic(), pair.limits.seconds)
+        elif isinstance(event, Joined | Spent):
+            if not self._quiet:
+                print_lines([str(event)], err=True)
         else:
             self._now.pop(event.pair.key, None)
             self._done += 1
@@ -96,6 +120,7 @@ class Display:
             self._events.info(log_line(event))
 
     def end(self) -> None:
+        self._steps.stop()
         if self._live is not None:
             self._live.stop()
 
@@ -119,74 +144,26 @@ class Display:
         return Group(table, self._standings.table(max(room, 1)))
 
     def _tell(self) -> None:
-        """Print a line each tenth of the way, and one each minute where that is rarer."""
+        """Print a line each tenth of the way, and the first of a long run as soon as it can be estimated."""
         tenth = self._done % max(1, self._total // 10) == 0
-        if self._quiet or self._terminal or not (tenth or time.monotonic() - self._printed > MINUTE):
+        first = self._done == FIRST < self._total / 10
+        if self._quiet or self._terminal or not (tenth or first):
             return
-        self._printed = time.monotonic()
+        click.echo(self._line(), err=True)
+        if self._done < self._total:
+            self._steps.watch(self._line, EVERY)
+
+    def _line(self) -> str:
         left = self._left() if self._done < self._total else ""
-        click.echo("  ".join(filter(None, (f"{self._done}/{self._total}", self._summary(), left))), err=True)
+        return "  ".join(filter(None, (f"{self._done}/{self._total}", self._summary(), left)))
 
     def _left(self) -> str:
-        """Return the time for the rest at the pace so far; nothing before a hundredth is done."""
-        if self._done * 100 < self._total:
-            return ""
-        pace = (time.monotonic() - self._began) / max(self._done, 1)
-        return f"about {timedelta(seconds=round(pace * (self._total - self._done)))} left"
+        """Return the time for the rest; nothing before enough pairs have ended."""
+        found: Expected | None = self._pace.expected(self._total - self._done)
+        return f"{found} left" if found is not None else ""
 
     def _summary(self) -> str:
-        return ", ".join(f"{n} {status}" for status, n in self._counts.most_common())
-
-    def _track(self, items: Sequence[str], label: str) -> Iterable[str]:
-        if not self._terminal:
-            return items
-        from rich.console import Console
-        from rich.progress import track
-
-        return track(items, description=label, console=Console(file=sys.stderr), transient=True)
-
-
-class Steps:
-    """Steps of a command as lines on stderr, each with the seconds since the start; nothing when quiet.
-
-    A step is printed when nothing was for `pause` seconds, even while it lasts, so that a short command prints none. A
-    context manager, which ends the waiting.
-    """
-
-    def __init__(self, quiet: bool, pause: float = PAUSE) -> None:
-        self._quiet, self._pause = quiet, pause
-        self._began = time.monotonic()
-        self._printed = self._began - pause / 2.0  # the interpreter has started before
-        self._timer: threading.Timer | None = None
-        self._lock = threading.Lock()
-
-    def __enter__(self) -> Steps:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop()
-
-    def say(self, step: str) -> None:
-        """Note a step, which begins."""
-        self._stop()
-        if self._quiet:
-            return
-        wait = max(0.0, self._printed + self._pause - time.monotonic())
-        self._timer = threading.Timer(wait, self._print, (step,))
-        self._timer.daemon = True
-        self._timer.start()
-
-    def _print(self, step: str) -> None:
-        with self._lock:
-            if threading.current_thread() is self._timer:  # else the next step has begun
-                self._printed = time.monotonic()
-                print_lines([f"{self._printed - self._began:5.1f} s  {step}"], err=True)
-
-    def _stop(self) -> None:
-        with self._lock:
-            if self._timer is not None:
-                self._timer.cancel()
-            self._timer = None
+        return summary(dict(self._counts))
 
 
 def compiling(solver: str) -> str:

@@ -15,11 +15,12 @@ from cpbench.bench.planning import run_plan, suites
 from cpbench.cli.options import Sections
 from cpbench.cli.progress import Display
 from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from, require_near, run_options
-from cpbench.cli.run_output import announce, finish, print_removed
+from cpbench.cli.run_output import announce, finish, print_plan, print_removed, require_places
 from cpbench.cli.terminal import print_lines
 from cpbench.errors import StoreError
 from cpbench.foundation.extensions import hook
 from cpbench.foundation.imports import import_ahead
+from cpbench.foundation.plurals import counted
 from cpbench.generators.collection import builtin_folder
 from cpbench.generators.quick import quick_problems
 
@@ -70,17 +71,25 @@ def command(
         raise click.UsageError("--facets: no route of this run has facets; add --routes facets")
     if no_resume and plan.results.exists():
         raise StoreError(f"{plan.results}: exists; remove it or leave --no-resume out to go on with it")
-    display = Display(quiet, verbose, log)
+    display = Display(quiet, verbose, log, slots=plan.jobs)
+    display.step("looking for problems")
     import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
     try:
         with open_run(plan, builtin_folder, display.reading) as run:
-            if not announce(plan, quiet, dry_run, run.assembly):
+            display.rest()
+            announce(plan, quiet, run.assembly)
+            if dry_run:
+                print_plan(run, display)
                 return
+            require_places(plan, run.assembly)
             store = run.open_results()
             print_removed(store)
+            display.step(f"entering {counted(len(run.assembly.pairs), 'pair')} into {plan.results}")
             run.execute(store, display, shlex.join(["cpbench", *sys.argv[1:]]))
-            finish(plan, certify, store, run.assembly)
+            finish(plan, certify, store, run.assembly, display.step)
     except KeyboardInterrupt:
         how = "the same command without --rerun" if plan.rerun else "the same command"
         print_lines([f"cpbench: interrupted; {plan.results} has what was done, {how} goes on"], err=True)
         sys.exit(130)
+    finally:
+        display.rest()

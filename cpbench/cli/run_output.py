@@ -3,34 +3,49 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from functools import partial
 
 from cpbench.api import run_text
 from cpbench.api.folders import require_folder
 from cpbench.bench import planned_run
+from cpbench.bench.execution import OpenRun
 from cpbench.bench.planning import dry_run as dry_runs
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
+from cpbench.cli.progress import Display
 from cpbench.cli.terminal import fitted, folded, print_lines, width
 from cpbench.foundation.extensions import hook
 from cpbench.verification import Status
 
 
-def announce(plan: RunPlan, quiet: bool, dry_run: bool, assembly: Assembly) -> bool:
-    """Print what will be run; return whether to run it."""
+def announce(plan: RunPlan, quiet: bool, assembly: Assembly) -> None:
+    """Print what will be run, and how long it takes where that is known; raises CpbenchError where it is nothing."""
     print_lines(run_text.planned(assembly), err=True)
     if not quiet:
         print_lines(fitted(run_text.duration(plan, assembly)), err=True)
     assembly.require_pairs()
-    if dry_run:
-        for line in dry_runs.lines(plan, assembly, planned_run.statuses(plan.results), width()):
-            print_lines(folded(line))
-        print_lines(run_text.refused(assembly.refused), err=True)
-        return False
+
+
+def print_plan(run: OpenRun, display: Display) -> None:
+    """Print the plan and how long it takes, by a pilot where it is not short; nothing is written."""
+    plan, assembly = run.plan, run.assembly
+    before = planned_run.statuses(plan.results)
+    for line in dry_runs.lines(plan, assembly, before, width()):
+        print_lines(folded(line))
+    print_lines(run_text.refused(assembly.refused), err=True)
+    display.step("running drawn pairs, to see how long all take")
+    todo = dry_runs.to_run(assembly.pairs, before, plan.rerun)
+    for line in run_text.piloted(plan, todo, partial(run.pilot, on_compiling=display.progress)):
+        print_lines(folded(line))
+
+
+def require_places(plan: RunPlan, assembly: Assembly) -> None:
+    """Raise CpbenchError where the results could not be used as the plan asks, or the report could not be written."""
     planned_run.require_answers(plan, assembly.pairs)
     if plan.report_folder is not None:
         require_folder(plan.report_folder)  # before hours of work
-    return True
 
 
 def print_removed(store: Store) -> None:
@@ -38,9 +53,9 @@ def print_removed(store: Store) -> None:
     print_lines(run_text.removed(store), err=True)
 
 
-def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> None:
+def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly, step: Callable[[str], None]) -> None:
     """Certify answers where asked, print the answer and the last lines, and write the report; exits with 1 where the
-    run failed."""
+    run failed. `step` notes what is being done."""
     from cpbench.api.cross_examination import cross_examine
     from cpbench.api.quoting import quote_collection
     from cpbench.cli.answer import print_answer
@@ -52,6 +67,7 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> No
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):
         print_lines(run_text.not_available(store), err=True)
+    step("looking for contradictions")
     table = store.table()
     quote_collection(store)
     found = cross_examine(store, table, lambda line: print_lines([line], err=True))
@@ -62,6 +78,7 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly) -> No
         from cpbench.api.reports import write_report
         from cpbench.report.html import vega
 
+        step("writing the report")
         files, _ = write_report(store, plan.report_folder, run_text.title(plan), table)
         print_lines(f"report: {path}" for path in files)
         print_lines(filter(None, [vega.lacking()]), err=True)

@@ -167,19 +167,21 @@ def _known(file: Path) -> bool:
         head = read_head(file)
     except FormatError:
         head = b""
-    return any(f.in_folder(plain(file), head) for f in _possible(file))
+    name = plain(file)
+    return any(f.in_folder(name, head) for f in _possible(file))
 
 
 def _possible(file: Path) -> list[Format]:
     """Return the formats that the file may be in by its name: those of text where it is compressed."""
-    return [f for f in formats if f.text or not is_compressed(file)]
+    packed = is_compressed(file)
+    return [f for f in formats if f.text or not packed]
 
 
 def _candidates(file: Path) -> list[Format]:
     if file.is_dir() and folder_files(file):
         return [formats.get("arrays")]
-    head = read_head(file)
-    found = [f for f in _possible(file) if f.recognises(plain(file), head)]
+    head, name = read_head(file), plain(file)
+    found = [f for f in _possible(file) if f.recognises(name, head)]
     if not found:
         known = ", ".join(sorted({suffix for f in formats for suffix in f.suffixes}))
         more = "; a matrix by itself is part of a problem: cpbench pack makes one" if file.suffix in _MATRICES else ""

@@ -21,7 +21,7 @@ from distributed import Event, Worker, WorkerPlugin, get_worker
 
 import cpbench
 from cpbench.foundation.child_processes import start_python
-from cpbench_lab.cluster.remote_worker import WorkerSetup
+from cpbench_lab.cluster.remote_worker import Ended, WorkerSetup
 
 IDLE = 300.0
 """Seconds after which a remote worker ends that nothing was asked of."""
@@ -42,7 +42,7 @@ class TaskResult:
     ----------
     worker : address of the Dask worker. machine : host and description of its machine, where known. replies : pickled,
     since only the client has the modules of the run. died : how the remote worker ended that was to answer. failed :
-    why this machine can take no further block.
+    why this machine can take no further block. seconds : time of processors that it took [s], 0 where it died.
     """
 
     worker: str = ""
@@ -50,6 +50,7 @@ class TaskResult:
     replies: tuple[bytes, ...] = ()
     died: str = ""
     failed: str = ""
+    seconds: float = 0.0
 
 
 class RemoteWorkerPlugin(WorkerPlugin):
@@ -105,6 +106,7 @@ class RemoteWorker:
         self._pipe: Any = None
         self._machine: tuple[str, dict[str, Any]] | None = None
         self._copied = set[str]()
+        self._seconds = 0.0
 
     def ask(self, worker: str, request: bytes, copies: Mapping[str, Contents]) -> TaskResult:
         """Return all that the process answers."""
@@ -127,7 +129,10 @@ class RemoteWorker:
             self._copied |= copies.keys()
             while isinstance(reply := self._pipe.recv(), bytes):
                 replies.append(reply)
-            return TaskResult(worker, self._machine, tuple(replies), failed=reply), None
+            ended: Ended = reply
+            before, self._seconds = self._seconds, ended.seconds
+            spent = ended.seconds - before
+            return TaskResult(worker, self._machine, tuple(replies), failed=ended.failed, seconds=spent), None
         except (EOFError, OSError):
             code = self._exit()
             died = "it was ended" if code is None else _ended(code)
@@ -146,6 +151,7 @@ class RemoteWorker:
             if self._process is not None and self._process.poll() is None:
                 return
             self._copied.clear()
+            self._seconds = 0.0
             self._pipe, theirs = Pipe()
             self._process = start_python(
                 _MAIN,

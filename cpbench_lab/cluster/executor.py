@@ -18,7 +18,7 @@ import threading
 import time
 import uuid
 from asyncio import CancelledError as AsyncCancelled
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import CancelledError as FutureCancelled
 from dataclasses import asdict, dataclass, replace
@@ -29,14 +29,15 @@ from distributed import Event
 
 from cpbench import storage
 from cpbench.bench.block import Block, Ending
-from cpbench.bench.events import EventHandler, Solving
+from cpbench.bench.events import EventHandler, Joined, Solving, Spent
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError
 from cpbench.registry import DECLARED, PLUGIN_FILES, TABLES
 from cpbench.storage.base import split_address
-from cpbench_lab.cluster.dask_worker import RemoteWorkerPlugin, TaskResult, run_block
+from cpbench_lab.cluster.client_watch import client_watch
+from cpbench_lab.cluster.dask_worker import IDLE, RemoteWorkerPlugin, TaskResult, run_block
 from cpbench_lab.cluster.remote_worker import FilesWanted, PairEnded, RunBlock, WorkerSetup
 
 logger = logging.getLogger("cpbench.bench")
@@ -116,10 +117,21 @@ class _Run:
         self._workers: dict[str, Any] = {}
         self._refusal = ""
         self._count, self._looked = 0, -math.inf
+        self._joined = -1
+        self._pairs: Counter[str] = Counter()
+        self._seconds = 0.0
         self._alone_since = time.monotonic()
 
     def outcomes(self) -> Generator[tuple[Pair, Outcome]]:
         """Yield the outcome of every pair."""
+        try:
+            self._client.register_plugin(client_watch(self._client.id, self._name), name=self._name)
+        except Exception as cause:
+            logger.warning(
+                "the Dask scheduler takes no plugin (%s): where this process is killed, those at work end after %g s",
+                cause,
+                IDLE,
+            )
         try:
             self._client.register_plugin(self._plugin, name=self._name)
         except Exception as cause:  # of one worker: the others have the plugin
@@ -142,11 +154,14 @@ class _Run:
         def remove() -> None:
             with contextlib.suppress(Exception):
                 self._client.unregister_worker_plugin(self._name)
+                self._client.unregister_scheduler_plugin(self._name)
 
         # a worker that does not answer would hold up this process
         thread = threading.Thread(target=remove, daemon=True)
         thread.start()
         thread.join(CLOSING)
+        if self._pairs:
+            self._on_event(Spent(dict(self._pairs.most_common()), self._seconds))
 
     def _look(self) -> int:
         """Return how many workers can be used, as of a moment ago; warn of those that were lost."""
@@ -165,7 +180,12 @@ class _Run:
                 logger.warning("a Dask worker was lost: %s (%s)", before[address].get("host"), address)
             if lost:
                 self._cancel_stranded()
-        usable = sum(1 for worker in self._workers.values() if worker.get("resources", {}).get(self._name))
+        able = [worker for worker in self._workers.values() if worker.get("resources", {}).get(self._name)]
+        usable = len(able)
+        if usable != self._joined:
+            self._joined = usable
+            hosts = sorted({str(worker.get("host", "")) for worker in able})
+            self._on_event(Joined(usable, tuple(hosts), _dashboard(self._client)))
         if usable:
             self._alone_since = time.monotonic()
         elif self._workers and self._refusal:
@@ -222,11 +242,13 @@ class _Run:
         if result is None:
             result = TaskResult(died="a Dask worker was lost")
         host = self._host(result)
+        self._seconds += result.seconds
         endings: dict[str, Ending] = {}
         for reply in map(pickle.loads, result.replies):
             if isinstance(reply, PairEnded):
                 pair, outcome = task.block.pairs[reply.place], reply.outcome
                 endings[pair.key] = outcome.status, outcome.answer
+                self._pairs[host] += 1
                 message = outcome.message and outcome.message.replace(reply.file, str(split_address(pair.address)[0]))
                 yield pair, replace(outcome, jobs=self._jobs(result.worker), message=message)
             elif isinstance(reply, FilesWanted):
@@ -268,6 +290,14 @@ class _Run:
         """Return how many workers there are on the machine of one."""
         host = self._workers.get(worker, {}).get("host")
         return max(1, sum(other.get("host") == host for other in self._workers.values()))
+
+
+def _dashboard(client: Any) -> str:
+    """Return the address of the scheduler's dashboard, '' where it has none."""
+    try:
+        return str(client.dashboard_link)
+    except (KeyError, AttributeError):
+        return ""
 
 
 def _contents(file: str, format: str | None) -> dict[str, bytes]:

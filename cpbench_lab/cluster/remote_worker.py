@@ -7,6 +7,7 @@ modules of the first run that it served.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import pickle
 import platform
@@ -21,6 +22,8 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
+
+import psutil
 
 from cpbench.foundation.temporary import RUN, TemporaryHome
 from cpbench.registry import DECLARED, PLUGIN_FILES
@@ -68,6 +71,15 @@ class FilesWanted:
     files: Mapping[str, str | None]
 
 
+@dataclass(frozen=True)
+class Ended:
+    """The end of the replies to a request: what failed on this machine, '' for nothing, and the time of processors [s]
+    that the process and all that it started have taken so far."""
+
+    failed: str
+    seconds: float
+
+
 def main() -> None:
     """Serve the other end of the pipe whose number is the first argument, until it is closed, SIGTERM comes, or nothing
     was asked for as many seconds as the second argument says."""
@@ -108,7 +120,7 @@ def _listen(connection: Connection, requests: queue.SimpleQueue[Any]) -> None:
 def _serve(
     connection: Connection, requests: queue.SimpleQueue[Any], setting: Mapping[str, Any], folder: Path, idle: float
 ) -> None:
-    """Answer each request by its replies, pickled, and a text that ends them: "", or what failed on this machine."""
+    """Answer each request by its replies, pickled, and an `Ended` behind them."""
     from cpbench.bench import machine
     from cpbench.bench.slot import Slot
     from cpbench.bench.worker_pool import Setting
@@ -128,7 +140,17 @@ def _serve(
                 raise
             except Exception as error:  # of this machine: no solver, conversion or file makes a slot raise
                 failure = f"{type(error).__name__}: {error}"
-            connection.send(failure)
+            connection.send(Ended(failure, _processor_seconds()))
+
+
+def _processor_seconds() -> float:
+    """Return the time of processors that this process and all that it started have taken [s]."""
+    own = psutil.Process()
+    total = 0.0
+    for process in (own, *own.children(recursive=True)):
+        with contextlib.suppress(psutil.Error):  # it ended meanwhile: its parent has its time
+            total += sum(process.cpu_times()[:4])
+    return total
 
 
 def _run(request: RunBlock, slot: Slot, files: LocalFiles) -> Iterator[PairEnded | FilesWanted]:

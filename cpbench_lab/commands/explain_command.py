@@ -11,7 +11,7 @@ from cpbench.api.problems import load
 from cpbench.api.results import is_results_file
 from cpbench.bench.planning.plan import Limits
 from cpbench.cli.options import Command, ListOption, format_option, memory_option, quiet_option, threads_option
-from cpbench.cli.progress import Steps
+from cpbench.cli.steps import Steps
 from cpbench.cli.terminal import fitted, print_lines
 from cpbench.cli.types import ADDRESS, DURATION, POSITIVE
 from cpbench.generators.collection import address_text

@@ -15,7 +15,7 @@ import pytest
 from command_line import cpbench as command
 
 import cpbench as cp
-from cpbench.cli.progress import Steps
+from cpbench.cli.steps import Steps
 from cpbench.formulations import LCPPoint
 from cpbench.formulations.base import formulations
 from cpbench.solvers import Claim, Solver, SolverOutput, SolverSpec, solvers

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from cpbench.bench import readers
 from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import grids, plan, selection
 from cpbench.bench.planning.plan import Entry, Pair, Request
@@ -185,21 +187,19 @@ def _survey(
     reading: Reading,
     guesses: bool,
 ) -> tuple[dict[tuple[str, str | None], Surveyed], list[tuple[str, str]], list[str]]:
-    formats: dict[str, list[str | None]] = {}
-    for address, format in wanted:
-        formats.setdefault(address, []).append(format)
     found: dict[tuple[str, str | None], Surveyed] = {}
     refused: list[tuple[str, str]] = []
     unread: list[str] = []
-    for address in reading(list(formats)):
-        for format in formats[address]:
-            try:
-                requests = list(wanted[address, format].values())
-                found[address, format] = slot.survey(address, requests, format, timeout, guesses=guesses)
-            except CpbenchError as reason:
-                refused.append((address, str(reason)))
-                if isinstance(reason, Unread):
-                    unread.append(address)
+    asked = [readers.Asked(address, list(requests.values()), format) for (address, format), requests in wanted.items()]
+    with closing(readers.surveys(slot, asked, timeout, guesses=guesses)) as answers:
+        read = zip(asked, answers, strict=True)
+        for address, (problem, answer) in zip(reading([one.address for one in asked]), read, strict=True):
+            if not isinstance(answer, CpbenchError):
+                found[address, problem.format] = answer
+                continue
+            refused.append((address, str(answer)))
+            if isinstance(answer, Unread):
+                unread.append(address)
     return found, refused, unread
 
 
