@@ -15,6 +15,7 @@ from cpbench.api.next_command import line, near
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.schema import MEASURED
 from cpbench.errors import CpbenchError
+from cpbench.formulations.applications.own_unknowns import own_vector
 from cpbench.formulations.base import Point, Problem
 from cpbench.foundation.plain_text import on_one_line, printable
 from cpbench.storage.vectors import save_vector
@@ -103,13 +104,14 @@ class Answered:
             yield f"  message    {printable(row.message)}"
 
     def save(self, path: Path, *, force: bool = False) -> None:
-        """Write the answer, as a plain vector (.npy, .csv, .txt) or with its problem and verdict (.h5).
+        """Write the answer, as a plain vector (.npy, .csv, .txt) or with its problem and verdict (.h5). The vector of a
+        game, of least squares and of a boxed LCP has the unknowns of these.
 
         Raises CpbenchError where there is no answer, FormatError where the file exists (unless `force`).
         """
         if self.problem is None or self.point is None:
             raise CpbenchError(f"{self.label}: no answer to write")
-        if not save_vector(self.point, path, force=force):
+        if not save_vector(self.point, path, force=force, own=own_vector(self.problem, self.point)):
             row = self.outcome
             facts = {"solver": self.label, "claim": row.claim, "verdict": row.status}
             facts |= {"residual": row.error, "tolerance": self.tolerance}

@@ -2,7 +2,8 @@
 
 An answer file is HDF5 with `/solution`: the parts of the point, the slacks as they follow from it (FCLIB's u),
 and the attributes solver, claim, verdict, residual, tolerance, cpbench_version, node and fingerprint of the
-problem it answers. Bare vectors (.npy, .npz, .csv, .txt) are the parts one after the other.
+problem it answers. Bare vectors (.npy, .npz, .csv, .txt) are the parts one after the other; of a problem that was made
+of a game, of least squares or of a boxed LCP they may be the unknowns of that.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.errors import FormatError, PointError
+from cpbench.formulations.applications.own_unknowns import from_own_vector
 from cpbench.formulations.base import Point, Problem, formulations
 from cpbench.formulations.primal import primal_alone, primal_of, primal_part
 from cpbench.storage.arrays import read_npz, read_vector
@@ -116,7 +118,7 @@ def load_answer(path: str | Path, problem: Problem, *, primal: bool = False) -> 
                 return primal_part(problem, arrays[problem.primal])
             if len(arrays) != 1:
                 raise FormatError(file, "", f"holds {', '.join(arrays)}: expected one array, or {', '.join(sizes)}")
-        vector = read_vector(file)
+        vector = from_own_vector(problem, read_vector(file))
         return (primal_of(problem, vector) if primal else None) or problem.point_from_vector(vector)
     except PointError as cause:
         raise FormatError(file, "", str(cause)) from None
