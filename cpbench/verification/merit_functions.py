@@ -22,7 +22,9 @@ from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.verification.sets import INFINITE
 
 Bounds: TypeAlias = tuple[Any, Any]
-BOUNDS: NodeTable[Callable[[Any], Bounds]] = NodeTable("bounds beside F", "verify --all-measures shows no norms of PATH")
+BOUNDS: NodeTable[Callable[[Any], Bounds]] = NodeTable(
+    "bounds beside F", "verify --all-measures shows no norms of PATH"
+)
 """Bounds of the unknowns, by formulation: those that are mixed complementarity problems without any conversion."""
 
 
