@@ -104,7 +104,7 @@ def parse(content: str, place: str) -> pd.DataFrame:
     head, _, body = content.removeprefix("\ufeff").partition("\n")
     heading = re.match(r"# cpbench baseline (\d+)\b", head)
     if heading is None:
-        raise FormatError(place, "line 1", "is not a baseline; cpbench baseline RESULTS -o FILE writes one")
+        raise FormatError(place, "line 1", "is not a baseline; cpbench results baseline RESULTS -o FILE writes one")
     if int(heading[1]) != VERSION:
         raise FormatError(place, "line 1", f"is a baseline of version {heading[1]}, this program reads {VERSION}")
     reader = csv.reader(io.StringIO(body), strict=True)
@@ -249,6 +249,6 @@ def _ordered(lines: pd.DataFrame, place: str) -> pd.DataFrame:
     if twice.any():
         row = lines[twice].iloc[0]
         raise StoreError(
-            f"{place}: {row['problem']}, {row['solver']}: two rows of one pair; merge runs with cpbench merge"
+            f"{place}: {row['problem']}, {row['solver']}: two rows of one pair; merge runs with cpbench results merge"
         )
     return lines.sort_values([*PLACE, *KEY], kind="stable", ignore_index=True)

@@ -13,10 +13,9 @@ import click
 from cpbench import __version__
 from cpbench.cli import ahead
 from cpbench.errors import CpbenchError, FormatError, SealError
-from cpbench.foundation.extensions import COMMANDS as ADDED
-from cpbench.foundation.extensions import added, load
+from cpbench.foundation import extensions
 from cpbench.foundation.help_text import COMMANDS as COMMANDS
-from cpbench.foundation.help_text import OPTIONS, help_text
+from cpbench.foundation.help_text import OPTIONS, RESULT_COMMANDS, RESULTS, help_text
 from cpbench.foundation.imports import uncollected
 from cpbench.foundation.plain_text import on_one_line
 
@@ -51,16 +50,16 @@ class LazyGroup(click.Group):
     other packages, and are imported on use. A name that is taken here is not taken by another package."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS | added(ADDED))
+        return list(COMMANDS | extensions.commands())
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in COMMANDS and cmd_name not in added(ADDED):
+        own = cmd_name in COMMANDS or cmd_name in RESULT_COMMANDS
+        added = {**extensions.commands(RESULTS), **extensions.commands()}
+        if not own and cmd_name not in added:
             return None
         with uncollected():
             command: click.Command = (
-                importlib.import_module(f"cpbench.cli.{cmd_name}_command").command
-                if cmd_name in COMMANDS
-                else load(ADDED, cmd_name)
+                importlib.import_module(f"cpbench.cli.{cmd_name}_command").command if own else added[cmd_name].load()
             )
         if all(parameter.name != "plugin_files" for parameter in command.params):
             command.params.append(click.Option(["--plugin", "plugin_files"], **_PLUGIN))

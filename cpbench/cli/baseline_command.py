@@ -1,4 +1,4 @@
-"""`cpbench baseline`."""
+"""`cpbench results baseline`."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ SECTIONS = {
     "Differences": ["slack", "fail_on", "help"],
 }
 EXAMPLES = (
-    "cpbench baseline run.sqlite -o baseline.csv",
-    "cpbench baseline run.sqlite --check baseline.csv --fail-on regression,wrong,crash,fixed",
-    "cpbench baseline run.sqlite --update -o baseline.csv",
-    "cpbench baseline run.sqlite --update -o baseline.csv --accept 'gear-*:nsgs' --reason 'see upstream #17'",
+    "cpbench results baseline run.sqlite -o baseline.csv",
+    "cpbench results baseline run.sqlite --check baseline.csv --fail-on regression,wrong,crash,fixed",
+    "cpbench results baseline run.sqlite --update -o baseline.csv",
+    "cpbench results baseline run.sqlite --update -o baseline.csv --accept 'gear-*:nsgs' --reason 'see upstream #17'",
 )
 
 

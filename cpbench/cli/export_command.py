@@ -1,4 +1,4 @@
-"""`cpbench export`."""
+"""`cpbench results export`."""
 
 from __future__ import annotations
 

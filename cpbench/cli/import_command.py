@@ -1,4 +1,4 @@
-"""`cpbench import`."""
+"""`cpbench results import`."""
 
 from __future__ import annotations
 
@@ -59,8 +59,9 @@ def command(
     """Judge answers that were computed elsewhere, and put them into a new or existing results file.
 
     ANSWERS is a folder with a file or folder for every problem, named after the problem or its fingerprint, in any
-    exchange format (.h5, .npz, .npy, .csv, .json, a folder of .npy or .mtx files), or an HDF5 file of cpbench export
-    --answers. An answer without a claim (in the table of times, or in claim.json) counts as claimed to be solved.
+    exchange format (.h5, .npz, .npy, .csv, .json, a folder of .npy or .mtx files), or an HDF5 file of cpbench results
+    export --answers. An answer without a claim (in the table of times, or in claim.json) counts as claimed to be
+    solved.
 
     Every problem of a formulation for which there is an answer gets a row; a problem without an answer has the status
     failed. Rows are marked by --machine. With --with-imported, cpbench report ranks their times too.

@@ -44,7 +44,7 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
     if any(map(is_results_file, files)):
         first, *others = files
         if as_json or file_format or others:
-            text = "a results file stands alone, with no option but --reached; its rows as JSON: cpbench export"
+            text = "a results file stands alone, with no option but --reached; its rows as JSON: cpbench results export"
             raise click.UsageError(text)
         print_results(first, reached)
         return

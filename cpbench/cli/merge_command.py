@@ -1,4 +1,4 @@
-"""`cpbench merge`."""
+"""`cpbench results merge`."""
 
 from __future__ import annotations
 

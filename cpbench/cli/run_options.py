@@ -60,7 +60,7 @@ run_options = chained(
     click.option(
         "--shard",
         metavar="I/N",
-        help="Part I of N of the problems, the same on every machine; cpbench merge joins the results.",
+        help="Part I of N of the problems, the same on every machine; cpbench results merge joins the results.",
     ),
     format_option,
     click.option(

@@ -4,7 +4,8 @@ Groups of entry points, and what stands behind a name in each:
 
 - ``cpbench.plugins``: a module that registers solvers, conversions, formats and the like when it is imported
   (`cpbench.registry` loads it);
-- ``cpbench.commands``: a click command of the command line. The first sentence of its module's docstring is its help;
+- ``cpbench.commands``: a click command of the command line. The first sentence of its module's docstring is its help.
+  A name as ``results.bundle`` is one of the group ``cpbench results``;
 - ``cpbench.functions``: a function or class, offered as ``cpbench.NAME``;
 - ``cpbench.hooks``: a function that cpbench's own commands call, as ``report --format tex`` does;
 - ``cpbench.executors``: a module that connects a run to other machines (`bench/execution`);
@@ -42,6 +43,12 @@ def load(group: str, name: str) -> Any:
 
         raise CpbenchError(f"'{name}' is in no installed package (entry points {group}); cpbench_lab has it")
     return entry.load()
+
+
+def commands(group: str = "") -> dict[str, EntryPoint]:
+    """Return the added commands of a group of commands by name, or those that are in none."""
+    parts = {name: name.rpartition(".") for name in added(COMMANDS)}
+    return {name: added(COMMANDS)[whole] for whole, (of, _, name) in parts.items() if of == group}
 
 
 def function(name: str) -> Any:

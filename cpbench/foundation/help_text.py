@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 
-from cpbench.foundation.extensions import COMMANDS as ADDED
-from cpbench.foundation.extensions import added, summary
+from cpbench.foundation.extensions import commands as added
+from cpbench.foundation.extensions import summary
 
 INTRODUCTION = (
     "Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.",
@@ -32,16 +32,21 @@ COMMANDS = {
     "pack": "Make a problem file from matrices and vectors.",
     "report": "Write the report of a results file: HTML, Markdown and figures, or LaTeX.",
     "compare": "Compare two results files, or two builds: report regressions, and differences too small to call.",
-    "baseline": "Keep the outcomes of a run as text for version control, and show the changes in a later run.",
-    "import": "Judge answers that were computed elsewhere, and put them into a results file.",
-    "merge": "Put the rows of several results files into one.",
-    "export": "Write the rows or the answers of a results file to other formats.",
+    "results": "Merge, import or export results, or keep outcomes as text for version control (baseline).",
     "collection": "Add the problem files that others publish, and check them.",
     "generate": "Write the built-in problems again from their formulas, or check them; or simulate a scene.",
     "new": "Write a plugin that works: a solver in some language, a conversion or problems.",
     "check": "Run the conformance checks on a plugin.",
     "doctor": "Say what works on this machine, and how to install what does not.",
 }
+RESULT_COMMANDS = {
+    "baseline": "Keep the outcomes of a run as text for version control, and show the changes in a later run.",
+    "import": "Judge answers that were computed elsewhere, and put them into a results file.",
+    "merge": "Put the rows of several results files into one.",
+    "export": "Write the rows or the answers of a results file to other formats.",
+}
+"""Commands of `cpbench results`, which packages may add to; each is also found by its name alone, as it was before."""
+RESULTS = "results"
 
 
 def help_text() -> str:
@@ -51,10 +56,10 @@ def help_text() -> str:
     except (OSError, ValueError):  # no terminal
         columns = 80
     width = max(min(columns, 80) - 2, 50)
-    commands = COMMANDS | {name: summary(entry) for name, entry in added(ADDED).items() if name not in COMMANDS}
+    listed = COMMANDS | {name: summary(entry) for name, entry in added().items() if name not in COMMANDS}
     blocks = ["Usage: cpbench [OPTIONS] COMMAND [ARGS]..."]
     blocks += ["\n".join(f"  {line}" for line in _wrapped(paragraph, width - 2)) for paragraph in INTRODUCTION]
-    return "\n\n".join([*blocks, _table("Options", OPTIONS, width), _table("Commands", commands, width)])
+    return "\n\n".join([*blocks, _table("Options", OPTIONS, width), _table("Commands", listed, width)])
 
 
 def _table(title: str, rows: dict[str, str], width: int) -> str:

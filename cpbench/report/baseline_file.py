@@ -18,7 +18,9 @@ def read(path: str | Path) -> pd.DataFrame:
     try:
         content = Path(path).read_text(encoding="utf-8")
     except FileNotFoundError:
-        raise FormatError(path, "", f"no such baseline; make one with: cpbench baseline RESULTS -o {path}") from None
+        raise FormatError(
+            path, "", f"no such baseline; make one with: cpbench results baseline RESULTS -o {path}"
+        ) from None
     except OSError as cause:
         raise FormatError(path, "", f"cannot be read ({cause.strerror or cause})") from None
     except UnicodeDecodeError as cause:

@@ -199,7 +199,7 @@ class _Projected(Solver):
             u = after
 
 
-def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) -> SolverSpec:
+def _spec(name: str, summary: str, citation: str) -> SolverSpec:
     return SolverSpec(
         name=name,
         node="qp",
@@ -208,7 +208,7 @@ def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) ->
         citation=citation,
         traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
         options=ProjectedOptions,
-        by_default=by_default,
+        by_default=False,
     )
 
 
@@ -221,7 +221,6 @@ class ProjectedGradient(_Projected):
         "projected-gradient",
         "projected gradient on the box, Uzawa's method on the dual where there are rows",
         "Goldstein 1964; Levitin and Polyak 1966; Uzawa 1958",
-        by_default=False,
     )
 
 

@@ -6,8 +6,10 @@ import dataclasses
 import io
 import re
 import sys
+import tomllib
 from collections import defaultdict
 from collections.abc import Iterator
+from pathlib import Path
 
 from page_parts import table, verbatim
 
@@ -21,6 +23,10 @@ from cpbench.report.graph_map import GUIDE, graph_map
 from cpbench.report.methods import METHODS
 from cpbench.solvers.base import SolverSpec, Trait, solvers
 from cpbench.storage import formats
+
+RATIOS = Path(__file__).with_name("method_ratios.toml")
+NEAR = 3
+"""Times the fastest method that still counts as near."""
 
 
 def formulations_page() -> str:
@@ -77,7 +83,28 @@ def solvers_page() -> str:
     for cls in formulations:
         if cls.node in of_node:
             parts += [f"## {cls.node}", table(head, map(_solver, of_node[cls.node]))]
-    return "\n\n".join(parts)
+    return "\n\n".join([*parts, _beside_the_fastest()])
+
+
+def _beside_the_fastest() -> str:
+    """Return the section on methods of cpbench that are never near the fastest one."""
+    measured = tomllib.loads(RATIOS.read_text("utf-8"))
+    date = measured.pop("date")
+    rows = [
+        [f"`{name}`", node, solvers.get(name).spec.method, f"{ratio:.2g}", _yes(solvers.get(name).spec.by_default)]
+        for node, ratios in measured.items()
+        for name, ratio in ratios.items()
+        if ratio > NEAR
+    ]
+    return "\n\n".join(
+        [
+            "## Methods that are never among the fastest",
+            f"On no built-in problem do these methods of cpbench come within {NEAR} times the fastest one of their "
+            f"formulation (processor time, tolerance 1e-6, {date}). Those that do not on larger problems either run "
+            "only when they are named. They are there to be read and compared.",
+            table(["method", "node", "kind", "least ratio to the fastest", "runs by default"], rows),
+        ]
+    )
 
 
 def formats_page() -> str:

@@ -20,6 +20,7 @@ ENTRY_POINTS = """[cpbench.plugins]
 stranger = stranger.plugin
 [cpbench.commands]
 greet = stranger.greet:command
+results.count = stranger.greet:command
 [cpbench.functions]
 halved = stranger.greet:halved
 """
@@ -90,6 +91,13 @@ def test_a_command_of_a_package_is_listed_and_works(site: Path, tmp_path: Path) 
     assert any(line.split()[:1] == ["greet"] for line in helped.stdout.splitlines()), helped.stdout
     done = _cpbench(site, tmp_path, "greet", str(site / "three.h5"))
     assert (done.returncode, done.stdout) == (0, "3\n"), done.stderr
+
+
+def test_a_command_of_a_package_may_stand_in_a_group(site: Path, tmp_path: Path) -> None:
+    assert "count" not in {line.split()[0] for line in _cpbench(site, tmp_path, "--help").stdout.splitlines() if line}
+    assert "  count " in _cpbench(site, tmp_path, "results", "--help").stdout
+    for words in (["results", "count"], ["count"]):
+        assert _cpbench(site, tmp_path, *words, str(site / "three.h5")).stdout == "3\n"
 
 
 def test_a_solver_of_a_package_runs_in_processes_of_its_own(site: Path, tmp_path: Path) -> None:

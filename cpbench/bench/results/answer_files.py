@@ -1,8 +1,8 @@
 """Answers made elsewhere: which file of a folder answers which problem, and what is reported with them.
 
 An entry of the folder is a file or a folder in the form of some exchange, named after its problem or its fingerprint
-(8 digits of it at least). HDF5 answers that carry a fingerprint are known by that. `cpbench export --answers` writes
-all answers to one HDF5 file: a group a problem, which has its fingerprint, with a data set for every solver.
+(8 digits of it at least). HDF5 answers that carry a fingerprint are known by that. `cpbench results export --answers`
+writes all answers to one HDF5 file: a group a problem, which has its fingerprint, with a data set for every solver.
 
 Reported values: a table with the columns problem, seconds[, iterations, claim], and `claim.json`: in the folder an
 object problem -> claim, in the folder of one answer an object with claim, seconds, iterations.
@@ -192,17 +192,19 @@ def _fingerprint(entry: Path) -> list[str]:
 
 
 def _in_export(path: Path, solver: str, tolerance: float) -> list[tuple[list[str], ForeignAnswer]]:
-    """Return the answers by `solver` in a file of `cpbench export --answers`, or the only one of each problem."""
+    """Return the answers by `solver` in a file of `results export --answers`, or the only one of each problem."""
     with path.open("rb") as file:
         if file.read(8) != SIGNATURE:
-            raise FormatError(path, "", "is not a folder of answers, and no HDF5 file of cpbench export --answers")
+            raise FormatError(
+                path, "", "is not a folder of answers, and no HDF5 file of cpbench results export --answers"
+            )
     listed: list[tuple[list[str], ForeignAnswer]] = []
     with open_tree(path) as root:
         for name in root.names():
             group = root.child(name) if root.is_group(name) else None
             fingerprint = group.attributes().get("fingerprint") if group is not None else None
             if group is None or not isinstance(fingerprint, str):
-                raise root.error(name, "is no group with a fingerprint, as cpbench export --answers writes it")
+                raise root.error(name, "is no group with a fingerprint, as cpbench results export --answers writes it")
             labels = [label for label in group.names() if not group.is_group(label)]
             mine = [label for label in labels if label.partition(" tol=")[0] == solver]
             exact = [label for label in mine if label == f"{solver} tol={tolerance:g}"]
