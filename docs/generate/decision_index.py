@@ -17,8 +17,8 @@ def page() -> str:
         [
             "# Decisions",
             "What was decided, why, and what was rejected. A decision that is revised gets a new file, "
-            "and the old one names it.",
-            table(["decision", "part", "date"], rows),
+            "and the status of the old one names it.",
+            table(["decision", "part", "date", "status"], rows),
         ]
     )
 
@@ -27,6 +27,7 @@ def _header(path: Path) -> list[str]:
     text = path.read_text(encoding="utf-8")
     title = re.match(r"# (.+)\n", text)
     facts = re.search(r"^Date: (\S+) · Part: (.+)$", text, re.MULTILINE)
-    if title is None or facts is None:
-        raise ValueError(f"{path.name}: begins with no '# title' and no 'Date: … · Part: …'")
-    return [f"[{title[1]}]({path.name})", facts[2], facts[1]]
+    status = re.search(r"^Status: (.+)$", text, re.MULTILINE)
+    if title is None or facts is None or status is None:
+        raise ValueError(f"{path.name}: lacks one of '# title', 'Date: … · Part: …' and 'Status: …'")
+    return [f"[{title[1]}]({path.name})", facts[2], facts[1], status[1]]
