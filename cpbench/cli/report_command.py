@@ -63,7 +63,6 @@ def command(
     folder, name = output or Path("reports") / results.stem, title or results.stem
     from cpbench.api import reports
     from cpbench.report import row_files
-    from cpbench.report.html import vega
 
     if form == "tex":
         if baseline is not None or data:
@@ -80,6 +79,5 @@ def command(
         files, remarks = [reports.write_tex(results, folder, name, facets, **choices)], []
     else:
         files, remarks = reports.report_file(results, folder, name, baseline, data or None, reached=reached, **choices)
-        remarks += filter(None, [vega.lacking()])
     print_lines(f"report: {replaced(path, before)}" for path in files)
     print_lines(remarks, err=True)

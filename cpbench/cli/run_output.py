@@ -76,12 +76,10 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly, step:
     print_lines(("", *ending.lines))
     if counts and plan.report_folder is not None:
         from cpbench.api.reports import write_report
-        from cpbench.report.html import vega
 
         step("writing the report")
         files, _ = write_report(store, plan.report_folder, run_text.title(plan), table)
         print_lines(f"report: {path}" for path in files)
-        print_lines(filter(None, [vega.lacking()]), err=True)
     print_lines((f"cpbench: {line}" for line in ending.failures), err=True)
     if ending.failed:
         sys.exit(1)

@@ -10,7 +10,7 @@ import pandas as pd
 
 from cpbench.foundation.matrices import Vector
 from cpbench.report import markdown, row_files
-from cpbench.report.html import page, vega
+from cpbench.report.html import page
 from cpbench.report.run import assembled
 
 if TYPE_CHECKING:
@@ -36,8 +36,6 @@ def write_folder(
 ) -> tuple[Path, ...]:
     """Write report.md, report.html and the rows; gives the paths of all but results.csv.
 
-    Without the package of its charts there is no page: `vega.lacking` says so.
-
     Parameters
     ----------
     table : rows of the results store. meta : facts of the run by name (command, date, timeout [s], machine, ...).
@@ -54,9 +52,7 @@ def write_folder(
     chosen = {"publishable": publishable, "with_imported": with_imported, "has_csv": "csv" in data}
     chosen |= {"count_stationary": count_stationary, "reached": reached}
     run = assembled(table, meta, Path(folder), histories, thumbnails=thumbnails, answers=answers, **chosen)
-    documents = [markdown.write_text(run, title, comparison)]
-    if not vega.lacking():
-        documents.append(page.write(run, title))
+    documents = [markdown.write_text(run, title, comparison), page.write(run, title)]
     files = [run.folder / f"results.{name}" for name in data]
     for path in files:
         row_files.write(run.timed, path)

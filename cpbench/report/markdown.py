@@ -15,7 +15,6 @@ from cpbench.report.answer import answer
 from cpbench.report.conditions import conditions
 from cpbench.report.contradictions_section import contradictions
 from cpbench.report.details import WHOLE_RUN, file_of, write_details
-from cpbench.report.html import vega
 from cpbench.report.known_sections import known_sections
 from cpbench.report.participation_sections import publishing
 from cpbench.report.run import Run, group_name
@@ -87,8 +86,7 @@ def _remarks(run: Run) -> Iterator[str]:
 def _pointers(run: Run) -> Iterator[str]:
     """Yield where the rest is."""
     yield "## Where the details are"
-    whole = vega.lacking() or "`report.html`: every figure and pair, filtered as you like; offline, in any browser"
-    lines = [f"- {whole}"]
+    lines = ["- `report.html`: every figure and pair, filtered as you like; offline, in any browser"]
     if run.has_csv:
         lines.append("- `results.csv`: every row")
     if len(run.rows):

@@ -55,5 +55,5 @@ def _converter() -> Callable[..., Any]:
     try:
         from latex2mathml.converter import convert
     except ImportError as cause:
-        raise Unavailable("missing", "latex2mathml, which writes the formulas: pip install cpbench[page]") from cause
+        raise Unavailable("missing", "latex2mathml, which writes the formulas: pip install cpbench[docs]") from cause
     return convert

@@ -62,7 +62,7 @@ def test_an_extra_that_a_message_names_brings_the_guest() -> None:
 
 def test_what_is_heavy_is_an_extra() -> None:
     everything = _packages(["cpbench[all]"])
-    for name in ("casadi", "proxsuite", "vl-convert-python"):
+    for name in ("casadi", "proxsuite"):
         assert name not in CORE
         assert name in everything
 

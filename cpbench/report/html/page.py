@@ -55,7 +55,7 @@ def page(run: Run, title: str) -> str:
     problems = [(rows["fingerprint"].nunique(), int(rows_of.solved(rows).sum())) for _, rows in run.parts]
     facts["first"] = problems.index(max(problems)) if problems else 0
     facts["warm"] = rankings.warm(run.read)
-    scripts = [vega.script(), *(_asset(name) for name in SCRIPTS)]
+    scripts = [_asset(name) for name in (vega.SCRIPT, *SCRIPTS)]
     inside, links = sections(run, title)
     return Template(_asset("page.html")).substitute(
         policy=_policy(scripts),

@@ -1,16 +1,10 @@
-"""The kept plotting library: Vega, Vega-Lite and Vega-Embed as one script without imports."""
+"""The plotting library of the page: Vega, Vega-Lite and Vega-Embed as one script without imports, `assets/vega.js`.
 
-from __future__ import annotations
+vl-convert-python 1.9.0 made it (84 MB, of which this is what a page needs):
+`vl_convert.javascript_bundle("window.vega=vega; window.vegaLite=vegaLite; window.vegaEmbed=vegaEmbed;")`.
+"""
 
-import contextlib
-import importlib.util
-import os
-from importlib import metadata
-from pathlib import Path
-
-from cpbench.errors import Unavailable
-
-SNIPPET = "window.vega=vega; window.vegaLite=vegaLite; window.vegaEmbed=vegaEmbed;"
+SCRIPT = "vega.js"
 LICENCE = """\
 Vega, Vega-Lite and Vega-Embed. Copyright (c) 2013-2025, University of Washington Interactive Data Lab. All rights
 reserved. Redistribution and use in source and binary forms, with or without modification, are permitted provided that
@@ -26,46 +20,3 @@ DAMAGES (INCLUDING, BUT NOT LIMITED TO, PROCUREMENT OF SUBSTITUTE GOODS OR SERVI
 BUSINESS INTERRUPTION) HOWEVER CAUSED AND ON ANY THEORY OF LIABILITY, WHETHER IN CONTRACT, STRICT LIABILITY, OR TORT
 (INCLUDING NEGLIGENCE OR OTHERWISE) ARISING IN ANY WAY OUT OF THE USE OF THIS SOFTWARE, EVEN IF ADVISED OF THE
 POSSIBILITY OF SUCH DAMAGE."""
-
-
-_LACKS = "vl-convert-python, which carries the charts: pip install cpbench[page]"
-
-
-def lacking() -> str:
-    """Return why there can be no page with charts, '' where there can."""
-    return "" if importlib.util.find_spec("vl_convert") else f"no report.html: it needs {_LACKS}"
-
-
-def script() -> str:
-    """Return the library's JavaScript, 0.9 MB; from the user's cache directory when it was made before.
-
-    Raises Unavailable where the package that carries it is not installed.
-    """
-    try:
-        import vl_convert
-    except ImportError as cause:
-        raise Unavailable("missing", _LACKS) from cause
-    import platformdirs
-
-    kept = (
-        Path(platformdirs.user_cache_dir("cpbench", appauthor=False))
-        / f"vega-{metadata.version('vl-convert-python')}.js"
-    )
-    try:
-        return kept.read_text(encoding="utf-8")
-    except OSError:
-        bundle = vl_convert.javascript_bundle(SNIPPET)
-    _write_cache(kept, bundle)
-    return bundle
-
-
-def _write_cache(path: Path, text: str) -> None:
-    """Write the file whole or not at all; without a cache it is made anew each time, in a few seconds."""
-    part = path.with_name(f"{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
-    except OSError:
-        with contextlib.suppress(OSError):
-            part.unlink(missing_ok=True)
