@@ -36,7 +36,7 @@ class NLFile(Exchange):
     summary = "one .nl file of AMPL; the answer is problem.sol, as solvers write it that are called with -AMPL"
     suffix = nl.SUFFIX
     answer_name = "problem.sol"
-    nodes = tuple(nl_write.WRITERS)
+    nodes = frozenset(nl_write.WRITERS)
     maps = True
 
     def obstacle(self, problem: Problem) -> str | None:
