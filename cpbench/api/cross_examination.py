@@ -40,17 +40,17 @@ ROWS = 2
 
 
 def cross_examine(
-    store: Store, table: pd.DataFrame | None = None, say: Callable[[str], None] = lambda line: None
+    store: Store, rows: pd.DataFrame | None = None, say: Callable[[str], None] = lambda line: None
 ) -> list[Contradiction]:
     """Look for contradictions between all rows of a results file that is open for writing, keep them in it in place of
     those that were kept, and return them. Where python-flint is installed, certificates say who is right.
 
     Parameters
     ----------
-    table : the rows of the store, read here where they are not at hand. say : takes a line for a reader: on a problem
-        that could not be read again, and before certificates are sought.
+    rows : the normalised rows of the store, read here where they are not at hand. say : takes a line for a reader: on
+        a problem that could not be read again, and before certificates are sought.
     """
-    rows = rows_of.normalised(store.table() if table is None else table)
+    rows = rows_of.normalised(store.table()) if rows is None else rows
     examined = _Problems(store, say)
     found = [*contradictions.of_claims(rows), *_of_answers(store, rows, examined)]
     if found and importlib.util.find_spec("flint") is not None:

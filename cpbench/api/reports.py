@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cpbench.analysis.run_table import RunTable
 from cpbench.api.folders import require_folder
 from cpbench.api.start_answers import start_answers
 from cpbench.api.thumbnails import Thumbnails
@@ -18,8 +20,6 @@ from cpbench.report import row_files
 from cpbench.report.folder import write_folder
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from cpbench.analysis.comparison import Comparison
 
 
@@ -27,7 +27,7 @@ def write_report(
     store: Store,
     folder: Path,
     title: str,
-    table: pd.DataFrame | None = None,
+    run: RunTable | None = None,
     *,
     data: Sequence[str] | None = ("csv",),
     comparison: Comparison | None = None,
@@ -41,22 +41,22 @@ def write_report(
 
     Parameters
     ----------
-    table : the rows of the store, read here where they are not at hand. data : formats of the rows; None for all that
+    run : the rows of the store, read here where they are not at hand. data : formats of the rows; None for all that
         are not too large. changed : lines on problem files. The other ones are those of `report.folder.write_folder`.
     """
-    rows = store.table() if table is None else table
-    forms, notes = row_files.chosen(len(rows), data)
-    places = {address: address_text(address) for address in rows["address"].unique()}
+    run = RunTable.of(store.table(), store.meta()) if run is None else run
+    run = replace(run, meta={**run.meta, "changed": list(changed)}) if changed else run
+    forms, notes = row_files.chosen(len(run.rows), data)
     files = write_folder(
-        rows.assign(address=rows["address"].map(places)),
-        {**store.meta(), "changed": list(changed)},
+        run,
         folder,
         title,
         history.table(store.histories()),
         comparison=comparison,
         data=forms,
-        thumbnails=Thumbnails(store, rows),
-        answers=start_answers(store, rows),
+        thumbnails=Thumbnails(store, run.stored),
+        answers=start_answers(store, run.stored),
+        address=address_text,
         publishable=publishable,
         with_imported=with_imported,
         count_stationary=count_stationary,
@@ -85,8 +85,9 @@ def report_file(
             return files, [*notes, *changed]
         new = side_of(store)
         comparison = compare(base(baseline, new), new)
+        run = RunTable.of(new.table, store.meta())
         files, notes = write_report(
-            store, folder, title, new.table, data=data, comparison=comparison, changed=changed, **choices
+            store, folder, title, run, data=data, comparison=comparison, changed=changed, **choices
         )
         return files, [*notes, *changed]
 
@@ -104,6 +105,6 @@ def write_tex(results: Path, folder: Path, title: str, facets: Sequence[str], **
     write_document = hook("write_document")
     with sealed(results) as store:
         require_folder(folder)
-        table, cited = store.table(), citations(store)
-        meta = {**store.meta(), "changed": problem_files.changed(store)}
-        return write_document(table, meta, folder, title, citations=cited, facets=tuple(facets), **choices)
+        run, cited = RunTable.of(store.table(), store.meta()), citations(store)
+        run = replace(run, meta={**run.meta, "changed": problem_files.changed(store)})
+        return write_document(run, folder, title, citations=cited, facets=tuple(facets), **choices)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import html
 import io
 import math
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,30 +51,31 @@ class Results:
     def __init__(self, path: str | Path, *, remarks: Sequence[str] = ()) -> None:
         self.path = Path(path)
         self.remarks = tuple(remarks)
+        from cpbench.analysis.run_table import RunTable
+
         with sealed(self.path) as store:
-            self._rows, self.meta = store.table(), store.meta()
+            self._run = RunTable.of(store.table(), store.meta())
             self._histories = list(store.histories())
 
     @property
     def frame(self) -> pd.DataFrame:
         """The rows: problem, solver, status, error, solve [s] and all else that was measured; a copy."""
-        return self._rows.copy()
+        return self._run.stored.copy()
 
-    @cached_property
+    @property
+    def meta(self) -> Mapping[str, Any]:
+        """Facts of the run by name: command, date, machine, solvers, ..."""
+        return self._run.meta
+
+    @property
     def contradictions(self) -> list[Contradiction]:
         """Rows that cannot all be right, whoever is wrong: claims, answers and verdicts on one problem."""
-        from cpbench.analysis import contradictions
-        from cpbench.analysis import table as rows_of
+        return self._run.contradictions
 
-        return contradictions.of_results(self.meta, rows_of.normalised(self._rows))
-
-    @cached_property
+    @property
     def rankings(self) -> list[Ranking]:
         """A ranking of each formulation, with a sentence that says what to use."""
-        from cpbench.analysis import ranking
-        from cpbench.analysis import table as rows_of
-
-        return ranking.rankings(rows_of.normalised(self._rows), self.meta.get("solvers"))
+        return self._run.rankings
 
     def plot(
         self,
@@ -110,7 +110,7 @@ class Results:
 
                 raise UnknownName(f"option of the figure {kind}", name, found.options)
         choice = Choice(node, tuple(solvers), tuple(families), tolerance, start)
-        run = assembled(self._rows, self.meta, Path(), history.table(self._histories))
+        run = assembled(self._run, Path(), history.table(self._histories))
         with run_canvas.drawing():
             figure = found.draw(run, choice, **options).figure
         setattr(figure, "_repr_png_", lambda: _png(figure))  # noqa: B010  (it came without pyplot, which notebooks know)
@@ -146,7 +146,7 @@ class Results:
             raise FormatError(place, "", f"cannot be a folder ({cause.strerror or cause})") from None
         with sealed(self.path) as store:
             changed = problem_files.changed(store)
-            files, _ = write_report(store, place, title or self.path.stem, changed=changed, **choice)
+            files, _ = write_report(store, place, title or self.path.stem, self._run, changed=changed, **choice)
         return next(file for file in files if file.suffix == ".html")
 
     def compare(self, base: str | Path | Results, **settings: Any) -> Comparison:
@@ -165,7 +165,7 @@ class Results:
         return compare(sides.base(before, after), after, Thresholds(**settings))
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return len(self._run.stored)
 
     def __repr__(self) -> str:
         sentences = [*self._contradicted, *self._disturbed, *(ranking.sentence for ranking in self.rankings)]
@@ -177,10 +177,7 @@ class Results:
 
     @property
     def _disturbed(self) -> list[str]:
-        from cpbench.analysis import cautions
-        from cpbench.analysis import table as rows_of
-
-        return list(filter(None, [cautions.disturbance(rows_of.normalised(self._rows), self.meta)]))
+        return list(filter(None, [self._run.disturbance]))
 
     def _repr_html_(self) -> str:
         parts = [f"<p>{html.escape(line)}</p>" for line in (*self._contradicted, *self._disturbed)]

@@ -5,21 +5,20 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from cpbench.analysis import cautions, contradictions
-from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import lacking_lines, unreached_lines, unreached_summary
 from cpbench.analysis.quotation import quotation
-from cpbench.analysis.ranking import RankedSolver, Ranking, rankings
+from cpbench.analysis.ranking import RankedSolver, Ranking
 from cpbench.analysis.reached import SENTENCE, at_reached
+from cpbench.analysis.run_table import RunTable
 from cpbench.api.cross_examination import contradiction_lines
 from cpbench.bench import history
 from cpbench.bench.results.sealed import sealed
-from cpbench.bench.results.store import Store
 from cpbench.cli.terminal import folded, print_lines, width
 from cpbench.report.text import counted, number, seconds
 from cpbench.report.throughput_section import HEAD, TITLE, throughput_lines
@@ -38,24 +37,20 @@ WIDE, SHORTEST = 400, 16
 def print_results(path: str, reached: bool = False) -> None:
     """Print the answer of a results file, as the run that wrote it ended; raises StoreError, SealError."""
     with sealed(Path(path)) as store:
-        print_answer(store, reached)
+        run = RunTable.of(store.table(), store.meta())
+        if reached:
+            run = replace(run, rows=at_reached(run.rows, history.table(store.histories())))
+            print_lines(folded(f"{SENTENCE}."))
+        print_answer(run)
 
 
-def print_answer(store: Store, reached: bool = False) -> None:
-    """Print the contradictions, the rankings of all formulations, then a sentence each; with times at equal `reached`
-    error where that is asked for."""
-    table, meta = rows_of.normalised(store.table()), store.meta()
-    if reached:
-        table = at_reached(table, history.table(store.histories()))
-        print_lines(folded(f"{SENTENCE}."))
-    ranked = rankings(table, meta.get("solvers"))
-    print_lines(
-        [line for found in contradiction_lines(contradictions.of_results(meta, table)) for line in folded(found)]
-    )
-    for ranking in ranked:
+def print_answer(run: RunTable) -> None:
+    """Print the contradictions, the rankings of all formulations, then a sentence each."""
+    print_lines([line for found in contradiction_lines(run.contradictions) for line in folded(found)])
+    for ranking in run.rankings:
         _print_ranking(ranking)
-    _print_throughputs(throughput_lines(table))
-    left_out = meta.get("left_out", [])
+    _print_throughputs(throughput_lines(run.rows))
+    left_out = run.meta.get("left_out", [])
     unreached = unreached_lines(left_out)
     many = len(unreached) > FEW
     reasons = [*lacking_lines(left_out), *(() if many else unreached)]
@@ -67,11 +62,10 @@ def print_answer(store: Store, reached: bool = False) -> None:
         print_lines(folded("why: cpbench route PROBLEM --explain, and the report"))
     if len(reasons) > LINES:
         click.echo(f"and {counted(len(reasons) - LINES, 'more reason')} why pairs could not be run")
-    if quoted := quotation(meta):
+    if quoted := quotation(run.meta):
         print_lines(folded(quoted))
-    lines = [line for ranking in ranked for line in _sentence(ranking)]
-    disturbed = cautions.disturbance(table, meta)
-    first = [click.style(line, fg="yellow") for line in folded(disturbed)] if disturbed else []
+    lines = [line for ranking in run.rankings for line in _sentence(ranking)]
+    first = [click.style(line, fg="yellow") for line in folded(run.disturbance)] if run.disturbance else []
     click.echo("\n".join(["", *([*first, "Which solver to use:"] if lines else []), *lines]))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from cpbench.analysis.run_table import RunTable
 from cpbench.bench import history
 from cpbench.bench.results.sealed import sealed
 from cpbench.cli.options import Command, ListOption
@@ -54,7 +55,8 @@ def command_of(kind: FigureKind) -> click.Command:
         choice = Choice(**given, tolerance=math.nan if tolerance is None else tolerance)
         with sealed(results) as store:
             histories = history.table(store.histories())
-            run = assembled(store.table(), store.meta(), Path(), histories, publishable=publishable)
+            table = RunTable.of(store.table(), store.meta())
+            run = assembled(table, Path(), histories, publishable=publishable)
         with run_canvas.drawing():
             drawn = kind.draw(run, choice, **own)
             arrangement.arrange(drawn.figure, *size, place)

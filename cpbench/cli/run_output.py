@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 from cpbench.api import run_text
@@ -56,6 +57,7 @@ def print_removed(store: Store) -> None:
 def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly, step: Callable[[str], None]) -> None:
     """Certify answers where asked, print the answer and the last lines, and write the report; exits with 1 where the
     run failed. `step` notes what is being done."""
+    from cpbench.analysis.run_table import RunTable
     from cpbench.api.cross_examination import cross_examine
     from cpbench.api.quoting import quote_collection
     from cpbench.cli.answer import print_answer
@@ -68,17 +70,18 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly, step:
     if counts.get(Status.UNAVAILABLE):
         print_lines(run_text.not_available(store), err=True)
     step("looking for contradictions")
-    table = store.table()
+    run = RunTable.of(store.table(), store.meta())
     quote_collection(store)
-    found = cross_examine(store, table, lambda line: print_lines([line], err=True))
-    print_answer(store)
-    ending = run_text.ending(plan, store, assembly, table, found)
+    found = cross_examine(store, run.rows, lambda line: print_lines([line], err=True))
+    run = replace(run, meta=store.meta())  # with the contradictions and the collection
+    print_answer(run)
+    ending = run_text.ending(plan, store, assembly, run.stored, found)
     print_lines(("", *ending.lines))
     if counts and plan.report_folder is not None:
         from cpbench.api.reports import write_report
 
         step("writing the report")
-        files, _ = write_report(store, plan.report_folder, run_text.title(plan), table)
+        files, _ = write_report(store, plan.report_folder, run_text.title(plan), run)
         print_lines(f"report: {path}" for path in files)
     print_lines((f"cpbench: {line}" for line in ending.failures), err=True)
     if ending.failed:

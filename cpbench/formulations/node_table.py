@@ -11,7 +11,7 @@ T = TypeVar("T")
 
 
 class NodeTable(Mapping[str, T], Generic[T]):
-    """What one package knows of formulations, by node. A plugin enters its own formulation in the same way.
+    """Table of what one package knows of formulations, by node. A plugin enters its own formulation in the same way.
 
     Parameters
     ----------

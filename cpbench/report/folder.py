@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from cpbench.analysis.run_table import RunTable
 from cpbench.foundation.matrices import Vector
 from cpbench.report import markdown, row_files
 from cpbench.report.html import page
@@ -19,8 +20,7 @@ if TYPE_CHECKING:
 
 
 def write_folder(
-    table: pd.DataFrame,
-    meta: Mapping[str, Any],
+    given: RunTable,
     folder: str | Path,
     title: str,
     histories: pd.DataFrame | None = None,
@@ -33,12 +33,13 @@ def write_folder(
     data: Collection[str] = ("csv",),
     thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict,
     answers: Mapping[str, Vector] | None = None,
+    address: Callable[[str], str] = str,
 ) -> tuple[Path, ...]:
     """Write report.md, report.html and the rows; gives the paths of all but results.csv.
 
     Parameters
     ----------
-    table : rows of the results store. meta : facts of the run by name (command, date, timeout [s], machine, ...).
+    given : the rows of the results store, with facts of the run by name (command, date, timeout [s], machine, ...).
     histories : judged iterates of recorded solves, in the columns of `analysis.histories`.
     publishable : whether solvers whose figures must not be published are left out of everything.
     with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
@@ -47,11 +48,12 @@ def write_folder(
     comparison : with another run (`analysis.comparison`), a section of its own in the Markdown.
     data : formats of the rows (`row_files.chosen`).
     answers : those that `analysis.multi_start.wanted` asks for, by key of their rows.
+    address : what the report says in place of the address of a problem.
     thumbnails : pictures of the problems by fingerprint, asked for when the page is made (`api.thumbnails`).
     """
     chosen = {"publishable": publishable, "with_imported": with_imported, "has_csv": "csv" in data}
     chosen |= {"count_stationary": count_stationary, "reached": reached}
-    run = assembled(table, meta, Path(folder), histories, thumbnails=thumbnails, answers=answers, **chosen)
+    run = assembled(given, Path(folder), histories, thumbnails=thumbnails, answers=answers, address=address, **chosen)
     documents = [markdown.write_text(run, title, comparison), page.write(run, title)]
     files = [run.folder / f"results.{name}" for name in data]
     for path in files:

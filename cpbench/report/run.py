@@ -21,6 +21,7 @@ from cpbench.analysis.looks import looks
 from cpbench.analysis.participation import participating, restricted, without
 from cpbench.analysis.ranking import Ranking, rankings
 from cpbench.analysis.reached import SENTENCE, at_reached
+from cpbench.analysis.run_table import RunTable
 from cpbench.analysis.table import ResultGroup
 from cpbench.foundation.matrices import Vector
 from cpbench.report.legend import PALETTE
@@ -40,6 +41,7 @@ class Run:
     `parted`: the rows before several starts of a problem were made cases of one formulation. `answers`: by key of the
     row, of problems with several starts (`analysis.multi_start`).
     `reached`: times of `rows` are those at equal reached error, while `parted` has what was measured.
+    `whole`: all rows of the file, where these are they: what is computed of them is taken from there.
     `looks`: that of each label in every figure, found from all rows of the file (`analysis.looks`).
     """
 
@@ -55,6 +57,7 @@ class Run:
     parted: pd.DataFrame | None = None
     answers: Mapping[str, Vector] = field(default_factory=dict)
     reached: bool = False
+    whole: RunTable | None = None
 
     @property
     def stationary(self) -> str:
@@ -83,7 +86,7 @@ class Run:
     @cached_property
     def rankings(self) -> list[Ranking]:
         """The answer of every group in which a solver was started."""
-        return rankings(self.rows, self.meta.get("solvers") or {})
+        return rankings(self.rows, self.meta.get("solvers") or {}) if self.whole is None else self.whole.rankings
 
     # what several sections ask for is found once: in a million rows each takes seconds
 
@@ -105,7 +108,7 @@ class Run:
     @cached_property
     def contradictions(self) -> list[Contradiction]:
         """Rows that cannot all be right, of those that are reported (`contradictions.of_results`)."""
-        return contradictions.of_results(self.meta, self.read)
+        return contradictions.of_results(self.meta, self.read) if self.whole is None else self.whole.contradictions
 
     @cached_property
     def false_claims(self) -> pd.DataFrame:
@@ -125,8 +128,7 @@ class Run:
 
 
 def assembled(
-    table: pd.DataFrame,
-    meta: Mapping[str, Any],
+    given: RunTable,
     folder: Path,
     histories: pd.DataFrame | None = None,
     *,
@@ -137,10 +139,11 @@ def assembled(
     count_stationary: bool = False,
     answers: Mapping[str, Vector] | None = None,
     reached: bool = False,
+    address: Callable[[str], str] = str,
 ) -> Run:
     """Return the run that a report is about; the parameters are those of `folder.write_folder`."""
-    rows = _without_folders(rows_of.normalised(table))
-    run = Run(rows, meta, folder, thumbnails=thumbnails, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
+    rows = _without_folders(given.rows, address)
+    run = Run(rows, given.meta, folder, thumbnails=thumbnails, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
     run = replace(run, answers=answers or {})
     if histories is not None:
         run = replace(run, histories=histories)
@@ -150,7 +153,9 @@ def assembled(
         run = replace(run, rows=rows_of.counting_stationary(run.rows), count_stationary=True)
     run = _publishable(run) if publishable else run
     compared = at_reached(run.rows, run.histories) if reached else run.rows
-    run = replace(run, parted=run.rows, rows=multi_start.merged(compared), reached=reached)
+    changed = with_imported or count_stationary or bool(run.left_out) or reached
+    whole = None if changed else given
+    run = replace(run, parted=run.rows, rows=multi_start.merged(compared), reached=reached, whole=whole)
     # the path of a solve says nothing of a time that may be of another one
     return replace(run, histories=run.histories.iloc[:0]) if reached else run
 
@@ -164,11 +169,11 @@ def _publishable(run: Run) -> Run:
     return replace(run, rows=rows, meta={**run.meta, "solvers": kept}, left_out=left_out)
 
 
-def _without_folders(rows: pd.DataFrame) -> pd.DataFrame:
+def _without_folders(rows: pd.DataFrame, address: Callable[[str], str]) -> pd.DataFrame:
     """Return addresses and messages relative to the working folder: a report shows no home folder."""
     here, home = str(Path.cwd()).rstrip(os.sep) + os.sep, str(Path.home()).rstrip(os.sep) + os.sep
     return rows.assign(
-        address=_each_once(rows["address"], lambda text: text.removeprefix(here)),
+        address=_each_once(rows["address"], lambda text: address(text).removeprefix(here)),
         message=_each_once(rows["message"], lambda text: text.replace(here, "").replace(home, f"~{os.sep}")),
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cpbench.analysis.run_table import RunTable
 from cpbench.bench import history
 from cpbench.bench.results.store import Store
 
@@ -13,4 +14,5 @@ def write_report(results: Path, folder: Path, title: str) -> object:
     from cpbench.report.folder import write_folder
 
     with Store(results) as store:
-        return write_folder(store.table(), store.meta(), folder, title, history.table(store.histories()))
+        run = RunTable.of(store.table(), store.meta())
+        return write_folder(run, folder, title, history.table(store.histories()))

@@ -18,6 +18,7 @@ from cpbench.analysis import cautions, means, profiles, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import participating
 from cpbench.analysis.quotation import quotation
+from cpbench.analysis.run_table import RunTable
 from cpbench.analysis.table import ResultGroup
 from cpbench.analysis.tolerances import judged_at
 from cpbench.errors import UnknownName
@@ -69,8 +70,7 @@ _HEAD = r"""% Made by cpbench. Compile with: pdflatex report; bibtex report; pdf
 
 
 def write_document(
-    table: pd.DataFrame,
-    meta: Mapping[str, Any],
+    given: RunTable,
     folder: str | Path,
     title: str,
     *,
@@ -84,6 +84,7 @@ def write_document(
 
     Parameters
     ----------
+    given : the rows and facts of the run.
     citations : of the collections, by family. facets : FACETS, a figure of small multiples each.
 
     Raises UnknownName for another facet.
@@ -94,8 +95,7 @@ def write_document(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     run = assembled(
-        table,
-        meta,
+        given,
         folder,
         publishable=publishable,
         with_imported=with_imported,
@@ -105,7 +105,7 @@ def write_document(
     body = list(_body(run, macros, references, dict(citations or {}), facets))
     parts = [
         _HEAD + curves.STYLES + "\\input{numbers}\n\\begin{document}",
-        f"\\title{{{text(title)}}}\n\\author{{}}\n\\date{{{text(meta.get('date', ''))}}}\n\\maketitle",
+        f"\\title{{{text(title)}}}\n\\author{{}}\n\\date{{{text(given.meta.get('date', ''))}}}\n\\maketitle",
         *body,
         "\\bibliographystyle{plain}\n\\bibliography{refs}\n\\end{document}",
     ]

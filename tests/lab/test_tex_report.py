@@ -15,6 +15,7 @@ from synthetic_results import meta, results_file, row, suite, table
 
 from cpbench.analysis import means, summary
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.run_table import RunTable
 from cpbench.bench.results.citations import citations
 from cpbench.bench.results.store import Store
 from cpbench.cli import cli
@@ -48,7 +49,7 @@ def hostile_suite() -> pd.DataFrame:
 
 
 def written(folder: Path, rows: pd.DataFrame = SUITE, **given: object) -> Path:
-    return write_document(rows, meta(solvers=SHEETS), folder, "A run", **given).parent  # type: ignore[arg-type]
+    return write_document(RunTable.of(rows, meta(solvers=SHEETS)), folder, "A run", **given).parent  # type: ignore[arg-type]
 
 
 def defined(folder: Path) -> dict[str, str]:
@@ -65,7 +66,7 @@ def counts() -> pd.DataFrame:
 
 def test_a_table_says_whose_time_has_the_launch_of_a_program_in_it(tmp_path: Path) -> None:
     sheets = {**SHEETS, "pgs": {**SHEETS["pgs"], "launches": True}}
-    write_document(SUITE, meta(solvers=sheets), tmp_path, "A run")
+    write_document(RunTable.of(SUITE, meta(solvers=sheets)), tmp_path, "A run")
     document = (tmp_path / "report.tex").read_text()
     assert r"\texttt{pgs}\ensuremath{^\dagger} &" in document
     assert r"\ensuremath{^\dagger} Every solve of pgs launches a program" in document

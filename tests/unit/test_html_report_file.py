@@ -16,6 +16,7 @@ from written_reports import write_html
 
 from cpbench.analysis import metrics
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.run_table import RunTable
 from cpbench.report.html import page as html_page
 from cpbench.report.html.columns import columns_of
 from cpbench.report.html.embedded_data import packed, unpacked
@@ -96,7 +97,7 @@ def test_many_rows_keep_their_costs_and_some_failures(monkeypatch: pytest.Monkey
     monkeypatch.setattr("cpbench.report.html.columns.WHOLE", 100)
     monkeypatch.setattr("cpbench.report.html.columns.KEPT", 20)
     rows = suite(problems=30, labels=12)
-    columns, facts = columns_of(assembled(rows, meta(), Path("x")))
+    columns, facts = columns_of(assembled(RunTable.of(rows, meta()), Path("x")))
     assert facts["whole"] is False
     assert facts["kept"] == 20 == len(columns["detail.message"])
     shown = np.flatnonzero(columns["detail"])

@@ -162,6 +162,7 @@ def test_the_graph_knows_no_mathematics() -> None:
 JUDGED_DATA = {
     "cpbench.errors", "cpbench.foundation.matrices", "cpbench.formulations.base", "cpbench.formulations.stack.Stack",
     "cpbench.foundation.product_cones.Cone", "cpbench.foundation.product_cones.ProductCone",
+    "cpbench.formulations.node_table.NodeTable",
 }  # fmt: skip
 """What the judge may read from outside its own room: data and errors, and no mathematics of the solvers."""
 READ_AS_DATA = {

@@ -18,6 +18,7 @@ from tiers import some_by_day
 from cpbench.analysis import deadlines, histories, pairwise, profiles, scaling, sweeps
 from cpbench.analysis import steps as walk
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.run_table import RunTable
 from cpbench.cli import cli
 from cpbench.cli.plot_command import packages
 from cpbench.errors import CpbenchError, UnknownName
@@ -32,7 +33,7 @@ SUITE = suite(20, 12)
 
 
 def run_of(rows: pd.DataFrame, iterates: pd.DataFrame | None = None) -> Run:
-    return assembled(rows, meta(), Path(), iterates)
+    return assembled(RunTable.of(rows, meta()), Path(), iterates)
 
 
 ALL = Choice()

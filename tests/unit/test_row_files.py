@@ -14,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 from synthetic_results import meta, results_file, row, suite, table
 
+from cpbench.analysis.run_table import RunTable
 from cpbench.cli import cli
 from cpbench.errors import FormatError
 from cpbench.report import row_files
@@ -153,7 +154,7 @@ def test_export_has_the_digits_too(tmp_path: Path) -> None:
 
 
 def test_a_report_without_rows_as_csv_has_none(tmp_path: Path) -> None:
-    write_folder(suite(4, 3), meta(), tmp_path, "t", data=["json"])
+    write_folder(RunTable.of(suite(4, 3), meta()), tmp_path, "t", data=["json"])
     assert {path.name for path in tmp_path.glob("results.*")} == {"results.json"}
 
 

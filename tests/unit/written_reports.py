@@ -11,6 +11,7 @@ from unittest.mock import patch
 import pandas as pd
 from matplotlib.figure import Figure
 
+from cpbench.analysis.run_table import RunTable
 from cpbench.report import markdown, row_files
 from cpbench.report.html import page
 from cpbench.report.run import assembled
@@ -27,7 +28,7 @@ def write_report(
     **chosen: Any,
 ) -> Path:
     """report.md and results.csv, and its figures if `drawn`; `chosen` is what `run.assembled` takes."""
-    run = assembled(table, meta, folder, histories, **chosen)
+    run = assembled(RunTable.of(table, meta), folder, histories, **chosen)
     run.folder.mkdir(parents=True, exist_ok=True)
     row_files.write(run.timed, run.folder / "results.csv")
     with nullcontext() if drawn else patch.object(Figure, "savefig"):  # three formats of one take half a second
@@ -49,4 +50,4 @@ def write_html(
     **chosen: Any,
 ) -> Path:
     """report.html; `chosen` is what `run.assembled` takes."""
-    return page.write(assembled(table, meta, folder, histories, **chosen), title)
+    return page.write(assembled(RunTable.of(table, meta), folder, histories, **chosen), title)
