@@ -27,7 +27,7 @@ _TEMPORARY = "cpbench-collection-"
 
 @dataclass(frozen=True)
 class Found:
-    """What is there of a set: paths of its files, and of those that are missing, changed, or Git-LFS pointers.
+    """Files of a set that are there, and the paths of those that are missing, changed, or Git-LFS pointers.
 
     `size` is of all files that are there [bytes].
     """
