@@ -25,6 +25,17 @@ def build() -> list[Instance]:
     return [block(1.0, 0.25), block(1.0, 2.0**-10), *(_planted(f"planted-{nc}", nc) for nc in sizes)]
 
 
+@collection(
+    "anisotropic-large",
+    "afc",
+    "up to 400 contacts with an elliptic friction cone",
+    "planted by cpbench",
+    tier="standard",
+)
+def build_large() -> list[Instance]:
+    return [_planted(f"planted-{nc}", nc) for nc in (100, 200, 400)]
+
+
 def block(mu_1: float, mu_2: float) -> Instance:
     """Build a block of 1 kg, pressed by 5 N, that slides with u = (3/μ₁, 4/μ₂): friction is r_T = −(3μ₁, 4μ₂)."""
     r = np.array([5.0, -3.0 * mu_1, -4.0 * mu_2])

@@ -47,6 +47,12 @@ def build_large() -> list[Instance]:
     return [rope(n, bits, mu) for n, bits, mu in ((400, 8, 0.5), (2000, 10, 0.5))]
 
 
+@collection("belts-local-large", "fcm", "ropes of up to 500 points over drums, local mixed form", CITATION,
+            tier="standard")  # fmt: skip
+def build_local_large() -> list[Instance]:
+    return [condensed(rope(n, bits, mu)) for n, bits, mu in ((100, 7, 0.25), (250, 8, 0.5), (500, 8, 0.25))]
+
+
 def tensions(n: int, bits: int, mu: float) -> list[Fraction]:
     """Return S_0, ..., S_n as impulses, for tan(δ/4) = 2^−bits."""
     c, s = _half_angle(bits)

@@ -59,6 +59,31 @@ def build_coneqp() -> list[Instance]:
     return [least_in_ball(), enclosing_ball(), _planted_coneqp("planted-13-factors", generator(27)), *planted]
 
 
+@collection(
+    "cone-programs-large",
+    "coneqp",
+    "chains of up to 30,000 second-order cones as quadratic programs",
+    "planted by cpbench",
+    tier="standard",
+)
+def build_programs_large() -> list[Instance]:
+    return [_as_program(chained(k)) for k in (400, 1000, 3000, 30_000)]
+
+
+def _as_program(instance: Instance) -> Instance:
+    """Return the program min ½xᵀMx + qᵀx over K of a problem with symmetric M: its multiplier is y = Mx + q."""
+    problem, point = instance.problem, instance.solution
+    assert isinstance(problem, SOCLCP)
+    assert isinstance(point, SOCLCPPoint)
+    n = problem.q.size
+    K = ProductCone.of((Cone.SECOND_ORDER, n // 3, 3, 1.0))
+    program = ConeQP.over(problem.M, problem.q, K, sp.csr_array(sp.eye_array(n)), np.zeros(n))
+    y = problem.M @ point.x + problem.q
+    return Instance(
+        replace(program, name=problem.name), ConeQPPoint(x=point.x, y=y), "planted", properties={"class": "SPD"}
+    )
+
+
 def nearest_in_cone() -> Instance:
     """Find the point of {x_N ≥ ‖x_T‖} nearest to (0, 3, 4): half of ‖(3, 4)‖ along (1, 3/5, 4/5)."""
     K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 1.0))

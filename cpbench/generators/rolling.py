@@ -39,6 +39,17 @@ def build_global() -> list[Instance]:
     return [coupled_discs(), ball_global(), *(_planted_global(bodies) for bodies in range(3, 11))]
 
 
+@collection("rolling-large", "rfc", "up to 100 contacts with rolling resistance, local form", CITATION, tier="standard")
+def build_local_large() -> list[Instance]:
+    return [_planted(f"planted-{nc}", nc) for nc in (40, 100, 200)]
+
+
+@collection("rolling-global-large", "grfc", "up to 100 balls with rolling resistance, global form", CITATION,
+            tier="standard")  # fmt: skip
+def build_global_large() -> list[Instance]:
+    return [_planted_global(bodies) for bodies in (30, 60, 100)]
+
+
 def disc(what: str, push: float) -> Instance:
     """Build a hoop (J = 1) pressed with 8 and pushed, μ = 1/2, μ_r = 1/4: it rests up to P = 2, then rolls."""
     pressed, mu, mu_r = 8.0, 0.5, 0.25

@@ -59,6 +59,23 @@ def build_cones() -> list[Instance]:
     return [cone_complementarity(k) for k in (3, 12, 8, 10)]
 
 
+@collection("vi-planted-large", "vi", "cubic monotone VIs of up to 300 unknowns", "planted by cpbench", tier="standard")
+def build_planted_large() -> list[Instance]:
+    return [box(150), box(300), polyhedron(150, 40, 10), balls(60), cones(60), product_set(60)]
+
+
+@collection("ge-planted-large", "ge", "cubic monotone generalized equations, 300 unknowns", "planted by cpbench",
+            tier="standard")  # fmt: skip
+def build_generalized_large() -> list[Instance]:
+    return [generalized(k) for k in (40, 100)]
+
+
+@collection("cp-planted-large", "cp", "cubic monotone cone complementarity problems, large", "planted by cpbench",
+            tier="standard")  # fmt: skip
+def build_cones_large() -> list[Instance]:
+    return [cone_complementarity(k) for k in (40, 100)]
+
+
 def kojima_shindo_simplex() -> Instance:
     """Build the VI over {z ≥ 0, Σz = 4}, which holds the regular solution (1, 0, 3, 0) of the complementarity
     problem.

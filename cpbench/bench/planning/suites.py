@@ -1,6 +1,6 @@
 """Suites of built-in problems, for runs that name no problem.
 
-    quick       small problems of every formulation, by the solvers of `SolverSpec.quick`: an answer within a minute
+    quick       ten problems of each formulation, by the solvers of `SolverSpec.quick`: an answer within a minute
     standard    all built-in problems, by the same solvers
     full        all built-in problems, by every solver that is installed, approximate routes too
 
