@@ -16,6 +16,7 @@ from cpbench.formulations.expressions import Map
 from cpbench.formulations.expressions.recording import MapRecorder
 from cpbench.formulations.node_table import NodeTable
 from cpbench.generators import generators
+from cpbench.generators.base import LARGE, STANDARD
 from cpbench.testing import (  # those that are not used here enter their makers
     cases_conic,  # noqa: F401  # pyright: ignore[reportUnusedImport]
     cases_contact,  # noqa: F401  # pyright: ignore[reportUnusedImport]
@@ -51,7 +52,8 @@ def cases(node: str) -> list[Case]:
     for make in sorted(PLANTED.get(node, ()), key=lambda make: make.__module__):
         named |= make()
     if not named:  # a formulation that has no cases here: its generators have some
-        solved = (i for one in generators if one.node == node for i in one.instances() if i.solution is not None)
+        own = [one for one in generators if one.node == node and one.tier not in (STANDARD, LARGE)]
+        solved = (i for one in own for i in one.instances() if i.solution is not None)
         named = {instance.name: (instance.problem, instance.solution) for instance in solved}
     return [Case(name, dataclasses.replace(problem, name=name), point) for name, (problem, point) in named.items()]
 

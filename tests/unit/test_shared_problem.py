@@ -11,14 +11,13 @@ from tiers import by_night
 
 from cpbench.bench import shared_problem
 from cpbench.formulations import LCP, MLCP
-from cpbench.generators.base import generators
+from cpbench.generators.base import LARGE, STANDARD, generators
 
-NAMES = generators.names()
+SMALLER = [one.name for one in generators if one.tier not in (STANDARD, LARGE)]
+LARGER = [one.name for one in generators if one.tier == STANDARD]
 
 
-@pytest.mark.parametrize(
-    "name", [*(n for n in NAMES if "-large" not in n), *by_night(n for n in NAMES if "-large" in n)]
-)
+@pytest.mark.parametrize("name", [*SMALLER, *by_night(LARGER)])
 def test_every_kind_of_problem_arrives_as_it_was(name: str, tmp_path: Path) -> None:
     for instance in generators.get(name).instances():
         shared_problem.write(instance.problem, tmp_path / "p")
