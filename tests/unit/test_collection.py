@@ -20,7 +20,7 @@ from cpbench.cli import cli
 from cpbench.formulations import LCP
 from cpbench.generators import generators
 from cpbench.generators.base import LARGE, SMALL, STANDARD
-from cpbench.generators.collection import TIER_SHEETS, builtin_folder, catalogue, identity, write_collections
+from cpbench.generators.collection import PROOFS, TIER_SHEETS, builtin_folder, catalogue, identity, write_collections
 from cpbench.generators.descriptions import describe, entries, pattern_of
 
 ENTRIES = catalogue()
@@ -82,6 +82,19 @@ def test_the_hash_is_of_the_mathematics_of_all_problems_in_any_order() -> None:
     assert identity(changed).digest != whole.digest
     assert identity(renamed).digest == whole.digest
     assert identity(ENTRIES[1:]).digest != whole.digest
+
+
+def test_what_is_proved_is_of_problems_of_the_collection_and_agrees_with_what_is_known() -> None:
+    file = builtin_folder() / PROOFS
+    proofs = tomllib.loads(file.read_text("utf-8"))
+    assert set(proofs) <= {entry.fingerprint for entry in ENTRIES}
+    assert {entry.fingerprint: entry.proof for entry in ENTRIES if entry.proof} == proofs
+    assert set(proofs.values()) <= {"proved", "enclosed", "infeasible, proved", "unbounded, proved"}
+    for entry in ENTRIES:
+        if entry.proof:
+            kind = entry.proof.partition(",")[0]
+            assert (kind in ("infeasible", "unbounded")) == (entry.known in ("infeasible", "unbounded")), entry.address
+            assert kind in ("proved", "enclosed", entry.known)
 
 
 def test_the_decade_of_a_size() -> None:
