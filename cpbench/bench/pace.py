@@ -59,6 +59,8 @@ def expected(seconds: Sequence[float], left: int) -> Expected | None:
 class Pace:
     """The pace of a run, from its events: the time between the ends of two pairs, without what solvers take to start.
 
+    What was before the end of the first pair says nothing: processes and machines start, too.
+
     slots : solves at a time; the start of a solver holds up one of them. clock : seconds since some moment.
     """
 
@@ -71,7 +73,7 @@ class Pace:
 
     @property
     def pairs(self) -> int:
-        """Number of pairs that have ended."""
+        """Number of pairs whose time is known."""
         return len(self._seconds)
 
     @property
@@ -82,15 +84,14 @@ class Pace:
     def note(self, event: Event) -> None:
         """Take an event of the run."""
         now = self._clock()
-        if self._last is None:  # what was done before belongs to no pair
-            self._last = now
         if isinstance(event, Starting):
             self._starting = now if self._starting is None else self._starting
         elif isinstance(event, Solving) and self._starting is not None:
             self._held += (now - self._starting) / self._slots
             self._starting = None
         elif isinstance(event, Done):
-            self._seconds.append(max(now - self._last - self._held, 0.0))
+            if self._last is not None:
+                self._seconds.append(max(now - self._last - self._held, 0.0))
             self._last, self._held = now, 0.0
 
     def expected(self, left: int) -> Expected | None:

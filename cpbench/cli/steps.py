@@ -56,17 +56,19 @@ class Steps:
 
     def through(self, items: Sequence[str], doing: str, noun: str) -> Iterator[str]:
         """Yield the items; while they last, lines say how many are done, and how long the others take."""
-        began, done = time.monotonic(), 0
+        first, done = 0.0, 0
 
         def text() -> str:
-            rest = (time.monotonic() - began) / done * (len(items) - done) if done else 0.0
-            so_far = f": {done} done, about {duration(rest)} left" if done else ""
+            # what was before the first one, as the start of processes, says nothing of the others
+            pace = (time.monotonic() - first) / (done - 1) if done > 1 else 0.0
+            so_far = f": {done} done, about {duration(pace * (len(items) - done))} left" if pace else ""
             return f"{doing} {counted(len(items), noun)}{so_far}"
 
         self.say(text, EVERY)
         for item in items:
             yield item
             done += 1
+            first = first or time.monotonic()
         self.stop()
 
     def stop(self) -> None:

@@ -28,6 +28,8 @@ from cpbench.storage.named_arrays import SPARSE, NamedArrays, Shape, absent, cou
 from cpbench.storage.program_properties import OFFSET
 from cpbench.storage.two_sided import infinite, rows_and_bounds
 
+LEAST_SQUARES = {"A", "b"}
+"""Arrays that with nothing else, or bounds lb and ub, are those of least squares."""
 FORM = "form"
 """Property of a problem that says in which form its arrays were."""
 
@@ -47,6 +49,10 @@ def choose(path: Path, shapes: Mapping[str, Shape | None], only: Dialect | None 
     dialect = fits[0] if fits else dialects.nearest(shapes)
     there = [name for name in dialect.known() if name in shapes]
     dropped = absent(dialect, shapes)
+    if only is None and LEAST_SQUARES <= shapes.keys() <= {*LEAST_SQUARES, "lb", "ub", "format"}:
+        raise FormatError(
+            path, "", "holds a matrix A and b alone: cpbench pack --least-squares makes a problem of them"
+        )
     if (wrong := dialects.refusal(dialect, shapes.keys() - dropped)) is not None:
         raise FormatError(path, *wrong)
     text = f"{dialect.name} ({', '.join(name for name in there if name in dialect.arrays)})"

@@ -11,6 +11,8 @@ R. Boisvert, R. Pozo, K. Remington, The Matrix Market Exchange Formats, NISTIR 5
 
 from __future__ import annotations
 
+import io
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -90,22 +92,34 @@ def _array(head: _Head) -> NDArray[Any]:
 
 
 def _entries(head: _Head, rows: int, cols: int, entries: int) -> sp.coo_array:
-    lines = [line for line in head.body.split("\n") if line and not line.isspace()]
-    words, width = head.body.split(), 2 if head.field == "pattern" else 3
-    if len(lines) != entries or len(words) != width * entries:
-        raise ValueError(f"has {len(lines)} lines with {len(words)} numbers, expected {entries} of {width}")
-    row, column = (_whole(words[k::width]) - 1 for k in range(2))
+    row, column, values = _columns(head, entries)
     for index, size in ((row, rows), (column, cols)):
         if entries and (index.min() < 0 or index.max() >= size):
             wrong = index[(index < 0) | (index >= size)][0]
             raise ValueError(f"has the index {wrong + 1} in a matrix of {rows}x{cols}")
-    values = np.ones(entries) if width == 2 else _numbers(words[2::3])
     if head.symmetry != "general":
         off = row != column
         mirrored = -values[off] if head.symmetry == "skew-symmetric" else values[off]
         row, column = np.concatenate((row, column[off])), np.concatenate((column, row[off]))
         values = np.concatenate((values, mirrored))
     return sp.coo_array((values, (row, column)), shape=(rows, cols))
+
+
+def _columns(head: _Head, entries: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Return rows and columns, from 0, and values of all entries; raises ValueError."""
+    kinds: list[tuple[str, type]] = [("row", np.int64), ("column", np.int64)]
+    kinds += [] if head.field == "pattern" else [("value", np.float64)]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # 1.5 as an index
+        warnings.simplefilter("ignore", UserWarning)  # no entries
+        try:
+            table = np.loadtxt(io.StringIO(head.body), dtype=kinds, comments=None, ndmin=1)
+        except DeprecationWarning as cause:
+            raise ValueError(f"has an index that is no whole number ({cause})") from None
+    if table.size != entries:
+        raise ValueError(f"has {table.size} lines, expected {entries} entries")
+    values = np.ones(entries) if head.field == "pattern" else table["value"].copy()
+    return table["row"] - 1, table["column"] - 1, values
 
 
 def _numbers(words: Sequence[str]) -> NDArray[np.float64]:

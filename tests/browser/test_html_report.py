@@ -596,6 +596,22 @@ def test_axe_finds_nothing_serious(written: Path, opened: Opened, width: int, sc
     assert _serious(Axe().run(page)) == []
 
 
+@pytest.mark.nightly
+def test_long_names_do_not_widen_a_phone(tmp_path: Path, opened: Opened) -> None:
+    """Eight groups, each with a chip that names its solver in 60 characters."""
+    long = "siconos-fc3d-nsgs[max_iter=100000,omega=1.25,shuffle=true]"
+    rows = [
+        row(f"p-{k}", label, "solved", time, node=node, tolerance=tolerance, start=start, started=start,
+            key=f"{node}{tolerance}{start}{label}{k}")
+        for node in ("fc", "lcp") for tolerance in (1e-4, 1e-8) for start in ("cold", "previous") for k in range(3)
+        for label, time in ((long, 0.1), ("lemke", 0.3))
+    ]  # fmt: skip
+    page = opened(write_html(pd.DataFrame(rows), meta(), tmp_path, "phone"), 400)
+    assert page.evaluate("document.documentElement.scrollWidth") <= 400
+    inside = "(b) => b.getBoundingClientRect().right <= innerWidth"
+    assert page.locator(".choice").evaluate_all(f"(all) => all.length >= 8 && all.every({inside})")
+
+
 def _serious(found: Any) -> list[str]:
     wrong = [v for v in found.response["violations"] if v["impact"] in ("serious", "critical")]
     return [f"{v['id']}: {v['nodes'][0]['html'][:200]} ({len(v['nodes'])})" for v in wrong]

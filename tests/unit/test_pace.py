@@ -52,12 +52,12 @@ def test_the_mean_is_that_of_the_sample() -> None:
 
 
 def test_what_a_solver_takes_to_start_is_no_part_of_the_pace() -> None:
-    """A minute before the first event and 20 s of a start belong to no pair; each takes 3 s from there on."""
+    """A minute before the first pair and 20 s of a start belong to no pair; each takes 3 s from there on."""
     now = [0.0]
     pace = Pace(clock=lambda: now[0])
     outcome = Outcome(status="solved")
     now[0] = 60.0
-    for k in range(FEWEST):
+    for k in range(FEWEST + 1):
         if k in (0, 7):
             pace.note(Starting("lemke"))
             now[0] += 20.0
@@ -74,6 +74,7 @@ def test_what_a_solver_takes_to_start_is_no_part_of_the_pace() -> None:
 def test_a_start_holds_up_one_of_several_slots() -> None:
     now = [0.0]
     pace = Pace(slots=4, clock=lambda: now[0])
+    pace.note(Done(pair("b"), Outcome(status="solved")))
     pace.note(Starting("lemke"))
     now[0] = 8.0
     pace.note(Solving(pair("a")))

@@ -35,6 +35,10 @@ _SIDES: dict[str, tuple[str | float, str | float]] = {
     "HyperRectangle": ("lower", "upper"),
 }
 """Lower and upper side of a set: a field of it, or a number."""
+MPCC = (
+    "a program with complementarity constraints (MPCC), of which cpbench has no formulation; without its objective it "
+    "is a complementarity problem"
+)
 _CONES = {"SecondOrderCone": 1, "RotatedSecondOrderCone": 2}
 """Sets of vectors, with the least number of values."""
 SETS = f"{', '.join((*_SIDES, *_CONES))} and Complements"
@@ -94,7 +98,7 @@ class Model:
         model.
         """
         if self.sense != "feasibility":
-            raise self.refused("objective", f"is {self.sense} beside Complements, expected feasibility")
+            raise self.refused("objective", f"is {self.sense} beside Complements: {MPCC}")
         rows = len(self.above) + len(self.equal) + len(self.cones)
         if rows:
             raise self.refused("constraints", f"has {rows} rows beside Complements")
