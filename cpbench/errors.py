@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from cpbench.foundation.plain_text import on_one_line
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
@@ -24,8 +26,9 @@ class FormatError(CpbenchError):
     """A file could not be read or written: `file: field: cause`."""
 
     def __init__(self, path: str | Path, field: str, cause: str) -> None:
-        self.path, self.field, self.cause = str(path), field, cause
-        super().__init__(f"{path}: {field}: {cause}" if field else f"{path}: {cause}")
+        # both may quote the file, which may hold anything
+        self.path, self.field, self.cause = str(path), on_one_line(field), on_one_line(cause)
+        super().__init__(f"{path}: {self.field}: {self.cause}" if field else f"{path}: {self.cause}")
 
 
 class ProblemError(CpbenchError):

@@ -27,14 +27,14 @@ _MAD = 1.4826
 
 
 @dataclass(frozen=True)
-class Phase:
+class Stretch:
     """Steps `first` to `last` of a sequence."""
 
     first: int
     last: int
 
 
-def phases(found: pd.DataFrame) -> list[Phase]:
+def phases(found: pd.DataFrame) -> list[Stretch]:
     """Return the phases of a sequence, in their order; one where nothing changes.
 
     Parameters
@@ -47,10 +47,10 @@ def phases(found: pd.DataFrame) -> list[Phase]:
         return []
     steps, values = wide.index.to_numpy(), wide.to_numpy(dtype=float)
     starts = [0, *_cuts(values), len(steps)]
-    return [Phase(int(steps[a]), int(steps[b - 1])) for a, b in pairwise(starts)]
+    return [Stretch(int(steps[a]), int(steps[b - 1])) for a, b in pairwise(starts)]
 
 
-def medians(found: pd.DataFrame, parts: list[Phase]) -> pd.DataFrame:
+def medians(found: pd.DataFrame, parts: list[Stretch]) -> pd.DataFrame:
     """Return, for each phase and label, the lower quartile, median and upper quartile of the ratio, and the number of
     steps they are of; columns phase (its place), label, low, median, high, steps."""
     rows: list[tuple[int, str, float, float, float, int]] = []

@@ -25,7 +25,7 @@ SUFFIXES = 6
 
 
 @dataclass(frozen=True)
-class Member:
+class ProblemFacts:
     """One of many problems: formulation, family, sizes by symbol, and what its line says."""
 
     address: str
@@ -37,22 +37,22 @@ class Member:
 
 
 @dataclass
-class Collected:
-    """What is known of many problems, in their order.
+class CollectedProblems:
+    """Facts of many problems, in their order.
 
     Attributes
     ----------
     members : those that could be read. steps : facts of those that are steps. refused : a line for each that could not.
     """
 
-    members: list[Member] = field(default_factory=list)
+    members: list[ProblemFacts] = field(default_factory=list)
     steps: list[StepFacts] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
 
 
-def collect(addresses: Iterable[str], file_format: str | None) -> Collected:
+def collect(addresses: Iterable[str], file_format: str | None) -> CollectedProblems:
     """Read the problems one after the other; one that cannot be read does not stop the others."""
-    found = Collected()
+    found = CollectedProblems()
     for address in addresses:
         try:
             problem = storage.load(address, format=file_format)
@@ -65,22 +65,22 @@ def collect(addresses: Iterable[str], file_format: str | None) -> Collected:
     return found
 
 
-def _member(address: str, problem: Problem) -> Member:
+def _member(address: str, problem: Problem) -> ProblemFacts:
     sizes = {**problem.sizes(), "nonzeros": sum(matrices.nnz(v) for v in problem.data().values() if v.ndim == 2)}
     line = problem_text.sizes_line(problem)
-    return Member(address, problem.node, problem.info.family, problem.fingerprint, sizes, line)
+    return ProblemFacts(address, problem.node, problem.info.family, problem.fingerprint, sizes, line)
 
 
-def headline(found: Collected) -> str:
+def headline(found: CollectedProblems) -> str:
     """Return how many problems of which formulation there are, and how many could not be read."""
     kinds = summary(Counter(member.node for member in found.members))
     more = f"; {counted(len(found.refused), 'file')} could not be read" if found.refused else ""
     return f"{counted(len(found.members), 'problem')}: {kinds or 'none could be read'}{more}"
 
 
-def classes(members: Sequence[Member]) -> Iterator[tuple[str, str, str]]:
+def classes(members: Sequence[ProblemFacts]) -> Iterator[tuple[str, str, str]]:
     """Yield formulation and family, number of problems, and the range of each size, for each formulation and family."""
-    grouped: dict[tuple[str, str], list[Member]] = {}
+    grouped: dict[tuple[str, str], list[ProblemFacts]] = {}
     for member in members:
         grouped.setdefault((member.node, member.family), []).append(member)
     for (node, family), own in sorted(grouped.items()):
@@ -89,12 +89,12 @@ def classes(members: Sequence[Member]) -> Iterator[tuple[str, str, str]]:
         yield printable(f"{node} {family}".strip()), str(len(own)), text
 
 
-def _range(members: Sequence[Member], symbol: str) -> str:
+def _range(members: Sequence[ProblemFacts], symbol: str) -> str:
     values = [member.sizes[symbol] for member in members]
     return " to ".join(map(str, dict.fromkeys((min(values), max(values)))))
 
 
-def twins(members: Sequence[Member]) -> Iterator[str]:
+def twins(members: Sequence[ProblemFacts]) -> Iterator[str]:
     """Yield the problems that are there twice, the first of them named."""
     first: dict[str, str] = {}
     pairs = [(member.address, first.setdefault(member.fingerprint, member.address)) for member in members]

@@ -27,7 +27,7 @@ EACH = 10
 
 @dataclass(frozen=True)
 class Pilot:
-    """What a pilot says: how many pairs it ran, and how long all pairs of the plan are expected to take."""
+    """Result of a pilot: the number of pairs it timed, and how long all pairs of the plan are expected to take."""
 
     pairs: int
     expected: Expected | None

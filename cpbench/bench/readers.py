@@ -21,7 +21,7 @@ MOST = 8
 
 
 @dataclass(frozen=True)
-class Asked:
+class ReadRequest:
     """A problem to be read: its address, the requests whose nodes are wanted, and how its file is read."""
 
     address: str
@@ -30,7 +30,7 @@ class Asked:
 
 
 def surveys(
-    slot: Slot, asked: Sequence[Asked], timeout: float, *, guesses: bool = False
+    slot: Slot, asked: Sequence[ReadRequest], timeout: float, *, guesses: bool = False
 ) -> Generator[Surveyed | CpbenchError]:
     """Yield the facts of each problem in turn, or why it has none. Closing the generator ends the further processes.
 
@@ -42,7 +42,7 @@ def surveys(
     for referee in referees:
         free.put(referee)
 
-    def one(problem: Asked) -> Surveyed | CpbenchError:
+    def one(problem: ReadRequest) -> Surveyed | CpbenchError:
         referee = free.get()
         try:
             return slot.survey(

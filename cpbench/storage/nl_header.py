@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cpbench.errors import FormatError
-from cpbench.foundation.plain_text import printable
 from cpbench.storage.nl_source import HEADER_LINES, BinarySource, NLSource, TextSource
 
 _LEAST = (1, 3, 2, 2, 3, 2, 5, 2, 2, 5)
@@ -73,9 +72,7 @@ def _numbers(path: Path, line: int, text: str) -> list[int]:
     if line == 0:
         words = words[:1]  # the others say how a program of AMPL answers
     if len(words) < _LEAST[line] or not all(re.fullmatch(r"\d{1,10}", word, re.ASCII) for word in words):
-        raise FormatError(
-            path, f"line {line + 1}", f"has '{printable(text[:40])}', expected {_LEAST[line]} whole numbers"
-        )
+        raise FormatError(path, f"line {line + 1}", f"has '{text[:40]}', expected {_LEAST[line]} whole numbers")
     if len(words) > _LEAST[line] + _OPTIONAL:
         raise FormatError(path, f"line {line + 1}", f"has {len(words)} numbers, expected {_LEAST[line]}")
     return [int(word) for word in words]

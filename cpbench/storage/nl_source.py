@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import NoReturn
 
 from cpbench.errors import FormatError
-from cpbench.foundation.plain_text import printable
 
 _WHOLE = re.compile(r"[+-]?\d{1,18}", re.ASCII)
 _NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|inf(?:inity)?)", re.ASCII | re.IGNORECASE)
@@ -115,7 +114,7 @@ class TextSource(NLSource):
     def signed(self) -> int:
         word = self.word()
         if not _WHOLE.fullmatch(word):
-            self.refuse(f"has '{printable(word[:_SHOWN])}', expected a whole number")
+            self.refuse(f"has '{word[:_SHOWN]}', expected a whole number")
         return int(word)
 
     def number(self) -> float:

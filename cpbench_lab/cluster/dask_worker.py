@@ -21,7 +21,7 @@ from distributed import Event, Worker, WorkerPlugin, get_worker
 
 import cpbench
 from cpbench.foundation.child_processes import start_python
-from cpbench_lab.cluster.remote_worker import Ended, WorkerSetup
+from cpbench_lab.cluster.remote_worker import RequestEnded, WorkerSetup
 
 IDLE = 300.0
 """Seconds after which a remote worker ends that nothing was asked of."""
@@ -129,7 +129,7 @@ class RemoteWorker:
             self._copied |= copies.keys()
             while isinstance(reply := self._pipe.recv(), bytes):
                 replies.append(reply)
-            ended: Ended = reply
+            ended: RequestEnded = reply
             before, self._seconds = self._seconds, ended.seconds
             spent = ended.seconds - before
             return TaskResult(worker, self._machine, tuple(replies), failed=ended.failed, seconds=spent), None

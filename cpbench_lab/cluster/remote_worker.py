@@ -72,7 +72,7 @@ class FilesWanted:
 
 
 @dataclass(frozen=True)
-class Ended:
+class RequestEnded:
     """The end of the replies to a request: what failed on this machine, '' for nothing, and the time of processors [s]
     that the process and all that it started have taken so far."""
 
@@ -120,7 +120,7 @@ def _listen(connection: Connection, requests: queue.SimpleQueue[Any]) -> None:
 def _serve(
     connection: Connection, requests: queue.SimpleQueue[Any], setting: Mapping[str, Any], folder: Path, idle: float
 ) -> None:
-    """Answer each request by its replies, pickled, and an `Ended` behind them."""
+    """Answer each request by its replies, pickled, and an `RequestEnded` behind them."""
     from cpbench.bench import machine
     from cpbench.bench.slot import Slot
     from cpbench.bench.worker_pool import Setting
@@ -140,7 +140,7 @@ def _serve(
                 raise
             except Exception as error:  # of this machine: no solver, conversion or file makes a slot raise
                 failure = f"{type(error).__name__}: {error}"
-            connection.send(Ended(failure, _processor_seconds()))
+            connection.send(RequestEnded(failure, _processor_seconds()))
 
 
 def _processor_seconds() -> float:

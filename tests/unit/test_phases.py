@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cpbench.analysis.phases import Phase, medians, phases
+from cpbench.analysis.phases import Stretch, medians, phases
 
 
 def planted(ratios: dict[str, list[tuple[int, float]]], noise: float, seed: int) -> pd.DataFrame:
@@ -24,18 +24,18 @@ def planted(ratios: dict[str, list[tuple[int, float]]], noise: float, seed: int)
 def test_a_planted_change_is_seen_at_its_step(seed: int) -> None:
     """Nothing is saved until step 57, then a factor of 12 and of 3, with a noise of 15 %."""
     found = phases(planted({"a": [(57, 1.0), (90, 1 / 12)], "b": [(57, 1.1), (90, 1 / 3)]}, 0.15, seed))
-    assert found == [Phase(0, 56), Phase(57, 146)]
+    assert found == [Stretch(0, 56), Stretch(57, 146)]
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_noise_alone_is_one_phase(seed: int) -> None:
-    assert phases(planted({"a": [(120, 0.4)], "b": [(120, 0.9)]}, 0.3, seed)) == [Phase(0, 119)]
+    assert phases(planted({"a": [(120, 0.4)], "b": [(120, 0.9)]}, 0.3, seed)) == [Stretch(0, 119)]
 
 
 def test_three_phases_and_their_medians() -> None:
     found = planted({"a": [(30, 0.9), (40, 0.1), (30, 0.6)]}, 0.05, 9)
     parts = phases(found)
-    assert parts == [Phase(0, 29), Phase(30, 69), Phase(70, 99)]
+    assert parts == [Stretch(0, 29), Stretch(30, 69), Stretch(70, 99)]
     of = medians(found, parts)
     assert of["median"].to_numpy() == pytest.approx([0.9, 0.1, 0.6], rel=0.05)
     assert of["steps"].tolist() == [30, 40, 30]

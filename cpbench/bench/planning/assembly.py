@@ -190,7 +190,9 @@ def _survey(
     found: dict[tuple[str, str | None], Surveyed] = {}
     refused: list[tuple[str, str]] = []
     unread: list[str] = []
-    asked = [readers.Asked(address, list(requests.values()), format) for (address, format), requests in wanted.items()]
+    asked = [
+        readers.ReadRequest(address, list(requests.values()), format) for (address, format), requests in wanted.items()
+    ]
     with closing(readers.surveys(slot, asked, timeout, guesses=guesses)) as answers:
         read = zip(asked, answers, strict=True)
         for address, (problem, answer) in zip(reading([one.address for one in asked]), read, strict=True):

@@ -15,7 +15,7 @@ import pandas as pd
 
 from cpbench.analysis import phases
 from cpbench.analysis import steps as walk
-from cpbench.analysis.phases import Phase
+from cpbench.analysis.phases import Stretch
 from cpbench.report import canvas, figures, legend, run_canvas
 from cpbench.report.chosen import Choice, SelectedRows, choose
 from cpbench.report.figure_kinds import Drawing, Need, figure_kind
@@ -92,7 +92,7 @@ def _row(axes: Axes, at: float, row: pd.Series, colour: str) -> None:
     axes.text(1.02, at, text, transform=axes.get_yaxis_transform(), fontsize=8, va="center")
 
 
-def _contacts(chosen: SelectedRows, name: str, part: Phase) -> str:
+def _contacts(chosen: SelectedRows, name: str, part: Stretch) -> str:
     """Return how many contacts the steps of a phase have, where that is known."""
     from cpbench.analysis.sizes import sizes_of
 

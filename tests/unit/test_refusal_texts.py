@@ -1,0 +1,60 @@
+"""Refusals of files: in one line whatever the file holds, and in the words of what is there."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cpbench import storage
+from cpbench.errors import FormatError
+from cpbench.storage.arrays import read_array
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "quoted"),
+    [
+        ("m.mtx", "%%MatrixMarket matrix coordinate re\x1b[31mal general\n1 1 1\n1 1 2\n", r"re\x1b[31mal"),
+        ("p.nl", "g3 1 1 0\n 2 1 1 0 \x00\x07 0\n" + " 0 0\n" * 8, r"\x00\x07"),
+    ],
+)
+def test_control_characters_of_a_file_are_spelled_out(tmp_path: Path, name: str, text: str, quoted: str) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(FormatError) as refusal:
+        read_array(path) if path.suffix == ".mtx" else storage.load(path)
+    assert quoted in str(refusal.value)
+    assert str(refusal.value).isprintable()
+
+
+@pytest.mark.parametrize("bounds", [{}, {"lb": np.zeros(3)}])
+def test_a_matrix_and_a_vector_alone_are_least_squares_by_pack(tmp_path: Path, bounds: dict[str, np.ndarray]) -> None:
+    path = tmp_path / "fit.npz"
+    np.savez(path, A=np.ones((5, 3)), b=np.ones(5), **bounds)
+    with pytest.raises(FormatError, match=r"holds a matrix A and b alone: cpbench pack --least-squares"):
+        storage.load(path)
+
+
+def test_an_objective_beside_pairs_is_called_an_mpcc(tmp_path: Path) -> None:
+    variable = {"type": "Variable", "name": "x"}
+    model = {
+        "version": {"major": 1, "minor": 7},
+        "variables": [{"name": "x"}, {"name": "y"}],
+        "objective": {"sense": "min", "function": variable},
+        "constraints": [
+            {
+                "function": {
+                    "type": "VectorOfVariables",
+                    "variables": ["y", "x"],
+                },
+                "set": {"type": "Complements", "dimension": 2},
+            },
+            {"function": variable, "set": {"type": "GreaterThan", "lower": 0.0}},
+        ],
+    }
+    path = tmp_path / "m.mof.json"
+    path.write_text(json.dumps(model))
+    with pytest.raises(FormatError, match=r"objective: is min beside Complements: .*\(MPCC\)"):
+        storage.load(path)
