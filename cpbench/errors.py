@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cpbench.foundation.plain_text import on_one_line
-
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
@@ -27,7 +25,7 @@ class FormatError(CpbenchError):
 
     def __init__(self, path: str | Path, field: str, cause: str) -> None:
         # both may quote the file, which may hold anything
-        self.path, self.field, self.cause = str(path), on_one_line(field), on_one_line(cause)
+        self.path, self.field, self.cause = str(path), _spelled(field), _spelled(cause)
         super().__init__(f"{path}: {self.field}: {self.cause}" if field else f"{path}: {self.cause}")
 
 
@@ -104,3 +102,12 @@ class Ended(CpbenchError):
         self.name, self.code = name, code
         how = f"was killed by signal {-code}" if code < 0 else f"exited with code {code}"
         super().__init__(f"{name} {how} before it answered")
+
+
+def _spelled(text: str) -> str:
+    r"""Return the text with the characters spelled out that are not printed.
+
+    >>> _spelled("5 \x1b[31m")
+    '5 \\x1b[31m'
+    """
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in text)
