@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -9,10 +10,16 @@ import pytest
 from click.testing import CliRunner
 from synthetic_results import results_file, suite
 
+from cpbench.bench.results.sealed import sealed
 from cpbench.cli.graph_command import command as graph
 from cpbench.cli.plot_command import command as plot
 from cpbench.cli.types import LENGTH
 from cpbench.errors import CpbenchError
+from cpbench.report import run_canvas
+from cpbench.report.arrangement import arrange
+from cpbench.report.chosen import Choice
+from cpbench.report.figure_kinds import find
+from cpbench.report.run import assembled
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +43,41 @@ def test_a_figure_is_as_wide_and_as_high_as_asked(results: Path, tmp_path: Path)
     assert drawn(results, tmp_path, *asked)[:2] == pytest.approx((89 / 25.4, 2.2))
 
 
+def test_a_figure_for_a_column_gives_the_plot_the_room(results: Path, tmp_path: Path) -> None:
+    """The axes take 70 % of the area without the title, their labels nine tenths; no word is outside; the explanation
+    is printed for the caption; the title says tolerance and start."""
+    path = tmp_path / "c.svg"
+    done = CliRunner().invoke(plot, ["profile", str(results), "-o", str(path), "--width", "89mm"])
+    assert done.exit_code == 0, done.output
+    assert "\ncaption: The height of a curve at τ is the fraction" in done.output
+    with sealed(results) as store:
+        run = assembled(store.table(), store.meta(), tmp_path)
+    with run_canvas.drawing():
+        made = find("cpbench.report.plots", "profile").draw(run, Choice())
+        arrange(made.figure, 89 / 25.4, math.nan, "")
+        (axes,) = made.figure.axes
+        box, labels = axes.get_position(), axes.get_tightbbox()
+    assert box.width * box.height >= 0.7
+    width, height = made.figure.get_size_inches() * made.figure.dpi
+    assert labels.width * labels.height >= 0.9 * width * height
+    assert 0 <= labels.x0 < labels.x1 <= width
+    assert axes.get_legend() is not None
+    assert made.short == "lcp: 12 problems, tolerance 1e-06, start cold"
+
+
+@pytest.mark.needs("cpbench_solvers")
+@pytest.mark.parametrize("options", [("--width", "5in"), ("--height", "5.4in")])
+def test_a_figure_of_a_problem_keeps_its_shape(tmp_path: Path, options: tuple[str, ...]) -> None:
+    """The contact's own figure is 3.5 by 2.7 inches."""
+    path = tmp_path / "cone.svg"
+    done = CliRunner().invoke(plot, ["cone", "-o", str(path), "--bare", *options], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    root = ElementTree.parse(path).getroot()
+    width, height = (float(root.attrib[name].removesuffix("pt")) / 72 for name in ("width", "height"))
+    assert width / height == pytest.approx(3.5 / 2.7)
+    assert (width if "--width" in options else height) == pytest.approx(float(options[1].removesuffix("in")))
+
+
 @pytest.mark.nightly
 def test_a_legend_stands_where_it_is_environment(results: Path, tmp_path: Path) -> None:
     beside, below, none = (
@@ -50,7 +92,8 @@ def test_a_legend_stands_where_it_is_environment(results: Path, tmp_path: Path) 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (("profile", "--width", "2in"), "--legend below or none needs less"),
+        (("profile", "--width", "2in", "--legend", "beside"), "--legend inside, below or none needs less"),
+        (("profile", "--width", "1.2in"), "at least 1.3 in are needed here"),
         (("profile", "--height", "0.5in"), "at least"),
         (("scaling", "--legend", "none"), "this figure has no legend"),
     ],

@@ -8,7 +8,7 @@ step has a mark. Needs steps of a sequence among the problems.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -58,7 +58,7 @@ def _phases(chosen: SelectedRows, name: str, found: pd.DataFrame, warm: pd.DataF
     at, places, labels = 0.0, list[float](), list[str]()
     for k, part in enumerate(parts):
         steps = f"steps {part.first} to {part.last}{_contacts(chosen, name, part)}"
-        middle = {"xy": (0.0, at + _PHASE / 2), "xycoords": axes.get_yaxis_transform()}
+        middle: dict[str, Any] = {"xy": (0.0, at + _PHASE / 2), "xycoords": axes.get_yaxis_transform()}
         axes.annotate(steps, **middle, xytext=(-122, 0), textcoords="offset points", fontsize=7.5, va="center")
         at += _PHASE
         for label in shown:
@@ -147,7 +147,7 @@ def _panel(axes: Axes, found: pd.DataFrame, column: str, places: dict[str, int],
     many = found["step"].nunique() > MARKED
     for (label, _), own in found[found["label"].isin(list(places))].groupby(["label", "start"]):
         values = own[column].where(np.isfinite(own[column]) & (own["time"] < math.inf))
-        thin = {"linewidth": 0.7, "marker": ""} if many else {"linewidth": 1.1, "markersize": 2.6}
+        thin: dict[str, Any] = {"linewidth": 0.7, "marker": ""} if many else {"linewidth": 1.1, "markersize": 2.6}
         axes.plot(own["step"], values, **{**legend.look(places[str(label)]), **thin}, zorder=4)
     if column == "iterations":
         figures.log_axis(axes, "y", number)
