@@ -49,8 +49,8 @@ def address_text(address: str) -> str:
 
 
 @dataclass(frozen=True)
-class Entry:
-    """What the collection says of one of its problems, without its data.
+class ListedProblem:
+    """A problem of the collection, without its data.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class Identity:
         return f"{self.name} ({self.problems} problems, sha256 {self.digest[:16]})"
 
 
-def identity(entries: Sequence[Entry]) -> Identity:
+def identity(entries: Sequence[ListedProblem]) -> Identity:
     """Return the identity of the collection that has these entries, in any order.
 
     The hash is that of the sorted fingerprints, which are hashes of the mathematics of each problem.
@@ -105,7 +105,7 @@ def identity(entries: Sequence[Entry]) -> Identity:
     return Identity(f"{NAME} {VERSION}", len(entries), hashlib.sha256(marks.encode("ascii")).hexdigest())
 
 
-def catalogue(folder: Path | None = None) -> list[Entry]:
+def catalogue(folder: Path | None = None) -> list[ListedProblem]:
     """Return the entries of all tiers, from the sheets in the folder of the built-in problems.
 
     Those of the standard and the large tier are in its `tiers`, without their files. Raises CpbenchError where no
@@ -114,7 +114,7 @@ def catalogue(folder: Path | None = None) -> list[Entry]:
     place = folder or builtin_folder()
     proved = place / PROOFS
     proofs = tomllib.loads(proved.read_text("utf-8")) if proved.exists() else {}
-    found: list[Entry] = []
+    found: list[ListedProblem] = []
     for tier, sheets in ((SMALL, place), *((tier, place / TIER_SHEETS / tier) for tier in TIERS if tier != SMALL)):
         for sheet in sorted(sheets.glob("*/*.toml")):
             start = "builtin" if tier == SMALL else tier
@@ -122,11 +122,11 @@ def catalogue(folder: Path | None = None) -> list[Entry]:
     return found
 
 
-def _entries(sheet: Path, tier: str, address: str, proofs: Mapping[str, str]) -> Iterator[Entry]:
+def _entries(sheet: Path, tier: str, address: str, proofs: Mapping[str, str]) -> Iterator[ListedProblem]:
     described = tomllib.loads(sheet.read_text("utf-8"))
     problems = described["problem"]
     for problem in problems:
-        yield Entry(
+        yield ListedProblem(
             address=f"{address}::{problem['name']}",
             family=described["name"],
             tier=tier,

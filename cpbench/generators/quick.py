@@ -7,7 +7,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 from cpbench.generators.base import SMALL
-from cpbench.generators.collection import Entry, catalogue
+from cpbench.generators.collection import ListedProblem, catalogue
 
 FEW = 10
 """How many problems of a formulation the suite has: from so many on, a ranking is more than a hint."""
@@ -23,7 +23,7 @@ def quick_problems(folder: Path) -> list[str]:
     Families take turns. Of each family, the problem nearest to MIDDLE comes first of those that have between SMALLEST
     and LARGEST unknowns; where there are fewer than FEW of these, smaller ones follow, the largest first.
     """
-    by_node: dict[str, list[Entry]] = {}
+    by_node: dict[str, list[ListedProblem]] = {}
     for entry in catalogue(folder):
         if entry.tier == SMALL and entry.known not in NONE and entry.unknowns <= LARGEST:
             by_node.setdefault(entry.node, []).append(entry)
@@ -35,13 +35,13 @@ def quick_problems(folder: Path) -> list[str]:
     return chosen
 
 
-def _by_turns(entries: Sequence[Entry]) -> Iterator[Entry]:
+def _by_turns(entries: Sequence[ListedProblem]) -> Iterator[ListedProblem]:
     """Yield the first of each family, then the second of each, and so on, those nearest to MIDDLE first."""
 
-    def distance(entry: Entry) -> tuple[float, str]:
+    def distance(entry: ListedProblem) -> tuple[float, str]:
         return max(entry.unknowns / MIDDLE, MIDDLE / entry.unknowns), entry.name
 
-    families: dict[str, list[Entry]] = {}
+    families: dict[str, list[ListedProblem]] = {}
     for entry in sorted(entries, key=distance):
         families.setdefault(entry.family, []).append(entry)
     for turn in zip_longest(*(families[name] for name in sorted(families))):

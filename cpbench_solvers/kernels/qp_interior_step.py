@@ -76,7 +76,7 @@ def _products_after(t, z, dt, dz, alpha, lower, upper):
     return total
 
 
-class Step(NamedTuple):
+class PathStep(NamedTuple):
     """A step and its linear system [H + diag w, Gᵀ; G, −diag theta](dx, −v) = (a, b), all of them views of the work.
 
     s : (N,) x and Gx. ds : (N,) their change. dt, dz : (2 N,) of slacks and multipliers. h : (N,) what sides give a.
@@ -95,13 +95,13 @@ class Step(NamedTuple):
     h: Any
 
 
-STEP = types.NamedUniTuple(OUT, len(Step._fields), Step)
+STEP = types.NamedUniTuple(OUT, len(PathStep._fields), PathStep)
 
 
 @njit(STEP(OUT, types.int64, types.int64), **COMPILED)
 def _views(work, n, N):
     """Return the parts of a work of 12 N numbers."""
-    return Step(
+    return PathStep(
         work[:n],
         work[N : 2 * N - n],
         work[2 * N : 2 * N + n],

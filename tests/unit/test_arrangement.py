@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 from synthetic_results import results_file, suite
 
+from cpbench.analysis.run_table import RunTable
 from cpbench.bench.results.sealed import sealed
 from cpbench.cli.graph_command import command as graph
 from cpbench.cli.plot_command import command as plot
@@ -51,7 +52,7 @@ def test_a_figure_for_a_column_gives_the_plot_the_room(results: Path, tmp_path: 
     assert done.exit_code == 0, done.output
     assert "\ncaption: The height of a curve at τ is the fraction" in done.output
     with sealed(results) as store:
-        run = assembled(store.table(), store.meta(), tmp_path)
+        run = assembled(RunTable.of(store.table(), store.meta()), tmp_path)
     with run_canvas.drawing():
         made = find("cpbench.report.plots", "profile").draw(run, Choice())
         arrange(made.figure, 89 / 25.4, math.nan, "")

@@ -48,7 +48,7 @@ def test_a_description_has_the_sizes_of_its_problem() -> None:
 def test_the_licence_of_the_problems_is_that_of_the_data() -> None:
     assert {entry.licence for entry in ENTRIES} == {"CC0-1.0"}
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
-    assert project["license"] == "Apache-2.0 AND CC0-1.0"
+    assert project["license"] == "Apache-2.0 AND CC0-1.0 AND BSD-3-Clause"
     text = (Path(__file__).parents[2] / "LICENSE-DATA").read_text("utf-8")
     assert "CC0 1.0 Universal" in text
 

@@ -103,7 +103,7 @@ def test_a_damaged_file_does_not_keep_back_the_others(run: Run, tmp_path: Path) 
     (tmp_path / "b.h5").write_bytes(whole[: len(whole) // 2])
     code, out, err = run("info", ".")
     assert code == 2
-    assert out.startswith("3 problems: 3 fc\n")
+    assert out.startswith("3 problems: 3 fc; 1 file could not be read\n")
     assert re.fullmatch(r"refused: b\.h5: .*\n", err)
 
 

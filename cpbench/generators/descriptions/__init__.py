@@ -14,7 +14,7 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Description:
-    """What is said of a problem; empty where no table has an entry for it.
+    """A description of a problem; empty where no table has an entry for it.
 
     Attributes
     ----------
