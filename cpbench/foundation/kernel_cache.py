@@ -211,13 +211,13 @@ def _is_loaded(module: str) -> bool:
 
 
 def _drop_stale(module: str, directory: Path) -> None:
-    """Remove what was compiled of `module` when a kernel module from which it takes functions is not what it was.
+    """Remove what was compiled of `module` when it, or a kernel module from which it takes functions, is not what it
+    was.
 
-    numba looks at the module's own file only: without this, code compiled from an older one would go on running.
+    numba looks at the module's own file only: without this, code compiled from an older one would go on running. And it
+    reads the index of what was compiled before it looks, which fails where a class in a signature has another name now.
     """
-    taken = [path for _, path in _taken(module)]
-    if not taken:
-        return
+    taken = [_file(module), *(path for _, path in _taken(module))]
     now = "\n".join(f"{path.name} {path.stat().st_mtime_ns} {path.stat().st_size}" for path in taken)
     stamp = directory / f"{module}.taken"
     with contextlib.suppress(OSError):  # a cache that cannot be written is not ours to mend
