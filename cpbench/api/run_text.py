@@ -73,8 +73,8 @@ def piloted(plan: RunPlan, todo: Sequence[Pair], pilot: Callable[[Sequence[Pair]
         return
     whose = " of one worker like this machine" if plan.dask or plan.cluster else ""
     yield (
-        f"{found.expected}{whose}, if the machine stays as busy, by {drawn}; reading, the start of solvers and the report "
-        "come on top"
+        f"{found.expected}{whose}, if the machine stays as busy, by {drawn}; reading, the start of solvers and the "
+        "report come on top"
     )
 
 
