@@ -179,12 +179,17 @@ def _scaled(P: Polyhedron) -> _Scaled:
     )
 
 
+def _finite(part: Any) -> bool:
+    """Return whether a matrix, a vector or nothing has no infinite number."""
+    return part is None or bool(np.isfinite(part.data if sp.issparse(part) else part).all())
+
+
 def _least(cost: Vector, A: Any, b: Vector | None, E: Any, f: Vector, bounds: Any, deadline: float) -> Vector | None:
     """Return a minimiser of costᵀx over Ax ≤ b, Ex = f and the bounds; None where HiGHS gives none in time."""
     from scipy.optimize import linprog  # slow to import, and rarely needed
 
     left = deadline - time.perf_counter()
-    if left <= 0.0:
+    if left <= 0.0 or not all(_finite(part) for part in (cost, A, b, E, f)):  # 1 over a subnormal number is not
         return None
     options: Any = {"primal_feasibility_tolerance": ACCURACY, "dual_feasibility_tolerance": ACCURACY}
     if math.isfinite(left):
