@@ -52,5 +52,5 @@ def grid(side: int) -> Instance:
         A=sp.csr_array(G), B=sp.csr_array((v.size, v.size)), C=C, D=sp.csr_array(-C.T), a=-(G @ u) - C @ v,
         b=w + C.T @ u, name=f"diode-grid-{side}x{side}",
     )  # fmt: skip
-    facts = {"class": "PSD", "diodes": int(v.size), "conducting": int(conducts.sum())}
+    facts = {"class": "monotone", "diodes": int(v.size), "conducting": int(conducts.sum())}
     return Instance(problem, MLCPPoint(u=u, v=v), "planted", properties=facts)

@@ -77,4 +77,4 @@ def rosenbrock(n: int) -> Instance:
     none = np.zeros(0)
     points = [NLPPoint(z=z, lam=none, mu=none, nu=np.zeros(n)) for z in (np.ones(n), start)]
     facts = {"class": "not known to be convex", "objective": 0.0}
-    return Instance(problem, points[0], "published", None, facts, (points[1],))
+    return Instance(problem, points[0], "closed form", None, facts, (points[1],))
