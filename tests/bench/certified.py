@@ -73,6 +73,8 @@ def main() -> None:
             continue
         if certificate:
             proofs[problem.fingerprint] = certificate.level
+        if asked.save:
+            save(proofs, asked.save)  # now: the rest may be interrupted
         level = certificate.level
         if certificate and asked.check:
             level += "" if checked(certificate, problem) else ", NOT CHECKED"

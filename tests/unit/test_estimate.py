@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from cpbench import storage
 from cpbench.api.estimate import NOTHING, SolveTimes, Span, shipped_times, solves
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request, exact
-from cpbench.generators.collection import builtin_folder
+from cpbench.generators.collection import catalogue
 from cpbench.solvers.base import solvers
 
 TIMES = {"fast": 0.5, "slow": 20.0, "failing": None}
@@ -37,10 +36,10 @@ def test_a_range_says_both_ends_where_they_differ() -> None:
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_the_shipped_times_are_of_built_in_problems_and_of_solvers_that_may_be_named() -> None:
+def test_the_shipped_times_are_of_problems_of_the_collection_and_of_solvers_that_may_be_named() -> None:
     known = shipped_times()
-    here = {problem.fingerprint for problem in map(storage.load, storage.problem_files([builtin_folder()]))}
-    assert len(known) >= 190
+    here = {entry.fingerprint for entry in catalogue()}
+    assert len(known) >= 200
     assert set(known) <= here
     labels = {label for times in known.values() for label in times}
     assert all(label in solvers and not solvers.get(label).spec.publishing for label in labels)
