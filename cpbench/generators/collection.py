@@ -15,6 +15,7 @@ from cpbench import storage
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
 from cpbench.generators.base import SMALL, TIERS, Collection, Instance, generators
+from cpbench.storage.collections import PREFIX, added
 
 NAME, VERSION = "cpbench-collection", "2026.12"
 """Name of the collection; its version changes when problems are added, changed or removed."""
@@ -36,11 +37,14 @@ def builtin_folder() -> Path:
 
 
 def address_text(address: str) -> str:
-    """Return an address as a reader may type it: that of a built-in problem as `builtin/...`, any other as it is.
+    """Return an address as a reader may type it: that of a built-in problem as `builtin/...`, that of one in a
+    collection as `collection/...`, any other as it is.
 
     >>> address_text(f"{builtin_folder()}/lcp/american-put.h5"), address_text("mine.h5")
     ('builtin/lcp/american-put.h5', 'mine.h5')
     """
+    if (shorter := address.removeprefix(f"{added.home()}{os.sep}")) != address:
+        return f"{PREFIX}/{shorter}"
     try:
         inside = address.removeprefix(f"{builtin_folder()}{os.sep}")
     except CpbenchError:  # none are installed

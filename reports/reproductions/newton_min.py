@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
-from cpbench.foundation.matrices import Dense, Vector, dense
+from cpbench.foundation.matrices import Vector, dense
 from cpbench.solvers import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 
 BEHIND = 1e-3
@@ -87,7 +87,7 @@ class HarkerPang(NewtonMin):
 
     def length(self, difference: Vector, change: Vector) -> float:
         """Return 1 where z − w changes no sign before, else a little more than where the first component does."""
-        crossing: Dense = np.flatnonzero(difference * change < 0.0)
+        crossing = np.flatnonzero(difference * change < 0.0)
         kinks = np.sort(-difference[crossing] / change[crossing])
         if kinks.size == 0 or kinks[0] >= 1.0:
             return 1.0

@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
@@ -55,7 +55,10 @@ def ben_gharbia_gilbert_matrix(n: int) -> Dense:
     2012, as in the file bg2012.m of the authors' hnm4lcp).
     """
     before = (2.0,) if n % 2 else (4.0 / 3.0, 0.5)
-    return np.eye(n) + sum(value * np.roll(np.eye(n), -k, axis=1) for k, value in enumerate(before, 1))
+    M = np.eye(n)
+    for k, value in enumerate(before, 1):
+        M += value * np.roll(np.eye(n), -k, axis=1)
+    return M
 
 
 def ben_gharbia_gilbert_problems() -> Packed:
@@ -75,7 +78,7 @@ def murty_problems() -> Packed:
     """
     made: Packed = {}
     for n in (4, 6, 8, 10, 12):
-        M = dense(murty(n).problem.M)
+        M = dense(cast(LCP, murty(n).problem).M)
         hard = LCP(M=M, q=-np.cumsum(2.0 ** np.arange(n, 0, -1)), name=f"lemke-{n}")
         reverse = LCP(M=M[::-1, ::-1], q=-np.ones(n), name=f"least-index-{n}")
         made |= {hard.name: (hard, ()), reverse.name: (reverse, ())}

@@ -12,6 +12,7 @@ from command_line import cpbench
 from cpbench import storage
 from cpbench.bench.planning.places import located
 from cpbench.errors import CpbenchError, FormatError, UnknownName
+from cpbench.generators.collection import address_text
 from cpbench.storage.collections import added, manifests
 from cpbench.storage.collections.manifests import ListedFile, Manifest
 from cpbench.storage.dispatch import reading
@@ -68,6 +69,7 @@ def test_files_are_copied_under_their_names_in_the_set(source: Path) -> None:
     place = located("collection/diphasic", Path)
     assert storage.problem_files([place]) == [f"{place}/lcp-Ma.txt"]
     np.testing.assert_array_equal(storage.load(f"{place}/lcp-Ma.txt").q, [-5.0, -6.0])
+    assert address_text(f"{place}/lcp-Ma.txt") == "collection/diphasic/lcp-Ma.txt"
     assert [path.name for path in added.home().iterdir()] == ["diphasic"], "nothing temporary is left"
 
 
