@@ -181,7 +181,8 @@ def _scaled(P: Polyhedron) -> _Scaled:
 
 def _finite(part: Any) -> bool:
     """Return whether a matrix, a vector or nothing has no infinite number."""
-    return part is None or bool(np.isfinite(part.data if sp.issparse(part) else part).all())
+    matrix: Any = sp.coo_array(part).data if sp.issparse(part) else part
+    return part is None or bool(np.isfinite(matrix).all())
 
 
 def _least(cost: Vector, A: Any, b: Vector | None, E: Any, f: Vector, bounds: Any, deadline: float) -> Vector | None:
