@@ -6,6 +6,7 @@ from pathlib import Path
 
 import click
 
+from cpbench.analysis.run_table import RunTable
 from cpbench.bench.results.sealed import sealed
 from cpbench.cli.options import Command, force_option, publishable_option
 from cpbench.cli.types import PATH
@@ -28,7 +29,7 @@ def command(results: Path, form: str, node: str | None, publishable: bool, outpu
     tex needs the package booktabs. Times are in milliseconds, in csv in seconds and with all digits.
     """
     with sealed(results) as store:
-        run = assembled(store.table(), store.meta(), Path(), publishable=publishable)
+        run = assembled(RunTable.of(store.table(), store.meta()), Path(), publishable=publishable)
     chosen = [ranking for ranking in run.rankings if node in (None, ranking.group.node)]
     if not chosen and node is not None:
         raise UnknownName("formulation of the results", node, sorted({r.group.node for r in run.rankings}))
