@@ -164,19 +164,20 @@ def _scaled(P: Polyhedron) -> _Scaled:
     """Units in which rows and columns have a mean of one, in powers of two."""
     G, E = sp.csr_array(P.G), sp.csr_array(P.E)
     whole: Any = sp.vstack([G, E], format="csr")
-    row, column = (np.exp2(np.rint(np.log2(unit))) for unit in equilibrate_apart(abs(whole)))
     m = P.h.size
-    right: Any = sp.diags_array(column)
-    return _Scaled(
-        sp.csr_array(sp.diags_array(row[:m]) @ G @ right),
-        P.h * row[:m],
-        sp.csr_array(sp.diags_array(row[m:]) @ E @ right),
-        P.f * row[m:],
-        P.lb / column,
-        P.ub / column,
-        row,
-        column,
-    )
+    with np.errstate(all="ignore"):  # beside subnormal numbers units are infinite: no program is solved then
+        row, column = (np.exp2(np.rint(np.log2(unit))) for unit in equilibrate_apart(abs(whole)))
+        right: Any = sp.diags_array(column)
+        return _Scaled(
+            sp.csr_array(sp.diags_array(row[:m]) @ G @ right),
+            P.h * row[:m],
+            sp.csr_array(sp.diags_array(row[m:]) @ E @ right),
+            P.f * row[m:],
+            P.lb / column,
+            P.ub / column,
+            row,
+            column,
+        )
 
 
 def _finite(part: Any) -> bool:

@@ -130,3 +130,9 @@ def test_few_iterations_are_shared() -> None:
     assert found.claim is not Claim.SOLVED
     assert found.counters["solvers"] == 2
     assert found.counters["iterations"] <= 6
+
+
+def test_a_subnormal_entry_ends_in_no_error() -> None:
+    """1/1e-309 is no number: z = 1e309 would solve it."""
+    output = solvers.get("auto-lcp").run(LCP(M=np.diag([1e-309, 1.0]), q=np.array([-1.0, -1.0])), Budget())
+    assert output.claim is not Claim.SOLVED
