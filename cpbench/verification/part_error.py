@@ -97,7 +97,8 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     least : an error that the answer has in any case; growth below its root is not measured.
     """
     frame, units = system.frame, units_of(system, parts, sums)
-    errors = _conditions(system, parts, units)
+    share = _of_gradient(parts, units)
+    errors = _conditions(system, parts, units, share)
     noise, amplification = (ROUNDINGS * EPS) * (sums + frame.constants), frame.amplification
     # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing there
     deciding = (errors > 0) | ((amplification * EPS >= 1.0) & (frame.norms(system.f) > 0))
@@ -110,7 +111,7 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     if parts.measure is Measure.ENERGY:
         errors = parts.whole.spread(parts.whole.norm(errors))
     if system.also is not None:
-        _count_also(system, parts, units, errors)
+        _count_also(system, units, errors, share)
     rounded = _without_rounding(system, noise)
     grown, unknown = _growth(system, rounded, parts, units, noise, errors, least)
     if unknown is not None:
@@ -128,37 +129,36 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     return BlockErrors(errors, np.minimum(grown, 1.0), floors, absolute)
 
 
-def _conditions(system: System, parts: Parts, units: AnswerUnits) -> Vector:
-    """Return by how much every block misses its conditions, in units."""
+def _conditions(system: System, parts: Parts, units: AnswerUnits, share: Vector | None) -> Vector:
+    """Return by how much every block misses its conditions, in units; those of the gradient at most by `share`."""
     if parts.measure is not Measure.GAP:
         return system.frame.norms(system.defect(units.x, units.f))
     errors = system.frame.largest(system.distances(units.x, units.f))
-    share = _of_gradient(parts, units)
-    if (share >= errors).all():
+    if share is None or (share >= errors).all():
         return errors
     x_unit, f_unit = (np.where(at, of, 0.0) for at, of in ((parts.beside_z, units.x), (~parts.beside_z, units.f)))
     primal = system.frame.largest(system.distances(x_unit, f_unit))
     return np.maximum(primal, np.minimum(errors, share))
 
 
-def _of_gradient(parts: Parts, units: AnswerUnits) -> Vector:
-    """Return the share that the terms of a gradient without prices have in what sides make of it, (k,); else 1."""
+def _of_gradient(parts: Parts, units: AnswerUnits) -> Vector | None:
+    """Return the share that the terms of a gradient without prices have in what sides make of it, (k,), 1 of others;
+    None where all have prices."""
+    if parts.unpriced is None:
+        return None
     largest = np.divide(parts.per_row, units.f, out=np.zeros_like(units.f), where=parts.beside_z & (units.f > 0))
     size, given = parts.whole.largest(largest), parts.scales(units.needed)[1]
-    priced = parts.whole.any(parts.beside_z & (parts.frame.constants > 0))
-    return parts.whole.spread(np.divide(size, given, out=np.ones_like(size), where=(size < given) & ~priced))
+    return parts.whole.spread(np.divide(size, given, out=np.ones_like(size), where=(size < given) & parts.unpriced))
 
 
-def _count_also(system: System, parts: Parts, units: AnswerUnits, errors: Vector) -> None:
+def _count_also(system: System, units: AnswerUnits, errors: Vector, share: Vector | None) -> None:
     """Count the residuals that must vanish beside f; the force of a bound has digits of its own row only."""
     assert system.also is not None
     value, at = system.also
     size = np.maximum(1.0, system.frame.norms(system.f)[at] * units.f[at])
     places = np.arange(errors.size)[at] if isinstance(at, slice) else at
     found = np.abs(value) * units.f[at] / size
-    if parts.measure is Measure.GAP:
-        found = np.minimum(found, _of_gradient(parts, units)[at])
-    np.maximum.at(errors, places, found)
+    np.maximum.at(errors, places, found if share is None else np.minimum(found, share[at]))
 
 
 def _without_rounding(system: System, noise: Vector) -> System:

@@ -182,6 +182,14 @@ class Parts:
         return z, np.maximum(prices, np.where(curved, z, 0.0))
 
     @cached_property
+    def unpriced(self) -> Any:
+        """Whether no row beside z of a part of a program has a constant, (whole.count,); None where none is so."""
+        if self.measure is not Measure.GAP:
+            return None
+        found = ~self.whole.any(self.beside_z & (self.frame.constants > 0))
+        return found if found.any() else None
+
+    @cached_property
     def indifferent(self) -> Any:
         """Whether a block is in a part that has neither prices nor a curved objective, (k,); None where none is."""
         if self.measure is not Measure.GAP:
