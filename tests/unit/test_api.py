@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sliding import SLIDING
 
 import cpbench
 from cpbench import formulations
@@ -33,26 +34,10 @@ def test_every_formulation_and_its_point_is_exported() -> None:
         assert getattr(cpbench, cls.point_type.__name__) is cls.point_type
 
 
-FORMULATION = """
-import numpy as np
-from cpbench.formulations import LCPPoint, Relay, formulations
-from cpbench.generators.base import Instance, collection
-
-@formulations.register("sliding")
-class Sliding(Relay):
-    node = "sliding"
-
-@collection("steps", "sliding", "steps", "nobody", builtin=False)
-def build():
-    problem = Sliding(M=np.eye(1), q=[0.5], lb=[-1.0], ub=[1.0], name="one")
-    return [Instance(problem, LCPPoint(z=[-0.5]), "closed form")]
-"""
-
-
 def test_a_formulation_and_its_generator_are_all_that_a_new_node_takes(tmp_path: Path) -> None:
     """It is exported, has cases for the checks, and stands on the map, though no file of cpbench has its name."""
     plugin = tmp_path / "sliding.py"
-    plugin.write_text(FORMULATION)
+    plugin.write_text(SLIDING)
     code = (
         "import cpbench; from cpbench.report import canvas, graph_map; from cpbench.testing.cases import cases, draw\n"
         "with canvas.drawing(): drawn = [t.get_text() for t in graph_map.graph_map()[0].axes[0].texts]\n"

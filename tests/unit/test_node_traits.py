@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from command_line import cpbench
+from sliding import SLIDING
 from sources import module_name, modules
 
 from cpbench.api.node_traits import DERIVED, MISSING, PRESENT, node_traits, tables
@@ -23,25 +24,12 @@ MOST = 6
 the published measures, each of which names the formulations of its authors."""
 MANY = 4
 """Names of formulations in one literal that make it a list."""
-PLUGIN = """
-import numpy as np
-from cpbench.formulations import LCPPoint, Relay, formulations
-from cpbench.generators.base import Instance, collection
+ENTERED = """
 from cpbench.testing.makers import plants
 from cpbench.verification.parts import Measure
 from cpbench.verification.systems import relay
 from cpbench.verification.tables import rows_of
 
-@formulations.register("sliding")
-class Sliding(Relay):
-    node = "sliding"
-
-@collection("steps", "sliding", "steps", "nobody", builtin=False)
-def build():
-    problem = Sliding(M=np.eye(1), q=[0.5], lb=[-1.0], ub=[1.0], name="one")
-    return [Instance(problem, LCPPoint(z=[-0.5]), "closed form")]
-"""
-ENTERED = """
 rows_of("sliding", by=Measure.PAIRS)(relay)
 
 @plants("sliding")
@@ -93,7 +81,7 @@ def test_an_entry_is_not_replaced() -> None:
 
 
 def test_the_doctor_says_what_a_new_formulation_lacks(tmp_path: Path) -> None:
-    before, after = _doctor(tmp_path, PLUGIN), _doctor(tmp_path, PLUGIN + ENTERED)
+    before, after = _doctor(tmp_path, SLIDING), _doctor(tmp_path, SLIDING + ENTERED)
     assert before["rows for the judge"] == MISSING
     assert before["planted cases"] == before["map_place"] == DERIVED
     assert before["terms"] == before["data"] == before["generator"] == PRESENT

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sliding import SLIDING
 
 from cpbench import storage
 from cpbench.bench.results.store import Store
@@ -24,25 +25,9 @@ results.count = stranger.greet:command
 [cpbench.functions]
 halved = stranger.greet:halved
 """
-PLUGIN = '''"""What the package registers."""
-
-import numpy as np
-
-from cpbench.formulations import LCPPoint, Relay, formulations
-from cpbench.generators.base import Instance, collection
+PLUGIN = f"""{SLIDING}
 from stranger import greedy  # the solver
-
-
-@formulations.register("sliding")
-class Sliding(Relay):
-    node = "sliding"
-
-
-@collection("steps", "sliding", "steps", "a stranger", builtin=False)
-def build():
-    problem = Sliding(M=np.eye(1), q=[0.5], lb=[-1.0], ub=[1.0], name="one")
-    return [Instance(problem, LCPPoint(z=[-0.5]), "closed form")]
-'''
+"""
 COMMAND = '''"""Print the number of unknowns of a problem. Nothing else."""
 
 import click
