@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -101,7 +100,7 @@ class AutomaticChoice(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        begun, phases, solver = time.monotonic(), prepared.phases, prepared.solver
+        begun, phases, solver = warming.now(), prepared.phases, prepared.solver
         # most problems end with the first solver, many in less time than it takes to prepare for more
         if solver is not None and start is None and record is None and budget.seconds > 0 and budget.iterations != 0:
             output = solver.collect(solver.solve(prepared.first, budget, prepared.options))
@@ -173,11 +172,12 @@ class _Run:
         """Whether there is nothing left to find, or to find it with."""
         budget = self._budget
         spent = budget.iterations is not None and self._iterations >= budget.iterations
-        return self._ended is not None or spent or time.monotonic() > self._deadline
+        return self._ended is not None or spent or warming.now() > self._deadline
 
     def ask(self, phase: SolverPhase) -> None:
         """Run one solver, as far as its phase and the budget allow."""
-        solver = self._warmed(phase)
+        # `setup` has warmed up the first
+        solver = warming.ready(phase.solver, quickly=phase is self._plan.phases[0])
         share = self._share(phase)
         takes = self._error < WORTH and Trait.WARM_START in solver.spec.traits
         start, record = self._best if takes else None, self._recorder()
@@ -204,13 +204,6 @@ class _Run:
         else:
             self._keep(phase.solver, output)
 
-    def _warmed(self, phase: SolverPhase) -> Solver:
-        """Return the solver of a phase, ready; `setup` has warmed up the first."""
-        before = warming.seconds()
-        solver = warming.ready(phase.solver, quickly=phase is self._plan.phases[0])
-        self._deadline += warming.seconds() - before
-        return solver
-
     def concluded(self) -> SolverOutput:
         """Return the answer that solves it, the certificate that none does, or the best that was found."""
         if self._ended is not None:
@@ -233,7 +226,7 @@ class _Run:
             most = left if most is None else min(most, left)
         if most == budget.iterations and math.isinf(budget.seconds):
             return budget
-        return replace(budget, iterations=most, seconds=max(self._deadline - time.monotonic(), 0.0))
+        return replace(budget, iterations=most, seconds=max(self._deadline - warming.now(), 0.0))
 
     def _count(self, output: SolverOutput) -> None:
         self._iterations += max(output.counters.get("iterations", 1), 1)

@@ -56,6 +56,12 @@ def seconds() -> float:
     return _seconds
 
 
+def now() -> float:
+    """Return the time that deadlines of solvers which call others are set by [s]: `time.monotonic`, less what has been
+    off the clock."""
+    return time.monotonic() - _seconds
+
+
 def ready(name: str, *, quickly: bool) -> Solver:
     """Return the solver of a name, warmed up completely, or as far as every solve needs.
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,6 +14,7 @@ from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.foundation.kernel_cache import load
+from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers.avi.claims import data_of, error_of
 from cpbench_solvers.lcp.claims import CLOSE
@@ -60,13 +60,13 @@ def solve_apart(
     parts: PartedAffine, budget: Budget, start: Any | None, run: Callable[[Any, Budget, Any], SolverOutput]
 ) -> SolverOutput:
     """Return the answer of all parts, solved one after the other by `run`; a limit of iterations is one of all."""
-    problem, deadline = parts.problem, time.monotonic() + budget.seconds
+    problem, deadline = parts.problem, warming.now() + budget.seconds
     x = np.zeros(sum(problem.point_sizes.values()))
     given, counters, claim, missed = None if start is None else _joined(start), Counter[str](), Claim.SOLVED, []
     for number, at in enumerate(parts.members):
         own = restricted(problem, at)
         left = None if budget.iterations is None else max(budget.iterations - counters["iterations"], 0)
-        share = replace(budget, seconds=max(deadline - time.monotonic(), 0.0), iterations=left)
+        share = replace(budget, seconds=max(deadline - warming.now(), 0.0), iterations=left)
         output = run(own, share, None if given is None else _point(own, given[at]))
         counters.update(output.counters)
         if output.point is not None:

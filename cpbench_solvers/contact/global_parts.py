@@ -6,7 +6,6 @@ or loads are far apart.
 
 from __future__ import annotations
 
-import time
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.foundation.matrices import Vector, entries, is_sparse
+from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved
 from cpbench_solvers.contact.dynamics_error import DynamicsError
 from cpbench_solvers.contact.parts import rows_of
@@ -106,13 +106,13 @@ def solve_moving(
 
     It claims to be solved where every part does. A limit of iterations is one of each part, that of time is one of all.
     """
-    problem, deadline = whole.problem, time.monotonic() + budget.seconds
+    problem, deadline = whole.problem, warming.now() + budget.seconds
     first, d = problem.zero_point() if start is None else start, problem.dimension
     now = first.v.copy(), first.r.copy(), first.lam.copy()
     counters, failed = Counter[str](), []
     progress = None if record is None else _Progress(record, whole, first)
     for k, part in enumerate(whole.parts):
-        left = replace(budget, seconds=max(deadline - time.monotonic(), 0.0))
+        left = replace(budget, seconds=max(deadline - warming.now(), 0.0))
         begin = None if start is None else part.start(start, d)
         look = None if progress is None else progress.of_part(k, counters["iterations"])
         output = run(restricted(problem, part), left, begin, look)

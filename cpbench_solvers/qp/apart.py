@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from cpbench.formulations.qp import QP, QPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
+from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers.lcp.claims import CLOSE
 from cpbench_solvers.qp.claims import PARTS_KERNEL, SPARSE_KERNEL, ErrorMeasure
@@ -55,7 +55,7 @@ def solve_apart(
 
     A part without a solution ends it; its certificate is one of the whole.
     """
-    P, deadline = parts.problem, time.monotonic() + budget.seconds
+    P, deadline = parts.problem, warming.now() + budget.seconds
     whole = _Answer(P)
     counts, outcome = np.zeros(2, np.int64), np.empty(parts.count, np.int64)
     kernel, own = load(KERNEL), ProximalActiveSetOptions()
@@ -77,7 +77,7 @@ def solve_apart(
     whole.count({"iterations": int(counts.sum()), "proximal_steps": int(counts[1])})
     for q, at in _members(parts, np.flatnonzero(outcome != 0)):
         left = None if budget.iterations is None else max(budget.iterations - whole.counters["iterations"], 0)
-        share = replace(budget, seconds=max(deadline - time.monotonic(), 0.0), iterations=left)
+        share = replace(budget, seconds=max(deadline - warming.now(), 0.0), iterations=left)
         part = restricted(P, at)
         output = run(part, share, None if start is None else _start(P, start, at))
         whole.count(output.counters)

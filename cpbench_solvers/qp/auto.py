@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -118,13 +117,13 @@ class AutoQP(AutomaticChoice):
             if record is not None and isinstance(output.point, QPPoint):
                 record_ends(prepared.problem, output.point, output.counters["iterations"], record)
             return output
-        begun, problem = time.monotonic(), prepared.problem
+        begun, problem = warming.now(), prepared.problem
         last = None if record is None else _LastNumber(record)
         output = super().solve(prepared, budget, options, start, last)
         if output.claim in ENDED or problem.p.size > SMALL or budget.iterations is not None:
             return output
         for other in (self._apart, self._presolved):
-            left = budget.seconds - (time.monotonic() - begun)
+            left = budget.seconds - (warming.now() - begun)
             found = other(problem, replace(budget, seconds=left)) if left > 0.0 else None
             if found is not None and found.claim in ENDED:
                 if last is not None and (point := found.point) is not None:
