@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ import scipy.sparse as sp
 from cpbench.formulations import QP, QPPoint
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.foundation.product_cones import Cone, ProductCone
-from cpbench.solvers import Budget, Claim, solvers
+from cpbench.solvers import Budget, Claim, solvers, warming
 from cpbench.verification import judge
+from cpbench_solvers.qp.apart import MOST, parted, solve_apart
 from cpbench_solvers.qp.claims import ErrorMeasure
 
 NAMES = ["auto-qp", "interior-point-qp", "proximal-active-set", "augmented-lagrangian", "primal-active-set"]
@@ -108,6 +110,29 @@ def test_a_part_without_a_solution_is_one_of_the_whole() -> None:
     output = run("auto-qp", whole)
     assert output.claim is Claim.INFEASIBLE
     assert whole.certifies_infeasibility(output.certificate)
+
+
+def test_compilation_takes_no_time_from_the_parts_that_follow() -> None:
+    """The first solve of an installation compiles for longer than most limits are."""
+    rng = np.random.default_rng(17)
+    problem, x = glued([planted(rng, MOST + 1, 1.0, 1.0) for _ in range(2)])
+    parts = parted(problem)
+    assert parts is not None
+    assert parts.count == 2
+    left = []
+
+    def run_part(part: QP, budget: Budget, start: Any) -> Any:
+        left.append(budget.seconds)
+        with warming.off_the_clock():
+            time.sleep(2.0 * limit)
+        return run("interior-point-qp", part)
+
+    limit = 1.0
+    output = solve_apart(parts, Budget(tolerance=1e-6, seconds=limit), None, run_part)
+    assert len(left) == 2
+    assert left[1] > 0.0
+    assert output.claim is Claim.SOLVED
+    np.testing.assert_allclose(output.point.z, x.z, rtol=1e-3)
 
 
 def test_recording_parts_ends_in_the_answer() -> None:
