@@ -57,7 +57,16 @@ def deadlines(
     >>> [found[name].item() for name in ("p50", "p95", "misses", "longest", "longest_from")]
     [3.0, inf, 2, 2, 1.0]
     """
-    return _statistics(*_matrices(group, deadline, histories), deadline, level)
+    if not deadline > 0:
+        raise ValueError(f"deadline of {deadline} s: must be positive")
+    steps = steps_of(group)
+    times = rows_of.times(group).reindex(steps.index)
+    errors = paths.error_at(group, histories, deadline).reindex(steps.index)
+    at, worst = quantiles(times).to_numpy(), quantiles(errors, (0.5, 0.95, 1.0)).to_numpy()
+    solved = np.isfinite(times.to_numpy(dtype=float)).sum(axis=0)
+    measured = {"problems": len(times), "solved": solved, **dict(zip(("p50", "p95", "p99", "max"), at, strict=True))}
+    errors_at = dict(zip(("error_p50", "error_p95", "error_max"), worst, strict=True))
+    return late(times, steps, deadline, level).assign(**measured, **errors_at)[list(COLUMNS)]
 
 
 def quantiles(values: pd.DataFrame, levels: tuple[float, ...] = LEVELS) -> pd.DataFrame:
@@ -83,51 +92,35 @@ def quantiles(values: pd.DataFrame, levels: tuple[float, ...] = LEVELS) -> pd.Da
     return pd.DataFrame(ordered[places], index=index, columns=values.columns)
 
 
-def _matrices(
-    group: pd.DataFrame, deadline: float, histories: pd.DataFrame | None
-) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
-    """Return times, errors at the deadline, and sequence and step of each problem; problems in the order of the
-    steps.
-    """
-    if not deadline > 0:
-        raise ValueError(f"deadline of {deadline} s: must be positive")
-    errors = paths.error_at(group, histories, deadline)
+def steps_of(group: pd.DataFrame) -> pd.DataFrame:
+    """Return sequence and step of each problem (index: fingerprint), in the order of both."""
     steps = group[["fingerprint", "sequence", "step"]].drop_duplicates("fingerprint").set_index("fingerprint")
-    steps = steps.sort_values(["sequence", "step"], kind="stable")
-    return rows_of.times(group).reindex(steps.index), errors.reindex(steps.index), steps
+    return steps.sort_values(["sequence", "step"], kind="stable")
 
 
-def _statistics(
-    times: pd.DataFrame, errors: pd.DataFrame, steps: pd.DataFrame, deadline: float, level: float
-) -> pd.DataFrame:
+def late(times: pd.DataFrame, steps: pd.DataFrame, deadline: float, level: float = 0.95) -> pd.DataFrame:
+    """Return how often each label misses a deadline [s]: the columns label and misses to longest_from of `deadlines`.
+
+    `times` : problems × labels [s], in the order of `steps` (`steps_of`).
+    """
     missed = ~(times.to_numpy(dtype=float) <= deadline)
     misses = missed.sum(axis=0)
     low, high = wilson(misses, len(times), level)
-    longest, end = _longest_runs(missed, steps["sequence"].to_numpy())
+    sequence = steps["sequence"].to_numpy(dtype=object)
+    longest, end = _longest_runs(missed, sequence)
     there = longest > 0
     first = np.where(there, end - longest + 1, 0)
-    at, worst = quantiles(times).to_numpy(), quantiles(errors, (0.5, 0.95, 1.0)).to_numpy()
     return pd.DataFrame(
         {
             "label": times.columns.to_numpy(),
-            "problems": len(times),
-            "solved": np.isfinite(times.to_numpy(dtype=float)).sum(axis=0),
-            "p50": at[0],
-            "p95": at[1],
-            "p99": at[2],
-            "max": at[3],
             "misses": misses,
             "share": misses / len(times),
             "low": low,
             "high": high,
             "longest": longest,
-            "longest_in": np.where(there, steps["sequence"].to_numpy(dtype=object)[first], ""),
+            "longest_in": np.where(there, sequence[first], ""),
             "longest_from": np.where(there, steps["step"].to_numpy(dtype=float)[first], math.nan),
-            "error_p50": worst[0],
-            "error_p95": worst[1],
-            "error_max": worst[2],
-        },
-        columns=list(COLUMNS),
+        }
     )
 
 

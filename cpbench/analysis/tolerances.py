@@ -3,7 +3,7 @@
 An answer was measured once, and its error can be held against any tolerance ε: it is *solved* when the error is at
 most ε, whatever was asked for. What was measured on the solver's own problem is held against ε in the proportion in
 which the solver was asked for more or less there. What it cost stays the cost of the solve that was asked for the
-planned tolerance: a solver that is told of a looser one may stop earlier, and at a tighter one it may go on. So this
+planned tolerance: a solver that is asked for a looser one may stop earlier, and at a tighter one it may go on. So this
 ranks what was delivered; what would have been needed, histories tell (`histories.times_to`) or a run at that tolerance.
 """
 
@@ -22,7 +22,7 @@ from cpbench.formulations.base import Kind
 from cpbench.verification import INACCURATE_FACTOR, PROVEN, TARGET_UNRESOLVABLE, Status, Verdict, status
 
 UNCLAIMED = "inaccurate"
-"""Claim of an iterate that was read off a history: nobody said that it is right."""
+"""Claim of an iterate that was read off a history: no solver claimed that it is right."""
 
 
 @dataclass(frozen=True)
@@ -41,18 +41,21 @@ class Ladders:
     code: Integers
     outcomes: tuple[tuple[str, str, str, str], ...]
 
+    def rungs(self, tolerance: float) -> Integers:
+        """Return the place of each row's status at a tolerance among its outcomes."""
+        near = np.minimum(self.error, self.met) <= INACCURATE_FACTOR * tolerance
+        return np.select([self.error <= tolerance, self.met <= tolerance, near], [0, 1, 2], default=3)
+
     def at(self, tolerance: float) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
         """Return the statuses at a tolerance."""
-        near = np.minimum(self.error, self.met) <= INACCURATE_FACTOR * tolerance
-        rung = np.select([self.error <= tolerance, self.met <= tolerance, near], [0, 1, 2], default=3)
-        return np.array(self.outcomes, dtype=object).reshape(-1, 4)[self.code, rung]
+        return np.array(self.outcomes, dtype=object).reshape(-1, 4)[self.code, self.rungs(tolerance)]
 
 
 def judged_at(table: pd.DataFrame, tolerance: float) -> pd.DataFrame:
     """Return the table with the statuses, and the tolerance, that its errors have at `tolerance`.
 
     A checked proof that there is no solution stays what it is, and so do whatever came to no answer in time and what
-    rounding decides, for nobody kept how far its noise goes. Raises ValueError when the tolerance is not positive.
+    rounding decides, for the size of its noise is not recorded. Raises ValueError when the tolerance is not positive.
 
     >>> rows = pd.DataFrame({"status": ["solved", "solved", "wrong", "timeout", "solved"], "flags": "",
     ...     "claim": ["solved", "solved", "solved", "", "max_iter"], "error": [1e-9, 1e-7, 1e-3, 1.0, 1e-7]})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from cpbench.analysis import cautions
 from cpbench.analysis.profiles import FLOOR
@@ -22,6 +22,7 @@ ROWS = 96
 """The most rows of the table of rankings, shared by the formulations."""
 
 
+HEAD = ("solver", "solved", "lost", "median", "× fastest", "error", "route", "remarks")
 EXPLAINED = (
     "Solved: of the problems that the solver was started on; problems that it cannot handle are not counted. Lost: "
     "answers that a conversion lost, which are charged to the conversion and are not among these problems. "
@@ -53,9 +54,8 @@ def answer(run: Run) -> Iterator[str]:
         yield f"*{plain(guide)}*"
     yield "## Ranking"
     lines = max(1, min(10, ROWS // len(shown)))
-    head = ["formulation", "solver", "solved", "lost", "median", "× fastest", "error", "route", "remarks"]
     rows = [cells for ranking in shown for cells in _lines(run, ranking, lines)]
-    yield table(head, rows, right=(2, 3, 4, 5, 6))
+    yield table(["formulation", *HEAD], rows, right=(2, 3, 4, 5, 6))
     yield f"{EXPLAINED} Times below {seconds(FLOOR)} are set to it."
 
 
@@ -77,23 +77,24 @@ def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:
     """
     for k, row in enumerate(ranking.rows[:most]):
         name = f"[{plain(ranking.formulation)}]({file_of(run, ranking.group)})" if k == 0 else ""
-        yield [name, *cells_of(row)]
+        solver, *numbers, route, remarks = cells_of(row)
+        yield [name, code(solver), *numbers, plain(route), plain(remarks)]
     rest = ranking.rows[most:]
     if rest:
         lies = [f"{row.solver}: {warning}" for row in rest for warning in row.warnings if warning.startswith(FALSE)]
         yield ["", f"and {len(rest)} more", *[""] * 6, plain("; ".join(lies))]
 
 
-def cells_of(row: RankedSolver) -> Sequence[str]:
-    """Return solver, solved, lost, median, factor, error, route and remarks as Markdown."""
+def cells_of(row: RankedSolver) -> list[str]:
+    """Return the cells of a row under HEAD as plain text."""
     route = row.route + (f" and {row.others} more" if row.others else "")
-    return (
-        code(row.solver),
+    return [
+        row.solver,
         f"{row.solved} of {row.counted}",
         str(row.lost or "·"),
         seconds(row.median),
         number(row.factor),
         f"{row.error:.1e}" if math.isfinite(row.error) else "—",
-        plain(route) or "—",
-        plain(", ".join(row.warnings)),
-    )
+        route or "—",
+        ", ".join(row.warnings),
+    ]

@@ -47,16 +47,19 @@ def section(run: Run, rows: pd.DataFrame, title: str, name: str) -> Iterator[str
     figures.save(figure(found, problems, title, run.looks), run.folder, name)
     yield f"[![Error against time, {plain(title)}]({name}.png)]({name}.svg)"
     yield f"*{guide(problems)}*"
-    wanted = [e for e in DECADES if (found["error"] <= e).any()]
-    yield table(
-        ["solver", *(f"to {e:g}" for e in wanted)],
-        ([code(label), *(_cell(own, e, problems) for e in wanted)] for label, own in found.groupby("label")),
-        right=range(1, 1 + len(wanted)),
-    )
+    head, lines = times_table(found, problems)
+    yield table(head, ([code(label), *cells] for label, *cells in lines), right=range(1, len(head)))
     yield (
         f"Median time over {counted(problems, 'problem')}, ∞ where more than half were not reached; in brackets how "
         "many were, where not all. Solvers that keep no history are not here."
     )
+
+
+def times_table(found: pd.DataFrame, problems: int) -> tuple[list[str], list[list[str]]]:
+    """Return head and rows of the median times to some errors, as text, from `analysis.histories.work_precision`."""
+    wanted = [e for e in DECADES if (found["error"] <= e).any()]
+    rows = [[str(label), *(_cell(own, e, problems) for e in wanted)] for label, own in found.groupby("label")]
+    return ["solver", *(f"to {e:g}" for e in wanted)], rows
 
 
 def figure(found: pd.DataFrame, problems: int, title: str, looks: Mapping[str, int]) -> Figure:

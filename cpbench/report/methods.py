@@ -2,19 +2,58 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from cpbench.analysis.best import WITHIN
 from cpbench.analysis.bootstrap import FEW, REPLICATES
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.sensitivity import CUSTOM
+from cpbench.formulations.base import Kind
 from cpbench.report.figures import EMPHASISED
 from cpbench.report.text import seconds
-from cpbench.verification import DIRECTION_DEGREES, INACCURATE_FACTOR
+from cpbench.verification import DIRECTION_DEGREES, INACCURATE_FACTOR, TARGET_UNRESOLVABLE
 
 LOSSES = (
     "Here the solver met its target, and the answer that the conversion carried back does not meet the tolerance of "
     "the problem that was asked. *Factor*: the error there over the error on the solver's own problem."
 )
 """Sentence above a table of conversions that lost answers."""
+FLAGS = {
+    "unresolvable": "rounding decides whether the answer meets the tolerance",
+    TARGET_UNRESOLVABLE: "rounding decides whether the answer meets the tolerance on the solver's own problem",
+    "direction": f"accepted, but some contact slips more than {DIRECTION_DEGREES:g}° off the direction that the law "
+    "prescribes",
+    "contact": "accepted, but a contact that carries load misses the law by more than a tenth of its own reaction or "
+    "velocity",
+    "scale": "the natural residual passes and the energy norm does not",
+    "absolute": "a part of the problem has no constants, and was measured absolutely",
+    "repeat": "a repeat of the timing failed after the first answer, which stands",
+    "remembered": "the repeats were so much faster than the first solve that it alone counts",
+    "twice": "the package of the solver claimed an answer, by a test and in units of its own, that misses the "
+    "tolerance, and was asked once more, for a smaller tolerance",
+    "children": "the solver left processes behind",
+    "threads": "it used more threads than it was given",
+    "wrote": "it wrote to the problem's data",
+    "clock": "its answer came much later than its own clock says, and the time is the runner's, with all that passed "
+    "until the answer was there",
+    "history": "not run, but read off the iterates of a run at a tighter tolerance",
+    "mixed": "merged from runs with other limits, machines or versions",
+}
+"""Meaning of the flags of a row."""
+KINDS = {
+    Kind.EQUIVALENT: "every answer there is an answer here, and the other way round",
+    Kind.ONE_WAY: "every answer there is an answer here",
+    Kind.NECESSARY: "promises less than an answer: a necessary condition",
+    Kind.APPROXIMATE: "promises less than an answer: the law is approximated",
+    Kind.RELAXATION: "promises less than an answer: a part of the law is dropped",
+}
+"""Promise of a route."""
+
+
+def _listed(meanings: Mapping[str, str]) -> str:
+    return "; ".join(f"*{name}*: {meaning}" for name, meaning in meanings.items())
+
+
 METHODS = f"""\
 **Problems and pairs.** A pair is a problem, a solver with its options, and a request for a route (`exact`, or a
 conversion named after the `@`). Every pair is fixed before the run and has a row; N, the number of problems of a
@@ -27,7 +66,7 @@ its reason; N stays.
 
 **Solved.** An answer is carried back through the conversions to the problem that was asked, and its error is computed
 there from the problem's data by code and in a process that share nothing with the solver. The pair is *solved* when
-the error is at most the tolerance, whatever the solver said. *Stationary* is the same for a problem that is not
+the error is at most the tolerance, whatever the solver claims. *Stationary* is the same for a problem that is not
 convex: the conditions of optimality hold, minimality is not shown. It is counted in a column of its own, and is in no
 profile, rank or mean, unless the report was asked to count it as solved (`--count-stationary`), which its first lines
 then say. A problem that is proved to have no solution is *infeasible*, and one whose objective is proved to have no
@@ -51,18 +90,9 @@ nonlinear map is measured by its own terms. NaN and missing numbers are ∞. A p
 no size, and is measured absolutely (flag). The measures of the literature are printed beside it, and `--measure` lets
 one of them decide.
 
-**Flags.** *unresolvable*: rounding decides whether the answer meets the tolerance. *direction*: accepted, but
-some contact slips more than {DIRECTION_DEGREES:g}° off the direction that the law prescribes. *contact*: accepted,
-but a contact that carries load misses the law by more than a tenth of its own reaction or velocity. *absolute*: a part
-of the problem has no constants, and was measured absolutely. *repeat*: a repeat of the timing failed after the first
-answer, which stands. *remembered*: the repeats were so much faster than the first solve that it alone counts.
-*twice*: the package of the solver claimed an answer, by a test and in units of its own, that misses the tolerance;
-it was asked once more, for a smaller tolerance. The row has the run that it reports, with the time of this run alone:
-the second where that answer is right, else the first.
-*children*: the solver left processes behind; *threads*: it used more threads than it was given; *wrote*: it wrote to
-the problem's data; *clock*: its answer came much later than its own clock says, and the time is the runner's, with all
-that passed until the answer was there. After the first three its process was replaced. *history*: not run, but read
-off the iterates of a run at a tighter tolerance. *mixed*: merged from runs with other limits, machines or versions.
+**Flags.** {_listed(FLAGS)}. After *children*, *threads* and *wrote* the process was replaced. The row of a solver that
+was asked *twice* has the run that it reports, with the time of this run alone: the second where that answer is right,
+else the first.
 
 **Claim and verdict.** What a solver says of its answer (the claim) is recorded and never believed. Claimed and not
 within the tolerance is *inaccurate* up to {INACCURATE_FACTOR:g} times the tolerance, *wrong* beyond; both are claims
@@ -83,7 +113,7 @@ and the row says so. Sequences are recorded trajectories: each step is the same 
 answer moves the bodies. A solver that takes no starting point is *unsupported* there.
 
 **Histories.** The iterates of one more solve, kept at growing intervals of time and judged like answers on the
-problem that was asked; what a solver tells of its own residual is recorded beside them and not used. The time to a
+problem that was asked; the residual that a solver reports is recorded beside them and not used. The time to a
 tolerance is that of the first kept iterate that meets it: an upper bound.
 
 **Time.** Conversion + set-up + solve + carrying back, wall clock, in a warmed-up process; the median of the repeats

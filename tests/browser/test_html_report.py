@@ -1,5 +1,5 @@
-"""The HTML report in a browser without a network: what its filters compute is what `analysis` computes, it is usable by
-keyboard and screen reader, and nothing in a results file can become markup."""
+"""The HTML report in a browser without a network: what it counts of a selection is what `analysis` computes, it is
+usable by keyboard and screen reader, and nothing in a results file can become markup."""
 
 from __future__ import annotations
 
@@ -248,7 +248,7 @@ def test_hiding_the_best_solver_recomputes_the_ratios(rows: pd.DataFrame, writte
     assert best not in after
     assert after == expected(group, hidden=[best])
     moved = [label for label in after if after[label] != before[label]]
-    assert moved, "somebody else is the best of the problems it led"
+    assert moved, "another solver is the best of the problems it led"
 
 
 @pytest.mark.nightly
@@ -269,9 +269,9 @@ def test_each_control_of_the_form(rows: pd.DataFrame, written: Path, opened: Ope
     page.select_option("#filter-metric", "memory")
     assert settled() == expected(group, metric="memory")
     page.select_option("#filter-metric", "time")
-    page.locator("#filter-tolerance").fill("3")
+    page.select_option("#filter-tolerance", "0.001")
     assert settled() == expected(group, tolerance=1e-3)
-    page.locator("#filter-tolerance").fill("0")
+    page.select_option("#filter-tolerance", "")
     page.select_option("#filter-symbol", "n")
     page.locator("#filter-low").fill("50")
     page.locator("#filter-high").fill("250")
@@ -288,53 +288,56 @@ def test_each_control_of_the_form(rows: pd.DataFrame, written: Path, opened: Ope
     assert settled() == expected(group)
 
 
-def test_other_statistics_are_those_of_python(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
+def test_counts_are_those_of_python(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
+    """Data profiles and pairwise wins of a selection."""
     page, group = opened(written), group_of(rows)
     state = {"families": ["chain"], "hidden": ["pgs"]}
     show(page, **state)
     chosen, problems = filtered(group, **state)
     values = metrics.matrix(chosen, metrics.METRICS["time"])
     budget = page.evaluate(
-        "() => Engine.dataProfile(App.context.matrix).map((c) => [App.context.name(c.label), c.at, c.count])"
+        "() => Rows.curves(App.context.matrix).map((c) => [App.context.name(c.label), c.at, c.count])"
     )
     wanted = data_profiles.data_profile(values, problems).curves
     assert budget == [[c.label, c.ratios.tolist(), list(c.count)] for c in wanted]
     found = page.evaluate(
         """() => { const { matrix, metric, name } = App.context, all = [];
             matrix.labels.forEach((a, i) => matrix.labels.forEach((b, j) => {
-                if (i < j) all.push({ one: name(a), other: name(b), ...Engine.record(matrix, metric.floor, i, j) });
+                if (i < j) all.push({ one: name(a), other: name(b), ...Rows.record(matrix, metric.floor, i, j) });
             })); return all; }"""
     )
     assert found == pairwise.records(values, problems)[list(pairwise.RECORDS)].to_dict("records")
-    told = page.evaluate(
-        """() => { const { times, facts, table, name } = App.context;
-            const order = times.problems.map((p) => ({ sequence: facts.problems.sequence[table.problems[p]], step: facts.problems.step[table.problems[p]] }));
-            return Engine.deadlines(times, 5e-3, order).map((r) => [name(r.label), r.misses, r.longest, r.p50 === Infinity ? null : r.p50, r.low]); }"""  # noqa: E501
-    )
-    late = deadlines.deadlines(chosen, 5e-3)
-    assert [r[:3] for r in told] == late[["label", "misses", "longest"]].to_numpy().tolist()
-    assert [r[3] for r in told] == [None if math.isinf(v) else v for v in late["p50"]]
-    assert [r[4] for r in told] == pytest.approx(late["low"].tolist())
 
 
-def test_work_precision_is_that_of_python(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
+CELLS = """(id) => [...document.querySelectorAll(`#figure-${id} details tbody tr`)].map((line) =>
+    [...line.cells].map((at) => { while (at.firstChild) at = at.firstChild; return at.textContent; }))"""
+"""The first texts of the cells of a table, without the marks behind the name of a solver."""
+
+
+def test_prepared_statistics_are_shown_of_the_chosen_solvers(rows: pd.DataFrame, written: Path, opened: Opened) -> None:
+    """Statistics of all problems are those of Python, whatever is filtered; the solvers are those that are chosen."""
     page, group = opened(written), group_of(rows)
-    show(page)
-    clean = rows_of.normalised(rows)
-    wanted = histories.work_precision(group, iterates(rows)[lambda h: h["key"].isin(set(clean["key"]))])
-    found = page.evaluate(
-        """() => { const { columns, group, table, problems, shown, name } = App.context;
-            const inside = (k) => columns["path.row"][k] >= group.first && columns["path.row"][k] < group.first + group.count;
-            const paths = { problem: [], label: [], seconds: [], error: [] };
-            for (let k = 0; k < columns["path.row"].length; k++) { if (!inside(k)) continue;
-                paths.problem.push(table.problems.indexOf(columns["path.problem"][k])); paths.label.push(table.labels.indexOf(columns["path.label"][k]));
-                paths.seconds.push(columns["path.seconds"][k]); paths.error.push(columns["path.error"][k]); }
-            return Engine.workPrecision(paths, new Set(problems), shown, group.tolerance)
-                .map((r) => [name(r.label), r.error, r.reached, r.seconds === Infinity ? null : r.seconds]); }"""  # noqa: E501
-    )
-    told = [[r.label, r.error, r.reached, None if math.isinf(r.seconds) else r.seconds] for r in wanted.itertuples()]
-    assert len(told) > 30
-    assert sorted(found, key=str) == sorted(told, key=str)
+    show(page, families=["chain"], hidden=["pgs"])
+    for figure in ("deadlines", "precision", "ranking"):
+        drawn(page, figure)
+        page.locator(f"#figure-{figure} details > summary").click()
+        assert "computed by cpbench of all of them" in page.locator(f"#figure-{figure} figcaption").inner_text()
+    shown = set(page.evaluate("[...App.context.shown].map(App.context.name)"))
+    assert "pgs" not in shown
+    seconds = float(page.evaluate("document.querySelector('[data-figure=deadlines] select').value"))
+    late = deadlines.deadlines(group, seconds).query("label in @shown").sort_values(["misses", "label"])
+    told = [[label, misses, longest] for label, misses, _, longest, *_ in page.evaluate(CELLS, "deadlines")]
+    assert told == late[["label", "misses", "longest"]].astype(str).to_numpy().tolist()
+    reached = histories.work_precision(group, iterates(rows)).query("label in @shown")
+    wanted = reached[np.isfinite(reached["seconds"])]
+    assert len(wanted) > 20
+    points = page.evaluate(POINTS, "precision")
+    assert [point[:2] for point in points] == wanted[["label", "error"]].to_numpy().tolist()
+    assert [point[2] for point in points] == pytest.approx(wanted["seconds"].tolist(), rel=1e-3)
+    solved = group[rows_of.solved(group)]["label"].value_counts()
+    assert {label: int(count) for label, count, *_ in page.evaluate(CELLS, "ranking")} == {
+        label: int(solved.get(label, 0)) for label in shown
+    }
 
 
 @pytest.mark.nightly
@@ -473,6 +476,10 @@ SHOWN = """(id) => Object.entries(Figures.boxes.get(id).view?.getState({ data: (
     .filter((one) => typeof one?.label === "string" && "slot" in one)
     .map(({ label, slot, first, x, low, high }) => ({ label, slot, first, x, low, high }))"""
 """What a chart draws of labels, without the marks that it made of them."""
+POINTS = """(id) => Figures.boxes.get(id).kind.build(App.context).spec.layer.flatMap(({ data }) => data.values)
+    .sort((a, b) => (a.label < b.label ? -1 : a.label > b.label ? 1 : b.y - a.y))
+    .map(({ label, x, y }) => [label, y, x])"""
+"""The points of the curves of a chart, by label and from large errors to small ones."""
 
 
 def drawn(page: Any, figure: str) -> list[dict[str, Any]]:
@@ -508,7 +515,7 @@ def test_bands_are_those_of_python_and_hold_for_no_other_filter(
         assert [found["high"] for found in own][:-1] == pytest.approx(made.high[label].tolist(), abs=5.1e-5)
         heights = page.evaluate(
             """([name, taus]) => { const own = App.context.curves.find((c) => App.context.name(c.label) === name);
-                return taus.map((tau) => Engine.height(own, tau)); }""",
+                return taus.map((tau) => Rows.height(own, tau)); }""",
             [label, taus],
         )
         assert heights == pytest.approx(made.estimate[label].tolist()), "the band is around this curve"

@@ -14,9 +14,11 @@ import pytest
 from synthetic_results import meta, row, suite, table
 from written_reports import write_html
 
-from cpbench.analysis import metrics
+from cpbench.analysis import deadlines, metrics
 from cpbench.analysis import table as rows_of
+from cpbench.analysis.participation import participating
 from cpbench.analysis.run_table import RunTable
+from cpbench.analysis.tolerances import judged_at
 from cpbench.report.html import page as html_page
 from cpbench.report.html.columns import columns_of
 from cpbench.report.html.embedded_data import packed, unpacked
@@ -47,6 +49,45 @@ def test_every_row_is_there_with_its_numbers(tmp_path: Path) -> None:
     wanted = clean.assign(time=metrics.spent(clean, metrics.METRICS["time"])).sort_values(["problem", "label"])
     wanted = wanted[list(told)].reset_index(drop=True)
     pd.testing.assert_frame_equal(told, wanted, check_dtype=False)
+
+
+def test_rows_have_their_statuses_at_other_tolerances(tmp_path: Path) -> None:
+    rows = suite(problems=12, labels=8)
+    columns, facts = data_of(write_html(rows, meta(), tmp_path, "t"))
+    names = facts["status"]["names"]
+    clean = participating(rows_of.normalised(rows))
+    assert facts["tolerances"] == [float(f"1e-{k}") for k in range(1, 13)]
+    for k, tolerance in enumerate(facts["tolerances"], start=1):
+        found = [names[code] for code in columns[f"status.{k}"]]
+        assert found == judged_at(clean, tolerance)["status"].tolist()
+
+
+def test_deadlines_have_their_misses_and_intervals(tmp_path: Path) -> None:
+    rows = suite(problems=30, labels=6)
+    _, facts = data_of(write_html(rows, meta(), tmp_path, "t"))
+    found = facts["groups"][0]["deadlines"]
+    group = participating(rows_of.normalised(rows))
+    assert len(found["seconds"]) > 5
+    for seconds, sheet in zip(found["seconds"], found["sheets"], strict=True):
+        late = deadlines.deadlines(group, seconds).set_index("label")
+        for line in sheet["lines"]:
+            wanted = late.loc[line["label"]]
+            ends = [line[name] for name in ("v", "low", "high")]
+            assert ends == pytest.approx(wanted[["share", "low", "high"]].tolist(), abs=5.1e-5)
+            assert line["cells"][0] == str(wanted["misses"])
+
+
+def test_solvers_are_in_order_of_the_area_under_their_profile(tmp_path: Path) -> None:
+    rows = table(
+        *(
+            row(f"p{k}", label, "solved", time)
+            for k in range(4)
+            for label, time in (("a", 4.0), ("c", 1.0), ("d", 2.0))
+        ),
+        *(row(f"p{k}", "b", "failed") for k in range(4)),
+    )
+    _, facts = data_of(write_html(rows, meta(), tmp_path, "t"))
+    assert [facts["labels"]["name"][code] for code in facts["groups"][0]["order"]] == ["c", "d", "a", "b"]
 
 
 def test_the_same_run_gives_the_same_bytes(tmp_path: Path) -> None:

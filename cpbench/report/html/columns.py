@@ -1,9 +1,9 @@
 """The rows of a run as columns of codes and numbers, and what the codes mean.
 
-Rows are in the order of their groups, so that a group is a stretch of them. Text is kept once and pointed at. Up to
-WHOLE rows every pair has all its facts; beyond that, costs and verdicts of all pairs stay, so that every figure is
-still computed from all of them, but only KEPT failures have their messages, parts and commands, and numbers have
-seven digits.
+Rows are in the order of their groups, so that a group is a stretch of them. Text is kept once and pointed at. A row has
+its status at the planned tolerance and at other powers of ten. Up to WHOLE rows every pair has all its facts; beyond
+that, costs and verdicts of all pairs stay, but only KEPT failures have their messages, parts and commands, and numbers
+have seven digits.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from cpbench.report.html.embedded_data import Column
 from cpbench.report.matrix import SYMBOLS
 from cpbench.report.run import Run, group_name_text
 from cpbench.report.text import one_line, solve_command
-from cpbench.verification import INACCURATE_FACTOR, VERIFIED, Status
+from cpbench.verification import VERIFIED, Status
 
 if TYPE_CHECKING:
     from cpbench.analysis.thumbnails import Thumbnail
@@ -38,6 +38,8 @@ WHOLE = 20_000
 """Rows up to which a page has every pair with all its facts."""
 KEPT = 4_000
 """Failures with all their facts on a page of more rows: the first ones of every solver and status."""
+DECADES = range(1, 13)
+"""Tolerances 10^-k, besides the planned one, at which the page shows statuses."""
 ITERATES = 200_000
 """The most iterates of histories on a page."""
 TEXTS = (
@@ -74,21 +76,21 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
         "error": rows["error"].to_numpy(dtype=float),
     }
     judged = ladders(rows)
-    columns |= {"met": judged.met, "ladder": judged.code}
+    columns |= {f"status.{k}": _judged(judged, float(f"1e-{k}")) for k in DECADES}
     known = _metrics(rows, whole)
     columns |= {metric.name: metrics.spent(rows, metric) for metric in known}
     detail, texts = _details(run, rows, whole)
     columns |= detail
     if not whole:
         columns = {name: c.astype(np.float32) if c.dtype == np.float64 else c for name, c in columns.items()}
-    columns |= _paths(run, rows, problem, label)
+    columns |= _paths(run, rows)
     places = dict(zip(labels, range(len(labels)), strict=True))
     facts = {
         "rows": len(run.rows),
         "whole": whole,
         "iterates": len(run.histories),
         "kept": int((columns["detail"] > 0).sum()),
-        "status": _statuses(judged),
+        "status": _statuses(),
         "metrics": [
             {"name": m.name, "unit": m.unit, "floor": m.floor, "doc": m.doc, "count": bool(m.counter)} for m in known
         ],
@@ -123,15 +125,19 @@ def _metrics(rows: pd.DataFrame, whole: bool) -> list[metrics.Metric]:
     return [m for m in found if m.name == "time" or np.isfinite(metrics.spent(rows, m)[done]).any()]
 
 
-def _statuses(judged: Ladders) -> dict[str, Any]:
+def _judged(judged: Ladders, tolerance: float) -> Column:
+    """Return the statuses at a tolerance, as places in STATUSES."""
+    names = list(rows_of.STATUSES)
+    places = np.array([[names.index(outcome) for outcome in one] for one in judged.outcomes], dtype=np.int64)
+    return places.reshape(-1, 4)[judged.code, judged.rungs(tolerance)]
+
+
+def _statuses() -> dict[str, Any]:
     names = list(rows_of.STATUSES)
     return {
         "names": names,
-        "words": [name.replace("_", " ") for name in names],
         "lost": [int(name == Status.LOST) for name in names],
         "verified": [int(name in VERIFIED) for name in names],
-        "ladders": [[names.index(outcome) for outcome in one] for one in judged.outcomes],
-        "factor": INACCURATE_FACTOR,
         "refused": [int(name in REFUSED) for name in names],
         "symbols": [SYMBOLS[name].strip() for name in names],
     }
@@ -268,7 +274,7 @@ def _groups(
     return found
 
 
-def _paths(run: Run, rows: pd.DataFrame, problem: Column, label: Column) -> dict[str, Column]:
+def _paths(run: Run, rows: pd.DataFrame) -> dict[str, Column]:
     """Return iterates that were better than all before them, of the recorded solves: nothing else shows in any
     figure.
     """
@@ -284,8 +290,6 @@ def _paths(run: Run, rows: pd.DataFrame, problem: Column, label: Column) -> dict
     row = place[found["key"]].to_numpy(dtype=np.int64)
     return {
         "path.row": row,
-        "path.problem": problem[row],
-        "path.label": label[row],
         "path.seconds": found["seconds"].to_numpy(dtype=float),
         "path.error": found["error"].to_numpy(dtype=float),
     }

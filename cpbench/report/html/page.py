@@ -15,18 +15,19 @@ from string import Template
 
 from cpbench.analysis import table as rows_of
 from cpbench.errors import FormatError
-from cpbench.report.html import rankings, vega
-from cpbench.report.html.columns import columns_of
+from cpbench.report.answer import EXPLAINED
+from cpbench.report.html import prepared, vega
+from cpbench.report.html.columns import DECADES, columns_of
 from cpbench.report.html.embedded_data import packed
 from cpbench.report.html.sections import sections
+from cpbench.report.methods import FLAGS, KINDS
 from cpbench.report.run import Run
 from cpbench.report.text import one_line
 
 NAME = "report.html"
 SCRIPTS = (
-    "engine.js", "data.js", "dom.js", "charts.js", "figures.js", "filters.js", "profiles.js", "comparisons.js",
-    "thumbnail.js", "pair.js", "matrix.js", "errors.js", "growth.js", "sequences.js", "warm.js", "deadlines.js",
-    "answer.js", "address.js", "failed.js", "app.js",
+    "rows.js", "data.js", "dom.js", "charts.js", "figures.js", "filters.js", "paths.js", "prepared.js", "profiles.js",
+    "comparisons.js", "thumbnail.js", "pair.js", "matrix.js", "growth.js", "address.js", "failed.js", "app.js",
 )  # fmt: skip
 """Our own scripts, in the order in which they use each other."""
 
@@ -46,15 +47,23 @@ def page(run: Run, title: str) -> str:
     """Write the HTML of a run."""
     columns, facts = columns_of(run)
     rankings_of = {ranking.group: ranking for ranking in run.rankings}
+    codes = {name: code for code, name in enumerate(facts["labels"]["name"])}
     for group_facts, (group, rows) in zip(facts["groups"], run.parts, strict=True):
-        group_facts["answer"] = rankings.answer(rankings_of.get(group))
         symbols = sorted({symbol for code in group_facts["problems"] for symbol in facts["problems"]["sizes"][code]})
-        group_facts["ranking"] = rankings.ranking(rows)
-        group_facts["bands"] = rankings.bands(rows) if facts["whole"] else None
-        group_facts["growth"] = rankings.growth(rows, symbols)
+        group_facts |= {
+            "order": [codes[one_line(label)] for label in prepared.order(rows)],
+            "answer": prepared.answer(rankings_of.get(group)),
+            "ranking": prepared.ranking(rows),
+            "bands": prepared.bands(rows) if facts["whole"] else None,
+            "deadlines": prepared.deadline_sheets(rows),
+            "precision": prepared.precision(rows, run.histories),
+            "growth": prepared.growth(rows, symbols),
+        }
     problems = [(rows["fingerprint"].nunique(), int(rows_of.solved(rows).sum())) for _, rows in run.parts]
     facts["first"] = problems.index(max(problems)) if problems else 0
-    facts["warm"] = rankings.warm(run.read)
+    facts["warm"] = prepared.warm(run.read)
+    facts["tolerances"] = [float(f"1e-{k}") for k in DECADES]
+    facts["notes"] = {"flags": FLAGS, "kinds": KINDS, "answer": EXPLAINED}
     scripts = [_asset(name) for name in (vega.SCRIPT, *SCRIPTS)]
     inside, links = sections(run, title)
     return Template(_asset("page.html")).substitute(

@@ -2,9 +2,9 @@
 /* What is chosen, as the part of the page's address behind the #: a section, then `?` and the filters by name, so that a
    link shows the same to whoever has the same file. */
 const Address = (() => {
-  const list = (names) => names.map(encodeURIComponent).join(",");
+  const list = (names) => names.map(encodeURIComponent).sort().join(",");
   const names = (text) => (text ? text.split(",").map(decodeURIComponent) : []);
-  const number = (text) => (text === null || text === "" || !Number.isFinite(Number(text)) ? null : Number(text));
+  const number = (text) => (text && Number.isFinite(Number(text)) ? Number(text) : null);
 
   /* The section and the values in the address. */
   function parts() {
@@ -13,60 +13,55 @@ const Address = (() => {
   }
 
   /* The state that an address asks for, null where it asks for none; names that are not there are passed over. */
-  function read(facts, query = parts().query) {
+  function read(facts, { query } = parts()) {
     if (![...query.keys()].length) return null;
     const codes = new Map(facts.labels.name.map((name, k) => [name, k])),
       group = facts.groups.findIndex((g) => g.name === query.get("group")),
-      k = group < 0 ? facts.first : group;
-    const metric = facts.metrics.find((m) => m.name === query.get("cost"))?.name;
+      metric = facts.metrics.find((m) => m.name === query.get("cost"))?.name;
     return {
-      ...Filters.initial(k),
+      ...Filters.initial(group < 0 ? facts.first : group),
       ...(metric ? { metric } : {}),
-      tolerance: number(query.get("tolerance")),
+      tolerance: facts.tolerances.find((t) => t === number(query.get("tolerance"))) ?? null,
       families: new Set(names(query.get("without"))),
       symbol: query.get("size") ?? "",
       low: number(query.get("from")),
       high: number(query.get("to")),
       exact: query.get("exact") === "1",
-      hidden: new Set(names(query.get("hidden")).flatMap((name) => (codes.has(name) ? [codes.get(name)] : []))),
+      hidden: new Set(names(query.get("hidden")).filter((name) => codes.has(name)).map((name) => codes.get(name))),
     };
   }
 
-  /* The filters of a state that are not those of a page as it opens. */
-  function written(facts, state, row, columns) {
-    const group = facts.groups[state.group],
-      sized = state.low !== null || state.high !== null;
-    const told = [
-      ["group", state.group === facts.first ? "" : group.name],
-      ["cost", state.metric === "time" ? "" : state.metric],
-      ["tolerance", state.tolerance ?? ""],
-      ["without", list([...state.families].sort())],
-      ["size", sized ? state.symbol : ""],
-      ["from", state.low ?? ""],
-      ["to", state.high ?? ""],
-      ["exact", state.exact ? "1" : ""],
-      ["hidden", list([...state.hidden].map((code) => facts.labels.name[code]).sort())],
-    ];
-    if (row !== null)
-      told.push(["problem", facts.problems.name[columns.problem[row]]], ["solver", facts.labels.name[columns.label[row]]]);
-    return new URLSearchParams(told.filter(([, value]) => value !== "")).toString();
+  /* The filters of a state that are not those of a page as it opens, and the pair of the row that is open. */
+  function written({ problems, labels, groups, first }, state, row, columns) {
+    const { low, high, group, metric } = state;
+    const chosen = {
+      group: group === first ? "" : groups[group].name,
+      cost: metric === "time" ? "" : metric,
+      tolerance: state.tolerance,
+      without: list([...state.families]),
+      size: low === null && high === null ? "" : state.symbol,
+      from: low,
+      to: high,
+      exact: state.exact ? "1" : "",
+      hidden: list([...state.hidden].map((code) => labels.name[code])),
+      problem: row === null ? "" : problems.name[columns.problem[row]],
+      solver: row === null ? "" : labels.name[columns.label[row]],
+    };
+    return new URLSearchParams(Object.entries(chosen).filter(([, value]) => (value ?? "") !== "")).toString();
   }
 
   function write(facts, state, row, columns) {
-    const query = written(facts, state, row, columns),
-      { section } = parts();
+    const query = written(facts, state, row, columns), { section } = parts();
     history.replaceState(null, "", query || section ? `#${section}${query ? `?${query}` : ""}` : location.pathname);
   }
 
   /* The row of the pair that an address names; -1 without one. */
-  function pair({ facts, columns }, k, query = parts().query) {
-    const problem = facts.problems.name.indexOf(query.get("problem") ?? "\n"),
+  function pair({ facts, columns }, k, { query } = parts()) {
+    const { first, count } = facts.groups[k],
+      problem = facts.problems.name.indexOf(query.get("problem") ?? "\n"),
       label = facts.labels.name.indexOf(query.get("solver") ?? "\n"),
-      { first, count } = facts.groups[k];
-    if (problem < 0 || label < 0) return -1;
-    for (let r = first; r < first + count; r++)
-      if (columns.problem[r] === problem && columns.label[r] === label) return r;
-    return -1;
+      there = (p, r) => r >= first && r < first + count && p === problem && columns.label[r] === label;
+    return columns.problem.findIndex(there);
   }
 
   return Object.freeze({ parts, read, write, pair });

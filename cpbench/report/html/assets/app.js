@@ -2,116 +2,79 @@
 /* Reads the data, keeps what is chosen, and hands every figure the context of it. */
 const App = (() => {
   const { h } = Dom;
-  let data = null,
-    state = null,
-    pair = null, // the row whose sheet is open
-    slots = new Map();
+  let data = null, state = null, pair = null; // the row whose sheet is open
   const tables = new Map();
 
   const tableOf = (k) => {
-    if (!tables.has(k)) tables.set(k, Engine.index(data.columns, data.facts.groups[k]));
+    if (!tables.has(k)) tables.set(k, Rows.index(data.columns, data.facts.groups[k]));
     return tables.get(k);
   };
 
   const MARKS = { approximate: "≈ approximate", relaxation: "⊇ relaxation", necessary: "? necessary" };
-  const mark = (text, title) => h("span", { class: "mark", title }, text);
-
+  const ELSEWHERE = "made on another machine; its times are ranked only if that was asked for";
   function marksOf(code, kind) {
-    const { labels } = data.facts,
-      found = [];
-    if (MARKS[kind]) found.push(mark(MARKS[kind], "its route promises less than an answer"));
-    if (labels.elsewhere[code])
-      found.push(
-        mark("elsewhere", "made on another machine; its times are ranked with nobody's unless that was asked for"),
-      );
-    return found;
+    const mark = (text, title) => h("span", { class: "mark", title }, text);
+    const marks = MARKS[kind] ? [mark(MARKS[kind], "its route promises less than an answer")] : [];
+    return data.facts.labels.elsewhere[code] ? [...marks, mark("elsewhere", ELSEWHERE)] : marks;
   }
 
   /* What the figures are made from. */
   function contextOf() {
-    const { facts, columns } = data,
-      group = facts.groups[state.group],
-      table = tableOf(state.group);
-    const metric = facts.metrics.find((m) => m.name === state.metric),
-      { status } = facts;
-    const problems = Filters.problems(facts, table, state),
-      chosen = Filters.labels(group, table, state);
-    const matrix = Engine.costs(columns, table, problems, chosen, columns[metric.name], state.tolerance, status);
-    const times =
-      metric.name === "time"
-        ? matrix
-        : Engine.costs(columns, table, problems, chosen, columns.time, state.tolerance, status);
-    const ratios = Engine.ratios(matrix, metric.floor),
-      curves = Engine.curves(ratios),
-      upto = Engine.widest(curves, 1);
-    const areas = new Map(curves.map((c) => [c.label, c.solved ? Engine.area(c, upto) : 0]));
-    const byHeight = [...curves].sort(
-      (a, b) => b.solved - a.solved || areas.get(b.label) - areas.get(a.label) || a.label - b.label,
-    );
-    slots = slotsOf(table, Engine.leading(curves));
-    const places = new Map();
-    for (const [code, slot] of slots) places.set(table.labels.indexOf(code), slot);
-    const names = facts.labels.name,
-      name = (place) => names[table.labels[place]],
-      codeOf = new Map(names.map((n, k) => [n, k]));
-    const metricName = metric.name === "time" ? "time" : metric.name.replace("counter:", "");
-    const tolerance = state.tolerance ?? group.tolerance,
-      limit = group.limit === null ? "no limit" : `limit ${Dom.seconds(group.limit)}`;
-    const leftOut = matrix.leftOut.map(({ label }) => name(label));
-    const judged =
-      state.tolerance === null ? "" : ` A time is that of a solve that was asked for ${Dom.number(group.tolerance)}.`;
+    const { facts, columns } = data, { status } = facts, group = facts.groups[state.group],
+      table = tableOf(state.group),
+      metric = facts.metrics.find((m) => m.name === state.metric),
+      problems = Filters.problems(facts, table, state),
+      chosen = Filters.labels(group, table, state),
+      outcome = Rows.outcomes(columns, state.tolerance),
+      matrix = Rows.costs({ columns, table, facts }, outcome, problems, chosen, columns[metric.name]),
+      ratios = Rows.ratios(matrix, metric.floor),
+      curves = Rows.curves(ratios),
+      solvedBy = new Map(curves.map((c) => [c.label, c.solved])),
+      order = group.order.map((code) => table.labelAt.get(code)),
+      rank = new Map(order.map((s, k) => [s, k])),
+      shown = new Set(chosen);
+    /* The first that solve something are in colour, each in the one that it has in every figure of these results. */
+    const look = (s) => facts.labels.look[table.labels[s]] % Charts.COLOURS.length;
+    const slots = new Map(order.filter((s) => solvedBy.get(s)).slice(0, Charts.SLOTS).map((s) => [s, look(s)]));
+    const name = (s) => facts.labels.name[table.labels[s]],
+      places = new Map(table.labels.map((_, s) => [name(s), s])),
+      metricName = metric.name.replace("counter:", ""),
+      whole = problems.length === table.problems.length;
     return {
-      data,
-      facts,
-      columns,
-      group,
-      table,
-      state,
-      problems,
-      metric,
-      metricName,
-      matrix,
-      times,
-      ratios,
-      curves,
-      byHeight,
-      whole:
-        state.metric === "time" &&
-        state.tolerance === null &&
-        problems.length === table.problems.length &&
-        chosen.length === table.labels.length,
-      name,
-      slots: places,
-      slotOf: (label) => slots.get(codeOf.get(label)) ?? -1,
-      shown: new Set(chosen),
-      order: group.display,
-      solvedBy: new Map(curves.map((c) => [c.label, c.solved])),
-      numbers: `${group.name}: N = ${problems.length}${problems.length < table.problems.length ? ` of ${table.problems.length}` : ""} problems, tolerance ${Dom.number(tolerance)}, ${limit}; solved: error at most the tolerance, as measured here.${judged}`,
-      floorText:
-        metric.floor === null ? "" : ` ${metricName === "time" ? "Times" : `Values of ${metricName}`} below ${Dom.cost(metric, metric.floor)} are set to ${Dom.cost(metric, metric.floor)}.`,
-      leftOutText: leftOut.length
-        ? ` Not shown (no ${metricName === "reported" ? "self-reported time" : metricName}): ${leftOut.slice(0, 6).join(", ")}${leftOut.length > 6 ? ` and ${leftOut.length - 6} more` : ""}.`
-        : "",
-      marks: (place) => marksOf(table.labels[place], group.kinds[table.labels[place]]),
-      marksOf: (label, kind) => marksOf(codeOf.get(label), kind),
-      statusOf: (row) => statusOf(row),
+      data, facts, columns, group, table, state, problems, metric, metricName, matrix, ratios, curves, shown, order,
+      name, slots, solvedBy,
+      byHeight: [...curves].sort((a, b) => b.solved - a.solved || rank.get(a.label) - rank.get(b.label)),
+      whole: state.metric === "time" && state.tolerance === null && whole && chosen.length === table.labels.length,
+      placeOf: (label) => places.get(label),
+      slotOf: (label) => slots.get(places.get(label)) ?? -1,
+      shows: (label) => shown.has(places.get(label)),
+      marks: (s) => marksOf(table.labels[s], group.kinds[table.labels[s]]),
+      marksOf: (label, kind) => marksOf(table.labels[places.get(label)], kind),
+      rowAt: (p, s) => table.row[p * table.labels.length + s],
+      problem: (p) => facts.problems.name[table.problems[p]],
+      statusOf: (row) => status.names[outcome[row]],
+      solved: (row) => row >= 0 && status.verified[outcome[row]] === 1,
       symbolOf: (word) => status.symbols[status.names.indexOf(word)],
+      ...sentences(group, metric, metricName, problems, table, matrix.leftOut.map(name)),
     };
   }
 
-  /* The status of a row at the tolerance that is chosen, as analysis.tolerances.judged_at. */
-  function statusOf(row) {
-    const {
-      columns,
-      facts: { status },
-    } = data;
-    return status.names[Engine.outcome(columns, row, state.tolerance, status)];
-  }
-
-  /* Those that lead are in colour, each in the one that it has in every figure of these results. */
-  function slotsOf(table, leaders) {
-    const codes = leaders.slice(0, Charts.SLOTS).map((place) => table.labels[place]);
-    return new Map(codes.map((code) => [code, data.facts.labels.look[code] % Charts.COLOURS.length]));
+  function sentences(group, metric, metricName, problems, table, leftOut) {
+    const tolerance = Dom.number(state.tolerance ?? group.tolerance),
+      limit = group.limit === null ? "no limit" : `limit ${Dom.seconds(group.limit)}`,
+      of = problems.length < table.problems.length ? ` of ${table.problems.length}` : "",
+      floor = Dom.cost(metric, metric.floor),
+      values = metricName === "time" ? "Times" : `Values of ${metricName}`,
+      more = leftOut.length > 6 ? ` and ${leftOut.length - 6} more` : "",
+      missing = metricName === "reported" ? "self-reported time" : metricName;
+    const judged =
+      state.tolerance === null ? "" : ` A time is that of a solve that was asked for ${Dom.number(group.tolerance)}.`;
+    return {
+      numbers: `${group.name}: N = ${problems.length}${of} problems, tolerance ${tolerance}, ${limit}; solved: error at most the tolerance, as measured here.${judged}`,
+      prepared: `N = ${Dom.counted(table.problems.length, "problem")}, tolerance ${Dom.number(group.tolerance)}: computed by cpbench of all of them; only the solvers are those that are chosen.`,
+      floorText: metric.floor === null ? "" : ` ${values} below ${floor} are set to ${floor}.`,
+      leftOutText: leftOut.length ? ` Not shown (no ${missing}): ${leftOut.slice(0, 6).join(", ")}${more}.` : "",
+    };
   }
 
   let waiting = false;
@@ -125,12 +88,13 @@ const App = (() => {
   }
 
   function update() {
-    const context = contextOf();
-    Filters.solverLines(context, context.order, state, changed);
-    const left = `${context.group.name}: ${context.problems.length} of ${Dom.counted(context.table.problems.length, "problem")}, ${context.shown.size} of ${Dom.counted(context.table.labels.length, "solver")}`;
+    const context = contextOf(), { group, table, problems, shown } = context;
+    Filters.solverLines(context, changed);
+    const solvers = Dom.counted(table.labels.length, "solver"),
+      left = `${group.name}: ${problems.length} of ${Dom.counted(table.problems.length, "problem")}, ${shown.size} of ${solvers}`;
     document.getElementById("chosen").textContent = left;
-    for (const place of document.querySelectorAll("[data-group-name]")) place.textContent = context.group.name;
-    Answer.say(context.group);
+    for (const place of document.querySelectorAll("[data-group-name]")) place.textContent = group.name;
+    Prepared.say(group);
     Address.write(data.facts, state, pair, data.columns);
     Figures.update(context);
     App.context = context;
@@ -139,29 +103,14 @@ const App = (() => {
   /* Another group: its own filters, nothing hidden, unless a state is given. */
   function choose(k, asked = null) {
     state = asked ?? { ...Filters.initial(k), ...(state ? { metric: state.metric } : {}) };
-    slots = new Map();
-    const group = data.facts.groups[k],
-      table = tableOf(k),
-      { columns, facts } = data;
-    const all = [...table.labels.keys()],
-      matrix = Engine.costs(columns, table, [...table.problems.keys()], all, columns.time, null, facts.status);
-    const curves = Engine.profile(matrix, facts.metrics[0].floor),
-      leaders = Engine.leading(curves);
-    group.display = [...leaders, ...all.filter((s) => !leaders.includes(s))];
     Filters.build(document.getElementById("filter-form"), data, state, { changed, chosen: choose });
-    wire(table, leaders);
+    wire(data.facts.groups[k]);
     update();
   }
 
-  function wire(table, leaders) {
-    const quick = {
-      all: () => state.hidden.clear(),
-      none: () => table.labels.forEach((c) => state.hidden.add(c)),
-      leading: () => {
-        table.labels.forEach((c) => state.hidden.add(c));
-        leaders.slice(0, Charts.SLOTS).forEach((s) => state.hidden.delete(table.labels[s]));
-      },
-    };
+  function wire({ order }) {
+    const hide = (codes) => (state.hidden = new Set(codes));
+    const quick = { all: () => hide([]), none: () => hide(order), leading: () => hide(order.slice(Charts.SLOTS)) };
     for (const button of document.querySelectorAll("[data-quick]"))
       button.addEventListener("click", () => {
         quick[button.dataset.quick]();
@@ -176,43 +125,43 @@ const App = (() => {
 
   function navigation() {
     const links = new Map([...document.querySelectorAll(".top nav a")].map((a) => [a.hash.slice(1), a]));
-    const watcher = new IntersectionObserver(
-      (entries) => {
-        for (const entry of entries) {
-          if (!entry.isIntersecting) continue;
-          for (const a of links.values()) a.removeAttribute("aria-current");
-          const link = links.get(entry.target.id);
-          link?.setAttribute("aria-current", "true");
-          const bar = link?.closest("nav");
-          bar?.scrollTo({ left: link.offsetLeft - bar.offsetLeft - 24 });
-        }
-      },
-      { rootMargin: "-20% 0px -70% 0px" },
-    );
+    const passed = (entries) => {
+      for (const { target } of entries.filter((entry) => entry.isIntersecting)) {
+        for (const a of links.values()) a.removeAttribute("aria-current");
+        const link = links.get(target.id), bar = link?.closest("nav");
+        link?.setAttribute("aria-current", "true");
+        bar?.scrollTo({ left: link.offsetLeft - bar.offsetLeft - 24 });
+      }
+    };
+    const watcher = new IntersectionObserver(passed, { rootMargin: "-20% 0px -70% 0px" });
     document.querySelectorAll("main > section[id]").forEach((section) => watcher.observe(section));
     document.getElementById("theme").addEventListener("click", () => {
       const root = document.documentElement,
-        dark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
-      root.dataset.theme = dark ? "light" : "dark";
+        now = root.dataset.theme ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+      root.dataset.theme = now === "dark" ? "light" : "dark";
     });
-    const box = document.querySelector("#filters > details"),
-      wide = matchMedia("(min-width: 62.01rem)"),
-      fit = () => {
-        box.open = wide.matches;
-      };
+    const wide = matchMedia("(min-width: 62.01rem)"),
+      fit = () => (document.querySelector("#filters > details").open = wide.matches);
     wide.addEventListener("change", fit);
     fit();
-    const dialog = document.getElementById("pair");
+  }
+
+  function listen() {
+    const dialog = document.getElementById("pair"), { facts, columns } = data;
     dialog.addEventListener("click", (event) => {
       if (event.target === dialog) dialog.close();
     });
     dialog.addEventListener("close", () => opened(null));
-    document.getElementById("reset").addEventListener("click", () => choose(data.facts.first, Filters.initial(data.facts.first)));
+    document.getElementById("reset").addEventListener("click", () => choose(facts.first, Filters.initial(facts.first)));
     window.addEventListener("hashchange", () => {
-      const { query } = Address.parts();
-      if ([...query.keys()].length) follow();
-      else if (state) Address.write(data.facts, state, pair, data.columns); // a link to a section keeps what is chosen
+      if (Address.read(facts)) follow();
+      else if (state) Address.write(facts, state, pair, columns); // a link to a section keeps what is chosen
     });
+    for (const place of document.querySelectorAll("[data-choose]"))
+      place.addEventListener("click", () => {
+        choose(Number(place.dataset.choose));
+        window.scrollTo(0, 0);
+      });
   }
 
   /* The sheet of a row is open, or none. */
@@ -223,8 +172,7 @@ const App = (() => {
 
   /* Shows what the address asks for. */
   function follow() {
-    const asked = Address.read(data.facts),
-      k = asked?.group ?? data.facts.first,
+    const asked = Address.read(data.facts), k = asked?.group ?? data.facts.first,
       row = Address.pair(data, k),
       { section } = Address.parts();
     choose(k, asked);
@@ -236,22 +184,15 @@ const App = (() => {
     data = await Data.read(document.getElementById("data").textContent);
     navigation();
     if (data.facts.groups.length) {
+      listen();
       Figures.mount(changed);
-      for (const place of document.querySelectorAll("[data-choose]"))
-        place.addEventListener("click", () => {
-          choose(Number(place.dataset.choose));
-          window.scrollTo(0, 0);
-        });
       follow();
     }
     document.documentElement.dataset.ready = "true";
   }
 
   return {
-    start,
-    update,
-    choose,
-    opened,
+    start, update, choose, opened,
     context: null,
     get state() {
       return state;

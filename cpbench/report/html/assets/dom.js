@@ -23,42 +23,20 @@ const Dom = (() => {
     return made;
   }
 
+  const region = (label, ...inside) =>
+    h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": label }, ...inside);
+
   /* A table in a box that scrolls; `right` are the columns of numbers, the first column names its row. */
   function table({ caption, head, rows, right = [] }) {
-    const numbers = new Set(right),
-      side = (k) => (numbers.has(k) ? "right" : null);
-    return h(
-      "div",
-      { class: "scroll", tabindex: "0", role: "region", "aria-label": caption },
-      h(
-        "table",
-        {},
-        h("caption", { class: "visually-hidden" }, caption),
-        h(
-          "thead",
-          {},
-          h(
-            "tr",
-            {},
-            head.map((cell, k) => h("th", { scope: "col", class: side(k) }, cell)),
-          ),
-        ),
-        h(
-          "tbody",
-          {},
-          rows.map((row) =>
-            h(
-              "tr",
-              {},
-              row.map((cell, k) => (k ? h("td", { class: side(k) }, cell) : h("th", { scope: "row" }, cell))),
-            ),
-          ),
-        ),
-      ),
-    );
+    const side = (k) => (right.includes(k) ? "right" : null);
+    const top = h("tr", {}, head.map((cell, k) => h("th", { scope: "col", class: side(k) }, cell)));
+    const line = (cells) =>
+      h("tr", {}, cells.map((cell, k) => (k ? h("td", { class: side(k) }, cell) : h("th", { scope: "row" }, cell))));
+    const name = h("caption", { class: "visually-hidden" }, caption);
+    return region(caption, h("table", {}, name, h("thead", {}, top), h("tbody", {}, rows.map(line))));
   }
 
-  /* What a box says when it is opened, made only then. */
+  /* A box that opens, whose contents are made when it is opened. */
   function folded(title, make) {
     const box = h("details", {}, h("summary", {}, title));
     box.addEventListener("toggle", () => {
@@ -67,13 +45,34 @@ const Dom = (() => {
     return box;
   }
 
-  const digits = (value) => {
-    if (value === 0) return "0";
-    const size = Math.abs(value);
-    return size >= 1e5 || size < 1e-3
-      ? value.toExponential(1).replace("e+", "e").replace(".0e", "e")
-      : String(Number(value.toPrecision(3)));
+  const option = (chosen) => ([key, text]) => h("option", { value: key, selected: String(key) === String(chosen) }, text);
+
+  /* A named select whose options [value, text] depend on the filters; what was chosen is shown wherever it is offered. */
+  function chooser(text, changed) {
+    let wanted = null;
+    const choose = (value) => {
+      wanted = String(value);
+      changed();
+    };
+    const select = h("select", { onchange: () => choose(select.value) });
+    const offer = (options, preferred = options[0]?.[0]) => {
+      const there = options.some(([key]) => String(key) === wanted);
+      select.replaceChildren(...options.map(option(there ? wanted : preferred)));
+    };
+    return { box: h("label", {}, h("span", {}, text), select), choose, offer, value: () => select.value };
+  }
+
+  const check = (text, set) => {
+    const box = h("input", { type: "checkbox", onchange: (e) => set(e.target.checked) });
+    return h("label", { class: "check" }, box, h("span", {}, text));
   };
+
+  function digits(value) {
+    const size = Math.abs(value);
+    if (value !== 0 && (size >= 1e5 || size < 1e-3))
+      return value.toExponential(1).replace("e+", "e").replace(".0e", "e");
+    return String(Number(value.toPrecision(3)));
+  }
 
   function number(value) {
     if (value === null || value === undefined || Number.isNaN(value)) return "—";
@@ -81,7 +80,7 @@ const Dom = (() => {
   }
 
   function seconds(value) {
-    if (value === null || value === undefined || !Number.isFinite(value)) return number(value);
+    if (value === null || !Number.isFinite(value)) return number(value);
     if (value >= 1) return `${digits(value)} s`;
     return value >= 1e-3 ? `${digits(value * 1e3)} ms` : `${digits(value * 1e6)} µs`;
   }
@@ -93,8 +92,9 @@ const Dom = (() => {
 
   const percent = (share) => (Number.isFinite(share) ? `${Math.round(100 * share)} %` : "—");
   const counted = (value, noun, nouns = `${noun}s`) => `${value} ${value === 1 ? noun : nouns}`;
-  const cost = (metric, value) =>
-    metric.unit === "s" ? seconds(value) : metric.unit === "byte" ? bytes(value) : number(value);
+  const cost = ({ unit }, value) => (unit === "s" ? seconds : unit === "byte" ? bytes : number)(value);
 
-  return Object.freeze({ h, svg, table, folded, number, seconds, bytes, percent, counted, cost });
+  return Object.freeze({
+    h, svg, region, table, folded, option, chooser, check, number, seconds, bytes, percent, counted, cost,
+  });
 })();

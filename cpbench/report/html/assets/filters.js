@@ -2,287 +2,134 @@
 /* What is chosen in the column of filters, and which problems and solvers that leaves. */
 const Filters = (() => {
   const { h } = Dom;
-
-  const initial = (group) => ({
-    group,
-    metric: "time",
-    tolerance: null,
-    families: new Set(),
-    symbol: "",
-    low: null,
-    high: null,
-    exact: false,
-    hidden: new Set(),
-  });
+  const NONE = { metric: "time", tolerance: null, symbol: "", low: null, high: null, exact: false };
+  const initial = (group) => ({ ...NONE, group, families: new Set(), hidden: new Set() });
 
   /* Places of the problems of a group that are chosen. A family is left out when it is in `state.families`. */
-  function problems(facts, table, state) {
-    const found = [];
-    table.problems.forEach((code, place) => {
-      if (state.families.has(facts.problems.family[code])) return;
-      const size = state.symbol ? facts.problems.sizes[code][state.symbol] : undefined;
-      if (state.symbol && (state.low !== null || state.high !== null)) {
-        if (
-          size === undefined ||
-          (state.low !== null && size < state.low) ||
-          (state.high !== null && size > state.high)
-        )
-          return;
-      }
-      found.push(place);
+  function problems({ problems: { family, sizes } }, table, { families, symbol, low, high }) {
+    const sized = symbol && (low !== null || high !== null);
+    const fits = (size) => size !== undefined && !(low !== null && size < low) && !(high !== null && size > high);
+    return [...table.problems.keys()].filter((place) => {
+      const code = table.problems[place];
+      return !families.has(family[code]) && (!sized || fits(sizes[code][symbol]));
     });
-    return found;
   }
 
   const INEXACT = new Set(["necessary", "approximate", "relaxation"]);
   /* Places of the labels of a group that are chosen; `state.hidden` has codes. */
-  const labels = (group, table, state) =>
+  const labels = (group, table, { hidden, exact }) =>
     [...table.labels.keys()].filter((s) => {
       const code = table.labels[s];
-      return !state.hidden.has(code) && !(state.exact && INEXACT.has(group.kinds[code]));
+      return !hidden.has(code) && !(exact && INEXACT.has(group.kinds[code]));
     });
 
-  const decade = (k) => (k ? Number(`1e-${k}`) : null);
+  /* The range of each size above `least` over problems, given by code: [symbol, [least, largest]] in order of symbol. */
+  function ranges({ problems: { sizes } }, codes, least = -Infinity) {
+    const all = new Map();
+    for (const [symbol, size] of codes.flatMap((code) => Object.entries(sizes[code])))
+      if (size > least) all.set(symbol, Charts.extent([...(all.get(symbol) ?? []), size]));
+    return [...all].sort(([a], [b]) => (a < b ? -1 : 1));
+  }
+
+  const count = (values) => values.reduce((all, v) => all.set(v, (all.get(v) ?? 0) + 1), new Map());
+  const ticked = (text, title, checked, set, attributes, ...more) => {
+    const box = h("input", { type: "checkbox", checked, onchange: (e) => set(e.target.checked), ...attributes });
+    return h("label", { class: "line", title }, box, h("span", {}, text), ...more);
+  };
+  const titled = (title, ...inside) => h("fieldset", {}, h("legend", {}, title), ...inside);
+  /* A set of the state has the keys whose box is not ticked. */
+  const outside = (state, name, key, changed) => (on) => {
+    state[name][on ? "delete" : "add"](key);
+    changed();
+  };
 
   /* The form; `changed` is called after every choice, `chosen` when another group is. */
-  function build(form, data, state, { changed, chosen }) {
-    const { facts } = data,
-      group = facts.groups[state.group];
-    const parts = [],
-      families = new Map(),
-      symbols = new Map();
-    for (const code of group.problems) {
-      const family = facts.problems.family[code];
-      families.set(family, (families.get(family) ?? 0) + 1);
-      for (const [symbol, size] of Object.entries(facts.problems.sizes[code])) {
-        const range = symbols.get(symbol) ?? [Infinity, -Infinity];
-        symbols.set(symbol, [Math.min(range[0], size), Math.max(range[1], size)]);
-      }
-    }
-    parts.push(
-      select(
-        "Formulation",
-        "group",
-        facts.groups.map((g, k) => [k, `${g.name} (${g.problems.length} × ${g.labels.length})`]),
-        state.group,
-        (v) => chosen(Number(v)),
-      ),
+  function build(form, { facts }, state, { changed, chosen }) {
+    const group = facts.groups[state.group],
+      families = count(group.problems.map((code) => facts.problems.family[code])),
+      varying = ranges(facts, group.problems).filter(([, [low, high]]) => low < high);
+    const set = (name) => (value) => {
+      state[name] = value;
+      changed();
+    };
+    const groups = facts.groups.map((g, k) => [k, `${g.name} (${g.problems.length} × ${g.labels.length})`]);
+    const tolerances = [["", `as planned, ${Dom.number(group.tolerance)}`], ...facts.tolerances.map((t) => [t, t.toExponential()])];
+    const metrics = facts.metrics.map((m) => [m.name, m.name.replace("counter:", "")]);
+    const tick = (f) => ticked(f || "(none)", f || "(none)", !state.families.has(f), outside(state, "families", f, changed),
+      { "data-key": f }, h("span", { class: "number" }, String(families.get(f))));
+    const list = { class: "list", tabindex: "0", role: "group", "aria-label": "Families" };
+    form.replaceChildren(
+      select("Formulation", "group", groups, state.group, (v) => chosen(Number(v))),
+      select("Cost", "metric", metrics, state.metric, set("metric")),
+      select("Tolerance", "tolerance", tolerances, state.tolerance ?? "", (v) => set("tolerance")(Number(v) || null)),
+      ...(families.size > 1 ? [titled("Families", h("div", list, [...families.keys()].sort().map(tick)))] : []),
+      ...(varying.length ? [sizes(varying, state, changed)] : []),
+      titled("Routes", ticked("exact ones only", null, state.exact, set("exact"), { id: "filter-exact" })),
+      solverList(),
     );
-    parts.push(
-      select(
-        "Cost",
-        "metric",
-        facts.metrics.map((m) => [m.name, m.name.replace("counter:", "")]),
-        state.metric,
-        (v) => {
-          state.metric = v;
-          changed();
-        },
-      ),
-    );
-    parts.push(tolerance(group, state, changed));
-    if (families.size > 1)
-      parts.push(
-        checks(
-          "Families",
-          [...families.keys()].sort(),
-          (f) => f || "(none)",
-          (f) => families.get(f),
-          state.families,
-          changed,
-        ),
-      );
-    const varying = [...symbols].filter(([, [low, high]]) => low < high).sort();
-    if (varying.length) parts.push(sizes(varying, state, changed));
-    parts.push(
-      h(
-        "fieldset",
-        {},
-        h("legend", {}, "Routes"),
-        h(
-          "label",
-          { class: "line" },
-          h("input", {
-            type: "checkbox",
-            id: "filter-exact",
-            checked: state.exact,
-            onchange: (e) => {
-              state.exact = e.target.checked;
-              changed();
-            },
-          }),
-          h("span", {}, "exact ones only"),
-        ),
-      ),
-    );
-    form.replaceChildren(...parts, solverList());
   }
 
   function select(name, id, options, value, then) {
-    return h(
-      "div",
-      {},
-      h("label", { class: "name", for: `filter-${id}` }, name),
-      h(
-        "select",
-        { id: `filter-${id}`, onchange: (e) => then(e.target.value) },
-        options.map(([key, text]) => h("option", { value: key, selected: key === value }, text)),
-      ),
-    );
-  }
-
-  function tolerance(group, state, changed) {
-    const planned = `as planned, ${Dom.number(group.tolerance)}`;
-    const shown = state.tolerance === null ? planned : state.tolerance.toExponential();
-    const told = h("output", { class: "value", for: "filter-tolerance" }, shown);
-    const input = h("input", {
-      type: "range",
-      id: "filter-tolerance",
-      min: 0,
-      max: 12,
-      step: 1,
-      value: state.tolerance === null ? 0 : Math.round(-Math.log10(state.tolerance)),
-      "aria-valuetext": planned,
-      oninput: (e) => {
-        state.tolerance = decade(Number(e.target.value));
-        told.textContent = state.tolerance === null ? planned : state.tolerance.toExponential();
-        e.target.setAttribute("aria-valuetext", told.textContent);
-        changed();
-      },
-    });
-    return h("div", {}, h("label", { class: "name", for: "filter-tolerance" }, "Tolerance", told), input);
-  }
-
-  function checks(title, keys, name, count, out, changed) {
-    return h(
-      "fieldset",
-      {},
-      h("legend", {}, title),
-      h(
-        "div",
-        { class: "list", tabindex: "0", role: "group", "aria-label": title },
-        keys.map((key) =>
-          h(
-            "label",
-            { class: "line", title: name(key) },
-            h("input", {
-              type: "checkbox",
-              checked: !out.has(key),
-              "data-key": key,
-              onchange: (e) => {
-                if (e.target.checked) out.delete(key);
-                else out.add(key);
-                changed();
-              },
-            }),
-            h("span", {}, name(key)),
-            h("span", { class: "number" }, String(count(key))),
-          ),
-        ),
-      ),
-    );
+    const control = { id: `filter-${id}`, onchange: (e) => then(e.target.value) };
+    const label = h("label", { class: "name", for: control.id }, name);
+    return h("div", {}, label, h("select", control, options.map(Dom.option(value))));
   }
 
   function sizes(varying, state, changed) {
-    const ranges = new Map(varying);
-    if (!ranges.has(state.symbol)) state.symbol = varying[0][0];
-    const value = (e) => (e.target.value === "" ? null : Number(e.target.value));
-    const low = h("input", {
-      type: "number",
-      id: "filter-low",
-      value: state.low,
-      "aria-label": "least size",
-      oninput: (e) => {
-        state.low = value(e);
-        changed();
-      },
-    });
-    const high = h("input", {
-      type: "number",
-      id: "filter-high",
-      value: state.high,
-      "aria-label": "largest size",
-      oninput: (e) => {
-        state.high = value(e);
-        changed();
-      },
-    });
-    const hint = () => {
-      [low.placeholder, high.placeholder] = ranges.get(state.symbol).map(String);
-    };
-    hint();
-    const symbol = h(
-      "select",
-      {
-        "aria-label": "size",
-        id: "filter-symbol",
-        onchange: (e) => {
-          state.symbol = e.target.value;
-          hint();
+    const all = new Map(varying);
+    if (!all.has(state.symbol)) state.symbol = varying[0][0];
+    const ends = [["low", "least size"], ["high", "largest size"]].map(([name, label]) =>
+      h("input", {
+        ...{ type: "number", id: `filter-${name}`, value: state[name], "aria-label": label },
+        oninput: (e) => {
+          state[name] = e.target.value === "" ? null : Number(e.target.value);
           changed();
         },
-      },
-      varying.map(([key]) => h("option", { value: key, selected: key === state.symbol }, key)),
+      }),
     );
-    return h("fieldset", {}, h("legend", {}, "Size"), h("div", { class: "pair" }, symbol, low, "to", high));
+    const hint = () => ends.forEach((end, k) => (end.placeholder = String(all.get(state.symbol)[k])));
+    hint();
+    const onchange = (e) => {
+      state.symbol = e.target.value;
+      hint();
+      changed();
+    };
+    const options = varying.map(([key]) => [key, key]).map(Dom.option(state.symbol));
+    const symbol = h("select", { "aria-label": "size", id: "filter-symbol", onchange }, options);
+    return titled("Size", h("div", { class: "pair" }, symbol, ends[0], "to", ends[1]));
   }
 
   function solverList() {
-    return h(
-      "fieldset",
-      { id: "solver-list" },
-      h("legend", {}, "Solvers", h("span", { class: "value", id: "solver-count" })),
-      h("input", { type: "search", id: "solver-search", placeholder: "Find a solver", "aria-label": "Find a solver" }),
-      h(
-        "div",
-        { class: "quick" },
-        ...["all", "none", "leading"].map((what) => h("button", { type: "button", "data-quick": what }, what)),
-      ),
-      h("div", { class: "list solvers", id: "solver-lines", tabindex: "0", role: "group", "aria-label": "Solvers" }),
-    );
+    const search = { type: "search", id: "solver-search", placeholder: "Find a solver", "aria-label": "Find a solver" };
+    const quick = ["all", "none", "leading"].map((name) => h("button", { type: "button", "data-quick": name }, name));
+    const list = { class: "list solvers", id: "solver-lines", tabindex: "0", role: "group", "aria-label": "Solvers" };
+    const heading = h("legend", {}, "Solvers", h("span", { class: "value", id: "solver-count" }));
+    return h("fieldset", { id: "solver-list" }, heading, h("input", search), h("div", { class: "quick" }, quick), h("div", list));
   }
 
   /* The lines of the solvers: check box, look of the curve, name, problems solved. */
-  function solverLines(context, order, state, changed) {
-    const lines = document.getElementById("solver-lines");
-    const known = new Map([...lines.children].map((line) => [line.dataset.code, line]));
+  function solverLines(context, changed) {
+    const { table, state, shown, slots, solvedBy, order } = context,
+      lines = document.getElementById("solver-lines");
+    const there = new Map([...lines.children].map((line) => [line.dataset.code, line]));
     for (const place of order) {
-      const code = context.table.labels[place],
-        name = context.name(place);
-      let line = known.get(String(code));
+      const code = table.labels[place], name = context.name(place);
+      let line = there.get(String(code));
       if (!line) {
-        line = h(
-          "label",
-          {
-            class: "line",
-            title: name,
-            "data-code": code,
-            onmouseenter: () => Figures.focus(name),
-            onmouseleave: () => Figures.focus(""),
-          },
-          h("input", {
-            type: "checkbox",
-            checked: !state.hidden.has(code),
-            onchange: (e) => {
-              if (e.target.checked) state.hidden.delete(code);
-              else state.hidden.add(code);
-              changed();
-            },
-          }),
-          h("span", {}, name),
-          h("span", { class: "number" }),
-        );
+        line = ticked(name, name, true, outside(state, "hidden", code, changed), {}, h("span", { class: "number" }));
+        line.dataset.code = code;
+        line.addEventListener("mouseenter", () => Figures.focus(name));
+        line.addEventListener("mouseleave", () => Figures.focus(""));
         line.insertBefore(Figures.swatch(-1), line.children[1]);
         lines.append(line);
       }
-      const slot = context.slots.get(place) ?? -1;
-      line.classList.toggle("hidden-now", !context.shown.has(place));
+      line.classList.toggle("hidden-now", !shown.has(place));
       line.querySelector("input").checked = !state.hidden.has(code);
-      line.querySelector("svg").replaceWith(Figures.swatch(slot));
-      line.lastChild.textContent = context.shown.has(place) ? String(context.solvedBy.get(place) ?? "—") : "";
+      line.querySelector("svg").replaceWith(Figures.swatch(slots.get(place) ?? -1));
+      line.lastChild.textContent = shown.has(place) ? String(solvedBy.get(place) ?? "—") : "";
     }
-    document.getElementById("solver-count").textContent = `${context.shown.size} of ${context.table.labels.length}`;
+    document.getElementById("solver-count").textContent = `${shown.size} of ${table.labels.length}`;
   }
 
-  return Object.freeze({ initial, problems, labels, build, solverLines, INEXACT });
+  return Object.freeze({ initial, problems, labels, ranges, build, solverLines });
 })();

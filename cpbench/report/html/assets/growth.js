@@ -1,156 +1,67 @@
 "use strict";
-/* Costs against a size of the problems, with the fitted power law of the whole group. */
+/* Costs against a size of the problems, with the power law that cpbench fitted to the whole group. */
 {
-  const { h } = Dom;
-  let symbol = null,
-    chooser = null;
-  const symbolsOf = (context) => {
-    const found = new Map();
-    for (const p of context.problems) {
-      for (const [key, size] of Object.entries(context.facts.problems.sizes[context.table.problems[p]])) {
-        if (!(size > 0)) continue;
-        const range = found.get(key) ?? [Infinity, 0];
-        found.set(key, [Math.min(range[0], size), Math.max(range[1], size)]);
-      }
-    }
-    return [...found].filter(([, [low, high]]) => high > 1.5 * low).sort(([a], [b]) => (a < b ? -1 : 1));
-  };
+  let symbol = null;
+  const codes = ({ problems, table }) => problems.map((p) => table.problems[p]);
+  const symbolsOf = (context) =>
+    Filters.ranges(context.facts, codes(context), 0).filter(([, [low, high]]) => high > 1.5 * low);
+
+  function pointsOf({ matrix, metric, table, facts, slots, name, problem }) {
+    return matrix.labels.flatMap((s, k) => {
+      const slot = slots.get(s);
+      if (slot === undefined) return [];
+      return matrix.problems.flatMap((p, i) => {
+        const cost = matrix.values[i * matrix.labels.length + k],
+          x = facts.problems.sizes[table.problems[p]][symbol.value()],
+          yText = Dom.cost(metric, cost);
+        if (!(cost < Infinity && x > 0)) return [];
+        return [{ label: name(s), slot, x, y: Math.max(cost, metric.floor ?? 0), problem: problem(p), yText }];
+      });
+    });
+  }
 
   Figures.register({
     id: "scaling",
     title: "Cost against size",
-    controls(changed) {
-      chooser = h("select", {
-        onchange: (e) => {
-          symbol = e.target.value;
-          changed();
-        },
-      });
-      return h("div", { class: "controls" }, h("label", {}, h("span", {}, "size"), chooser));
-    },
+    controls: (changed) => [(symbol = Dom.chooser("size", changed)).box],
     adjust(context) {
       const there = symbolsOf(context).map(([key]) => key);
-      if (!there.includes(symbol)) symbol = ["nc", "n"].find((key) => there.includes(key)) ?? there[0] ?? null;
-      // nothing is said of sizes where they do not differ
+      // where sizes do not differ there is no section
       for (const part of [document.getElementById("size"), document.querySelector(".top nav a[href='#size']")])
         part.hidden = !there.length;
-      chooser.replaceChildren(...there.map((key) => h("option", { value: key, selected: key === symbol }, key)));
+      symbol.offer(there.map((key) => [key, key]), ["nc", "n"].find((key) => there.includes(key)));
     },
     build(context) {
-      const range = symbolsOf(context).find(([key]) => key === symbol)?.[1];
+      const range = symbolsOf(context).find(([key]) => key === symbol.value())?.[1];
       if (!range) return { empty: "The chosen problems do not differ enough in any size." };
-      const { matrix, metric, table, facts } = context,
-        width = matrix.labels.length,
-        least = metric.floor ?? 0;
-      const points = [],
-        fits = context.group.growth[symbol];
-      matrix.labels.forEach((s, k) => {
-        const slot = context.slots.get(s);
-        if (slot === undefined) return;
-        matrix.problems.forEach((p, i) => {
-          const y = matrix.values[i * width + k],
-            x = facts.problems.sizes[table.problems[p]][symbol];
-          if (y < Infinity && x > 0)
-            points.push({
-              label: context.name(s),
-              slot,
-              x,
-              y: Math.max(y, least),
-              problem: facts.problems.name[table.problems[p]],
-              yText: Dom.cost(metric, y),
-            });
-        });
-      });
+      const { metric, metricName, matrix, slots, shown } = context, points = pointsOf(context),
+        laws = context.group.growth[symbol.value()] ?? { lines: [], head: [], rows: [] };
+      const drawn = metric.name === "time" ? laws.lines.filter(({ label }) => context.slotOf(label) >= 0) : [],
+        lines = drawn.flatMap(({ label, ends }) => ends.map(([x, y]) => ({ label, slot: context.slotOf(label), x, y })));
       if (!points.length) return { empty: "None of the coloured solvers solves a chosen problem." };
       const few = Charts.sampled(points),
-        ys = Charts.extent(points.map((p) => p.y).filter((y) => y > 0));
-      const [x0, x1] = [range[0] / 1.15, range[1] * 1.15],
-        [y0, y1] = [ys[0] / 1.5, ys[1] * 1.5];
-      const of = (name) => (fits ? fits.label.indexOf(name) : -1);
-      const fitted =
-        metric.name === "time"
-          ? [...context.slots]
-              .filter(([s]) => of(context.name(s)) >= 0 && context.shown.has(s))
-              .flatMap(([s, slot]) => {
-                const k = of(context.name(s)),
-                  label = context.name(s);
-                return [fits.least[k], fits.largest[k]].map((x) => ({
-                  label,
-                  slot,
-                  x,
-                  y: Math.exp(fits.intercept[k] + fits.slope[k] * Math.log(x)),
-                }));
-              })
-              .filter((v) => v.y > 0)
-          : [];
-      const x = {
-        field: "x",
-        type: "quantitative",
-        scale: Charts.logScale(x0, x1),
-        axis: { title: symbol, values: Charts.logTicks(x0, x1), labelExpr: Charts.TINY },
-      };
-      const y = {
-        field: "y",
-        type: "quantitative",
-        scale: Charts.logScale(y0, y1),
-        axis: { title: context.metricName, values: Charts.logTicks(y0, y1), labelExpr: Charts.unitText(metric) },
-      };
-      const spec = {
-        height: 360,
-        params: [{ name: "focus", value: "" }],
-        layer: [
-          {
-            data: { values: fitted },
-            mark: { type: "line", strokeWidth: 1.6, clip: true },
-            encoding: {
-              x,
-              y,
-              color: Charts.slotColour,
-              strokeDash: Charts.slotDash,
-              detail: { field: "label" },
-              opacity: Charts.inFocus(0.85),
-            },
-          },
-          {
-            data: { values: few.points },
-            mark: { type: "point", filled: true, size: 34 },
-            encoding: {
-              x,
-              y,
-              color: Charts.slotColour,
-              shape: Charts.slotShape,
-              opacity: Charts.inFocus(0.75),
-              tooltip: [
-                { field: "label", title: "solver" },
-                { field: "problem", title: "problem" },
-                { field: "x", title: symbol },
-                { field: "yText", title: context.metricName },
-              ],
-            },
-          },
-        ],
-      };
-      const shown = (name) => context.matrix.labels.some((s) => context.name(s) === name);
-      const lines = fits ? fits.label.map((name, k) => [name, k]).filter(([name]) => shown(name)) : [];
-      const answer = {
-        spec,
-        labels: [...context.slots.keys()].filter((s) => context.shown.has(s)),
+        [y0, y1] = Charts.extent(points.map((p) => p.y).filter((y) => y > 0));
+      const x = Charts.quantity("x", Charts.log(symbol.value(), range[0] / 1.15, range[1] * 1.15, Charts.TINY)),
+        y = Charts.quantity("y", Charts.log(metricName, y0 / 1.5, y1 * 1.5, Charts.unitText(metric)));
+      const shared = { x, y, color: Charts.slotColour, detail: Charts.DETAIL },
+        names = [["label", "solver"], ["problem", "problem"], ["x", symbol.value()], ["yText", metricName]];
+      const law = { strokeDash: Charts.slotDash, opacity: Charts.inFocus(0.85) },
+        dot = { shape: Charts.slotShape, opacity: Charts.inFocus(0.75), tooltip: Charts.tooltips(...names) };
+      const line = { type: "line", strokeWidth: 1.6, clip: true },
+        point = { type: "point", filled: true, size: 34 };
+      const layer = [
+        { data: { values: lines }, mark: line, encoding: { ...shared, ...law } },
+        { data: { values: few.points }, mark: point, encoding: { ...shared, ...dot } },
+      ];
+      const rows = laws.rows.filter(([label]) => matrix.labels.includes(context.placeOf(label)));
+      const fitted = "Lines: the power law fitted to all problems of the group, a timeout counting as longer than the limit.";
+      return {
+        spec: { height: 360, params: Charts.FOCUS, layer },
+        labels: [...slots.keys()].filter((s) => shown.has(s)),
         numbers: context.numbers,
-        guide: `A point is a problem that the solver solved; only coloured solvers are drawn.${fitted.length ? " Lines: the power law fitted to all problems of the group, a timeout counting as longer than the limit." : ""}${few.told}`,
+        guide: `A point is a problem that the solver solved; only coloured solvers are drawn.${lines.length ? ` ${fitted}` : ""}${few.note}`,
+        ...(rows.length ? { table: () => ({ head: laws.head, right: [1, 2, 3, 4], rows }) } : {}),
       };
-      if (lines.length)
-        answer.table = () => ({
-          head: ["solver", `exponent of ${symbol}`, "95 % interval", "solved", "stopped at the limit"],
-          right: [1, 2, 3, 4],
-          rows: lines.map(([name, k]) => [
-            name,
-            fits.slope[k].toFixed(2),
-            `${fits.low[k].toFixed(2)} to ${fits.high[k].toFixed(2)}`,
-            String(fits.solved[k]),
-            String(fits.stopped[k]),
-          ]),
-        });
-      return answer;
     },
   });
 }

@@ -1,14 +1,18 @@
 "use strict";
 /* Problems by solvers, coloured by what came of them; a cell opens its pair. Families by solvers on a page of so many
    rows that not every pair has its facts. */
-const Matrix = (() => {
+{
   const { h } = Dom;
   const MOST = 12_000;
+  const STEPS = {
+    ...{ ArrowRight: [0, 1], ArrowLeft: [0, -1], ArrowDown: [1, 0], ArrowUp: [-1, 0] },
+    ...{ PageDown: [10, 0], PageUp: [-10, 0], Home: [0, -Infinity], End: [0, Infinity] },
+    ...{ "Ctrl+Home": [-Infinity, -Infinity], "Ctrl+End": [Infinity, Infinity] },
+  };
   let onlyFailures = false;
 
   /* One stop of the tab key; the arrow keys go on from there. */
   function keys(table) {
-    const cells = () => [...table.tBodies[0].rows].map((row) => [...row.cells].slice(1));
     const stop = (cell) => {
       const before = table.querySelector("td[tabindex='0']");
       if (before) before.tabIndex = -1;
@@ -19,190 +23,103 @@ const Matrix = (() => {
       if (event.target.closest("td")) stop(event.target.closest("td")); // a click moves it, too
     });
     table.addEventListener("keydown", (event) => {
-      const cell = event.target.closest("td");
-      if (!cell) return;
-      const steps = {
-        ArrowRight: [0, 1],
-        ArrowLeft: [0, -1],
-        ArrowDown: [1, 0],
-        ArrowUp: [-1, 0],
-        PageDown: [10, 0],
-        PageUp: [-10, 0],
-        Home: [event.ctrlKey ? -1e6 : 0, -1e6],
-        End: [event.ctrlKey ? 1e6 : 0, 1e6],
-      };
-      if (event.key === "Enter" || event.key === " ") {
-        event.preventDefault();
-        cell.click();
-        return;
-      }
-      if (!steps[event.key]) return;
+      const cell = event.target.closest("td"),
+        steps = STEPS[event.ctrlKey ? `Ctrl+${event.key}` : event.key] ?? STEPS[event.key],
+        press = event.key === "Enter" || event.key === " ";
+      if (!cell || !(steps || press)) return;
       event.preventDefault();
-      const all = cells(),
-        clamp = (k, most) => Math.max(0, Math.min(most, k));
-      const r = clamp(cell.parentElement.sectionRowIndex + steps[event.key][0], all.length - 1);
-      const c = clamp(cell.cellIndex - 1 + steps[event.key][1], all[r].length - 1);
-      all[r][c].focus();
+      if (press) return cell.click();
+      const { rows } = table.tBodies[0],
+        clamp = (k, least, most) => Math.max(least, Math.min(most, k));
+      const { cells } = rows[clamp(cell.parentElement.sectionRowIndex + steps[0], 0, rows.length - 1)];
+      cells[clamp(cell.cellIndex + steps[1], 1, cells.length - 1)].focus();
     });
     return table;
   }
 
+  const cellOf = (name, attributes, text = "") =>
+    h("td", { tabindex: "-1", role: "gridcell", title: name, "aria-label": name, ...attributes }, text);
+  const lineOf = (name, cells) => h("tr", {}, h("th", { scope: "row", title: name }, name), cells);
+
   function grid(caption, corner, heads, lines) {
-    return h(
-      "div",
-      { class: "scroll" },
-      keys(
-        h(
-          "table",
-          { class: "matrix", role: "grid", "aria-label": caption },
-          h(
-            "thead",
-            {},
-            h(
-              "tr",
-              {},
-              h("th", { scope: "col" }, h("span", { class: "visually-hidden" }, corner)),
-              heads.map((text) => h("th", { scope: "col", title: text }, h("div", {}, text))),
-            ),
-          ),
-          h("tbody", {}, lines),
-        ),
-      ),
-    );
+    const names = heads.map((text) => h("th", { scope: "col", title: text }, h("div", {}, text))),
+      first = h("th", { scope: "col" }, h("span", { class: "visually-hidden" }, corner)),
+      inside = [h("thead", {}, h("tr", {}, first, names)), h("tbody", {}, lines)];
+    const table = h("table", { class: "matrix", role: "grid", "aria-label": caption }, ...inside);
+    return h("div", { class: "scroll" }, keys(table));
   }
 
-  function pairs(context) {
-    const { facts, table, columns, state } = context,
-      width = table.labels.length;
-    const order = context.order.filter((s) => context.shown.has(s)),
-      flagged = facts.texts.flags.map((f) => f.split(",").some((x) => x === "direction" || x === "scale"));
-    let problems = context.problems;
-    const solvedIn = (p, s) => {
-      const r = table.row[p * width + s];
-      return r >= 0 && Engine.solved(columns, r, state.tolerance, facts.status);
-    };
-    if (onlyFailures) problems = problems.filter((p) => !order.every((s) => solvedIn(p, s)));
-    const cut = problems.slice(0, Math.max(1, Math.floor(MOST / Math.max(1, order.length))));
-    const best = new Map(),
-      ratio = context.ratios;
-    ratio.problems.forEach((p, i) =>
-      ratio.labels.forEach((s, k) => {
-        if (ratio.values[i * ratio.labels.length + k] <= 1) best.set(p * width + s, true);
-      }),
+  /* The cell of a pair; `used` collects what the key has to explain. */
+  function pairCell(context, p, s, fastest, used) {
+    const { facts, columns } = context, r = context.rowAt(p, s),
+      name = `${context.problem(p)}, ${context.name(s)}`;
+    if (r < 0) return cellOf(`${name}: not planned`, { class: "k-blank", title: null });
+    const status = context.statusOf(r), fast = fastest && status === "solved",
+      kind = fast ? "fastest" : status,
+      flags = facts.texts.flags[columns["detail.flags"][columns.detail[r] - 1]].split(","),
+      flagged = flags.includes("direction") || flags.includes("scale");
+    used.add(kind);
+    if (flagged) used.add("flagged");
+    const words = fast ? "solved, least cost" : status.replace("_", " "),
+      attributes = { class: `k-${kind}${flagged ? " flagged" : ""}`, "data-row": r };
+    return cellOf(`${name}: ${words}${flagged ? ", flagged" : ""}`, attributes, fast ? "★" : context.symbolOf(status));
+  }
+
+  function pairs(context, order) {
+    const { table, ratios } = context;
+    const problems = context.problems.filter(
+      (p) => !onlyFailures || !order.every((s) => context.solved(context.rowAt(p, s))),
     );
-    const used = new Set(),
-      lines = cut.map((p) => {
-        const name = facts.problems.name[table.problems[p]];
-        return h(
-          "tr",
-          {},
-          h("th", { scope: "row", title: name }, name),
-          order.map((s) => {
-            const r = table.row[p * width + s];
-            if (r < 0)
-              return h("td", {
-                class: "k-blank",
-                tabindex: "-1",
-                role: "gridcell",
-                "aria-label": `${name}, ${context.name(s)}: not planned`,
-              });
-            const status = context.statusOf(r),
-              fast = best.has(p * width + s) && status === "solved",
-              kind = fast ? "fastest" : status;
-            used.add(kind);
-            const mark = flagged[columns["detail.flags"][columns.detail[r] - 1]],
-              told = `${name}, ${context.name(s)}: ${fast ? "solved, least cost" : status.replace("_", " ")}${mark ? ", flagged" : ""}`;
-            if (mark) used.add("flagged");
-            return h(
-              "td",
-              {
-                class: `k-${kind}${mark ? " flagged" : ""}`,
-                tabindex: "-1",
-                role: "gridcell",
-                "data-row": r,
-                title: told,
-                "aria-label": told,
-              },
-              fast ? "★" : context.symbolOf(status),
-            );
-          }),
-        );
-      });
-    const content = h(
-      "div",
-      {},
-      key(context, used),
-      grid("Problems by solvers", "problem", order.map(context.name), lines),
+    const cut = problems.slice(0, Math.max(1, Math.floor(MOST / order.length))),
+      at = new Map(ratios.problems.map((p, i) => [p, i * ratios.labels.length])),
+      column = new Map(ratios.labels.map((s, k) => [s, k])),
+      used = new Set();
+    const fastest = (p, s) => ratios.values[at.get(p) + column.get(s)] <= 1;
+    const lines = cut.map((p) =>
+      lineOf(context.problem(p), order.map((s) => pairCell(context, p, s, fastest(p, s), used))),
     );
+    const table_ = grid("Problems by solvers", "problem", order.map(context.name), lines),
+      content = h("div", {}, key(context, used), table_);
     content.addEventListener("click", (event) => {
       const cell = event.target.closest("td[data-row]");
       if (cell) Pair.open(context, Number(cell.dataset.row));
     });
+    const rest = cut.length < problems.length ? "; filter to see the others" : "";
     return {
       content,
-      numbers: `${cut.length} of ${Dom.counted(table.problems.length, "problem")}, ${Dom.counted(order.length, "solver")}${cut.length < problems.length ? "; filter to see the others" : ""}.`,
+      numbers: `${cut.length} of ${Dom.counted(table.problems.length, "problem")}, ${Dom.counted(order.length, "solver")}${rest}.`,
       guide:
         "A cell is a problem and a solver, its colour and sign what was measured of the answer; empty where no route led. A click, or Enter on the cell that the arrow keys have reached, opens the pair.",
     };
   }
 
-  const key = (context, used) =>
-    h(
-      "ul",
-      { class: "key" },
-      used.has("fastest") ? h("li", {}, h("span", { class: "cell k-fastest" }, "★"), "solved, least cost") : null,
-      context.facts.status.names
-        .filter((name) => used.has(name))
-        .map((name) =>
-          h("li", {}, h("span", { class: `cell k-${name}` }, context.symbolOf(name)), name.replace("_", " ")),
-        ),
-      used.has("flagged")
-        ? h("li", {}, h("span", { class: "cell matrix-flag" }, "◥"), "accepted with a flag (direction, scale)")
-        : null,
-    );
+  function key({ facts, symbolOf }, used) {
+    const names = facts.status.names.map((name) => [name, `k-${name}`, symbolOf(name), name.replace("_", " ")]);
+    const all = [
+      ["fastest", "k-fastest", "★", "solved, least cost"],
+      ...names,
+      ["flagged", "matrix-flag", "◥", "accepted with a flag (direction, scale)"],
+    ].filter(([name]) => used.has(name));
+    return h("ul", { class: "key" }, all.map(([, look, sign, text]) => h("li", {}, h("span", { class: `cell ${look}` }, sign), text)));
+  }
 
-  function families(context) {
-    const { facts, table, columns, state } = context,
-      width = table.labels.length;
-    const order = context.order.filter((s) => context.shown.has(s)),
-      groups = new Map();
+  function families(context, order) {
+    const { facts, table } = context, groups = new Map();
     for (const p of context.problems) {
       const family = facts.problems.family[table.problems[p]];
-      if (!groups.has(family)) groups.set(family, []);
-      groups.get(family).push(p);
+      groups.set(family, [...(groups.get(family) ?? []), p]);
     }
-    const lines = [...groups]
-      .sort(([a], [b]) => (a < b ? -1 : 1))
-      .map(([family, problems]) =>
-        h(
-          "tr",
-          {},
-          h("th", { scope: "row", title: family || "(none)" }, `${family || "(none)"} (${problems.length})`),
-          order.map((s) => {
-            let done = 0;
-            for (const p of problems) {
-              const r = table.row[p * width + s];
-              if (r >= 0 && Engine.solved(columns, r, state.tolerance, facts.status)) done++;
-            }
-            const share = done / problems.length,
-              told = `${family || "(none)"}, ${context.name(s)}: ${done} of ${problems.length} solved`;
-            const cell = h(
-              "td",
-              {
-                class: "wide",
-                tabindex: "-1",
-                role: "gridcell",
-                title: told,
-                "aria-label": told,
-                style: `background: color-mix(in srgb, var(--accent) ${Math.round(35 * share)}%, transparent)`,
-              },
-              String(Math.round(100 * share)),
-            );
-            cell.addEventListener("click", () => Pair.list(context, family, s, problems));
-            return cell;
-          }),
-        ),
-      );
+    const cell = (family, problems) => (s) => {
+      const done = problems.filter((p) => context.solved(context.rowAt(p, s))).length,
+        share = done / problems.length,
+        style = `background: color-mix(in srgb, var(--accent) ${Math.round(35 * share)}%, transparent)`,
+        onclick = () => Pair.list(context, family, s, problems);
+      const name = `${family || "(none)"}, ${context.name(s)}: ${done} of ${problems.length} solved`;
+      return cellOf(name, { class: "wide", style, onclick }, String(Math.round(100 * share)));
+    };
+    const lines = [...groups].sort(([a], [b]) => (a < b ? -1 : 1)).map(([family, problems]) =>
+      lineOf(`${family || "(none)"} (${problems.length})`, order.map(cell(family, problems))),
+    );
     return {
       content: grid("Families by solvers", "family", order.map(context.name), lines),
       numbers: context.numbers,
@@ -217,31 +134,17 @@ const Matrix = (() => {
       this.box.hidden = !context.facts.whole;
     },
     controls(changed) {
-      this.box = h(
-        "div",
-        { class: "controls" },
-        h(
-          "label",
-          { class: "check" },
-          h("input", {
-            type: "checkbox",
-            onchange: (e) => {
-              onlyFailures = e.target.checked;
-              changed();
-            },
-          }),
-          h("span", {}, "only problems that some shown solver did not solve"),
-        ),
-      );
-      return this.box;
+      const check = Dom.check("only problems that some shown solver did not solve", (on) => {
+        onlyFailures = on;
+        changed();
+      });
+      return [(this.box = check)];
     },
-    build: (context) =>
-      context.problems.length && context.shown.size
-        ? context.facts.whole
-          ? pairs(context)
-          : families(context)
-        : { empty: "Nothing is left of the chosen problems and solvers: loosen the filters." },
+    build(context) {
+      const order = context.order.filter((s) => context.shown.has(s));
+      if (!context.problems.length || !order.length)
+        return { empty: "Nothing is left of the chosen problems and solvers: loosen the filters." };
+      return context.facts.whole ? pairs(context, order) : families(context, order);
+    },
   });
-
-  return Object.freeze({ keys });
-})();
+}

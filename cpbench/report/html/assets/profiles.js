@@ -1,99 +1,26 @@
 "use strict";
-/* Ranking of a whole group; performance and data profiles of what is chosen. */
+/* Performance and data profiles of what is chosen. */
 {
   const { h } = Dom;
-
-  Figures.register({
-    id: "ranking",
-    title: "Problems solved",
-    build(context) {
-      const { lines, few } = context.group.ranking,
-        count = lines.label.length;
-      if (!count) return { empty: "No solver took part." };
-      const total = context.group.problems.length,
-        shown = Math.min(count, 16);
-      const values = Array.from({ length: shown }, (_, k) => ({
-        label: lines.label[k],
-        slot: context.slotOf(lines.label[k]),
-        v: lines.ran[k] > lines.lost[k] ? lines.solved[k] / (lines.ran[k] - lines.lost[k]) : 0,
-        low: lines.low[k],
-        high: lines.high[k],
-        told: `${lines.solved[k]} of ${lines.ran[k] - lines.lost[k]}`,
-      }));
-      const spec = Charts.dots({
-        values,
-        scale: { domain: [0, 1] },
-        axis: { title: "fraction solved of the problems that it ran on", format: "%", tickCount: 5 },
-        tooltip: [{ field: "told", title: "solved" }],
-      });
-      const rows = () =>
-        lines.label.map((name, k) => [
-          h("span", {}, name, ...context.marksOf(name, lines.kind[k])),
-          String(lines.solved[k]),
-          String(lines.lost[k]),
-          String(lines.stationary[k]),
-          String(lines.ran[k]),
-          lines.low[k] === null ? "—" : `${Dom.percent(lines.low[k])} to ${Dom.percent(lines.high[k])}`,
-          Filters.INEXACT.has(lines.kind[k]) ? "see routes" : String(lines.false[k]),
-          lines.ranked[k] ? String(lines.fastest[k]) : "—",
-          Dom.seconds(lines.median[k]),
-          Dom.number(lines.slowdown[k]),
-          Dom.seconds(lines.mean[k]),
-        ]);
-      const bars = few ? "" : " Bar: 95 % bootstrap interval over problem families.";
-      return {
-        spec,
-        summary: `${lines.label[0]} solves most, ${lines.solved[0]} of ${lines.ran[0] - lines.lost[0]}.`,
-        numbers: `N = ${Dom.counted(total, "problem")}, nothing filtered${shown < count ? `, first ${shown} of ${count} solvers` : ""}.`,
-        guide: `Dot: fraction solved of the problems that the solver was started on; problems that it cannot handle, and answers that a conversion lost, are not counted.${bars}`,
-        table: () => ({
-          head: [
-            "solver",
-            "solved",
-            "lost",
-            "stationary",
-            "ran",
-            "95 % interval",
-            "false claims",
-            "fastest",
-            "median of solved",
-            "slowdown",
-            "mean",
-          ],
-          rows: rows(),
-          right: [1, 2, 3, 4, 5, 6, 7, 8, 9, 10],
-        }),
-      };
-    },
-  });
-
   const BANDED = 3; // bands that are shown at once: more of them cover each other
+  const NOTHING = "Nothing is left of the chosen problems and solvers: loosen the filters.";
   let banded = false;
 
-  /* The ends of the bands of the coloured curves, as areas; nothing is said of a filter that they were not made for. */
-  function bandsOf(context, upto) {
-    const { bands } = context.group;
-    if (!banded || !context.whole || !bands?.labels.length) return [];
-    const leaders = context.byHeight.map((c) => c.label).filter((s) => context.slots.has(s));
+  /* The ends of the bands of the coloured curves, as areas; none for a filter that they were not made for. */
+  function bandsOf({ group: { bands }, whole, byHeight, slots, name }, upto) {
+    if (!banded || !whole || !bands?.labels.length) return [];
+    const leaders = byHeight.map((c) => c.label).filter((s) => slots.has(s) && bands.labels.includes(name(s))),
+      last = bands.taus.length - 1;
     return leaders.flatMap((s, place) => {
-      const label = context.name(s),
-        k = bands.labels.indexOf(label);
-      if (k < 0) return [];
-      const at = [...bands.taus, upto],
-        last = bands.taus.length - 1;
-      return at.map((x, j) => ({
-        label,
-        slot: context.slots.get(s),
-        first: place < BANDED,
-        x,
-        low: bands.low[k][Math.min(j, last)],
-        high: bands.high[k][Math.min(j, last)],
-      }));
+      const line = { label: name(s), slot: slots.get(s), first: place < BANDED },
+        k = bands.labels.indexOf(line.label);
+      const ends = (j) => ({ low: bands.low[k][Math.min(j, last)], high: bands.high[k][Math.min(j, last)] });
+      return [...bands.taus, upto].map((x, j) => ({ ...line, x, ...ends(j) }));
     });
   }
 
-  /* What is said of the bands, drawn or not. */
-  function bandsTold({ group: { bands }, whole, data }) {
+  /* A sentence about the bands, drawn or not. */
+  function bandsText({ group: { bands }, whole, data }) {
     if (!banded) return "";
     if (!bands) return ` There are no bands: ${data.facts.rows} rows are too many for them.`;
     if (!bands.labels.length) return " There are no bands: with fewer than 5 families of problems they would say nothing.";
@@ -103,7 +30,32 @@
     return ` Bands hold for what is chosen now, all problems and solvers, and for no other filter: 95 % at each τ by itself, ${Dom.counted(bands.families, "family", "families")} drawn again ${bands.replicates} times${few}. They are shown of the first ${BANDED} solvers in colour, of others while the pointer is on their name.`;
   }
 
-  const nothing = "Nothing is left of the chosen problems and solvers: loosen the filters.";
+  /* The curves as steps between the ends of the axis x, and as a table of their heights at some places. */
+  function staircase(context, curves, [low, high], x, places, heading, extra = []) {
+    const drawn = curves.filter((c) => c.solved),
+      y = { scale: { domain: [0, 1] }, axis: { title: "fraction of problems", format: "%", tickCount: 5 } };
+    const look = (s) => ({ label: context.name(s), slot: context.slots.get(s) ?? -1 });
+    const values = drawn.flatMap((c) => Charts.corners(c, low, high).map((corner) => ({ ...look(c.label), ...corner })));
+    const line = (c) => [
+      h("span", {}, context.name(c.label), ...context.marks(c.label)),
+      ...[...places].map((at) => Dom.percent(Rows.height(c, at))),
+      String(c.solved),
+      String(c.problems),
+    ];
+    const rank = new Map(context.byHeight.map((c, k) => [c.label, k]));
+    const order = [...curves].sort((a, b) => rank.get(a.label) - rank.get(b.label));
+    return {
+      spec: Charts.lines({ values, extra, x, y }),
+      labels: order.filter((c) => c.solved).map((c) => c.label),
+      numbers: context.numbers,
+      summary: `${context.name(order[0].label)} solves most, ${Dom.percent(Rows.height(order[0], Infinity))}.`,
+      table: () => ({
+        head: ["solver", ...places.map(heading), "solved", "of"],
+        right: [...places.keys(), places.length, places.length + 1].map((k) => k + 1),
+        rows: order.map(line),
+      }),
+    };
+  }
 
   Figures.register({
     id: "profile",
@@ -112,62 +64,25 @@
       this.box.hidden = Boolean(context.group.bands && !context.group.bands.labels.length);
     },
     controls(changed) {
-      const box = h("input", {
-        type: "checkbox",
-        id: "profile-bands",
-        onchange: (e) => {
-          banded = e.target.checked;
-          changed();
-        },
+      const check = Dom.check("95 % bands over problem families", (on) => {
+        banded = on;
+        changed();
       });
-      this.box = h(
-        "div",
-        { class: "controls below" },
-        h("label", { class: "check" }, box, h("span", {}, "95 % bands over problem families")),
-      );
-      return this.box;
+      check.firstChild.id = "profile-bands";
+      return [(this.box = check)];
     },
     build(context) {
-      const { curves, metric } = context;
-      if (!curves.some((c) => c.solved)) return { empty: nothing, labels: [] };
-      const upto = Math.max(2, Engine.widest(curves, 1) * 1.06),
-        binary = upto <= 300;
-      const values = curves
-        .filter((c) => c.solved)
-        .flatMap((c) =>
-          Charts.corners(c, 1, upto).map(({ x, y }) => ({
-            label: context.name(c.label),
-            slot: context.slots.get(c.label) ?? -1,
-            x,
-            y,
-          })),
-        );
-      const title = `τ: ${context.metricName} / least ${context.metricName} (failures: ∞)`;
-      const axis = { title, values: binary ? Charts.powers(upto) : Charts.logTicks(1, upto), labelExpr: Charts.TINY };
-      const bands = bandsOf(context, upto);
-      const spec = Charts.lines({
-        values,
-        extra: bands.length ? [Charts.bands(bands)] : [],
-        x: { scale: { ...Charts.logScale(1, upto), base: binary ? 2 : 10 }, axis },
-        y: { scale: { domain: [0, 1] }, axis: { title: "fraction of problems", format: "%", tickCount: 5 } },
-      });
-      const order = context.byHeight;
+      const { curves, metricName } = context,
+        ends = curves.filter((c) => c.solved).map((c) => c.at.at(-1));
+      if (!ends.length) return { empty: NOTHING, labels: [] };
+      const upto = Math.max(2, Math.max(1, ...ends) * 1.06),
+        title = `τ: ${metricName} / least ${metricName} (failures: ∞)`,
+        bands = bandsOf(context, upto);
+      const x = Charts.log(title, 1, upto, Charts.TINY),
+        extra = bands.length ? [Charts.bands(bands)] : [];
       return {
-        spec,
-        labels: order.filter((c) => c.solved).map((c) => c.label),
-        numbers: context.numbers,
-        summary: `${context.name(order[0].label)} solves most, ${Dom.percent(Engine.height(order[0], Infinity))}.`,
-        guide: `Height at τ: fraction of the problems solved within τ times the ${context.metricName} of the best solver shown (left end: it was the best; right end: solved at all).${context.floorText}${context.leftOutText}${bandsTold(context)}`,
-        table: () => ({
-          head: ["solver", "τ = 1", "τ = 2", "τ = 5", "τ = 10", "τ = 100", "solved", "of"],
-          right: [1, 2, 3, 4, 5, 6, 7],
-          rows: order.map((c) => [
-            h("span", {}, context.name(c.label), ...context.marks(c.label)),
-            ...[1, 2, 5, 10, 100].map((tau) => Dom.percent(Engine.height(c, tau))),
-            String(c.solved),
-            String(c.problems),
-          ]),
-        }),
+        ...staircase(context, curves, [1, upto], x, [1, 2, 5, 10, 100], (tau) => `τ = ${tau}`, extra),
+        guide: `Height at τ: fraction of the problems solved within τ times the ${metricName} of the best solver shown (left end: it was the best; right end: solved at all).${context.floorText}${context.leftOutText}${bandsText(context)}`,
       };
     },
   });
@@ -176,54 +91,17 @@
     id: "budget",
     title: "Data profile",
     build(context) {
-      const { metric } = context,
-        curves = Engine.dataProfile(context.matrix);
-      if (!curves.some((c) => c.solved)) return { empty: nothing };
-      const finite = curves
-        .flatMap((c) => (c.solved ? [c.at.find((x) => x > 0) ?? NaN, c.at[c.at.length - 1]] : []))
-        .filter((x) => x > 0);
-      const low = Math.max(Math.min(...finite) / 1.2, metric.floor ? metric.floor / 10 : 0),
-        high = Math.max(...finite, low * 2) * 1.2;
-      const values = curves
-        .filter((c) => c.solved)
-        .flatMap((c) =>
-          Charts.corners(c, low, high).map(({ x, y }) => ({
-            label: context.name(c.label),
-            slot: context.slots.get(c.label) ?? -1,
-            x,
-            y,
-          })),
-        );
-      const spec = Charts.lines({
-        values,
-        x: {
-          scale: Charts.logScale(low, high),
-          axis: {
-            title: `budget: ${context.metricName}`,
-            values: Charts.logTicks(low, high),
-            labelExpr: Charts.unitText(metric),
-          },
-        },
-        y: { scale: { domain: [0, 1] }, axis: { title: "fraction of problems", format: "%", tickCount: 5 } },
-      });
-      const budgets = Charts.logTicks(low, high).slice(-5),
-        order = [...curves].sort((a, b) => b.solved - a.solved || a.label - b.label);
+      const { metric, metricName } = context, curves = Rows.curves(context.matrix);
+      const ends = curves.flatMap((c) => [c.at.find((x) => x > 0), c.at.at(-1)]).filter((x) => x > 0);
+      if (!curves.some((c) => c.solved)) return { empty: NOTHING };
+      const low = Math.max(Math.min(...ends) / 1.2, metric.floor ? metric.floor / 10 : 0),
+        high = Math.max(...ends, low * 2) * 1.2,
+        x = Charts.log(`budget: ${metricName}`, low, high, Charts.unitText(metric));
+      const budgets = Charts.logTicks(low, high).slice(-5);
       return {
-        spec,
-        labels: order.filter((c) => c.solved).map((c) => c.label),
-        numbers: context.numbers,
-        summary: `${context.name(order[0].label)} solves most.`,
+        ...staircase(context, curves, [low, high], x, budgets, (b) => `within ${Dom.cost(metric, b)}`),
         guide:
           "The height of a curve is the fraction of the problems that the solver solved within that budget; no solver is measured against another, so that a curve stays what it is whoever else is shown.",
-        table: () => ({
-          head: ["solver", ...budgets.map((b) => `within ${Dom.cost(metric, b)}`), "at all"],
-          right: budgets.map((_, k) => k + 1).concat([budgets.length + 1]),
-          rows: order.map((c) => [
-            context.name(c.label),
-            ...budgets.map((b) => Dom.percent(Engine.height(c, b))),
-            Dom.percent(Engine.height(c, Infinity)),
-          ]),
-        }),
       };
     },
   });
