@@ -1,11 +1,11 @@
-"""The command line. Commands are imported when they are called: completion loads click and little else."""
+"""The command line. Commands are imported when they are called: help and completion load click and little else."""
 
 from __future__ import annotations
 
-import importlib
 import io
 import os
 import sys
+from importlib.metadata import EntryPoint
 from typing import Any
 
 import click
@@ -14,8 +14,6 @@ from cpbench import __version__
 from cpbench.cli import ahead
 from cpbench.errors import CpbenchError, FormatError, SealError
 from cpbench.foundation import extensions
-from cpbench.foundation.help_text import COMMANDS as COMMANDS
-from cpbench.foundation.help_text import OPTIONS, RESULT_COMMANDS, RESULTS, help_text
 from cpbench.foundation.imports import uncollected
 from cpbench.foundation.plain_text import on_one_line
 
@@ -34,39 +32,51 @@ def _name_plugins(ctx: click.Context, parameter: click.Parameter, files: tuple[s
         os.environ[PLUGIN_FILES] = os.pathsep.join([*([before] if before else []), *given])
 
 
+COMMANDS = (
+    "run", "solve", "sweep", "convert", "lift", "verify", "info", "show", "plot", "graph", "route", "list", "pack",
+    "report", "compare", "results", "collection", "generate", "new", "check", "doctor",
+)  # fmt: skip
+RESULT_COMMANDS = ("baseline", "import", "merge", "export")
+"""Commands of `cpbench results`, which packages may add to; each is also found by its name alone, as it was before."""
+RESULTS = "results"
 _PLUGIN: dict[str, Any] = {
     "multiple": True,
     "metavar": "FILE",
     "expose_value": False,
     "is_eager": True,
     "callback": _name_plugins,
-    "help": OPTIONS["--plugin FILE"],
+    "help": "Plugin to load: a Python file, or a TOML file that declares solvers. Repeatable.",
 }
 """The option of the group, and of every command: it may stand before or after its name."""
 
 
 class LazyGroup(click.Group):
     """A group whose commands live in `cpbench.cli.<name>_command`, or behind the entry points ``cpbench.commands`` of
-    other packages, and are imported on use. A name that is taken here is not taken by another package."""
+    other packages, and are imported on use. A name that is taken here is not taken by another package.
+    """
+
+    listed: tuple[str, ...] = COMMANDS
+    of_packages = ""
+    """Group of commands to which other packages add."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS | extensions.commands())
+        return list(dict.fromkeys([*self.listed, *extensions.commands(self.of_packages)]))
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        own = cmd_name in COMMANDS or cmd_name in RESULT_COMMANDS
-        added = {**extensions.commands(RESULTS), **extensions.commands()}
-        if not own and cmd_name not in added:
+        entry = _entry(cmd_name)
+        if entry is None:
             return None
         with uncollected():
-            command: click.Command = (
-                importlib.import_module(f"cpbench.cli.{cmd_name}_command").command if own else added[cmd_name].load()
-            )
+            command: click.Command = entry.load()
         if all(parameter.name != "plugin_files" for parameter in command.params):
             command.params.append(click.Option(["--plugin", "plugin_files"], **_PLUGIN))
         return command
 
-    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        formatter.write(f"{help_text()}\n")
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the first paragraph of the docstring of each command's module, none of which is imported."""
+        entries = ((name, _entry(name)) for name in self.list_commands(ctx))
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, extensions.summary(entry.module)) for name, entry in entries if entry])
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         from cpbench.registry import PLUGIN_FILES
@@ -84,21 +94,32 @@ class LazyGroup(click.Group):
             ctx.fail(f"no command '{args[0]}': {hint}")
 
 
+def _entry(name: str) -> EntryPoint | None:
+    """Return where the command of a name is; None without such a command."""
+    if name in COMMANDS or name in RESULT_COMMANDS:
+        return EntryPoint(name, f"cpbench.cli.{name}_command:command", extensions.COMMANDS)
+    return {**extensions.commands(RESULTS), **extensions.commands()}.get(name)
+
+
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="cpbench")
 @click.option("--plugin", "plugin_files", **_PLUGIN)
 def cli() -> None:
-    """Read the options before the name of a command."""
+    """Benchmark solvers of complementarity and frictional-contact problems, and convert the problems.
+
+    `cpbench run` without arguments compares solvers on small built-in problems, within a minute.
+    """
 
 
 def main() -> None:
     """Run the command line: errors in one line; exit codes 0 done, 1 check failed, 2 bad input, 3 internal, 130
     interrupted."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # names of files may have bytes that are no text
+        if isinstance(stream, io.TextIOWrapper):  # names of files may have bytes that are not text
             stream.reconfigure(errors="backslashreplace")
+    output = sys.stdout  # which click replaces, and exits with 1, when the reader of a pipe has gone
     try:
-        cli.main(prog_name="cpbench", standalone_mode=False)
+        cli.main(sys.argv[1:] or ["--help"], prog_name="cpbench", standalone_mode=False)
     except click.exceptions.NoArgsIsHelpError as bare:
         click.echo(bare.format_message())
     except click.ClickException as usage:
@@ -115,6 +136,8 @@ def main() -> None:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(0)
+    except SystemExit as ended:
+        sys.exit(ended.code if sys.stdout is output else 0)
     except Exception:
         import traceback
 

@@ -31,7 +31,7 @@ LINES = 30
 FEW = 3
 """The most formulations without a route to some solver that have a line each."""
 WIDE, SHORTEST = 400, 16
-"""Columns of a table where nobody sees a terminal; the least that names get of one."""
+"""Columns of a table where the output is not a terminal; the least width of names."""
 
 
 def print_results(path: str, reached: bool = False) -> None:

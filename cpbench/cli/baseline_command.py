@@ -1,4 +1,4 @@
-"""`cpbench results baseline`."""
+"""Keep the outcomes of a run as text for version control, and show the changes in a later run."""
 
 from __future__ import annotations
 

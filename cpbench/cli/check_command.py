@@ -1,4 +1,4 @@
-"""`cpbench check`."""
+"""Run the conformance checks on a plugin."""
 
 from __future__ import annotations
 

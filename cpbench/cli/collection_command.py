@@ -1,4 +1,4 @@
-"""`cpbench collection`."""
+"""Add the problem files that others publish, and check them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench compare`."""
+"""Compare two results files, or two builds: report regressions, and differences too small to call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench convert`."""
+"""Convert a problem to another formulation; the file can lift answers back."""
 
 from __future__ import annotations
 

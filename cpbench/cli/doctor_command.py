@@ -1,4 +1,4 @@
-"""`cpbench doctor`."""
+"""Say what works on this machine, and how to install what does not."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from cpbench.foundation import kernel_cache
 def command(warm: bool, node: str | None) -> None:
     """Say what works on this machine, and how to install what does not.
 
-    The package of every solver is imported in a process of its own, so that a package that crashes or hangs is reported
+    The package of every solver is imported in a separate process, so that a package that crashes or hangs is reported
     and the command goes on.
     """
     from cpbench.solvers.base import solvers

@@ -1,4 +1,4 @@
-"""`cpbench results export`."""
+"""Write the rows or the answers of a results file to other formats."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench generate`."""
+"""Write the built-in problems again from their formulas, or check them; or simulate a scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench graph`."""
+"""Show the conversions between formulations, as text or as a drawing, or check them all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench results import`."""
+"""Judge answers that were computed elsewhere, and put them into a results file."""
 
 from __future__ import annotations
 

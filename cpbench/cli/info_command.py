@@ -1,4 +1,4 @@
-"""`cpbench info`."""
+"""Show the contents of a problem file, and measured facts about its matrices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench lift`."""
+"""Carry an answer to a converted problem back to its source."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench list`."""
+"""List formulations, conversions, solvers, formats or problems."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench results merge`."""
+"""Put the rows of several results files into one."""
 
 from __future__ import annotations
 

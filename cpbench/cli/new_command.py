@@ -1,4 +1,4 @@
-"""`cpbench new`."""
+"""Write a plugin that works: a solver in some language, a conversion or problems."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 """One rule for what commands write: results of work are never replaced without --force, and asked for before the work;
-pictures and reports are made anew from what is kept, so that they are replaced, which is said."""
+pictures and reports are made anew from what is kept, so that they are replaced, with a note."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench pack`."""
+"""Make a problem file from matrices and vectors."""
 
 from __future__ import annotations
 

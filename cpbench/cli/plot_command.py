@@ -1,4 +1,7 @@
-"""`cpbench plot`: a command a kind of figure, each with its own options, imported when it is called."""
+"""Draw a figure of a run (profile, pairs, scaling, ...) or of a problem (friction cone, contacts, ...).
+
+A command a kind of figure, each with its own options, imported when it is called.
+"""
 
 from __future__ import annotations
 

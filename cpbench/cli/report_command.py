@@ -1,4 +1,4 @@
-"""`cpbench report`."""
+"""Write the report of a results file: HTML, Markdown and figures, or LaTeX."""
 
 from __future__ import annotations
 

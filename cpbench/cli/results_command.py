@@ -1,30 +1,22 @@
-"""`cpbench results`, the group of commands that make results files of others, or other files of them."""
+"""Merge, import or export results, or keep outcomes as text for version control (baseline).
+
+The group of commands that make results files of others, or other files of them.
+"""
 
 from __future__ import annotations
 
 import click
 
-from cpbench.foundation.extensions import commands, summary
-from cpbench.foundation.help_text import RESULT_COMMANDS, RESULTS
+from cpbench.cli import RESULT_COMMANDS, RESULTS, LazyGroup
 
 
-class ResultsGroup(click.Group):
+class ResultsGroup(LazyGroup):
     """A group of commands that the program itself finds by their names, too."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(RESULT_COMMANDS | commands(RESULTS))
+    listed, of_packages = RESULT_COMMANDS, RESULTS
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        if cmd_name not in self.list_commands(ctx):
-            return None
-        from cpbench.cli import cli
-
-        return cli.get_command(ctx, cmd_name)
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        with formatter.section("Commands"):
-            added = {name: summary(entry) for name, entry in commands(RESULTS).items()}
-            formatter.write_dl(list((RESULT_COMMANDS | added).items()))
+        return super().get_command(ctx, cmd_name) if cmd_name in self.list_commands(ctx) else None
 
 
 @click.group(cls=ResultsGroup)

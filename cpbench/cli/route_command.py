@@ -1,4 +1,4 @@
-"""`cpbench route`."""
+"""Show how a problem reaches a formulation, or why it cannot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench run`."""
+"""Run every reachable solver on every problem, judge the answers, write the report."""
 
 from __future__ import annotations
 

@@ -128,7 +128,7 @@ run_options = chained(
     seed_option("Random seed of the order and of --max-problems."),
     jobs_option(1, "Number of pairs at the same time; their times are marked."),
     click.option(
-        "--affinity/--no-affinity", default=True, show_default=True, help="Give cores of its own to each of --jobs."
+        "--affinity/--no-affinity", default=True, show_default=True, help="Give separate cores to each of --jobs."
     ),
     click.option("--dask", metavar="ADDRESS", help="Address of the Dask scheduler whose workers run the pairs."),
     click.option(

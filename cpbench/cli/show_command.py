@@ -1,4 +1,4 @@
-"""`cpbench show`."""
+"""Show a problem in numbers or as block structure, with its equations; also as LaTeX."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`cpbench solve`."""
+"""Solve one problem, and print the answer and what it is worth; or all solutions of a small one."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def command(
     """Solve one problem, and print the answer and what it is worth.
 
     The answer is measured on the problem itself, whatever the solver says of it. Of a problem with contacts a table
-    tells what each of them does. The solver runs in a process of its own, which is stopped at the limits. With --all
+    tells what each of them does. The solver runs in a separate process, which is stopped at the limits. With --all
     the command lists all solutions instead, found in exact arithmetic.
 
     The exit code is 1 unless the answer is verified, or it is proved that there is none, so that `solve ... && lift
@@ -128,10 +128,10 @@ def _in_own_process(problem: str, asked: Mapping[str, Any]) -> Mapping[str, Any]
     around = REFEREE.limit(seconds)
     limits = {"read": START.limit(seconds) + around, "warm-up": WARM_UP.limit(seconds), "judge": around}
 
-    def note(told: Mapping[str, Any]) -> None:
-        known.update(told)
-        if "compiling" in told:
-            _say_compiling(told["compiling"])
+    def note(facts: Mapping[str, Any]) -> None:
+        known.update(facts)
+        if "compiling" in facts:
+            _say_compiling(facts["compiling"])
 
     with ahead.solving(asked["threads"]) as process:
         try:
@@ -166,7 +166,7 @@ def _without_answer(known: Mapping[str, Any], asked: Mapping[str, Any], found: M
 
 
 def _apart(problem: str, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Solve by a solver of others, in processes of its own."""
+    """Solve by a solver of another package, in separate processes."""
     from cpbench.api.solve_apart import solve_apart
     from cpbench.bench.events import Compiling
     from cpbench.bench.planning.plan import Limits

@@ -14,7 +14,7 @@ from cpbench.foundation.plurals import counted
 PAUSE = 1.0
 """Seconds without a line after which a step has one."""
 EVERY = 30.0
-"""Seconds between two lines of a step that lasts, where nobody sees a terminal."""
+"""Seconds between two lines of a step that lasts, where the output is not a terminal."""
 
 
 class Steps:

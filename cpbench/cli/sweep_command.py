@@ -1,4 +1,4 @@
-"""`cpbench sweep`."""
+"""Solve a problem for several values of a parameter, such as the coefficient of friction."""
 
 from __future__ import annotations
 
@@ -28,9 +28,7 @@ from cpbench.foundation.extensions import function
 @click.option("--bisect", is_flag=True, help="Find the least friction (--over mu) or largest load (--load) that holds.")
 @click.option("--load", type=PATH, metavar="VECTOR", help="With --bisect: what a factor multiplies, added to f or q.")
 @tolerance_option
-@click.option(
-    "--timeout", type=DURATION, default="10s", show_default=True, help="Wall-clock limit that each solver is told."
-)
+@click.option("--timeout", type=DURATION, default="10s", show_default=True, help="Wall-clock limit of each solver.")
 @json_option
 @format_option
 def command(

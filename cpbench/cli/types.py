@@ -73,7 +73,7 @@ DURATION = Parsed("duration", quantities.seconds)
 """`30s`, `10m`, `3h`, a number of seconds, or `none`, in seconds."""
 MEMORY = Parsed("size", quantities.size)
 """`512M`, `4G`, or a number of bytes; `0` or `none` for no limit."""
-LENGTH = Parsed("length", _length, "is no length: write 3.5in, 89mm or 8.9cm")
+LENGTH = Parsed("length", _length, "is not a length: write 3.5in, 89mm or 8.9cm")
 """`3.5in`, `89mm` or `8.9cm`, in inches."""
 FACETS = Parsed("number", lambda text: quantities.facet_count(int(text)), "is not a number of facets; write one, as 8")
 """`8`: one number of facets, even and at least 4."""

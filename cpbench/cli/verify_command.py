@@ -1,4 +1,4 @@
-"""`cpbench verify`."""
+"""Measure an answer on a problem, or judge the stored answers of a results file again."""
 
 from __future__ import annotations
 

@@ -61,13 +61,13 @@ def hook(name: str) -> Any:
     return load(HOOKS, name)
 
 
-def summary(entry: EntryPoint) -> str:
-    """Return the first sentence of the docstring of an entry point's module, which is not imported."""
+def summary(module: str) -> str:
+    """Return the first paragraph of a module's docstring; the module is not imported. '' where there is none."""
     import ast
     from importlib.util import find_spec
     from pathlib import Path
 
-    place = find_spec(entry.module)
+    place = find_spec(module)
     if place is None or place.origin is None:
         return ""
     text = ast.get_docstring(ast.parse(Path(place.origin).read_text("utf-8"))) or ""

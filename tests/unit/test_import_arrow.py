@@ -17,7 +17,6 @@ FOUNDATION: dict[str, set[str]] = {
     "foundation.product_cones": {"foundation.matrices", "foundation.cones"},
     "foundation.frames": set(),
     "foundation.extensions": {"errors"},
-    "foundation.help_text": {"foundation.extensions"},
     "foundation.child_processes": set(),
     "foundation.locks": set(),
     "foundation.temporary": {"errors", "foundation.locks"},
