@@ -58,7 +58,7 @@ def profile_bands(
     Parameters
     ----------
     taus : where; default at most GRID of the ratios at which some curve steps, evenly among them.
-    labels : who gets a band (default: all); the ratios are to the best of everybody, and the bands are those they would
+    labels : those that get a band (default: all); the ratios are to the best of all, and the bands are those they would
     have among all.
     lost : pairs that are not among the problems of their label (`table.lost`).
 

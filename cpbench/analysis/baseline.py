@@ -1,11 +1,11 @@
 """A run as sorted text for version control: what should stay the same from run to run, and nothing else.
 
-One line a measured pair, told by `KEY`; no times, no machine, no date, so that a difference of two such texts is a
-difference of outcomes. What depends on rounding is written coarsely:
+One line a measured pair, identified by `KEY`; no times, no machine, no date, so that a difference of two such texts is
+a difference of outcomes. What depends on rounding is written coarsely:
 
 - the error as a power of ten at or above it; within the tolerance only that it is (``<=1e-06``), because how far
   below an iteration ends is chance: the same code on another BLAS kernel moves it by decades.
-- counters of verified answers only: how long a failure took is no merit.
+- counters of verified answers only: how long a failure took does not matter.
 
 Pairs whose solver was not there, or that were not run, have no line: that is about the machine.
 """
@@ -33,13 +33,13 @@ HEADER = (
     "error: power of ten at or above it; known: why a failure is known, by hand, kept"
 )
 SHORT = 12
-"""Digits of a fingerprint that are written; what is no digest (a name, where there is none) is written whole."""
+"""Digits of a fingerprint that are written; a name, where there is no digest, is written whole."""
 EXACT = "exact"
 """The request that a label does not mention."""
 FOLLOWED = "previous"
 """The start by which a problem's place in its sequence belongs to the pair."""
 GIVEN_UP = (str(Status.FAILED), str(Status.ERROR))
-"""Statuses whose error may be anything: what such a solver leaves behind is no answer."""
+"""Statuses whose error may be anything: such a solver has not answered."""
 _READ = (
     "node", "request", "start", "sequence", "claim", "status", "step", "tolerance", "threads", "measure", "error",
     "counters",

@@ -1,4 +1,4 @@
-"""The virtual best: a solver that takes, for each problem, whichever label was fastest; and who is needed for it.
+"""The virtual best: a solver that takes, for each problem, whichever label was fastest; and which labels it needs.
 
     t*_p = min_s t[p, s],        gap of s on p: t[p, s] / t*_p ≥ 1,        without s: t*_p(−s) = min_{k ≠ s} t[p, k]
 
@@ -23,7 +23,7 @@ WITHIN = 2.0
 
 
 def virtual_best(times: pd.DataFrame) -> pd.Series[float]:
-    """Return the least time [s] on each problem, ∞ where nobody solved it.
+    """Return the least time [s] on each problem, ∞ where no label solved it.
 
     >>> virtual_best(pd.DataFrame({"a": [1.0, math.inf], "b": [2.0, math.inf]})).tolist()
     [1.0, inf]

@@ -197,7 +197,7 @@ def tail(level: float, families: int) -> float:
     plain = (1 - level) / 2
     if families < 2:
         return plain
-    from scipy.special import stdtrit  # a tenth of a second, for who needs it
+    from scipy.special import stdtrit  # takes a tenth of a second
 
     return NormalDist().cdf(math.sqrt(families / (families - 1)) * float(stdtrit(families - 1, plain)))
 

@@ -2,7 +2,7 @@
 
 A program that is launched for every solve is charged with its launch. Iterations are pivots in one method and
 factorizations in another. `sheets` is what the results say of each label (`meta["solvers"]`); those of older files know
-neither, and nothing is said of them.
+neither, and they are not mentioned.
 """
 
 from __future__ import annotations

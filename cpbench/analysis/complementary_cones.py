@@ -84,7 +84,7 @@ def is_p_matrix(problem: Problem) -> bool:
 
 
 def lemke_path(problem: Problem) -> LemkePath:
-    """Return the pivots of our own `lemke`, run with 1, 2, ... pivots allowed.
+    """Return the pivots of cpbench's `lemke`, run with 1, 2, ... pivots allowed.
 
     The solver gives z; z₀ is the least that makes q + Mz + z₀e nonnegative, which it is at every pivot. Empty when
     q ≥ 0. Raises NotApplicable as above, ProblemError when the solver breaks down.

@@ -1,4 +1,4 @@
-"""Contradictions of a run: rows on one problem that cannot all be right, whoever is wrong, a solver or the judge.
+"""Contradictions of a run: rows on one problem that cannot all be right: a solver is wrong, or the judge.
 
 A run has many answers to one problem, and what they say together is more than each verdict by itself. What rows alone
 say is here; what answers say, in `contradicted_answers`.

@@ -5,7 +5,7 @@
 The fraction of problems that s solves within a budget of κ: seconds, iterations, or units u[p] that belong to the
 problem. With t the evaluations of a function of n variables and u = n + 1, κ counts simplex gradients (their
 section 2); with t the single contacts that were worked on and u = nc, sweeps. No solver is measured against another,
-so a curve stays what it is whoever else is shown; failures are ∞ and N is fixed by the plan, so that d_s(∞) is the
+so a curve stays what it is whatever else is shown; failures are ∞ and N is fixed by the plan, so that d_s(∞) is the
 fraction solved.
 """
 

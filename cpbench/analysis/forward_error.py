@@ -12,7 +12,7 @@ projection on the box:
   P-matrix): ‖z − z*‖∞ ≤ ‖⟨M⟩⁻¹‖∞ ‖r‖∞ with every row of w divided by its diagonal entry (Chen and Xiang, Computation
   of error bounds for P-matrix linear complementarity problems, Math. Programming 106, 2006).
 
-For another P-matrix no bound is known that can be computed, and nothing is said.
+For another P-matrix no computable bound is known, and there is no result.
 """
 
 from __future__ import annotations

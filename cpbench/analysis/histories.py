@@ -63,7 +63,7 @@ def error_at(rows: pd.DataFrame, histories: pd.DataFrame | None, seconds: float)
 
     All problems and labels of a group, so that a profile of it is one of *error at a fixed time*. A pair without
     iterates has its answer alone, at the time that was charged for it. A pair whose answer was claimed and is wrong is
-    ∞ whatever its iterates were worth: who trusts such a solver gets the answer, not the iterates.
+    ∞ whatever its iterates were worth: a user of such a solver gets the answer, not the iterates.
 
     >>> rows = pd.DataFrame({"key": ["k", "l"], "problem": "p", "fingerprint": "f", "label": ["s", "t"], "address": "",
     ...                      "status": "solved", "error": [1e-6, 1e-9], "convert": [1.0, 0.0], "setup": [0.0, 0.0],

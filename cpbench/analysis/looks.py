@@ -14,7 +14,7 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import performance_profile
 
 LEADING = 12
-"""Labels of a group that are told apart first: those in colour, and a few who are so when others are left out."""
+"""Labels of a group that get different looks first: those in colour, and a few that follow when others are left out."""
 
 
 def looks(table: pd.DataFrame, colours: int) -> dict[str, int]:

@@ -3,7 +3,7 @@
     matrix(group, metric)[p, s] = what s spent on p, and ∞ unless its answer was verified as solved
 
 A wrong answer costs ∞ by every measure, however few iterations it took. That a solver does not count something is
-no failure: a label with a verified answer that lacks the value is left out of the matrix and told by name, because
+no failure: a label with a verified answer that lacks the value is left out of the matrix and reported by name, because
 ∞ would say that it failed and any number would be invented.
 """
 

@@ -1,6 +1,6 @@
 """Several starts of one problem: which solver finds which solution from where.
 
-Starts of a problem's file (`file`, `file:2`, ...) are cases of one formulation and no formulations of their own:
+Starts of a problem's file (`file`, `file:2`, ...) are cases of one formulation, not several formulations:
 `merged` makes them so. Two answers are the same solution where they differ by at most SAME of their size.
 """
 

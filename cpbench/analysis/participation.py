@@ -22,7 +22,7 @@ NAMED, FEW = 6, 2
 
 @dataclass(frozen=True)
 class Absence:
-    """A reason why solvers could not run: its state (missing, broken, licence), what it said, and how many pairs of
+    """A reason why solvers could not run: its state (missing, broken, licence), its message, and how many pairs of
     which solver it cost."""
 
     state: str
@@ -49,8 +49,8 @@ def absences(table: pd.DataFrame) -> list[Absence]:
 def participating(group: pd.DataFrame) -> pd.DataFrame:
     """Return a group's rows without the labels that were unavailable for all their pairs: they measure no problem.
 
-    The number of problems does not depend on who is installed: where a problem would be left without a row, all rows
-    stay.
+    The number of problems does not depend on which solvers are installed: where a problem would be left without a
+    row, all rows stay.
     """
     there = group["label"][group["status"] != str(Status.UNAVAILABLE)].unique()
     present = group["label"].isin(there)

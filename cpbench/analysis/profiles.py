@@ -4,7 +4,7 @@
 
 t is what a solver spent: seconds, iterations, bytes (`metrics`). ρ_s is a step function, continuous from the right,
 with its steps at the ratios themselves (no grid). A failure has t = ∞ and so r = ∞, never a finite multiple of
-something; a problem that nobody solves stays among the N, so that ρ_s(∞) is the fraction of problems that s solves.
+something; a problem that no solver solves stays among the N, so that ρ_s(∞) is the fraction of problems that s solves.
 Equal costs share the lead. A cost below the floor counts as the floor, which is what lets a count be 0: this is the one
 deviation from Dolan and Moré, whose t has none. Where no cost is below it the profile is theirs exactly; else only
 ratios of problems change that someone solves below the floor.
@@ -95,7 +95,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Profile:
-    """The curves of a group, in order of label. `floor` is the least cost told apart, in its unit; 0 without one."""
+    """The curves of a group, in order of label. `floor` is the least cost that counts, in its unit; 0 without one."""
 
     curves: tuple[Curve, ...]
     problems: int
@@ -163,7 +163,7 @@ def ratios(values: pd.DataFrame, floor: float | None = FLOOR) -> pd.DataFrame:
     cost = costs(values, floor)
     best = cost.min(axis=1, keepdims=True, initial=math.inf)
     with np.errstate(invalid="ignore"):
-        # ∞/∞ where nobody solved it: a failure for all, not a number
+        # ∞/∞ where no solver solved it: a failure for all, not a number
         quotient = np.where(np.isinf(cost), math.inf, cost / best)
     return pd.DataFrame(quotient, index=values.index, columns=values.columns, copy=False)
 

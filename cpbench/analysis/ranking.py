@@ -3,8 +3,8 @@
 The order is that of `ranking_order`: by problems solved where that differs significantly, else by time. A solver is
 measured on what it was started on: pairs that no route reaches, that are not installed or were not run are not counted,
 and neither are problems that were proved to have no solution. An answer that a conversion lost is charged to the
-conversion: it is counted by itself, not among the problems of the solver. It is no answer either, so that it does not
-help its solver in the order.
+conversion: it is counted by itself, not among the problems of the solver. It is not an answer either, so that it does
+not help its solver in the order.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ def mcnemar(one: int, other: int) -> float:
     >>> mcnemar(1, 0), mcnemar(5, 0), mcnemar(6, 0), mcnemar(3, 3)
     (1.0, 0.0625, 0.03125, 1.0)
     """
-    from scipy.special import bdtr  # a tenth of a second, for who needs it
+    from scipy.special import bdtr  # takes a tenth of a second
 
     return min(1.0, 2.0 * float(bdtr(min(one, other), one + other, 0.5))) if one + other else 1.0
 

@@ -24,7 +24,7 @@ GUARD = 1
 SLACK = 0.1
 """Part by which counters may differ."""
 FLAKY = "flaky"
-"""First word of a reason that excuses both outcomes: with any other, a known failure that passes is told."""
+"""First word of a reason that excuses both outcomes: with any other, a known failure that passes is reported."""
 
 
 class Change(StrEnum):

@@ -78,7 +78,7 @@ def claims(group: pd.DataFrame, level: float = 0.95) -> pd.DataFrame:
     """Compare claim and verdict, one row a label, of the pairs where the solver came back within its limits.
 
     Left out is what says nothing of a claim: rows that were read off a history, which have none, answers that rounding
-    decides, and those of a solver that drops a term, whose own problem nobody has.
+    decides, and those of a solver that drops a term, whose problem is not known.
 
     Columns: true (claimed solved, is), false (claimed, is not; or claimed to have no solution, has one), modest (not
     claimed, is), honest (neither), correct (fraction of claims that hold, NaN without claims), low, high (Wilson
@@ -176,7 +176,7 @@ def claim_counts(group: pd.DataFrame) -> pd.DataFrame:
     Columns: made (claims of a solution, or that there is none), confirmed (by the verdict on the solver's own problem,
     or by a proof), near (claims of a solution whose error is within NEAR times the tolerance), false (beyond that),
     nonexistence (claims that there is no solution, beside a verified answer), open (nothing decides: rounding does,
-    nothing proves that there is no solution, or nobody has the solver's own problem). made is the sum of the others.
+    nothing proves that there is no solution, or the solver's own problem is not known). made is the sum of the others.
 
     >>> rows = pd.DataFrame({"label": "a", "status": ["solved", "inaccurate", "wrong", "failed"], "kind": "equivalent",
     ...                      "claim": ["solved", "solved", "solved", "infeasible"], "error": [0.5, 1.5, 9.0, 9.0],

@@ -1,4 +1,4 @@
-"""The rows of a results file with what is computed of all of them: each once, whoever asks for it."""
+"""The rows of a results file with what is computed of all of them: each once."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class RunTable:
 
     @cached_property
     def contradictions(self) -> list[Contradiction]:
-        """Rows that cannot all be right, whoever is wrong: claims, answers and verdicts on one problem."""
+        """Rows that cannot all be right: claims, answers and verdicts on one problem."""
         return contradictions.of_results(self.meta, self.rows)
 
     @cached_property

@@ -3,7 +3,7 @@
 The line is the likeliest one with normal errors (`censored`), its times known only from below where a problem was
 stopped at the limit. The interval of the slope takes the problems as independent. Those of one family are not:
 `family_low` and `family_high` take only the families as independent, and are NaN for fewer than `censored.FEWEST`.
-Neither sees a law that is no power: mind `least` and `largest`, the range of x.
+Neither sees a law that is not a power: mind `least` and `largest`, the range of x.
 
 Other failures say nothing of the time that an answer would have taken: they are left out and counted (`excluded`).
 """

@@ -5,11 +5,11 @@ what the warm start gains, and they answer different questions:
 
 - *common*: over the pairs that both solved, and where the warm solve did start warm. What a warm start does when it
   works; blind for those it makes fail.
-- *all*: over every pair, a failure charged a penalty, a start that fell back to a cold one included. What one gets who
-  asks for warm starts.
+- *all*: over every pair, a failure charged a penalty, a start that fell back to a cold one included. The gain of
+  asking for warm starts.
 
 Both come with a bootstrap interval that resamples sequences (families where there is no sequence): the steps of one
-simulation resemble each other (`bootstrap`). Times below the floor are not told apart.
+simulation resemble each other (`bootstrap`). Times below the floor count as equal.
 """
 
 from __future__ import annotations

@@ -29,10 +29,10 @@ def sweep(group: pd.DataFrame, option: str = "", problems: int | None = None) ->
 
     problems (N), solved and their share of N; mean [s], the shifted geometric one over all N with failures charged the
     limit and the shift the median of all times; median [s] of what was solved (NaN of nothing). Rows are in the order
-    of series and value; series with one value are no sweep and left out.
+    of series and value; series with one value are left out.
 
     Raises UnknownName for an option that no label has, CpbenchError where none or several change, or where its values
-    are no numbers.
+    are not numbers.
 
     >>> rows = pd.DataFrame({"problem": ["p"] * 2, "solver": "s", "label": ["s[w=0.5]", "s[w=1.5]"], "seconds": 9.0,
     ...                      "options": ['{"w": 0.5}', '{"w": 1.5}'], "status": "solved", "solve": [4.0, 2.0]})

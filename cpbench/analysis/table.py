@@ -38,13 +38,13 @@ NUMBERS = (
 ROW = ("key", "problem", "fingerprint", "label")
 """Columns that tell a row from all others."""
 NO_ANSWER = "no answer in the folder"
-"""Message of an imported row whose problem nobody answered."""
+"""Message of an imported row whose problem has no answer."""
 STATUSES = tuple(str(s) for s in Status)
 """Every status, from the best outcome to the least informative: the order of all tables."""
 CONTRADICTED = "contradicted"
 """Column of a normalised table: claims that there is no solution, beside a verified answer."""
 CHARGED = ("convert", "setup", "solve", "lift")
-"""Columns whose sum is a solver's time. Reading the file and judging the answer are nobody's merit or fault."""
+"""Columns whose sum is a solver's time. Reading the file and judging are not the solver's work."""
 
 
 @dataclass(frozen=True, order=True)

@@ -4,7 +4,7 @@
 
 The header lists the arrays under `vectors`: name, size in bytes, and type (little-endian, as NumPy writes it; null for
 plain bytes). With an alignment, blanks after the header and zeros after each array let every array begin at a multiple
-of it. Nothing is unpickled: whoever sent the bytes may have run foreign code.
+of it. Nothing is unpickled: the sender of the bytes may have run foreign code.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def pack(header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None, ali
 
 
 def parts(header: Mapping[str, Any], arrays: Mapping[str, Any], aligned: int = 1, *, finite: bool = False) -> list[Any]:
-    """Return the same in parts, arrays with types of their own, so that large ones are written without a copy.
+    """Return the same in parts, arrays with their types, so that large ones are written without a copy.
 
     finite : whether the header is for a reader that knows no NaN; raises ValueError where it has one.
     """

@@ -81,7 +81,7 @@ def _cache_dir() -> tuple[Path, str]:
     chosen = Path(platformdirs.user_cache_dir("cpbench", appauthor=False)) / "numba"
     if not _writable(chosen):
         why = why or f"neither {beside} nor {chosen} can be written: "
-        # mkdtemp, not a fixed name: a cache is code, and nobody else may be able to put it there
+        # mkdtemp, not a fixed name: a cache is code, and no other user may be able to put it there
         chosen = Path(tempfile.mkdtemp(prefix="cpbench-numba-"))
         why += f"set {VARIABLE}, or each command compiles anew; "
     _set_numba_dir(str(chosen))
@@ -116,7 +116,7 @@ def _load(module: str) -> ModuleType:
     directory = ensure_cache_dir()
     with uncollected():
         importlib.import_module("numba")  # slow, and needs no lock
-    for taken, _ in _taken(module):  # before its own lock: nobody holds one and waits for another
+    for taken, _ in _taken(module):  # before its own lock: no process holds one and waits for another
         if is_kept(taken):
             load(taken)
     with _one_at_a_time(directory / f"{module}.lock"):
@@ -168,7 +168,7 @@ def compiling_reported(report: Callable[[], object]) -> Generator[None]:
 def compiled(kernel: Any) -> Callable[..., Any]:
     """Return the compiled code of a kernel of one explicit signature, without numba's search by the arguments'
     types, which takes longer than a small problem. Raises TypeError on arguments of other types; that an array is
-    read-only nobody looks at."""
+    read-only installation is not used."""
     (version,) = kernel.overloads.values()
     return version.entry_point
 
@@ -190,7 +190,7 @@ def modules(*packages: str) -> list[str]:
 
 
 def is_kept(module: str) -> bool:
-    """Return whether a module has kernels of its own in the cache."""
+    """Return whether the cache has kernels of a module."""
     return _KEPT.search(_file(module).read_text("utf-8")) is not None
 
 

@@ -24,7 +24,7 @@ class Held(Exception):
 class Lock:
     """The right to write `path` or what is in it, held from construction to `release`, or to the end of the process.
 
-    The lock is on a companion file, `path.lock`, which also says who holds it. What kill -9 leaves of it is an unlocked
+    The lock is on a companion file, `path.lock`, which also names its holder. What kill -9 leaves of it is an unlocked
     file, which the next process takes over. Raises Held, and OSError where no file can be made or locked beside `path`.
     """
 

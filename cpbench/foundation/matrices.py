@@ -80,7 +80,7 @@ def matrix(value: Any, label: str = "matrix") -> Matrix:
 def adopt(csr: Sparse) -> Sparse:
     """Freeze a CSR of one's own making, which `matrix` then takes without a copy or a look at its numbers.
 
-    The caller promises float64, sorted indices, no duplicates, finite entries, and that nobody else writes to them.
+    The caller promises float64, sorted indices, no duplicates, finite entries, and that no other code writes to them.
     """
     csr.has_canonical_format = True
     freeze_sparse(csr)
@@ -95,7 +95,7 @@ def settle(csr: Sparse) -> Sparse:
 
 
 def _adopted(value: Any) -> bool:
-    """Return whether `adopt` has seen these very arrays, and nobody has thawed or replaced them since."""
+    """Return whether `adopt` has seen these very arrays, and they were not thawed or replaced since."""
     seen = getattr(value, _MARK, None)
     if seen is None or not isinstance(value, sp.csr_array):
         return False
@@ -202,7 +202,7 @@ def scaled_both(M: Matrix, s: Vector) -> Matrix:
 
 
 def _scaled(values: Any, left: Any, right: Any) -> Any:
-    """Return values · left · right; where left · right is no number any more, the larger of the two is taken first."""
+    """Return values · left · right; where left · right is not finite any more, the larger of the two is taken first."""
     with np.errstate(over="ignore"):
         both = left * right
     if np.isfinite(both).all():
@@ -357,7 +357,7 @@ def _has_nothing_beside(M: Matrix, diagonal: Vector) -> bool:
 
 
 def _has_cholesky(S: Matrix, added: Vector) -> bool:
-    """Return whether S + diag(added), S symmetric and nobody else's, is positive definite."""
+    """Return whether S + diag(added), S symmetric and not used elsewhere, is positive definite."""
     n = S.shape[0]
     if is_sparse(S) and n > 300:
         return definite.is_definite(definite.factor_on_diagonal(sp.csc_array(S + sp.diags_array(added))))

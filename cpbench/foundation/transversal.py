@@ -1,6 +1,6 @@
 """Structural singularity of a sparse matrix: whether some choice of its values makes it nonsingular.
 
-That is so when every row can be matched with a column of its own that it has an entry in. A greedy matching that
+That is so when every row can be matched with a different column in which it has an entry. A greedy matching that
 takes rows and columns with one choice left first (Karp and Sipser 1981) comes within a few rows of the best one on
 the optimality conditions met here; what is left is matched along alternating paths (Duff 1981). SciPy's
 structural_rank, which starts from nothing, took minutes on the conditions of CONT-101, 20,295 rows.

@@ -1,1 +1,1 @@
-"""Documents and figures made from the tables of `analysis`; no arithmetic of its own."""
+"""Documents and figures made from the tables of `analysis`, without further arithmetic."""

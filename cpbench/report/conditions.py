@@ -52,7 +52,7 @@ def _settings(run: Run) -> str:
 def _sealed_by(run: Run) -> str:
     """Return whose keys sealed the rows, with their numbers; '' where the rows do not tell."""
     counts = run.rows["sealed_by"].value_counts() if "sealed_by" in run.rows else {}
-    return ", ".join(f"{who} ({count})" for who, count in counts.items() if who)
+    return ", ".join(f"{key} ({count})" for key, count in counts.items() if key)
 
 
 def _all_of(run: Run, column: str, form: str) -> str:

@@ -9,10 +9,10 @@ from cpbench.report.run import Run
 from cpbench.report.text import counted, plain, table
 
 EXPLAINED = (
-    "Rows on one problem that cannot all be right: a solver is wrong, or the verdict. *Existence*: there is said to be "
-    "no solution, beside a verified answer. *Objective*: verified answers of a convex program with different "
-    "objectives. *Solution*: different verified answers where the solution is unique. *Verdict*: answers that are the "
-    "same to rounding with different verdicts, or rejected although different methods have the same."
+    "Rows on one problem that cannot all be right: a solver is wrong, or the verdict. *Existence*: a row claims "
+    "that there is no solution, beside a verified answer. *Objective*: verified answers of a convex program with "
+    "different objectives. *Solution*: different verified answers where the solution is unique. *Verdict*: answers "
+    "that are the same to rounding with different verdicts, or rejected although different methods have the same."
 )
 HEAD = ("problem", "kind", "what contradicts what", "certificates")
 

@@ -45,7 +45,7 @@ def write_folder(
     with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
     count_stationary : whether answers that are stationary only are among the solved.
     reached : whether times are compared at equal reached error (`analysis.reached`).
-    comparison : with another run (`analysis.comparison`), a section of its own in the Markdown.
+    comparison : with another run (`analysis.comparison`), a separate section in the Markdown.
     data : formats of the rows (`row_files.chosen`).
     answers : those that `analysis.multi_start.wanted` asks for, by key of their rows.
     address : what the report says in place of the address of a problem.

@@ -89,7 +89,7 @@ def _words(edge: Conversion) -> list[str]:
 
 
 def _id(node: str) -> str:
-    """Return a name that Mermaid takes for a node, which no word of its own (`end`) equals."""
+    """Return a name that Mermaid takes for a node, which is none of its words, such as `end`."""
     return "node_" + re.sub(r"\W", "_", node)
 
 

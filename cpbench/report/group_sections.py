@@ -98,7 +98,7 @@ def _times(
     if not counts["ranked"].all():
         yield (
             "Labels with `@imported` name answers that were made elsewhere: they are judged here, their times are of "
-            "another machine and are ranked with nobody's."
+            "another machine and are not ranked."
         )
 
 

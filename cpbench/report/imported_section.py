@@ -16,7 +16,7 @@ def imported(run: Run) -> Iterator[str]:
     if not len(foreign):
         return
     yield f"## Made elsewhere ({len(foreign)})"
-    ranked = "here they are ranked all the same" if "ranked" in foreign else "they are ranked with nobody's"
+    ranked = "here they are ranked all the same" if "ranked" in foreign else "they are not ranked"
     yield (
         "These answers were imported: each was judged here, on the problem that was asked. Their times are what was "
         f"told, of another machine; {ranked}. An answer without a claim counts as claimed."

@@ -103,7 +103,7 @@ def _never_started(run: Run) -> Iterator[str]:
     """Yield what could not be run, in a line a reason; it counts against no solver."""
     lines: list[str] = []
     for one in participation.absences(run.rows):
-        why = cut((one.detail.strip().splitlines() or ["not told"])[-1], 160)
+        why = cut((one.detail.strip().splitlines() or ["no reason was given"])[-1], 160)
         lines.append(f"- {one.state or 'unavailable'}: {listed(list(one.solvers), 6)}: {plain(why)}")
     refusals = [reason for reason in run.refusals if reason.status != Status.NOT_RUN]
     for reason in sorted(refusals, key=lambda reason: -reason.count):

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 PALETTE = (
     "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#000000", "#E69F00", "#56B4E9", "#882255", "#999933", "#332288"
 )  # fmt: skip
-"""Okabe and Ito's colours (told apart with every common colour blindness), without the yellow that white swallows; then
+"""Okabe and Ito's colours (different with every common colour blindness), without the yellow that white swallows; then
 wine, olive and indigo of Tol's muted scheme."""
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p")
 GREY = "#A6A6A6"

@@ -121,7 +121,7 @@ def gap_section(
 
 
 def below_floor(times: pd.DataFrame) -> dict[str, str]:
-    """Count the times of each label that are too short to be told apart."""
+    """Count the times of each label that are too short to be distinguished."""
     found = best.floored(times, FLOOR)
     return {str(label): str(count) for label, count in found["below"].items()}
 

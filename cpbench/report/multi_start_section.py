@@ -42,7 +42,7 @@ def multi_start(run: Run, most: int | None = None) -> Iterator[str]:
 def summary(one: ReachedSolutions) -> str:
     """Count the solutions reached, and name the solvers that reached all of them.
 
-    A solver that finds each from some start shows them all to whoever tries all starts.
+    A solver that finds each from some start shows them all if all starts are tried.
     """
     sentence = f"{counted(len(one.solutions), 'solution')} found from {counted(len(one.starts), 'start')}"
     if len(one.solutions) < 2:

@@ -1,4 +1,4 @@
-"""The sections of a report about who took part: restricted figures, solvers that could not run."""
+"""The sections of a report about participation: restricted figures, solvers that could not run."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def publishing(run: Run) -> Iterator[str]:
     yield (
         "**Not to be published as it is. Publishing these figures is restricted: "
         f"{listed(list(found), 12)}.** Leave them out with {code('cpbench report RESULTS --publishable')}, "
-        "or ask whoever gives the licence."
+        "or ask the owner of the licence."
     )
     terms: dict[str, list[str]] = {}
     for name, reason in found.items():
@@ -38,7 +38,7 @@ def absent(run: Run) -> Iterator[str]:
         return
     yield "## Not available here"
     yield (
-        "*missing*: what to install; *licence*: what it said; *broken*: the last line of the traceback, all of which "
+        "*missing*: what to install; *licence*: its message; *broken*: the last line of the traceback, all of which "
         f"{code('cpbench doctor')} shows. A solver that could run on no problem has no line in the tables above."
     )
     yield table(
@@ -46,7 +46,7 @@ def absent(run: Run) -> Iterator[str]:
         (
             [
                 plain(one.state),
-                plain(cut((one.detail.strip().splitlines() or ["not told"])[-1], 300)),
+                plain(cut((one.detail.strip().splitlines() or ["no reason was given"])[-1], 300)),
                 listed(list(one.solvers), 12),
                 str(sum(one.solvers.values())),
             ]

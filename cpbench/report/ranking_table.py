@@ -77,7 +77,7 @@ def _numbers(row: RankedSolver) -> Iterator[str]:
 
 
 def _tex_cell(cell: str) -> str:
-    """Return a cell as TeX: powers of ten in math mode, a dash where there is no number."""
+    """Return a cell as TeX: powers of ten in math mode, a dash where a number is missing."""
     if cell == "—":
         return "---"
     return f"${tex.number(float(cell))}$" if "e" in cell else cell

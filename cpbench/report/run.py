@@ -92,7 +92,7 @@ class Run:
 
     @cached_property
     def parts(self) -> list[tuple[ResultGroup, pd.DataFrame]]:
-        """The groups, each with the rows of those who took part."""
+        """The groups, each with the rows of the solvers that took part."""
         return [(group, participating(rows)) for group, rows in rows_of.groups(self.rows)]
 
     @cached_property

@@ -59,7 +59,7 @@ def false_claims(run: Run, most: int = LISTED) -> Iterator[str]:
     """Yield claims of a solution that is none, and of none where there is one, at most so many of them; the latter
     first. Claims of no solution that nothing proves or contradicts are counted."""
     found = run.false_claims.sort_values(CONTRADICTED, ascending=False, kind="stable")
-    yield f"## False claims: what a solver said is not so ({len(found)})"
+    yield f"## False claims: claims that do not hold ({len(found)})"
     unproved = reliability.unproved(run.rows)
     if not len(found):
         yield "No claim of a solver is known to be false."

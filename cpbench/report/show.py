@@ -100,7 +100,7 @@ def slip_angle(step: Step) -> str:
 
 
 def scalars(problem: Problem) -> dict[str, Any]:
-    """Return declared numbers that are no arrays, such as the dimension of contacts."""
+    """Return declared numbers that are not arrays, such as the dimension of contacts."""
     return {
         f.name: getattr(problem, f.name)
         for f in fields(problem)

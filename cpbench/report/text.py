@@ -129,13 +129,13 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
     ...                "tolerance": 1e-6, "seconds": 10.0, "start": "cold"})
     "cpbench solve 'a b.h5' -s lemke --via inner --facets 8 --tolerance 1e-06 --timeout 10s"
     """
-    if row.get("origin"):  # whoever solved is not here; the answer may be measured again
+    if row.get("origin"):  # the solver is not here; the answer may be measured again
         words = ["cpbench", "verify", one_line(row["address"]), "--answer", "ANSWER"]
         return shlex.join([*words, "--tolerance", f"{row['tolerance']:g}"])
     request, label = one_line(row["request"]), one_line(row["label"])
     solver = label if request == "exact" else label.removesuffix(f"@{request}")
     source = sheet or {}
-    if solver == source.get("name"):  # with options a variant of the command line cannot be said in one word
+    if solver == source.get("name"):  # a variant with options needs more than one word on the command line
         solver = source.get("written") or solver
     words = ["cpbench", "solve", one_line(row["address"]), "-s", one_line(solver), *_route_options(request)]
     words += ["--tolerance", f"{row['tolerance']:g}"]

@@ -109,7 +109,7 @@ def test_what_cannot_be_is_said(results: Path, tmp_path: Path, options: tuple[st
 
 @pytest.mark.parametrize("text", ["3", "in", "-2in", "0mm", "nanin", "3ft"])
 def test_a_length_has_a_unit(text: str) -> None:
-    with pytest.raises(Exception, match="is no length"):
+    with pytest.raises(Exception, match="is not a length"):
         LENGTH.convert(text, None, None)
 
 

@@ -321,6 +321,6 @@ def test_reports_name_the_conversions_that_lost_answers(tmp_path: Path) -> None:
     page = write_html(rows, meta(), tmp_path, "lost").read_text()
     assert "## Lost on the way back (2)" in written
     assert re.search(r"\| `mlcp-lcp-schur` *\| +2 \| +(2000|2e\+03) \|", written)
-    assert "## False claims: what a solver said is not so (0)" in written
+    assert "## False claims: claims that do not hold (0)" in written
     assert "No claim of a solver is known to be false." in written
     assert "Lost on the way back (2)" in page

@@ -65,7 +65,7 @@ def test_a_run_of_every_outcome(tmp_path: Path) -> None:
         "### Claims against verdicts",
         "### Problem by solver",
         "### By family",
-        "## False claims: what a solver said is not so",
+        "## False claims: claims that do not hold",
         "## Accepted, but in a wrong direction",
         "## Routes that promise less than an answer",
         "## Failures by reason",

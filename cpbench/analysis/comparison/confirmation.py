@@ -35,7 +35,7 @@ def to_repeat(found: Comparison, statuses: Collection[str] = ()) -> pd.DataFrame
 def confirmed(first: Comparison, again: Comparison, statuses: Collection[str] = ()) -> Comparison:
     """Return `first` with its alarms that are not in `again` inconclusive, and a note that counts them.
 
-    A pair that `again` has not stays what it was: nobody could run it.
+    A pair that `again` has not stays what it was: it could not be run.
     """
     alarmed = _alarmed(first, statuses)
     keys = pd.MultiIndex.from_frame(first.pairs[PAIR])

@@ -20,7 +20,7 @@ from cpbench.verification import CHARGED_TO_ROUTE, MET_TOLERANCE, PROVEN, Status
 
 
 class PairVerdict(StrEnum):
-    """Verdict on a pair, a label or two tables. `inconclusive` is an outcome of its own: shown, with what would decide
+    """Verdict on a pair, a label or two tables. `inconclusive` is one of the outcomes: shown, with what would decide
     it."""
 
     REGRESSED = "regressed"
@@ -35,7 +35,7 @@ SETTLED = (*MET_TOLERANCE, *PROVEN)
 WORST = (str(Status.WRONG), str(Status.CRASH))
 """Statuses that are worse than other ways not to solve a problem."""
 UNCHARGED = (*CHARGED_TO_ROUTE, str(Status.UNRESOLVABLE))
-"""Statuses of failures that are no solver's fault: a change among these is neither better nor worse."""
+"""Statuses of failures that are not a solver's fault: a change among these is neither better nor worse."""
 DECADE = 10.0
 """Factor between errors beyond the tolerance that counts."""
 FIRST = "iterations"
@@ -64,7 +64,7 @@ def by_status(pairs: pd.DataFrame, ruling: pd.DataFrame, stray: float) -> None:
     """Rule by status, in place.
 
     `stray` : the factor by which one time strays by itself. A solve that ended that near to the limit on one side,
-    and over it on the other, is no change of status.
+    and over it on the other, does not change the status.
     """
     pairs = pairs[pairs["status_base"] != pairs["status_new"]]
     if pairs.empty:  # texts of no rows have no type that pandas could join

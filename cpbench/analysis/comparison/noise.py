@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 
 BIAS = 0.02
-"""Standard deviation of the log of a process's own factor on all its times, assumed, and said. Where it is 4 % and no
-builds of equal code show it, 10 of 25 comparisons of equal code raise alarms; with two such builds 1 of 25."""
+"""Standard deviation of the log of a process's own factor on all its times, an assumption that is reported. Where it is
+4 % and no builds of equal code show it, 10 of 25 comparisons of equal code raise alarms; with two such builds 1."""
 ASSUMED = 2.0
 """Observations of two equal builds that the assumed bias is worth. With none, one difference of two would decide, and
 Student's law with one degree of freedom finds nothing; with many, no difference that is seen would count."""
@@ -87,7 +87,7 @@ class Noise:
 
     @property
     def strays(self) -> float:
-        """The factor beyond which the times of one pair are no accident."""
+        """The factor beyond which the times of one pair differ by more than chance."""
         return max(1.0 + self.delta, self.stray)
 
 
@@ -96,7 +96,7 @@ def drift(references: Sequence[Sequence[Mapping[str, Any]]]) -> tuple[float, tup
     one run.
 
     The drift is what the two medians differ by, and SURE standard errors more: a few solves that jump about tell that
-    the machine may have been slower for as long as nobody looked.
+    the machine may have been slower between two measurements.
 
     >>> drift([[{"seconds": 1.0}, {"seconds": 1.0}], [{"seconds": 1.25}]])
     (1.25, (0.0, nan))

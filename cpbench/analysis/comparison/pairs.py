@@ -2,7 +2,7 @@
 
 A pair is one problem (its mathematics: the fingerprint), solver, options, route request, tolerance, measure, start and
 number of threads. Where that is not unique on a side, the set, the step of a scene and the name of the problem tell
-rows apart; what is still there twice is told and not compared.
+rows apart; what is still there twice is reported and not compared.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SIDE = ("label", "status", "error", "counters", "samples", "flags", "message", "
         "origin", "version", "cpu", "solve", "time")  # fmt: skip
 """Columns that a pair has of both sides, with the endings `_base` and `_new`."""
 BY_LABEL = ("solver", "options", "request")
-"""Columns that are no part of the key where two labels of one table are compared."""
+"""Columns that do not belong to the key where two labels of one table are compared."""
 _READ = {*COMMON, *SIDE, *rows_of.CHARGED} - {"time"}
 
 
@@ -56,7 +56,7 @@ def prepared(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def match(base: pd.DataFrame, new: pd.DataFrame, loose: Sequence[str] = ()) -> Matched:
-    """Match two tables (`prepared`); columns `loose` are no part of the key.
+    """Match two tables (`prepared`); columns `loose` do not belong to the key.
 
     >>> rows = pd.DataFrame({"problem": ["p", "q"], "label": "s", "solver": "s", "status": "solved"})
     >>> found = match(prepared(rows), prepared(rows.assign(problem=["p", "r"])))

@@ -30,7 +30,7 @@ from cpbench.analysis.comparison.times import LEVEL, holm
 FEWEST = 6
 """Pairs below which Wilcoxon's test cannot reach 5 %."""
 MANY = 10
-"""Times as many problems as there are, which nobody is asked for."""
+"""Times as many problems as there are: the most that is asked for."""
 _Z = NormalDist().inv_cdf((1 + LEVEL) / 2)
 
 
@@ -41,7 +41,7 @@ class Suite:
     Attributes
     ----------
     label : of the new side. pairs : compared. solved_base, solved_new, both : verified as solved.
-    below : solved on both sides in less than the floor, told and left out of what follows.
+    below : solved on both sides in less than the floor, reported and left out of what follows.
     timed : pairs in the mean, of `families` families. ratio, low, high : geometric mean of new over base, interval.
     p : adjusted after Holm. wilcoxon : its own p, unadjusted.
     time : verdict on the times, None where none could be compared. why : its reason, and what would decide it.

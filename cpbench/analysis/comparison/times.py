@@ -88,7 +88,7 @@ def by_time(pairs: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, alp
 
 
 def adjusted(p: Floats) -> Floats:
-    """Adjust p-values for the rate of false discoveries; NaN is no test.
+    """Adjust p-values for the rate of false discoveries; NaN where there was no test.
 
     >>> adjusted(np.array([0.01, 0.04, math.nan])).tolist()
     [0.02, 0.04, nan]
@@ -196,7 +196,7 @@ def _reasons(found: pd.DataFrame, decisive: np.ndarray, noise: Noise) -> pd.Seri
 
 
 def holm(p: Sequence[float]) -> list[float]:
-    """Adjust p-values after Holm, Scand. J. Statist. 6 (1979); NaN is no test.
+    """Adjust p-values after Holm, Scand. J. Statist. 6 (1979); NaN where there was no test.
 
     >>> holm([0.01, 0.04, 0.03, math.nan])
     [0.03, 0.06, 0.06, nan]

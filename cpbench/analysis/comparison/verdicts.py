@@ -1,4 +1,4 @@
-"""Two tables of results compared: what got worse, what better, what is the same, and what nobody can tell.
+"""Two tables of results compared: what got worse, what better, what is the same, and what remains undecided.
 
 Gates in order, for every pair: status, verified error, counters, time; the first that rules decides. Counters of a
 program are the same on every machine; wall time counts where both sides ran on one machine, one at a time, and beyond

@@ -89,7 +89,11 @@ def reasons(run: Run) -> Iterator[Markup]:
     if gone:
         yield element("h3", "Not available here")
         lines = (
-            [one.state, cut((one.detail.strip().splitlines() or ["not told"])[-1], 300), _solvers_of(one.solvers)]
+            [
+                one.state,
+                cut((one.detail.strip().splitlines() or ["no reason was given"])[-1], 300),
+                _solvers_of(one.solvers),
+            ]
             for one in gone
         )
         yield table("Solvers that could not run", ["state", "reason", "solvers"], lines)

@@ -13,7 +13,7 @@ from cpbench.report.methods import METHODS
 from cpbench.report.run import Run
 
 INTRODUCTIONS = {
-    "budget": "What a solver solves within a given budget, whoever else there is.",
+    "budget": "What a solver solves within a given budget, whatever others do.",
     "pairs": "Two solvers at a time: their order does not depend on a third.",
     "matrix": "What came of every pair that was planned.",
     "errors": "How good the iterates were on the way to the answer.",

@@ -53,7 +53,7 @@ def problems(run: Run) -> Iterator[Markup]:
     if any(source or licence for _, _, source, licence in found):
         yield element("p", "What the files of the problems say; the sheet of each pair says it of its problem.")
         lines = (
-            [family, node, count, source or "not told", licence or "not told"]
+            [family, node, count, source or "not given", licence or "not given"]
             for (node, family, source, licence), count in sorted(found.items())
         )
         yield table("Problems", ["family", "formulation", "problems", "source", "licence"], lines, right=[2])

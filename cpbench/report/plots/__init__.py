@@ -1,1 +1,1 @@
-"""Single figures of runs for `cpbench plot`: a module a kind, drawn from `analysis` without arithmetic of its own."""
+"""Single figures of runs for `cpbench plot`: a module a kind, drawn from `analysis` without further arithmetic."""

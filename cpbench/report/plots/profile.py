@@ -32,7 +32,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
     profile = performance_profile(found.values, chosen.problems, found.metric.floor, found.lost)
     figure, axes, beside = run_canvas.with_legend(len(profile.curves))
     cost = run_canvas.word(found.metric)
-    least = "the fastest" if found.metric.unit == "s" else "who needed least"
+    least = "the fastest" if found.metric.unit == "s" else "the one that needed least"
     across = f"τ: {cost} / {'fastest time' if cost == 'time' else f'least {cost}'} (failures: ∞)"
     places = figures.profile_axes(axes, beside, profile, chosen.kinds, chosen.looks, across, run_canvas.LINES)
     banded = ""
