@@ -35,15 +35,15 @@ def run_sections(run: Run) -> Iterator[str]:
         certainties,
         _directions,
         _inexact,
-        _losses,
+        losses,
         multi_start,
         warm_against_cold,
         imported,
-        _failures,
+        failed_pairs,
         absent,
-        _not_started,
+        not_started,
         refused,
-        _solvers,
+        solver_sheets,
     )
     for section in sections:
         yield from section(run)
@@ -145,7 +145,8 @@ def _inexact(run: Run) -> Iterator[str]:
     )
 
 
-def _losses(run: Run) -> Iterator[str]:
+def losses(run: Run) -> Iterator[str]:
+    """Yield the conversions that lost answers."""
     found = reliability.losses(run.rows)
     if not len(found):
         return
@@ -158,23 +159,25 @@ def _losses(run: Run) -> Iterator[str]:
     )
 
 
-def _failures(run: Run) -> Iterator[str]:
+def failed_pairs(run: Run, most: int | None = None) -> Iterator[str]:
+    """Yield why pairs that were started were not solved, at most so many reasons; similar ones are one line."""
     yield "## Failures by reason"
     reasons = run.failures
     if not reasons:
         yield "Every pair that was started was solved."
         return
     yield "Messages that differ in numbers only are one line; the command runs its first pair again."
-    yield _reasons(run, reasons)
+    yield _reasons(run, reasons[:most])
 
 
-def _not_started(run: Run) -> Iterator[str]:
+def not_started(run: Run, most: int | None = None) -> Iterator[str]:
+    """Yield why pairs were not started, at most so many reasons."""
     reasons = run.refusals
     if not reasons:
         return
     yield "## Never started"
     yield "Pairs whose solver cannot take the problem, or was not reached before the run ended."
-    yield _reasons(run, reasons)
+    yield _reasons(run, reasons[:most])
 
 
 def again(run: Run, row: Any) -> str:
@@ -213,7 +216,8 @@ def refused(run: Run, most: int | None = None) -> Iterator[str]:
     )
 
 
-def _solvers(run: Run) -> Iterator[str]:
+def solver_sheets(run: Run) -> Iterator[str]:
+    """Yield versions, licences, methods and citations of the solvers."""
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     if not sheets:
         return
@@ -233,9 +237,9 @@ def _solvers(run: Run) -> Iterator[str]:
             plain(", ".join(sorted(used.get(name, set()) - {""})) or sheet.get("version", "")) or "—",
             plain(sheet.get("licence", "")) or "—",
             plain(sheet.get("publishing", "")) or "—",
-            plain(sheet.get("summary", "")),
+            plain(". ".join(filter(None, (sheet.get("summary", ""), sheet.get("citation", ""))))),
         ]
-    head = ["solver", "solves", "version", "licence", "restriction on publishing", "method"]
+    head = ["solver", "solves", "version", "licence", "restriction on publishing", "method and source"]
     yield table(head, (rows[name] for name in sorted(rows)))
 
 

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from html import escape
+from html import escape, unescape
 from typing import Any
-
-from cpbench.report.text import one_line
 
 
 class Markup(str):
@@ -64,17 +62,53 @@ def table(caption: str, head: Sequence[str], rows: Iterable[Sequence[Any]], righ
     return element("div", whole, class_="scroll", tabindex="0", role="region", aria_label=caption)
 
 
-def prose(markdown: str) -> Markup:
-    """Return paragraphs of our own running Markdown: bold, emphasis, code.
+def prose(markdown: str, caption: str = "") -> Markup:
+    """Return the HTML of Markdown as sections write it: headings, tables, lists, and paragraphs with bold, emphasis and
+    code. `caption` names a table that stands under no heading.
 
-    >>> prose("**A.** *b* `c`\\n<d>")
-    '<p><strong>A.</strong> <em>b</em> <code>c</code> &lt;d&gt;</p>'
+    >>> prose("**A.** *b* `c|d`\\n<e> &lt;f&gt; \\\\*g\\\\*")
+    '<p><strong>A.</strong> <em>b</em> <code>c|d</code> &lt;e&gt; &lt;f&gt; *g*</p>'
+    >>> prose("- a\\n- b")
+    '<ul><li>a</li><li>b</li></ul>'
     """
-    found: list[str] = []
-    for paragraph in re.split(r"\n\s*\n", markdown.strip()):
-        line = escape(one_line(paragraph), quote=False)
-        line = re.sub(r"`([^`]+)`", r"<code>\1</code>", line)
-        line = re.sub(r"\*\*([^*]+)\*\*", r"<strong>\1</strong>", line)
-        line = re.sub(r"\*([^*]+)\*", r"<em>\1</em>", line)
-        found.append(f"<p>{line}</p>")
-    return Markup("\n".join(found))
+    made: list[Markup] = []
+    for block in re.split(r"\n\s*\n", markdown.strip()):
+        lines = block.split("\n")
+        if block.startswith("#"):
+            marks, _, caption = block.partition(" ")
+            made.append(element(f"h{len(marks)}", _inline(caption)))
+        elif block.startswith("|"):
+            head, rule, *rows = (_cells(line) for line in lines)
+            right = [k for k, mark in enumerate(rule) if mark.endswith(":")]
+            made.append(table(caption, [*map(_inline, head)], [[*map(_inline, row)] for row in rows], right))
+        elif block.startswith("- "):
+            made.append(element("ul", *(element("li", _inline(item)) for item in block[2:].split("\n- "))))
+        else:
+            made.append(element("p", _inline(" ".join(lines))))
+    return Markup("\n".join(made))
+
+
+_CODE = r"(?P<ticks>`+)(?P<code>.+?)(?P=ticks)"
+_INSIDE = r"(?:\\.|`[^`]*`|[^*\\])+?"
+_PIECE = re.compile(rf"{_CODE}|\\(?P<escaped>.)|\*\*(?P<strong>{_INSIDE})\*\*|\*(?P<em>{_INSIDE})\*")
+
+
+def _inline(text: str) -> Markup:
+    """Return running text. Outside of code an entity is the character that it stands for; each is escaped here."""
+    made: list[str] = []
+    at = 0
+    for piece in _PIECE.finditer(text):
+        made.append(escape(unescape(text[at : piece.start()]), quote=False))
+        at = piece.end()
+        if piece["code"]:
+            made.append(code(piece["code"].strip() if len(piece["ticks"]) > 1 else piece["code"]))
+        elif piece["escaped"]:
+            made.append(escape(piece["escaped"], quote=False))
+        else:
+            name = "strong" if piece["strong"] else "em"
+            made.append(element(name, _inline(piece[name])))
+    return Markup("".join([*made, escape(unescape(text[at:]), quote=False)]))
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip().replace("\\|", "|") for cell in re.split(r"(?<!\\)\|", line)[1:-1]]

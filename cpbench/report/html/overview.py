@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import math
-import os
 from collections.abc import Iterator
-from pathlib import Path
 
-from cpbench.analysis import cautions, participation
+from cpbench.analysis import cautions
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.ranking import Ranking
-from cpbench.report.contradictions_section import EXPLAINED, HEAD, cells
+from cpbench.report.contradictions_section import contradictions
 from cpbench.report.html.columns import KEPT, WHOLE
-from cpbench.report.html.markup import Markup, code, element, prose, table
+from cpbench.report.html.markup import Markup, element, prose, table
+from cpbench.report.participation_sections import publishing
 from cpbench.report.run import Run, group_name_text
 from cpbench.report.text import counted
 from cpbench.verification import Status
@@ -27,14 +25,15 @@ def overview(run: Run) -> Iterator[Markup]:
     if not len(rows):
         yield element("p", "No pair was planned: no solver is reached from the problems that were read.")
         return
-    yield from _publishing(run)
+    if restricted := list(publishing(run)):
+        yield element("div", prose("\n\n".join(restricted)), class_="note warning")
     waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
     if waiting:
         sentence = f"Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet."
         yield element("p", sentence, class_="note warning")
     if run.remarks:
         yield element("p", " ".join(f"{remark}." for remark in run.remarks), class_="note warning")
-    yield from _contradictions(run)
+    yield prose("\n\n".join(contradictions(run)))
     yield from _choices(run)
     disturbed = cautions.disturbance(run.read, run.meta)
     if disturbed:
@@ -47,15 +46,6 @@ def overview(run: Run) -> Iterator[Markup]:
     yield from _numbers(run, waiting)
     yield element("h3", "Problems solved: ", element("span", data_group_name=""))
     yield element("div", data_figure="ranking")
-
-
-def _contradictions(run: Run) -> Iterator[Markup]:
-    """Yield the rows that cannot all be right, before all that rests on them."""
-    found = run.contradictions
-    if found:
-        yield element("h2", counted(len(found), "contradiction").capitalize())
-        yield prose(EXPLAINED)
-        yield table("Contradictions", HEAD, ([cell or "—" for cell in cells(one)] for one in found))
 
 
 def _choices(run: Run) -> Iterator[Markup]:
@@ -119,7 +109,6 @@ def _numbers(run: Run, waiting: int) -> Iterator[Markup]:
     yield element("h3", "The run")
     numbers = [element("div", element("dt", name), element("dd", value)) for name, value in facts.items()]
     yield element("dl", *numbers, class_="facts")
-    yield _settings(run)
     if len(rows) > WHOLE:
         many = (
             f"{len(rows)} rows are too many to keep every fact of every pair on this page. Costs and verdicts of all "
@@ -127,28 +116,3 @@ def _numbers(run: Run, waiting: int) -> Iterator[Markup]:
             f"commands are those of at most {KEPT} failures, and the matrix is one of families."
         )
         yield element("p", many, class_="note")
-
-
-def _settings(run: Run) -> Markup:
-    rows, meta = run.rows, run.meta
-    tolerances = ", ".join(f"{t:g}" for t in sorted(set(rows["tolerance"].dropna().unique())))
-    limits = ", ".join(
-        f"{s:g} s" if math.isfinite(s) else "none" for s in sorted(set(rows["seconds"].dropna().unique().tolist()))
-    )
-    command = str(meta.get("command", "")).replace(str(Path.cwd()) + os.sep, "")
-    parts = [f"Tolerance {tolerances}", f"limit {limits} a solve" if limits else "", str(meta.get("date", ""))]
-    return element("p", ". ".join(part for part in parts if part) + ". ", code(command) if command else "")
-
-
-def _publishing(run: Run) -> Iterator[Markup]:
-    if run.left_out:
-        names = ", ".join(sorted(run.left_out))
-        yield element("p", f"Left out, since publishing their figures is restricted: {names}.", class_="note")
-    found = participation.restricted(run.rows, run.meta.get("solvers") or {})
-    if found:
-        terms: dict[str, list[str]] = {}
-        for name, reason in found.items():
-            terms.setdefault(reason, []).append(name)
-        sentence = " ".join(f"{', '.join(names)}: {reason}." for reason, names in terms.items())
-        first = "Not to be published as it is; --publishable leaves these out. "
-        yield element("p", element("strong", first), sentence, class_="note warning")
