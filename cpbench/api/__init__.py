@@ -11,7 +11,7 @@ from cpbench.formulations.base import Problem
 
 def _notebook_view(problem: Problem) -> str:
     """Return what a notebook shows of a problem."""
-    from cpbench.report.show_html import problem_html
+    from cpbench.report.show import problem_html
 
     return problem_html(problem)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,13 +13,13 @@ from typing import Any
 
 from cpbench import storage
 from cpbench.api.answer_text import answer_lines, objective_of, status_text
-from cpbench.api.next_command import line, near
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.schema import MEASURED
 from cpbench.errors import CpbenchError
 from cpbench.formulations.applications.own_unknowns import own_vector
 from cpbench.formulations.base import Point, Problem
 from cpbench.foundation.plain_text import on_one_line, printable
+from cpbench.registry import PLUGIN_FILES
 from cpbench.storage.vectors import save_vector
 from cpbench.verification import MET_TOLERANCE, PROVEN, REFUSED, error_text
 
@@ -69,7 +71,9 @@ class Answered:
         if row.message and row.status not in MET_TOLERANCE and not verbose:
             yield f"  {printable(row.message)}"
         if not self and row.status not in REFUSED:
-            yield on_one_line(f"  why, and what else to try: {line('explain', near(self.address), '-s', self.label)}")
+            yield on_one_line(
+                f"  why, and what else to try: {_command('explain', _near(self.address), '-s', self.label)}"
+            )
         if row.flags and row.error is not None and math.isfinite(row.error) and not verbose:
             yield f"  flags: {row.flags}"
         if self.problem is not None and self.point is not None and row.status not in PROVEN:
@@ -125,3 +129,17 @@ def _duration(seconds: float) -> str:
     ('0.269 ms', '1.5 s')
     """
     return f"{seconds:.3g} s" if seconds >= 1.0 else f"{1e3 * seconds:.3g} ms"
+
+
+def _command(*words: str) -> str:
+    """Return `cpbench WORDS`, quoted for a shell, with the plugins that this command was given: names come from
+    them."""
+    given = [path for path in os.environ.get(PLUGIN_FILES, "").split(os.pathsep) if path]
+    plugins = [word for path in dict.fromkeys(given) for word in ("--plugin", _near(path))]
+    return shlex.join(["cpbench", *words, *plugins])
+
+
+def _near(path: str) -> str:
+    """Return a path from this folder on where it lies below it, else as it is."""
+    place, here = Path(path), Path.cwd()
+    return str(place.relative_to(here)) if place.is_absolute() and place.is_relative_to(here) else path

@@ -60,7 +60,7 @@ class Converted:
         return f"Converted by {self.route} ({self.kind}):\n{self.problem}"
 
     def _repr_html_(self) -> str:
-        from cpbench.report.show_html import problem_html
+        from cpbench.report.show import problem_html
 
         return problem_html(self.problem)
 

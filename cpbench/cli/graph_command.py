@@ -9,8 +9,7 @@ import click
 from click.core import ParameterSource
 
 from cpbench.cli.options import Command, ListOption, kinds_option
-from cpbench.cli.outputs import replaced
-from cpbench.cli.terminal import fitted, print_lines
+from cpbench.cli.terminal import fitted, print_lines, replaced
 from cpbench.cli.types import PATH, POSITIVE
 from cpbench.formulations import Kind, formulations
 from cpbench.report.graph_drawing import FORMATS, draw

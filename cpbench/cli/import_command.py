@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import shlex
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import click
 
 from cpbench.api.cross_examination import contradiction_lines, cross_examine
-from cpbench.api.import_text import remarks
 from cpbench.api.quoting import quote_collection
 from cpbench.bench.planning.selection import addresses
-from cpbench.bench.results.imported import ELSEWHERE, Origin, import_answers
+from cpbench.bench.results.imported import ELSEWHERE, Imported, Origin, import_answers
 from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command, force_option, format_option, measure_option, tolerance_option
 from cpbench.cli.terminal import print_lines
@@ -20,6 +20,9 @@ from cpbench.cli.types import COUNT, FILE, PATH
 from cpbench.errors import CpbenchError
 from cpbench.foundation.plurals import counted
 from cpbench.generators.collection import builtin_folder
+
+SHOWN = 10
+"""Largest number of lines of a kind; the rest is counted."""
 
 
 @click.command("import", cls=Command)
@@ -83,8 +86,24 @@ def command(
         )
         quote_collection(store)
         found = cross_examine(store, say=lambda line: print_lines([line], err=True))
-    print_lines(remarks(done), err=True)
+    print_lines(_remarks(done), err=True)
     print_lines(contradiction_lines(found))
     summary = ", ".join(f"{n} {status}" for status, n in done.counts.most_common())
     click.echo(f"{counted(sum(done.counts.values()), 'problem')}, {solver} from {machine}: {summary}")
     print_lines([f"results: {output}"])
+
+
+def _remarks(done: Imported) -> Iterator[str]:
+    """Yield a line for each answer that has no row, and one for each kind of thing that is missing."""
+    refused = [reason for _, reason in done.refused]
+    for reason, lines in (("refused", refused), ("not used", done.stray), ("error", done.broken)):
+        yield from (f"{reason}: {line}" for line in lines[:SHOWN])
+        if len(lines) > SHOWN:
+            yield f"{reason}: {len(lines) - SHOWN} more"
+    if done.unasked:
+        listed = ", ".join(f"{node} {count}" for node, count in sorted(done.unasked.items()))
+        yield f"no answer to any problem of these formulations, no row: {listed}"
+    if done.unanswered:
+        yield f"no answer, and a row that says failed: {counted(done.unanswered, 'problem')}"
+    if done.untimed:
+        yield f"no time (--times not given, or without a line): {counted(done.untimed, 'answer')}"

@@ -10,9 +10,8 @@ import click
 
 from cpbench import storage
 from cpbench.cli.options import Command
-from cpbench.cli.outputs import replaced
 from cpbench.cli.plot_options import OUTPUT, SIZE, caption, help_text, kind_option
-from cpbench.cli.terminal import print_lines
+from cpbench.cli.terminal import print_lines, replaced
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 from cpbench.formulations import Problem

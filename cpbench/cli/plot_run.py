@@ -12,9 +12,8 @@ from cpbench.analysis.run_table import RunTable
 from cpbench.bench import history
 from cpbench.bench.results.sealed import sealed
 from cpbench.cli.options import Command, ListOption
-from cpbench.cli.outputs import replaced
 from cpbench.cli.plot_options import OUTPUT, SIZE, caption, help_text, kind_option
-from cpbench.cli.terminal import print_lines
+from cpbench.cli.terminal import print_lines, replaced
 from cpbench.cli.types import PATH, POSITIVE
 from cpbench.report import arrangement, canvas, run_canvas
 from cpbench.report.chosen import Choice

@@ -7,8 +7,7 @@ from pathlib import Path
 import click
 
 from cpbench.cli.options import Command, ListOption, publishable_option, reached_option, stationary_option
-from cpbench.cli.outputs import replaced
-from cpbench.cli.terminal import print_lines
+from cpbench.cli.terminal import print_lines, replaced
 from cpbench.cli.types import PATH
 from cpbench.errors import UnknownName
 

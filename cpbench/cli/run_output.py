@@ -8,7 +8,6 @@ from dataclasses import replace
 from functools import partial
 
 from cpbench.api import run_text
-from cpbench.api.folders import require_folder
 from cpbench.bench import planned_run
 from cpbench.bench.execution import OpenRun
 from cpbench.bench.planning import dry_run as dry_runs
@@ -18,6 +17,7 @@ from cpbench.bench.results.store import Store
 from cpbench.cli.progress import Display
 from cpbench.cli.terminal import fitted, folded, print_lines, width
 from cpbench.foundation.extensions import hook
+from cpbench.storage.base import require_folder
 from cpbench.verification import Status
 
 

@@ -11,6 +11,7 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 
 import click
 
@@ -85,3 +86,8 @@ def fitted(lines: Iterable[str]) -> Iterator[str]:
     """Yield the lines, each folded where the terminal is narrower."""
     for line in lines:
         yield from folded(line) if len(line) >= NARROWEST else [line]
+
+
+def replaced(path: Path, before: Iterable[Path]) -> str:
+    """Return the path as text, with a word where it was there before."""
+    return f"{path} (replaced)" if path in before else str(path)

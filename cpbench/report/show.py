@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Iterator
 from dataclasses import fields
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,14 @@ def text(problem: Problem) -> str:
     if problem.parameters:
         lines += ["", f"parameters: {', '.join(f'{k} = {v:.17g}' for k, v in problem.parameters.items())}"]
     return "\n".join(lines)
+
+
+def problem_html(problem: Problem) -> str:
+    """Return what `cpbench show` prints, the law above the rest, which keeps its columns."""
+    head = escape(f"{problem.name or problem.node}: {problem.title}")
+    # dots and frame are aligned where one font has both
+    style = "line-height:1.15;font-family:DejaVu Sans Mono,monospace"
+    return f'<b>{head}</b><pre style="{style}">{escape(text(problem))}</pre>'
 
 
 def is_small(problem: Problem) -> bool:

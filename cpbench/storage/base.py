@@ -191,6 +191,14 @@ def require_new(path: Path, force: bool) -> None:
         raise FormatError(path, "", f"cannot be written: there is no folder {path.parent}")
 
 
+def require_folder(path: Path) -> None:
+    """Make a folder; raises FormatError where it cannot be."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as cause:
+        raise FormatError(path, "", f"cannot be made a folder ({cause.strerror or cause})") from None
+
+
 def write_atomic(path: Path, data: bytes | Callable[[BinaryIO], object], *, force: bool) -> None:
     """Put `data`, or what it writes, at `path` in one step: complete or not at all, even if the process is killed.
 

@@ -14,12 +14,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from operator import attrgetter
 from typing import Any
 
-from cpbench.bench.planning import plan_text
 from cpbench.bench.planning.plan import BEYOND, Entry
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.rows import Row
 from cpbench.formulations.base import Kind
 from cpbench.foundation import brackets
+from cpbench_lab.bundle import plan_text
 
 SETTINGS = ("seed", "threads", "jobs", "isolate", "affinity", "keep", "retry")
 """Keys of a plan as a whole that a bundle says; places (output, report, cluster) are those of whoever runs it."""
