@@ -22,21 +22,38 @@ GUIDE = (
 )
 
 
-def multi_start(run: Run, most: int | None = None) -> Iterator[str]:
-    """Yield a table a problem, start by solution; nothing where no problem was started from several points of its
-    file.
+def multi_start(run: Run, most: int | None = None, *, by_solver: bool = False) -> Iterator[str]:
+    """Yield a table a problem, start by solution or solver by start; nothing where no problem was started from several
+    points of its file.
     """
-    found = list(solutions(run.read, run.answers))
-    if not found:
+    reached = list(solutions(run.read, run.answers))
+    if not reached:
         return
-    yield f"## Several starts ({counted(len(found), 'problem')})"
+    yield f"## Several starts ({counted(len(reached), 'problem')})"
     yield GUIDE
-    for one in found[:most]:
+    for one in reached[:most]:
         yield f"**{plain(one.problem)}**: {summary(one)}."
-        head = ["start", *(f"solution {k}: {rounded(x)}" for k, x in enumerate(one.solutions, start=1)), "not solved"]
-        yield table(head, (_line(one, start) for start in one.starts))
-    if most is not None and len(found) > most:
-        yield f"{len(found) - most} more problems are in the details and on the page."
+        named = [f"solution {k}: {rounded(x)}" for k, x in enumerate(one.solutions, start=1)]
+        if by_solver:
+            yield "\n".join(f"- {line}" for line in named)
+            rows = ([code(label), *(_status(one, start, label) for start in one.starts)] for label in _most_first(one))
+            yield table(["solver", *map(plain, one.starts)], rows)
+        else:
+            yield table(["start", *named, "not solved"], (_line(one, start) for start in one.starts))
+    if most is not None and len(reached) > most:
+        yield f"{len(reached) - most} more problems are in the details and on the page."
+
+
+def _most_first(one: ReachedSolutions) -> list[str]:
+    """Sort the labels, those that solve from most starts first."""
+    count = {label: sum(1 for (_, of) in one.place if of == label) for label in one.labels}
+    return sorted(one.labels, key=lambda label: (-count[label], label))
+
+
+def _status(one: ReachedSolutions, start: str, label: str) -> str:
+    """Return the number of the solution that a solver reached from a start, or the status without one."""
+    number = one.place.get((start, label))
+    return f"solution {number}" if number else plain(one.status.get((start, label), "—").replace("_", " "))
 
 
 def summary(one: ReachedSolutions) -> str:

@@ -44,7 +44,7 @@ ANSWERS = {
 }
 
 
-def test_solutions_are_told_apart_by_their_distance() -> None:
+def test_solutions_differ_by_their_distance() -> None:
     clean = rows_of.normalised(rows())
     assert sorted(multi_start.wanted(clean)) == sorted(ANSWERS)
     [found] = multi_start.solutions(clean, ANSWERS)
@@ -78,8 +78,8 @@ def test_starts_are_cases_of_one_formulation_and_no_formulations(tmp_path: Path)
 
 def test_the_page_has_a_table_of_solver_by_start(tmp_path: Path) -> None:
     page = write_html(rows(), meta(), tmp_path, "t", answers=ANSWERS).read_text()
-    assert '<th scope="row">newton</th><td>solution 1</td><td>solution 2</td><td>solution 1</td>' in page
-    assert '<th scope="row">path</th><td>solution 1</td><td>solution 1</td><td>max iter</td>' in page
+    assert '<th scope="row"><code>newton</code></th><td>solution 1</td><td>solution 2</td><td>solution 1</td>' in page
+    assert '<th scope="row"><code>path</code></th><td>solution 1</td><td>solution 1</td><td>max iter</td>' in page
 
 
 def test_one_start_is_as_it_was() -> None:

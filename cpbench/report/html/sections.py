@@ -77,7 +77,7 @@ def _present(run: Run) -> Iterator[tuple[str, list[Markup]]]:
         if name not in without:
             yield name, list(_figures(name))
     written = {
-        "starts": multi_start(run),
+        "starts": multi_start(run, by_solver=True),
         "claims": _claims(run),
         "failures": _failures(run),
         "solvers": _solvers(run),
