@@ -136,17 +136,17 @@ def of_solutions(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Contr
         if forms[0] is None or forms[1] is None:
             return
         M, q, z = forms[0]
-        found = forward_error.apart(M, q, z, forms[1][2], max(good[0].tolerance, one.tolerance))
-        if found is not None and found.distance > found.allowed:
-            ratio = found.distance / found.allowed
-            worst = max((ratio, found, one), worst or (0.0, found, one), key=lambda item: item[0])
+        apart = forward_error.apart(M, q, z, forms[1][2], max(good[0].tolerance, one.tolerance))
+        if apart is not None and apart.distance > apart.allowed:
+            ratio = apart.distance / apart.allowed
+            worst = max((ratio, apart, one), worst or (0.0, apart, one), key=lambda item: item[0])
     if worst is not None:
-        _, found, one = worst
+        _, apart, one = worst
         text = (
-            f"the solution is unique ({found.fact}), and the verified answers of {named([good[0].label, one.label])} "
-            f"are {found.distance:.2g} of their size apart, where {found.allowed:.2g} is allowed."
+            f"the solution is unique ({apart.fact}), and the verified answers of {named([good[0].label, one.label])} "
+            f"are {apart.distance:.2g} of their size apart, where {apart.allowed:.2g} is allowed."
         )
-        yield _of(problem, Conflict.SOLUTION, [good[0], one], found.distance, found.allowed, text)
+        yield _of(problem, Conflict.SOLUTION, [good[0], one], apart.distance, apart.allowed, text)
 
 
 def of_verdicts(problem: Problem, good: Sequence[KeptAnswer], bad: Sequence[KeptAnswer]) -> Iterator[Contradiction]:

@@ -117,13 +117,13 @@ def unknown_lines(problem: Problem, point: Point, most: int | None) -> Iterator[
 
 def _covered(parts: Mapping[str, Vector], count: int) -> list[str]:
     """Return the first parts that have so many numbers together; none where there are no such parts."""
-    found: list[str] = []
+    covered: list[str] = []
     for name, part in parts.items():
         if count <= 0:
             break
-        found.append(name)
+        covered.append(name)
         count -= part.size
-    return found if count == 0 else []
+    return covered if count == 0 else []
 
 
 def _named_lines(names: Sequence[str], values: Vector, slack: tuple[str, Vector] | None, most: int) -> Iterator[str]:

@@ -50,10 +50,10 @@ class Answered:
     def record(self) -> dict[str, Any]:
         """Return what was measured with its problem and label, as JSON takes it."""
         measured = {name: getattr(self.outcome, name) for name in MEASURED}
-        found = {name: value for name, value in measured.items() if value is not None}
+        known = {name: value for name, value in measured.items() if value is not None}
         objective = self._objective()
         more = {} if objective is None else {"objective": objective}
-        return {"problem": self.name, "solver": self.label, **more, **found}
+        return {"problem": self.name, "solver": self.label, **more, **known}
 
     def _objective(self) -> float | None:
         return None if self.problem is None or self.point is None else objective_of(self.problem, self.point)

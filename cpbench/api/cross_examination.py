@@ -52,13 +52,13 @@ def cross_examine(
     """
     rows = rows_of.normalised(store.table()) if rows is None else rows
     examined = _Problems(store, say)
-    found = [*contradictions.of_claims(rows), *_of_answers(store, rows, examined)]
-    if found and importlib.util.find_spec("flint") is not None:
-        say(f"{counted(len(found), 'contradiction')}: certificates are sought for at most {SECONDS:g} s")
-        found = _arbitrated(store, found, rows, examined)
+    conflicts = [*contradictions.of_claims(rows), *_of_answers(store, rows, examined)]
+    if conflicts and importlib.util.find_spec("flint") is not None:
+        say(f"{counted(len(conflicts), 'contradiction')}: certificates are sought for at most {SECONDS:g} s")
+        conflicts = _arbitrated(store, conflicts, rows, examined)
     examined.report()
-    store.set_meta(**{contradictions.META: contradictions.as_data(found)})
-    return found
+    store.set_meta(**{contradictions.META: contradictions.as_data(conflicts)})
+    return conflicts
 
 
 def contradiction_lines(found: Sequence[Contradiction]) -> Iterator[str]:
@@ -171,12 +171,12 @@ def _arbitration(problem: Problem, kind: str, answers: Sequence[tuple[str, bytes
 def _certified(problem: Problem, answer: Any, seconds: float) -> tuple[bool, str]:
     """Return whether a certificate proves that there is a solution, and what it says of an answer, in a few words."""
     try:
-        found = function("certify")(problem, answer, seconds=seconds)
+        certificate = function("certify")(problem, answer, seconds=seconds)
     except (CpbenchError, ArithmeticError, ValueError) as cause:
         return False, f"no certificate ({cause})"
-    if found and math.isfinite(found.distance):
-        only = f", the only one ({found.unique})" if found.unique else ""
-        return True, f"a solution{only} is at most {found.distance:.2g} away"
-    if found.level == "refuted":
-        return False, found.excluded_text(".2g") or "there is no solution"
-    return False, f"nothing is proved ({found.reason})" if found.reason else "nothing is proved"
+    if certificate and math.isfinite(certificate.distance):
+        only = f", the only one ({certificate.unique})" if certificate.unique else ""
+        return True, f"a solution{only} is at most {certificate.distance:.2g} away"
+    if certificate.level == "refuted":
+        return False, certificate.excluded_text(".2g") or "there is no solution"
+    return False, f"nothing is proved ({certificate.reason})" if certificate.reason else "nothing is proved"

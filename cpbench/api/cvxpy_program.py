@@ -47,8 +47,8 @@ def converted(problem: Any, name: str = "") -> tuple[Problem, Callable[[Any], di
         raise ProblemError("cvxpy", " ".join(str(cause).split())) from None
     dims = data["dims"]
     for part, cones in NO_CONES.items():
-        if found := getattr(dims, part):
-            count = found if isinstance(found, int) else len(found)
+        if solution := getattr(dims, part):
+            count = solution if isinstance(solution, int) else len(solution)
             raise ProblemError("cvxpy", f"has {count} {cones}, which no formulation has")
     properties: dict[str, Any] = {SENSE: "max"} if isinstance(problem.objective, cvxpy.Maximize) else {}
     if offset := float(inverse[-1][settings.OFFSET]):
@@ -59,10 +59,10 @@ def converted(problem: Any, name: str = "") -> tuple[Problem, Callable[[Any], di
 
     def back(point: Any) -> dict[Any, Any]:
         x = next(iter(point.arrays().values()))
-        found = Solution(cvxpy.OPTIMAL, 0.0, {data[settings.PARAM_PROB].x.id: x}, {}, {})
+        solution = Solution(cvxpy.OPTIMAL, 0.0, {data[settings.PARAM_PROB].x.id: x}, {}, {})
         for reduction, known in reversed(list(zip(reductions, inverse[:-1], strict=True))):
-            found = reduction.invert(found, known)
-        return {variable: found.primal_vars[variable.id] for variable in problem.variables()}
+            solution = reduction.invert(solution, known)
+        return {variable: solution.primal_vars[variable.id] for variable in problem.variables()}
 
     return made, back
 

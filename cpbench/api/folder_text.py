@@ -52,17 +52,17 @@ class CollectedProblems:
 
 def collect(addresses: Iterable[str], file_format: str | None) -> CollectedProblems:
     """Read the problems one after the other; one that cannot be read does not stop the others."""
-    found = CollectedProblems()
+    collected = CollectedProblems()
     for address in addresses:
         try:
             problem = storage.load(address, format=file_format)
         except CpbenchError as cause:
-            found.refused.append(f"refused: {cause if address in str(cause) else f'{address}: {cause}'}")
+            collected.refused.append(f"refused: {cause if address in str(cause) else f'{address}: {cause}'}")
             continue
-        found.members.append(_member(address, problem))
+        collected.members.append(_member(address, problem))
         if (step := problem_text.step_of(problem)) is not None:
-            found.steps.append(step)
-    return found
+            collected.steps.append(step)
+    return collected
 
 
 def _member(address: str, problem: Problem) -> ProblemFacts:

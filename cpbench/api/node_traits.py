@@ -40,10 +40,10 @@ def node_traits(node: str) -> list[NodeTrait]:
 
 def trait_table(node: str) -> tuple[str, list[tuple[str, str, str]]]:
     """Return a line about a formulation, and its traits as rows, with their heads; raises UnknownName."""
-    found = node_traits(node)
-    lacking = sum(trait.state == MISSING for trait in found)
-    rows = [(one.name, one.state, one.detail) for state in STATES for one in found if one.state == state]
-    line = f"{node}: {formulations.get(node).title}; {lacking} of {counted(len(found), 'trait')} missing"
+    traits = node_traits(node)
+    lacking = sum(trait.state == MISSING for trait in traits)
+    rows = [(one.name, one.state, one.detail) for state in STATES for one in traits if one.state == state]
+    line = f"{node}: {formulations.get(node).title}; {lacking} of {counted(len(traits), 'trait')} missing"
     return line, [("trait", "state", "what there is, or what does not work without it"), *rows]
 
 
@@ -96,7 +96,7 @@ def _of_registries(node: str) -> Iterator[NodeTrait]:
     from cpbench.solvers.base import solvers
     from cpbench.storage import formats
 
-    found = {
+    entries = {
         "generator": (
             [one.name for one in generators if one.node == node],
             "no problem with a known solution: the conformance checks fail",
@@ -115,7 +115,7 @@ def _of_registries(node: str) -> Iterator[NodeTrait]:
             "it is written as .h5 alone; other formats refuse it by name",
         ),
     }
-    for name, (items, without) in found.items():
+    for name, (items, without) in entries.items():
         yield NodeTrait(name, PRESENT if items else MISSING, some_of(items, SHOWN) or without)
 
 

@@ -212,6 +212,6 @@ def point_of(problem: Problem, answer: Solution | Point | Sequence[float]) -> An
         if answer.point is None:
             raise PointError(f"{problem.node}: the solution has no answer ({answer.status}: {answer.message})")
         answer = answer.point
-    found = answer if isinstance(answer, Point) else problem.point_from_vector(answer)
-    problem.check_point(found)
-    return found
+    point = answer if isinstance(answer, Point) else problem.point_from_vector(answer)
+    problem.check_point(point)
+    return point

@@ -16,9 +16,16 @@ def quote_collection(store: Store) -> None:
     except CpbenchError:  # no problems are installed
         return
     own = {entry.fingerprint for entry in entries}
-    found = {row.fingerprint for row in store.rows()}
-    if found & own:
+    fingerprints = {row.fingerprint for row in store.rows()}
+    if fingerprints & own:
         whole = identity(entries)
         store.set_meta(
-            **{META: {"name": whole.name, "problems": whole.problems, "sha256": whole.digest, "here": len(found & own)}}
+            **{
+                META: {
+                    "name": whole.name,
+                    "problems": whole.problems,
+                    "sha256": whole.digest,
+                    "here": len(fingerprints & own),
+                }
+            }
         )

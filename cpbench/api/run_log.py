@@ -46,8 +46,8 @@ def log_line(event: Event) -> str:
     named = f"{event.pair.address} {event.pair.label}"
     if isinstance(event, Solving):
         return on_one_line(f"{'solve':<12} {named}")
-    found = event.outcome
-    took = f", solve {found.solve:.3g} s" if found.solve is not None else ""
-    error = f", error {found.error:.2e}" if found.error is not None else ""
-    message = f": {' '.join(found.message.split())}" if found.message else ""
-    return on_one_line(f"{found.status:<12} {named}{error}{took}{message}")
+    outcome = event.outcome
+    took = f", solve {outcome.solve:.3g} s" if outcome.solve is not None else ""
+    error = f", error {outcome.error:.2e}" if outcome.error is not None else ""
+    message = f": {' '.join(outcome.message.split())}" if outcome.message else ""
+    return on_one_line(f"{outcome.status:<12} {named}{error}{took}{message}")

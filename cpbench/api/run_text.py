@@ -66,14 +66,14 @@ def piloted(plan: RunPlan, todo: Sequence[Pair], pilot: Callable[[Sequence[Pair]
     """Yield the expected duration of a run that is not short and whose problems were not timed before, by a pilot."""
     if len(todo) < MANY or _estimate(todo, plan):
         return
-    found = pilot(todo)
-    drawn = f"{counted(found.pairs, 'drawn pair')} of {len(todo)} that were run now"
-    if found.expected is None:
+    estimate = pilot(todo)
+    drawn = f"{counted(estimate.pairs, 'drawn pair')} of {len(todo)} that were run now"
+    if estimate.expected is None:
         yield f"no estimate: only {drawn}"
         return
     whose = " of one worker like this machine" if plan.dask or plan.cluster else ""
     yield (
-        f"{found.expected}{whose}, if the machine stays as busy, by {drawn}; reading, the start of solvers and the "
+        f"{estimate.expected}{whose}, if the machine stays as busy, by {drawn}; reading, the start of solvers and the "
         "report come on top"
     )
 

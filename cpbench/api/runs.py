@@ -131,11 +131,11 @@ def _addresses(problems: str | Path | Problem | Sequence[str | Path | Problem], 
     """Return where the problems are; those from memory are written into a pack beside the results."""
     given = [problems] if isinstance(problems, (str, Path, Problem)) else list(problems)
     own: Mapping[str, Problem] = {}
-    found: list[str] = []
+    addresses: list[str] = []
     pack = results.with_suffix(".problems.h5")
     for place, one in enumerate(given, 1):
         if not isinstance(one, Problem):
-            found.append(str(one))
+            addresses.append(str(one))
             continue
         name = one.name or f"problem-{place}"
         if name in own and own[name].fingerprint != one.fingerprint:
@@ -143,5 +143,5 @@ def _addresses(problems: str | Path | Problem | Sequence[str | Path | Problem], 
         own = {**own, name: one}
     if own:
         storage.save_pack(own, pack, force=True)
-        found += [f"{pack}::{name}" for name in own]
-    return found
+        addresses += [f"{pack}::{name}" for name in own]
+    return addresses

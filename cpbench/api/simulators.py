@@ -109,12 +109,12 @@ def from_pinocchio(
         if np.shape(given) != (size,):
             raise ProblemError(f"pinocchio.{label}", f"has shape {np.shape(given)}, expected ({size},)")
     pinocchio.computeJointJacobians(model, data, q)
-    found: list[tuple[tuple[int, int], Any]] = []
+    contacts: list[tuple[tuple[int, int], Any]] = []
     for pair, result in zip(geometry_model.collisionPairs, geometry_data.collisionResults, strict=True):
-        found += [((int(pair.first), int(pair.second)), contact) for contact in result.getContacts()]
-    J = np.zeros((3 * len(found), model.nv))
-    frames, joints = np.zeros((len(found), 3, 3)), np.zeros((len(found), 2), np.int64)
-    for row, (pair, contact) in enumerate(found):
+        contacts += [((int(pair.first), int(pair.second)), contact) for contact in result.getContacts()]
+    J = np.zeros((3 * len(contacts), model.nv))
+    frames, joints = np.zeros((len(contacts), 3, 3)), np.zeros((len(contacts), 2), np.int64)
+    for row, (pair, contact) in enumerate(contacts):
         frames[row] = _frame(np.asarray(contact.normal, float))
         joints[row] = [geometry_model.geometryObjects[geometry].parentJoint for geometry in pair]
         first, second = (_velocity(model, data, int(joint), contact.pos) for joint in joints[row])
@@ -123,13 +123,13 @@ def from_pinocchio(
     M = np.triu(M) + np.triu(M, 1).T
     free = v + dt * np.linalg.solve(M, tau - pinocchio.nonLinearEffects(model, data, q, v))
     known = Contacts(
-        id=np.array(_ids([pair for pair, _ in found], geometry_model.ngeoms), dtype=np.int64),
+        id=np.array(_ids([pair for pair, _ in contacts], geometry_model.ngeoms), dtype=np.int64),
         bodies=joints,
-        position=np.array([contact.pos for _, contact in found]).reshape(-1, 3),
+        position=np.array([contact.pos for _, contact in contacts]).reshape(-1, 3),
         frame=frames,
     )
-    gap = np.array([contact.penetration_depth for _, contact in found])  # negative inside, as a distance
-    coefficients = np.full(len(found), mu)
+    gap = np.array([contact.penetration_depth for _, contact in contacts])  # negative inside, as a distance
+    coefficients = np.full(len(contacts), mu)
     return _problem(J, np.linalg.solve(M, J.T).T, free, gap, dt, coefficients, known, name)
 
 
@@ -167,11 +167,11 @@ def _first_contact_row() -> int:
 def _ids(pairs: list[tuple[int, int]], geometries: int) -> list[int]:
     """Return a number for each contact, from its pair and its place among the contacts of the pair."""
     seen: Counter[tuple[int, int]] = Counter()
-    found = []
+    ids = []
     for first, second in pairs:
-        found.append((first * geometries + second) * OF_PAIR + seen[first, second])
+        ids.append((first * geometries + second) * OF_PAIR + seen[first, second])
         seen[first, second] += 1
-    return found
+    return ids
 
 
 def _frame(normal: Vector) -> Dense:

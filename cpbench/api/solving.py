@@ -220,7 +220,7 @@ def _judged(
         message = f"{type(error).__name__}: {error}"
         broken = ended(status=status, verdict=verification.no_answer(tolerance), seconds=spent, message=message)
         return broken, broken.error
-    found = judge_answer(
+    judgement = judge_answer(
         problem,
         way.problem,
         way.steps,
@@ -239,14 +239,14 @@ def _judged(
     )
     # the solver was told the limit, and nobody stops it in this process
     late = spent["setup"] + spent["solve"] > seconds
-    remarks = [found.message, output.message, f"answered after the limit of {seconds:g} s" if late else ""]
+    remarks = [judgement.message, output.message, f"answered after the limit of {seconds:g} s" if late else ""]
     solution = ended(
-        status=Status.TIMEOUT if late else found.status,
-        verdict=found.verdict,
-        point=found.point,
+        status=Status.TIMEOUT if late else judgement.status,
+        verdict=judgement.verdict,
+        point=judgement.point,
         claim=str(output.claim),
-        seconds={**spent, "lift": found.lift, "verify": found.verify},
+        seconds={**spent, "lift": judgement.lift, "verify": judgement.verify},
         counters=dict(output.counters),
         message="; ".join(filter(None, remarks)),
     )
-    return solution, (found.target or found.verdict).error
+    return solution, (judgement.target or judgement.verdict).error

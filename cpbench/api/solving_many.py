@@ -89,15 +89,15 @@ def solve_many(
         wrong = "tolerance" if not tolerance > 0 else "seconds" if not seconds > 0 else "threads"
         raise ProblemError(wrong, "must be positive")
     stack = _stacked(problems, arrays)
-    found = solve_measured(call_for(stack.problem(0)), stack, tolerance, threads)
-    x, error, left = found.x, found.error, found.left
-    status = np.where(found.stationary, Status.STATIONARY, Status.SOLVED).astype(f"<U{max(map(len, Status))}")
+    solved = solve_measured(call_for(stack.problem(0)), stack, tolerance, threads)
+    x, error, left = solved.x, solved.error, solved.left
+    status = np.where(solved.stationary, Status.STATIONARY, Status.SOLVED).astype(f"<U{max(map(len, Status))}")
     begun = time.perf_counter()
     for i in left.tolist():
         solution = solve(stack.problem(i), tolerance=tolerance, seconds=seconds)
         x[i] = np.nan if solution.x is None else solution.x
         status[i], error[i] = str(solution.status), solution.error
-    spent = {"solve": found.solve, "verify": found.verify, "one by one": time.perf_counter() - begun}
+    spent = {"solve": solved.solve, "verify": solved.verify, "one by one": time.perf_counter() - begun}
     return Solutions(stack, x, status, error, tolerance, left, spent)
 
 

@@ -83,15 +83,15 @@ def sitters(store: Store, rows: pd.DataFrame) -> list[Sitter]:
     formats: Mapping[str, str] = store.meta().get("formats") or {}
     first = rows.drop_duplicates("fingerprint")
     answers = _answers(store, rows)
-    found: list[Sitter] = []
+    chosen: list[Sitter] = []
     for row in first[["fingerprint", "address", "family", "tolerance"]].to_dict("records"):
         address, fingerprint = str(row["address"]), str(row["fingerprint"])
         place, size = _place(address, store.path.parent)
         answer = answers.get(fingerprint, (b"", "", 0.0))
-        found.append(
+        chosen.append(
             Sitter(fingerprint, place, formats.get(address), row["family"], size, float(row["tolerance"]), *answer)
         )
-    return sorted(found, key=lambda one: (not one.place, one.size, one.place))
+    return sorted(chosen, key=lambda one: (not one.place, one.size, one.place))
 
 
 def _place(address: str, folder: Path) -> tuple[str, int]:
@@ -115,24 +115,24 @@ def _answers(store: Store, rows: pd.DataFrame) -> dict[str, tuple[bytes, str, fl
     solved = rows.loc[
         rows["node"].isin(contact) & rows_of.met(rows), ["fingerprint", "key", "label", "error"]
     ].sort_values("error", kind="stable")
-    found: dict[str, tuple[bytes, str, float]] = {}
+    answers: dict[str, tuple[bytes, str, float]] = {}
     for row in solved.drop_duplicates("fingerprint").to_dict("records"):
         _, kept = store.ending(str(row["key"]))
         if kept is not None:
-            found[str(row["fingerprint"])] = kept, str(row["label"]), float(row["error"])
-    return found
+            answers[str(row["fingerprint"])] = kept, str(row["label"]), float(row["error"])
+    return answers
 
 
 def paint(sitters: Sequence[Sitter]) -> dict[str, Thumbnail]:
     """Draw the thumbnails and return them by fingerprint, or {"why": words}."""
-    found: dict[str, Thumbnail] = {one.fingerprint: {"why": SPENT} for one in sitters}
+    pictures: dict[str, Thumbnail] = {one.fingerprint: {"why": SPENT} for one in sitters}
     spent = 0
     for one, picture in _read(sitters[:MOST]):
         spent += len(zlib.compress(json.dumps(picture).encode()))
         if spent > BYTES:
             break
-        found[one.fingerprint] = picture
-    return found
+        pictures[one.fingerprint] = picture
+    return pictures
 
 
 def _read(sitters: Sequence[Sitter]) -> Iterator[tuple[Sitter, Thumbnail]]:

@@ -53,11 +53,11 @@ def _rows() -> Iterator[tuple[str, ...]]:
 def status() -> None:
     """Show which collections have been added, and the commands that add the others."""
     for known in map(manifests.manifest, manifests.names()):
-        found = added.check(known, content=False)
-        if found is None:
+        checked = added.check(known, content=False)
+        if checked is None:
             print_lines([f"{known.name}: not added; {added.how_to_add(known)}"])
         else:
-            print_lines([f"{known.name}: {_extent(found)}, in {found.folder}", *_lacking(found)])
+            print_lines([f"{known.name}: {_extent(checked)}, in {checked.folder}", *_lacking(checked)])
 
 
 @command.command("add", cls=Command)
@@ -71,10 +71,10 @@ def add(name: str, source: Path, force: bool) -> None:
     Files whose hashes are not known (collection list calls them files of the user) are copied as they are.
     """
     known = manifests.manifest(name)
-    found = added.add(known, source, force=force)
-    checked = sum(file in known.files for file in found.files)
-    print_lines([f"added {known.name}: {_extent(found)}, {checked} of them checked, in {found.folder}"])
-    print_lines(_lacking(found))
+    copied = added.add(known, source, force=force)
+    checked = sum(file in known.files for file in copied.files)
+    print_lines([f"added {known.name}: {_extent(copied)}, {checked} of them checked, in {copied.folder}"])
+    print_lines(_lacking(copied))
     print_lines([f"licence: {known.licence}; cite: {known.citation}"])
     if known.reader:
         print_lines([f"next: cpbench run {PREFIX}/{known.name}"])
@@ -91,12 +91,12 @@ def verify(names: tuple[str, ...]) -> None:
     """
     wrong = False
     for known in map(manifests.manifest, names or manifests.names()):
-        found = added.check(known)
-        if found is not None:
-            changed = [*found.changed, *found.pointers]
-            wrong |= bool(changed or found.missing)
-            as_listed = sum(file in known.files and file not in changed for file in found.files)
-            print_lines([f"{known.name}: {_extent(found)}, {as_listed} as the manifest has them", *_lacking(found)])
+        checked = added.check(known)
+        if checked is not None:
+            changed = [*checked.changed, *checked.pointers]
+            wrong |= bool(changed or checked.missing)
+            as_listed = sum(file in known.files and file not in changed for file in checked.files)
+            print_lines([f"{known.name}: {_extent(checked)}, {as_listed} as the manifest has them", *_lacking(checked)])
         elif names:
             wrong = True
             print_lines([f"{known.name}: not added; {added.how_to_add(known)}"])

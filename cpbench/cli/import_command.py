@@ -85,9 +85,9 @@ def command(
             force=force,
         )
         quote_collection(store)
-        found = cross_examine(store, say=lambda line: print_lines([line], err=True))
+        conflicts = cross_examine(store, say=lambda line: print_lines([line], err=True))
     print_lines(_remarks(done), err=True)
-    print_lines(contradiction_lines(found))
+    print_lines(contradiction_lines(conflicts))
     summary = ", ".join(f"{n} {status}" for status, n in done.counts.most_common())
     click.echo(f"{counted(sum(done.counts.values()), 'problem')}, {solver} from {machine}: {summary}")
     print_lines([f"results: {output}"])

@@ -69,16 +69,16 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
 def _print_many(places: Sequence[str], addresses: Sequence[str], file_format: str | None) -> None:
     """Print what is in a folder; exits with 2 where something cannot be read."""
     with Steps(quiet=False) as steps:
-        found = folder_text.collect(steps.through(addresses, "reading", "problem"), file_format)
-    print_lines([folder_text.headline(found)])
-    print_lines(problem_text.sequence_lines(found.steps))
-    many = len(found.members) > LISTED
-    rows = [(m.node, m.line, m.address) for m in found.members]
-    print_lines(terminal.table(folder_text.classes(found.members) if many else rows))
-    print_lines(folder_text.twins(found.members))
+        listing = folder_text.collect(steps.through(addresses, "reading", "problem"), file_format)
+    print_lines([folder_text.headline(listing)])
+    print_lines(problem_text.sequence_lines(listing.steps))
+    many = len(listing.members) > LISTED
+    rows = [(m.node, m.line, m.address) for m in listing.members]
+    print_lines(terminal.table(folder_text.classes(listing.members) if many else rows))
+    print_lines(folder_text.twins(listing.members))
     print_lines(folder_text.others(places, addresses))
     if rows:
         print_lines([f"all that is known of one: cpbench info {shlex.quote(rows[0][2])}; of all, for programs: --json"])
-    print_lines(found.refused, err=True)
-    if found.refused:
+    print_lines(listing.refused, err=True)
+    if listing.refused:
         sys.exit(2)

@@ -49,8 +49,8 @@ class Kinds(click.Group):
         from cpbench.report.figure_kinds import find
 
         package = _kinds()[cmd_name][0]
-        found: click.Command = importlib.import_module(packages()[package][0]).command_of(find(package, cmd_name))
-        return found
+        command: click.Command = importlib.import_module(packages()[package][0]).command_of(find(package, cmd_name))
+        return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         for package, (_, heading) in packages().items():

@@ -159,8 +159,8 @@ class Display:
 
     def _left(self) -> str:
         """Return the time for the rest; nothing before enough pairs have ended."""
-        found: Expected | None = self._pace.expected(self._total - self._done)
-        return f"{found} left" if found is not None else ""
+        expected: Expected | None = self._pace.expected(self._total - self._done)
+        return f"{expected} left" if expected is not None else ""
 
     def _summary(self) -> str:
         return summary(dict(self._counts))

@@ -72,10 +72,10 @@ def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly, step:
     step("looking for contradictions")
     run = RunTable.of(store.table(), store.meta())
     quote_collection(store)
-    found = cross_examine(store, run.rows, lambda line: print_lines([line], err=True))
+    conflicts = cross_examine(store, run.rows, lambda line: print_lines([line], err=True))
     run = replace(run, meta=store.meta())  # with the contradictions and the collection
     print_answer(run)
-    ending = run_text.ending(plan, store, assembly, run.stored, found)
+    ending = run_text.ending(plan, store, assembly, run.stored, conflicts)
     print_lines(("", *ending.lines))
     if counts and plan.report_folder is not None:
         from cpbench.api.reports import write_report

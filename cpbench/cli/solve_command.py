@@ -110,15 +110,15 @@ def command(
         "all": every,
     }
     own = not os.environ.get(PLUGIN_FILES) and ahead.own_process(solver)
-    found = (_in_own_process if own else _apart)(problem, asked)
-    for line in [json.dumps(found["record"])] if as_json else found["lines"]:
+    answered = (_in_own_process if own else _apart)(problem, asked)
+    for line in [json.dumps(answered["record"])] if as_json else answered["lines"]:
         click.echo(line)
-    if output is not None and not found["written"]:
+    if output is not None and not answered["written"]:
         click.echo("no answer to write", err=True)
         sys.exit(1)
     if output is not None:
         print_lines([f"answer: {output}"], err=as_json)
-    if not found["good"]:
+    if not answered["good"]:
         sys.exit(1)
 
 
@@ -135,14 +135,14 @@ def _in_own_process(problem: str, asked: Mapping[str, Any]) -> Mapping[str, Any]
 
     with ahead.solving(asked["threads"]) as process:
         try:
-            found = process.ask({**asked, "address": problem}, "read", {**limits, "solve": seconds + GRACE}, note)
+            reply = process.ask({**asked, "address": problem}, "read", {**limits, "solve": seconds + GRACE}, note)
         except Stopped as stopped:
-            found = _stopped(stopped, seconds, limits)
-    if "refused" in found:
-        raise CpbenchError(found["refused"])
-    if "others" in found:
+            reply = _stopped(stopped, seconds, limits)
+    if "refused" in reply:
+        raise CpbenchError(reply["refused"])
+    if "others" in reply:
         return _apart(problem, asked)
-    return _without_answer(known, asked, found) if "status" in found else found
+    return _without_answer(known, asked, reply) if "status" in reply else reply
 
 
 def _stopped(stopped: Stopped, seconds: float, limits: Mapping[str, float]) -> dict[str, Any]:

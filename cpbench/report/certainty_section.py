@@ -48,9 +48,9 @@ def certainties(run: Run) -> Iterator[str]:
 
 
 def _far(run: Run) -> Iterator[str]:
-    found = certainty.far(run.rows)
-    if len(found):
-        yield f"{len(found)} accepted answers are {certainty.FAR:g} or more from the solution that is known:"
+    far = certainty.far(run.rows)
+    if len(far):
+        yield f"{len(far)} accepted answers are {certainty.FAR:g} or more from the solution that is known:"
         yield table(
             ["problem", "solver", "measure", "error", "distance", "the only solution, for the matrix is"],
             (
@@ -62,7 +62,7 @@ def _far(run: Run) -> Iterator[str]:
                     number(row["distance"]),
                     plain(_only(row["certificate"])),
                 ]
-                for _, row in found.head(LISTED).iterrows()
+                for _, row in far.head(LISTED).iterrows()
             ),
             right=[3, 4],
         )
@@ -75,14 +75,14 @@ def _only(certificate: str) -> str:
 
 
 def _problems(run: Run) -> Iterator[str]:
-    found = certainty.by_problem(run.rows)
-    known = {level: int((found["level"] == level).sum()) for level in certainty.LEVELS}
+    problems = certainty.by_problem(run.rows)
+    known = {level: int((problems["level"] == level).sum()) for level in certainty.LEVELS}
     yield (
-        f"Of {len(found)} problems an answer is proved for {known['proved']} and enclosed for {known['enclosed']}; for "
-        f"{known['stationary'] + known['distant']} more a solution is known that is stationary, or distant from all "
-        "answers."
+        f"Of {len(problems)} problems an answer is proved for {known['proved']} and enclosed for {known['enclosed']}; "
+        f"for {known['stationary'] + known['distant']} more a solution is known that is stationary, or distant from "
+        "all answers."
     )
-    rest = found[~found["level"].isin(certainty.KNOWN)]
+    rest = problems[~problems["level"].isin(certainty.KNOWN)]
     if len(rest):
         yield table(
             ["problem", "formulation", "what stops a proof"],

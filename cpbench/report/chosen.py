@@ -65,14 +65,14 @@ class SelectedRows:
     def measured(self, name: str) -> tuple[MetricValues, str]:
         """Return a metric of the ranked labels, and a sentence on the labels left out, '' when there is none."""
         ranked = self.rows[rows_of.ranked(self.rows)]
-        found = measured(ranked, metric(name, self.rows))
+        values = measured(ranked, metric(name, self.rows))
         reasons: list[str] = []
-        if found.left_out:
-            reasons.append(f"no {found.metric.name} of {listed_plainly(list(found.left_out))}")
+        if values.left_out:
+            reasons.append(f"no {values.metric.name} of {listed_plainly(list(values.left_out))}")
         elsewhere = sorted(set(self.rows["label"]) - set(ranked["label"]))
         if elsewhere:
             reasons.append(f"{listed_plainly(elsewhere)} answered elsewhere")
-        return found, f" Left out: {'; '.join(reasons)}." if reasons else ""
+        return values, f" Left out: {'; '.join(reasons)}." if reasons else ""
 
     @property
     def starts(self) -> str:
@@ -150,13 +150,13 @@ def two_labels(text: str, known: Sequence[str]) -> tuple[str, str]:
 
 def matching(known: set[str], patterns: Sequence[str], what: str) -> set[str]:
     """Return the names that a pattern stands for; brackets are part of a label."""
-    found: set[str] = set()
+    matched: set[str] = set()
     for pattern in patterns:
         own = {name for name in known if name == pattern or fnmatchcase(name, pattern.replace("[", "[[]"))}
         if not own:
             raise UnknownName(what, pattern, known)
-        found |= own
-    return found
+        matched |= own
+    return matched
 
 
 def _one_of(rows: pd.DataFrame, field: str, wanted: str, field_name: str) -> pd.DataFrame:

@@ -20,11 +20,11 @@ EXPLAINED = (
 
 def claim_lines(run: Run) -> list[Sequence[str]]:
     """Return the cells of the table, of the labels with a claim: solvers of cpbench first, then in order of name."""
-    found = claim_counts(run.read)
+    counts = claim_counts(run.read)
     sheets = run.meta.get("solvers") or {}
-    found = found[found["made"] > 0].reset_index()
-    foreign = [not sheets.get(label, {}).get("native") for label in found["label"]]
-    ordered = found.assign(foreign=foreign).sort_values(["foreign", "label"], kind="stable")
+    counts = counts[counts["made"] > 0].reset_index()
+    foreign = [not sheets.get(label, {}).get("native") for label in counts["label"]]
+    ordered = counts.assign(foreign=foreign).sort_values(["foreign", "label"], kind="stable")
     columns = ("made", "confirmed", "near", "false", "nonexistence", "open")
     return [[str(one.label), *(str(getattr(one, name) or "·") for name in columns)] for one in each(ordered)]
 

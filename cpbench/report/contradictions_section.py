@@ -19,14 +19,14 @@ HEAD = ("problem", "kind", "what contradicts what", "certificates")
 
 def contradictions(run: Run, most: int | None = None) -> Iterator[str]:
     """Yield the contradictions, at most so many of them; nothing where there is none."""
-    found = run.contradictions
-    if not found:
+    conflicts = run.contradictions
+    if not conflicts:
         return
-    yield f"## {counted(len(found), 'contradiction').capitalize()}"
+    yield f"## {counted(len(conflicts), 'contradiction').capitalize()}"
     yield EXPLAINED
-    yield table(HEAD, ([plain(cell) or "—" for cell in cells(one)] for one in found[:most]))
-    if most is not None and len(found) > most:
-        yield f"{len(found) - most} more are in the details."
+    yield table(HEAD, ([plain(cell) or "—" for cell in cells(one)] for one in conflicts[:most]))
+    if most is not None and len(conflicts) > most:
+        yield f"{len(conflicts) - most} more are in the details."
 
 
 def cells(one: Contradiction) -> tuple[str, str, str, str]:

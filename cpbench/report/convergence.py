@@ -39,15 +39,15 @@ def guide(problems: int) -> str:
 
 def section(run: Run, rows: pd.DataFrame, title: str, name: str) -> Iterator[str]:
     """Yield the figure, saved under `name`, and the table; nothing for a group without histories."""
-    found = histories.work_precision(rows, run.histories)
-    if not len(found):
+    work_precision = histories.work_precision(rows, run.histories)
+    if not len(work_precision):
         return
     problems = int(rows["fingerprint"].nunique())
     yield "### Error against time"
-    figures.save(figure(found, problems, title, run.looks), run.folder, name)
+    figures.save(figure(work_precision, problems, title, run.looks), run.folder, name)
     yield f"[![Error against time, {plain(title)}]({name}.png)]({name}.svg)"
     yield f"*{guide(problems)}*"
-    head, lines = times_table(found, problems)
+    head, lines = times_table(work_precision, problems)
     yield table(head, ([code(label), *cells] for label, *cells in lines), right=range(1, len(head)))
     yield (
         f"Median time over {counted(problems, 'problem')}, ∞ where more than half were not reached; in brackets how "

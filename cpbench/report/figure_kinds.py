@@ -68,8 +68,8 @@ class FigureKind:
     @property
     def options(self) -> dict[str, Any]:
         """Options with their defaults."""
-        found = inspect.signature(self.draw).parameters.values()
-        return {p.name: p.default for p in found if p.kind is inspect.Parameter.KEYWORD_ONLY}
+        parameters = inspect.signature(self.draw).parameters.values()
+        return {p.name: p.default for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}
 
 
 figure_kinds: Registry[FigureKind] = Registry("figure")

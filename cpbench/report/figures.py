@@ -130,9 +130,9 @@ def line_of(curve: Curve, places: Mapping[str, int], kinds: Mapping[str, str]) -
 
 def notes(curves: Sequence[Curve], kinds: Mapping[str, str]) -> list[str]:
     """Return what a legend has to add: the signs that occur, and the labels that solved none."""
-    found = {kinds.get(curve.label, "") for curve in curves}
+    shown = {kinds.get(curve.label, "") for curve in curves}
     idle = sorted(curve.label for curve in curves if not curve.solved)
-    signs = ", ".join(f"{mark} {kind}" for kind, mark in MARKS.items() if kind in found)
+    signs = ", ".join(f"{mark} {kind}" for kind, mark in MARKS.items() if kind in shown)
     unsolved = "solved none: " + ", ".join(marked(label, kinds) for label in idle) if idle else ""
     return [text for text in (signs, unsolved) if text]
 

@@ -181,8 +181,8 @@ def _matrix(run: Run, rows: pd.DataFrame, labels: Sequence[str], problems: int) 
 
 
 def _families(rows: pd.DataFrame) -> Iterator[str]:
-    found = summary.families(rows)
-    if len(found) < 2:
+    families = summary.families(rows)
+    if len(families) < 2:
         return
     yield "### By family"
     head = ["family", "problems", "solved by some", "pairs", "solved pairs", "most solved", "by"]
@@ -198,15 +198,15 @@ def _families(rows: pd.DataFrame) -> Iterator[str]:
                 str(r.most),
                 listed(r.best, 4) if r.best else "—",
             ]
-            for r in each(found)
+            for r in each(families)
         ),
         right=range(1, 6),
     )
 
 
 def _unsolved(rows: pd.DataFrame) -> Iterator[str]:
-    found = failures.unsolved(rows)
-    if not len(found):
+    unsolved = failures.unsolved(rows)
+    if not len(unsolved):
         return
     yield "### Solved by none"
     yield table(
@@ -218,7 +218,7 @@ def _unsolved(rows: pd.DataFrame) -> Iterator[str]:
                 code(r.label) if math.isfinite(r.error) else "—",
                 code(r.address),
             ]
-            for r in each(found)
+            for r in each(unsolved)
         ),
         right=[1],
     )

@@ -77,10 +77,10 @@ def _failures(run: Run) -> Iterator[str]:
 
 
 def _by_status(reasons: list[Reason]) -> dict[str, list[Reason]]:
-    found: dict[str, list[Reason]] = {}
+    reasons_of: dict[str, list[Reason]] = {}
     for reason in reasons:
-        found.setdefault(reason.status, []).append(reason)
-    return found
+        reasons_of.setdefault(reason.status, []).append(reason)
+    return reasons_of
 
 
 def _kind(run: Run, status: str, own: list[Reason]) -> list[str]:

@@ -84,10 +84,10 @@ def gap_section(
     times: pd.DataFrame, lost: pd.DataFrame, labels: Sequence[str], leading: Sequence[str]
 ) -> Iterator[str]:
     """Yield each label against the virtual best of all."""
-    found = best.gaps(times, compared=leading, lost=lost)
-    if len(found) < 2 or not found["solved"].any():
+    gaps = best.gaps(times, compared=leading, lost=lost)
+    if len(gaps) < 2 or not gaps["solved"].any():
         return
-    common = int(found["common"].iloc[0])
+    common = int(gaps["common"].iloc[0])
     reached = int(np.isfinite(best.virtual_best(times)).sum())
     yield "### Gap to the virtual best"
     head = [
@@ -110,7 +110,7 @@ def gap_section(
                 str(r.alone),
                 number(r.marginal),
             ]
-            for r in each(found.reindex(pd.Index(labels, name="label")).query("solved > 0").reset_index())
+            for r in each(gaps.reindex(pd.Index(labels, name="label")).query("solved > 0").reset_index())
         ),
         right=range(1, len(head) + 1),
     )
@@ -122,16 +122,16 @@ def gap_section(
 
 def below_floor(times: pd.DataFrame) -> dict[str, str]:
     """Count the times of each label that are too short to be distinguished."""
-    found = best.floored(times, FLOOR)
-    return {str(label): str(count) for label, count in found["below"].items()}
+    floored = best.floored(times, FLOOR)
+    return {str(label): str(count) for label, count in floored["below"].items()}
 
 
 def _tried(times: pd.DataFrame, limit: float) -> pd.DataFrame:
     """Return means under other shifts and penalties of the labels that solve something; empty where there is no
     order.
     """
-    found = sensitivity.sensitivity(times[[label for label in times.columns if np.isfinite(times[label]).any()]], limit)
-    return found if found["label"].nunique() > 1 and found["charge"].notna().all() else found.iloc[:0]
+    tried = sensitivity.sensitivity(times[[label for label in times.columns if np.isfinite(times[label]).any()]], limit)
+    return tried if tried["label"].nunique() > 1 and tried["charge"].notna().all() else tried.iloc[:0]
 
 
 def _rank(ranks: pd.Series[int]) -> str:

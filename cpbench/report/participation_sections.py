@@ -17,24 +17,24 @@ def publishing(run: Run) -> Iterator[str]:
             f"**Left out**, since publishing figures of {counted(len(run.left_out), 'solver')} is restricted: "
             f"{listed(sorted(run.left_out), 12)}. {what} are of the others alone."
         )
-    found = participation.restricted(run.rows, run.meta.get("solvers") or {})
-    if not found:
+    restricted = participation.restricted(run.rows, run.meta.get("solvers") or {})
+    if not restricted:
         return
     yield (
         "**Not to be published as it is. Publishing these figures is restricted: "
-        f"{listed(list(found), 12)}.** Leave them out with {code('cpbench report RESULTS --publishable')}, "
+        f"{listed(list(restricted), 12)}.** Leave them out with {code('cpbench report RESULTS --publishable')}, "
         "or ask the owner of the licence."
     )
     terms: dict[str, list[str]] = {}
-    for name, reason in found.items():
+    for name, reason in restricted.items():
         terms.setdefault(reason, []).append(name)
     yield "\n".join(f"- {listed(names, 12)}: {plain(reason)}" for reason, names in terms.items())
 
 
 def absent(run: Run) -> Iterator[str]:
     """Yield why solvers could not run here, each reason once."""
-    found = participation.absences(run.rows)
-    if not found:
+    absences = participation.absences(run.rows)
+    if not absences:
         return
     yield "## Not available here"
     yield (
@@ -50,7 +50,7 @@ def absent(run: Run) -> Iterator[str]:
                 listed(list(one.solvers), 12),
                 str(sum(one.solvers.values())),
             ]
-            for one in found
+            for one in absences
         ),
         right=[3],
     )

@@ -47,17 +47,17 @@ def chosen(count: int, requested: Collection[str] | None = None) -> tuple[list[s
     ((['csv', 'json'], []), (['json'], []))
     """
     named = FORMATS if requested is None else requested
-    found = [name for name in FORMATS if (name in named or (name == "csv" and count <= MOST[name]))]
+    formats = [name for name in FORMATS if (name in named or (name == "csv" and count <= MOST[name]))]
     notes: list[str] = []
-    for name in [name for name in found if requested is None and count > MOST[name]]:
-        found.remove(name)
+    for name in [name for name in formats if requested is None and count > MOST[name]]:
+        formats.remove(name)
         notes.append(
             f"no results.{name}: {count} rows are more than {MOST[name]}; --data {name} writes it all the same"
         )
-    if "parquet" in found and not _has_parquet():
-        found.remove("parquet")
+    if "parquet" in formats and not _has_parquet():
+        formats.remove("parquet")
         notes.append(f"no results.parquet: {_NO_PARQUET}")
-    return found, notes
+    return formats, notes
 
 
 def _has_parquet() -> bool:

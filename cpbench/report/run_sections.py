@@ -58,17 +58,17 @@ def rest(run: Run, count: int, most: int = LISTED) -> Iterator[str]:
 def false_claims(run: Run, most: int = LISTED) -> Iterator[str]:
     """Yield claims of a solution that is none, and of none where there is one, at most so many of them; the latter
     first. Claims of no solution that nothing proves or contradicts are counted."""
-    found = run.false_claims.sort_values(CONTRADICTED, ascending=False, kind="stable")
-    yield f"## False claims: claims that do not hold ({len(found)})"
+    claims = run.false_claims.sort_values(CONTRADICTED, ascending=False, kind="stable")
+    yield f"## False claims: claims that do not hold ({len(claims)})"
     unproved = reliability.unproved(run.rows)
-    if not len(found):
+    if not len(claims):
         yield "No claim of a solver is known to be false."
     if len(unproved):
         yield (
             f"{counted(len(unproved), 'claim')} that there is no solution: neither proved, nor contradicted by a "
             f"verified answer ({listed(sorted(set(unproved['label'])), 4)})."
         )
-    if not len(found):
+    if not len(claims):
         return
     yield table(
         ["problem", "solver", "claim", "verdict", "error", "tolerance", "again with"],
@@ -82,18 +82,18 @@ def false_claims(run: Run, most: int = LISTED) -> Iterator[str]:
                 f"{row['tolerance']:g}",
                 code(again(run, row)),
             ]
-            for _, row in found.head(most).iterrows()
+            for _, row in claims.head(most).iterrows()
         ),
         right=[4, 5],
     )
-    yield from rest(run, len(found), most)
+    yield from rest(run, len(claims), most)
 
 
 def _directions(run: Run) -> Iterator[str]:
-    found = failures.flagged(run.rows, "direction")
-    if not len(found):
+    flagged = failures.flagged(run.rows, "direction")
+    if not len(flagged):
         return
-    yield f"## Accepted, but in a wrong direction ({len(found)})"
+    yield f"## Accepted, but in a wrong direction ({len(flagged)})"
     yield "These answers meet the tolerance, and yet some contact slips in a direction that the law forbids."
     yield table(
         ["problem", "solver", "verdict", "error", "slip angle [°]", "again with"],
@@ -106,11 +106,11 @@ def _directions(run: Run) -> Iterator[str]:
                 number(_part(row["parts"], "slip_angle [deg]")),
                 code(again(run, row)),
             ]
-            for _, row in found.head(LISTED).iterrows()
+            for _, row in flagged.head(LISTED).iterrows()
         ),
         right=[3, 4],
     )
-    yield from rest(run, len(found))
+    yield from rest(run, len(flagged))
 
 
 def _part(parts: str, name: str) -> float:
@@ -119,8 +119,8 @@ def _part(parts: str, name: str) -> float:
 
 
 def _inexact(run: Run) -> Iterator[str]:
-    found = reliability.inexact_routes(run.rows)
-    if not len(found):
+    inexact_routes = reliability.inexact_routes(run.rows)
+    if not len(inexact_routes):
         return
     yield "## Routes that promise less than an answer"
     yield (
@@ -139,7 +139,7 @@ def _inexact(run: Run) -> Iterator[str]:
                 number(r.median),
                 number(r.largest),
             ]
-            for r in each(found)
+            for r in each(inexact_routes)
         ),
         right=range(2, 7),
     )
@@ -147,14 +147,14 @@ def _inexact(run: Run) -> Iterator[str]:
 
 def losses(run: Run) -> Iterator[str]:
     """Yield the conversions that lost answers."""
-    found = reliability.losses(run.rows)
-    if not len(found):
+    lost = reliability.losses(run.rows)
+    if not len(lost):
         return
-    yield f"## Lost on the way back ({found['lost'].sum()})"
+    yield f"## Lost on the way back ({lost['lost'].sum()})"
     yield LOSSES
     yield table(
         ["route", "answers lost", "worst factor"],
-        ([code(r.route), str(r.lost), number(r.factor)] for r in each(found)),
+        ([code(r.route), str(r.lost), number(r.factor)] for r in each(lost)),
         right=[1, 2],
     )
 
@@ -205,14 +205,14 @@ def _reasons(run: Run, reasons: Sequence[failures.Reason]) -> str:
 
 def refused(run: Run, most: int | None = None) -> Iterator[str]:
     """Yield the files that could not be read, with the reason; nothing when every file was."""
-    found = sorted((str(address), str(reason)) for address, reason in run.meta.get("refused") or [])
-    if not found:
+    files = sorted((str(address), str(reason)) for address, reason in run.meta.get("refused") or [])
+    if not files:
         return
-    yield f"## Refused files ({len(found)})"
+    yield f"## Refused files ({len(files)})"
     here = str(Path.cwd()) + os.sep
     yield table(
         ["file", "reason"],
-        ([code(a.removeprefix(here)), plain(cut(r.replace(here, ""), 300))] for a, r in found[:most]),
+        ([code(a.removeprefix(here)), plain(cut(r.replace(here, ""), 300))] for a, r in files[:most]),
     )
 
 
@@ -245,8 +245,8 @@ def solver_sheets(run: Run) -> Iterator[str]:
 
 def warm_against_cold(run: Run, most: int | None = None) -> Iterator[str]:
     """Yield what warm starts gain, a line a formulation, solver and start; at most so many lines."""
-    found = starts.paired(run.read)
-    if not len(found):
+    paired = starts.paired(run.read)
+    if not len(paired):
         return
     yield "## Warm against cold"
     yield (
@@ -267,7 +267,7 @@ def warm_against_cold(run: Run, most: int | None = None) -> Iterator[str]:
                 number(r.time),
                 number(r.iterations),
             ]
-            for r in each(found[:most])
+            for r in each(paired[:most])
         ),
         right=range(3, 9),
     )

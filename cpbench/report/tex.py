@@ -185,10 +185,10 @@ def _symbol(character: str) -> str:
     if len(parts) == 2 and parts[1] in _ACCENTS:
         return f"{_ACCENTS[parts[1]]}{{{_symbol(parts[0])}}}"
     title = unicodedata.name(character, "")
-    found = re.fullmatch(r"GREEK (SMALL|CAPITAL) LETTER (\w+)", title)
-    if found:
-        spelled = {"LAMDA": "lambda", "OMICRON": "o"}.get(found[2], found[2].lower())
-        if found[1] == "SMALL":
+    match = re.fullmatch(r"GREEK (SMALL|CAPITAL) LETTER (\w+)", title)
+    if match:
+        spelled = {"LAMDA": "lambda", "OMICRON": "o"}.get(match[2], match[2].lower())
+        if match[1] == "SMALL":
             return rf"\{spelled}"
         return rf"\{spelled.capitalize()}" if spelled in _CAPITALS else rf"\mathrm{{{spelled[0].upper()}}}"
     return character if character.isascii() else rf"\text{{[U+{ord(character):04X}]}}"  # always compiles

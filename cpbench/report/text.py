@@ -162,11 +162,11 @@ def _route_options(request: str) -> list[str]:
         return ["--via", f"fc-{target}-{how}" if target else how, "--facets", count]
     edges = [_EDGE.fullmatch(part) for part in request.split("+")]
     if all(edges) and "-" in request:
-        found: list[str] = []
+        options: list[str] = []
         for edge in edges:
             assert edge is not None
             knobs = dict(pair.split("=", 1) for pair in (edge[2] or "").split(",") if "=" in pair)
             alone = len(edges) == 1 and knobs.keys() == {"facets"}
-            found += ["--via", edge[1], "--facets", knobs["facets"]] if alone else ["--via", edge[0]]
-        return found
+            options += ["--via", edge[1], "--facets", knobs["facets"]] if alone else ["--via", edge[0]]
+        return options
     return ["--routes", "all"]

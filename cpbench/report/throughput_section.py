@@ -22,8 +22,8 @@ GUIDE = (
 
 def throughput_lines(rows: pd.DataFrame) -> list[Sequence[str]]:
     """Return the cells of the table, none where no set asks for throughput."""
-    found = throughputs(rows)
-    groups = sorted({one.group for one in found})
+    rates = throughputs(rows)
+    groups = sorted({one.group for one in rates})
     return [
         (
             formulation(one.group, groups),
@@ -34,7 +34,7 @@ def throughput_lines(rows: pd.DataFrame) -> list[Sequence[str]]:
             str(one.calls),
             f"{float(f'{one.per_second:.3g}'):,.10g}" if one.per_second >= 1 else f"{one.per_second:.3g}",
         )
-        for one in found
+        for one in rates
     ]
 
 

@@ -11,11 +11,11 @@ from cpbench.report.comparison import json_file, junit, markdown
 _WRITERS = {".md": markdown.document, ".xml": junit.document, ".json": json_file.document}
 
 
-def write(found: Comparison, path: Path) -> None:
+def write(comparison: Comparison, path: Path) -> None:
     """Write a comparison in the form of the suffix; raises FormatError."""
     if path.suffix not in _WRITERS:
         raise FormatError(path, "", f"unknown suffix '{path.suffix}'; use {', '.join(_WRITERS)}")
     try:
-        path.write_text(_WRITERS[path.suffix](found), encoding="utf-8")
+        path.write_text(_WRITERS[path.suffix](comparison), encoding="utf-8")
     except OSError as cause:
         raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None

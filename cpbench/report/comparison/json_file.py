@@ -40,24 +40,24 @@ JSON = ("options", "counters_base", "counters_new")
 """Columns that hold JSON already."""
 
 
-def document(found: Comparison) -> str:
+def document(comparison: Comparison) -> str:
     """Write the whole file."""
-    counts = found.pairs["verdict"].value_counts()
-    noise = found.noise
+    counts = comparison.pairs["verdict"].value_counts()
+    noise = comparison.noise
     document: dict[str, Any] = {
         "schema": SCHEMA,
-        "verdict": str(found.verdict),
-        "base": _side(found.base),
-        "new": _side(found.new),
-        "settings": asdict(found.settings),
+        "verdict": str(comparison.verdict),
+        "base": _side(comparison.base),
+        "new": _side(comparison.new),
+        "settings": asdict(comparison.settings),
         "noise": {name: getattr(noise, name) for name in ("delta", "drift", "spread", "equal", "stray", "bias")},
         "counts": {str(verdict): int(counts.get(str(verdict), 0)) for verdict in PairVerdict},
-        "suites": [_suite(suite) for suite in found.suites],
-        "pairs": _pairs(found),
-        "only_base": _rows(found.only_base),
-        "only_new": _rows(found.only_new),
-        "changed": list(found.changed),
-        "notes": list(found.notes),
+        "suites": [_suite(suite) for suite in comparison.suites],
+        "pairs": _pairs(comparison),
+        "only_base": _rows(comparison.only_base),
+        "only_new": _rows(comparison.only_new),
+        "changed": list(comparison.changed),
+        "notes": list(comparison.notes),
     }
     return json.dumps(_valid(document), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -72,11 +72,11 @@ def _suite(suite: Suite) -> dict[str, Any]:
     return {**fields, **{str(verdict): count for verdict, count in counts.items()}}
 
 
-def _pairs(found: Comparison) -> list[dict[str, Any]]:
+def _pairs(comparison: Comparison) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
-    for pair in found.pairs.to_dict("records"):
+    for pair in comparison.pairs.to_dict("records"):
         row: dict[str, Any] = {name: _read(pair[name]) if name in JSON else pair[name] for name in PAIR}
-        rows.append({**row, "command": words.again(found, pair)})
+        rows.append({**row, "command": words.again(comparison, pair)})
     return rows
 
 

@@ -19,12 +19,12 @@ from cpbench.report.comparison import words
 from cpbench.report.text import one_line
 
 
-def document(found: Comparison) -> str:
+def document(comparison: Comparison) -> str:
     """Write the whole file."""
     root = ElementTree.Element("testsuites", name="cpbench compare")
-    rows = {str(label): own for label, own in found.pairs.groupby("label_new", sort=True)}
-    for suite in found.suites:
-        root.append(_suite(found, suite, rows[suite.label]))
+    rows = {str(label): own for label, own in comparison.pairs.groupby("label_new", sort=True)}
+    for suite in comparison.suites:
+        root.append(_suite(comparison, suite, rows[suite.label]))
     for name in ("tests", "failures", "errors"):
         root.set(name, str(sum(int(child.get(name, "0")) for child in root)))
     root.set("time", f"{sum(float(child.get('time', '0')) for child in root):.6f}")
@@ -32,11 +32,11 @@ def document(found: Comparison) -> str:
     return '<?xml version="1.0" encoding="utf-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _suite(found: Comparison, suite: Suite, own: pd.DataFrame) -> ElementTree.Element:
+def _suite(comparison: Comparison, suite: Suite, own: pd.DataFrame) -> ElementTree.Element:
     name = one_line(suite.label)
     element = ElementTree.Element("testsuite", name=name)
     for names, (_, pair) in zip(_names(own), own.iterrows(), strict=True):
-        element.append(_case(found, name, names, pair))
+        element.append(_case(comparison, name, names, pair))
     if suite.time is not None:
         element.append(_whole(suite, name))
     element.set("tests", str(len(element)))
@@ -59,14 +59,14 @@ def _names(own: pd.DataFrame) -> list[str]:
     return [one_line(name) for name in names]
 
 
-def _case(found: Comparison, suite: str, name: str, pair: pd.Series) -> ElementTree.Element:
+def _case(comparison: Comparison, suite: str, name: str, pair: pd.Series) -> ElementTree.Element:
     seconds = float(pair["time_new"])
     time = f"{seconds if math.isfinite(seconds) else 0.0:.6f}"
     case = ElementTree.Element("testcase", name=name, classname=suite, time=time)
     why = one_line(pair["why"])
     if pair["verdict"] == PairVerdict.REGRESSED:
         failure = ElementTree.SubElement(case, "failure", message=why, type=one_line(pair["kind"]))
-        failure.text = words.again(found, pair)
+        failure.text = words.again(comparison, pair)
     elif pair["verdict"] == PairVerdict.INCONCLUSIVE:
         ElementTree.SubElement(case, "skipped", message=f"inconclusive: {why}")
     elif pair["verdict"] == PairVerdict.IMPROVED:

@@ -21,33 +21,34 @@ LISTED = 50
 """The most pairs of a table; a summary of a CI job holds 1 MiB. The rest is counted, and is in the JSON."""
 
 
-def document(found: Comparison) -> str:
+def document(comparison: Comparison) -> str:
     """Write the whole summary."""
-    return "\n\n".join(_parts(found)) + "\n"
+    return "\n\n".join(_parts(comparison)) + "\n"
 
 
-def section(found: Comparison) -> Iterator[str]:
+def section(comparison: Comparison) -> Iterator[str]:
     """Yield the summary as a section of a report about the new side."""
-    yield f"## Compared with {code(found.base.name)}"
-    for part in _parts(found):
+    yield f"## Compared with {code(comparison.base.name)}"
+    for part in _parts(comparison):
         yield f"#{part}" if part.startswith("## ") else part
 
 
-def _parts(found: Comparison) -> Iterator[str]:
-    yield f"**{MARKS[found.verdict]} {str(found.verdict).capitalize()}**: {plain(words.headline(found))}."
-    yield f"{code(found.base.name)} → {code(found.new.name)}" + "".join(
-        f"; {plain(version)}" for version in words.versions(found)
+def _parts(comparison: Comparison) -> Iterator[str]:
+    verdict = f"{MARKS[comparison.verdict]} {str(comparison.verdict).capitalize()}"
+    yield f"**{verdict}**: {plain(words.headline(comparison))}."
+    yield f"{code(comparison.base.name)} → {code(comparison.new.name)}" + "".join(
+        f"; {plain(version)}" for version in words.versions(comparison)
     )
-    yield from _section(found, PairVerdict.REGRESSED, found.with_verdict(PairVerdict.REGRESSED))
-    yield from _suites(found)
-    yield from _section(found, PairVerdict.IMPROVED, found.with_verdict(PairVerdict.IMPROVED))
-    yield from _inconclusive(found)
-    yield from _notes(found)
+    yield from _section(comparison, PairVerdict.REGRESSED, comparison.with_verdict(PairVerdict.REGRESSED))
+    yield from _suites(comparison)
+    yield from _section(comparison, PairVerdict.IMPROVED, comparison.with_verdict(PairVerdict.IMPROVED))
+    yield from _inconclusive(comparison)
+    yield from _notes(comparison)
 
 
-def _section(found: Comparison, verdict: PairVerdict, own: pd.DataFrame) -> Iterator[str]:
+def _section(comparison: Comparison, verdict: PairVerdict, own: pd.DataFrame) -> Iterator[str]:
     """Yield pairs of a verdict, after the labels whose times have it."""
-    labels = [suite for suite in found.suites if suite.time == verdict and verdict != PairVerdict.INCONCLUSIVE]
+    labels = [suite for suite in comparison.suites if suite.time == verdict and verdict != PairVerdict.INCONCLUSIVE]
     if not len(own) and not labels:
         return
     counts = [counted(len(own), "pair")] * bool(len(own)) + [counted(len(labels), "label")] * bool(labels)
@@ -56,16 +57,18 @@ def _section(found: Comparison, verdict: PairVerdict, own: pd.DataFrame) -> Iter
     rows: list[list[str]] = []
     for suite in labels:
         cells = [f"all {suite.timed} timed", code(suite.label), "time", f"{words.times_of(suite)} times the time"]
-        rows.append([*cells, code(words.again(found, words.slowest(found, suite.label)))] if regressed else cells)
+        rows.append(
+            [*cells, code(words.again(comparison, words.slowest(comparison, suite.label)))] if regressed else cells
+        )
     for _, pair in own.head(LISTED).iterrows():
         cells = [plain(pair["problem"]), code(_label(pair)), plain(pair["kind"]) or "—", plain(cut(pair["why"]))]
-        rows.append([*cells, code(words.again(found, pair))] if regressed else cells)
+        rows.append([*cells, code(words.again(comparison, pair))] if regressed else cells)
     yield table(["problem", "solver", "kind", "what happened", *(["again with"] if regressed else [])], rows)
     if len(own) > LISTED:
         yield f"Not shown: {counted(len(own) - LISTED, 'more pair')}."
 
 
-def _suites(found: Comparison) -> Iterator[str]:
+def _suites(comparison: Comparison) -> Iterator[str]:
     yield "## By solver"
     yield table(
         ["solver", "pairs", "solved", "regressed", "improved", "same", "inconclusive", "time, new / base", "timed",
@@ -81,14 +84,15 @@ def _suites(found: Comparison) -> Iterator[str]:
                 f"{suite.p:.2g}" if suite.timed else "—",
                 plain(words.on_time(suite)),
             ]
-            for suite in found.suites
+            for suite in comparison.suites
         ),
         right=range(1, 10),
     )  # fmt: skip
-    if any(suite.timed for suite in found.suites):
+    if any(suite.timed for suite in comparison.suites):
         yield (
             "*Time*: geometric mean over the pairs that both sides solved, with a 95 % interval that resamples "
-            f"families; {plain(words.margin(found))}. *Regressed* or *improved*: p < {found.settings.alpha:g} "
+            f"families; {plain(words.margin(comparison))}. *Regressed* or *improved*: p < "
+            f"{comparison.settings.alpha:g} "
             "(Wilcoxon's test, and a normal one with the bias of a process; adjusted after Holm), the interval "
             "excludes 1, and the mean is beyond 1 + δ. *Same*: the interval lies within the margin of 1. One worker "
             f"process differs from another by about {BIAS:.0%} on all its problems, which no repetition within a run "
@@ -96,10 +100,10 @@ def _suites(found: Comparison) -> Iterator[str]:
         )
 
 
-def _inconclusive(found: Comparison) -> Iterator[str]:
-    own = found.with_verdict(PairVerdict.INCONCLUSIVE)
+def _inconclusive(comparison: Comparison) -> Iterator[str]:
+    own = comparison.with_verdict(PairVerdict.INCONCLUSIVE)
     by_time = own["gate"] == "time"
-    yield from _section(found, PairVerdict.INCONCLUSIVE, own[~by_time])
+    yield from _section(comparison, PairVerdict.INCONCLUSIVE, own[~by_time])
     if by_time.any():
         labels = own.loc[by_time, "label_new"].value_counts().sort_index()
         yield (
@@ -108,13 +112,13 @@ def _inconclusive(found: Comparison) -> Iterator[str]:
         )
 
 
-def _notes(found: Comparison) -> Iterator[str]:
+def _notes(comparison: Comparison) -> Iterator[str]:
     missing: list[str] = []
-    for own, side in ((found.only_base, "base"), (found.only_new, "new")):
+    for own, side in ((comparison.only_base, "base"), (comparison.only_new, "new")):
         if len(own):
             names = sorted({f"{p}, {label}" for p, label in zip(own["problem"], own["label"], strict=True)})
             missing.append(f"- only in {side} ({len(own)}): {listed(names)}")
-    notes = [f"- {plain(cut(note, 400))}" for note in found.notes]
+    notes = [f"- {plain(cut(note, 400))}" for note in comparison.notes]
     if notes or missing:
         yield "## Notes"
         yield "\n".join([*notes, *missing])

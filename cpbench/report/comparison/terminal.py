@@ -14,35 +14,35 @@ LISTED = 10
 """The most pairs of a kind that are shown; files have all."""
 
 
-def lines(found: Comparison) -> Iterator[str]:
+def lines(comparison: Comparison) -> Iterator[str]:
     """Yield the verdict, regressions with the commands that show them, labels, notes."""
-    yield f"{found.verdict}: {words.headline(found)}"
-    for version in words.versions(found):
+    yield f"{comparison.verdict}: {words.headline(comparison)}"
+    for version in words.versions(comparison):
         yield f"  {one_line(version)}"
     for verdict in (PairVerdict.REGRESSED, PairVerdict.IMPROVED):
-        yield from _pairs(found, found.with_verdict(verdict), str(verdict))
-    open_pairs = found.with_verdict(PairVerdict.INCONCLUSIVE)
-    yield from _pairs(found, open_pairs[open_pairs["gate"] != "time"], "inconclusive")
-    if any(suite.time is not None for suite in found.suites):
-        yield f"time of each label, geometric mean of new over base; {words.margin(found)}"
-        for suite in found.suites:
+        yield from _pairs(comparison, comparison.with_verdict(verdict), str(verdict))
+    open_pairs = comparison.with_verdict(PairVerdict.INCONCLUSIVE)
+    yield from _pairs(comparison, open_pairs[open_pairs["gate"] != "time"], "inconclusive")
+    if any(suite.time is not None for suite in comparison.suites):
+        yield f"time of each label, geometric mean of new over base; {words.margin(comparison)}"
+        for suite in comparison.suites:
             if suite.time is not None:
                 families = counted(suite.families, "family", "families")
                 pairs = f"{counted(suite.timed, 'pair')}, {families}"
                 yield f"  {one_line(suite.label)}: {words.times_of(suite)} ({pairs}): {words.on_time(suite)}"
                 if suite.time == PairVerdict.REGRESSED:
-                    yield f"    {words.again(found, words.slowest(found, suite.label))}"
-    for note in found.notes:
+                    yield f"    {words.again(comparison, words.slowest(comparison, suite.label))}"
+    for note in comparison.notes:
         yield f"note: {cut(note, 300)}"
 
 
-def _pairs(found: Comparison, own: pd.DataFrame, what: str) -> Iterator[str]:
+def _pairs(comparison: Comparison, own: pd.DataFrame, what: str) -> Iterator[str]:
     if not len(own):
         return
     yield f"{what} ({len(own)}):"
     for _, pair in own.head(LISTED).iterrows():
         yield f"  {one_line(pair['problem'])}, {one_line(pair['label_new'])}: {cut(pair['why'], 120)}"
         if what == PairVerdict.REGRESSED:
-            yield f"    {words.again(found, pair)}"
+            yield f"    {words.again(comparison, pair)}"
     if len(own) > LISTED:
         yield f"  and {len(own) - LISTED} more"

@@ -17,24 +17,24 @@ from cpbench.report.text import counted, solve_command
 ORDER = (PairVerdict.REGRESSED, PairVerdict.IMPROVED, PairVerdict.SAME, PairVerdict.INCONCLUSIVE)
 
 
-def headline(found: Comparison) -> str:
+def headline(comparison: Comparison) -> str:
     """Return the verdict and its evidence in one sentence."""
-    sure = found.pairs[found.pairs["gate"] != "time"]
+    sure = comparison.pairs[comparison.pairs["gate"] != "time"]
     counts = {
         v: int((sure["verdict"] == v).sum())
         for v in (PairVerdict.REGRESSED, PairVerdict.IMPROVED, PairVerdict.INCONCLUSIVE)
     }
     parts = [f"{counted(count, 'pair')} {verdict}" for verdict, count in counts.items() if count]
-    by_time = [suite for suite in found.suites if suite.time is not None]
+    by_time = [suite for suite in comparison.suites if suite.time is not None]
     if by_time:
         times = {v: sum(suite.time == v for suite in by_time) for v in ORDER}
         of = f"times of {counted(len(by_time), 'label')}: "
         parts.append(of + ", ".join(f"{count} {v}" for v, count in times.items() if count))
-    alone = found.pairs[(found.pairs["gate"] == "time") & found.pairs["verdict"].isin([*ORDER[:2]])]
+    alone = comparison.pairs[(comparison.pairs["gate"] == "time") & comparison.pairs["verdict"].isin([*ORDER[:2]])]
     if len(alone):
         parts.append(f"{counted(len(alone), 'pair')} far {'slower or faster'} by itself")
     rest = "; ".join(parts) or "status, error and counters of all pairs are the same"
-    return f"{counted(len(found.pairs), 'pair')} compared: {rest}"
+    return f"{counted(len(comparison.pairs), 'pair')} compared: {rest}"
 
 
 def times_of(suite: Suite) -> str:
@@ -53,9 +53,9 @@ def on_time(suite: Suite) -> str:
     return f"{suite.time}: {suite.why}" if suite.why else str(suite.time)
 
 
-def margin(found: Comparison) -> str:
+def margin(comparison: Comparison) -> str:
     """Describe δ here, and why."""
-    noise = found.noise
+    noise = comparison.noise
     parts = [f"margin {noise.margin:.1%}"]
     if math.isfinite(noise.drift) and noise.drift > 1:
         parts.append(f"the machine within {noise.drift - 1:.1%} from one run to the other")
@@ -67,14 +67,14 @@ def margin(found: Comparison) -> str:
     return f"δ = {noise.delta:.1%} ({'; '.join(parts)})"
 
 
-def versions(found: Comparison) -> list[str]:
+def versions(comparison: Comparison) -> list[str]:
     """Return solvers whose version differs between the sides, and the versions of cpbench where they differ."""
     changes: list[str] = []
-    sides = (found.base, found.new)
+    sides = (comparison.base, comparison.new)
     ours = [str(side.meta.get("cpbench", "")) for side in sides]
     if all(ours) and ours[0] != ours[1]:
         changes.append(f"cpbench {ours[0]} → {ours[1]}")
-    known = found.pairs[(found.pairs["version_base"] != "") & (found.pairs["version_new"] != "")]
+    known = comparison.pairs[(comparison.pairs["version_base"] != "") & (comparison.pairs["version_new"] != "")]
     moved = known[known["version_base"] != known["version_new"]]
     for solver, base, new in sorted(
         set(zip(moved["solver"], moved["version_base"], moved["version_new"], strict=True))
@@ -83,16 +83,16 @@ def versions(found: Comparison) -> list[str]:
     return changes
 
 
-def again(found: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> str:
+def again(comparison: Comparison, pair: Mapping[Any, Any] | pd.Series[Any]) -> str:
     """Return the command that runs the new side of a pair again."""
     own = {name: pair[name] for name in ("address", "solver", "request", "tolerance", "start")}
     row = {**own, **{name: pair[f"{name}_new"] for name in ("label", "seconds", "origin")}}
     here = str(Path.cwd()) + os.sep
-    sheet = (found.new.meta.get("solvers") or {}).get(row["label"])
+    sheet = (comparison.new.meta.get("solvers") or {}).get(row["label"])
     return solve_command(row, sheet).replace(here, "")
 
 
-def slowest(found: Comparison, label: str) -> pd.Series[Any]:
+def slowest(comparison: Comparison, label: str) -> pd.Series[Any]:
     """Return the pair of a label whose time grew most."""
-    own = found.pairs[(found.pairs["label_new"] == label) & found.pairs["comparable"]]
+    own = comparison.pairs[(comparison.pairs["label_new"] == label) & comparison.pairs["comparable"]]
     return own.loc[own["ratio"].idxmax()]

@@ -118,11 +118,11 @@ def _metrics(rows: pd.DataFrame, whole: bool) -> list[metrics.Metric]:
     """
     done = rows_of.solved(rows).to_numpy(dtype=bool)
     names = list(metrics.METRICS) if whole else ["time", "iterations", "memory"]
-    found = [metrics.METRICS[name] for name in names]
+    present = [metrics.METRICS[name] for name in names]
     if whole:
         others = sorted(metrics.counters(rows) - {"iterations"})
-        found += [metrics.metric(metrics.COUNTER + name, rows) for name in others]
-    return [m for m in found if m.name == "time" or np.isfinite(metrics.spent(rows, m)[done]).any()]
+        present += [metrics.metric(metrics.COUNTER + name, rows) for name in others]
+    return [m for m in present if m.name == "time" or np.isfinite(metrics.spent(rows, m)[done]).any()]
 
 
 def _judged(judged: Ladders, tolerance: float) -> Column:
@@ -150,18 +150,18 @@ def _details(run: Run, rows: pd.DataFrame, whole: bool) -> tuple[dict[str, Colum
     kept = rows if whole else rows.loc[_chosen(rows)]
     detail = np.zeros(len(rows), dtype=np.int64)
     detail[kept.index.to_numpy()] = np.arange(1, len(kept) + 1)
-    found: dict[str, Column] = {"detail": detail}
+    columns: dict[str, Column] = {"detail": detail}
     texts: dict[str, list[str]] = {}
     for name in TEXTS:
         code, distinct = _codes(kept[name])
-        found[f"detail.{name}"] = code
+        columns[f"detail.{name}"] = code
         texts[name] = [_digits(text) if name in ("parts", "counters") else text for text in distinct]
     code, texts["command"] = _codes(pd.Series(_commands(run, kept), dtype=object))
-    found["detail.command"] = code
+    columns["detail.command"] = code
     for name in (*CHARGED, *PLAIN):
         if kept[name].notna().any() if name not in ("code", "signal") else _numeric(kept[name]).notna().any():
-            found[f"detail.{name}"] = _numeric(kept[name]).to_numpy(dtype=np.float32)
-    return found, texts
+            columns[f"detail.{name}"] = _numeric(kept[name]).to_numpy(dtype=np.float32)
+    return columns, texts
 
 
 def _numeric(values: pd.Series) -> pd.Series[float]:
@@ -215,11 +215,11 @@ def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]
 def _thumbnails(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[Thumbnail | None]:
     """Return pictures of the problems; an answer of a solver left out of the report has no label."""
     thumbnails, shown = run.thumbnails(), set(labels)
-    found: list[Thumbnail | None] = []
+    pictures: list[Thumbnail | None] = []
     for one in (thumbnails.get(multi_start.original(print_)) for print_ in prints):
         known = one is None or one.get("answer", {}).get("label", "") in {"", *shown}
-        found.append(one if known or one is None else {k: v for k, v in one.items() if k != "answer"})
-    return found
+        pictures.append(one if known or one is None else {k: v for k, v in one.items() if k != "answer"})
+    return pictures
 
 
 def _sizes(text: str) -> dict[str, float]:
@@ -247,7 +247,7 @@ def _groups(
     """Describe the groups: settings, the stretch of rows of each, its problems in order of name, labels in their
     order.
     """
-    found: list[dict[str, Any]] = []
+    groups: list[dict[str, Any]] = []
     first = 0
     for group, rows in parts:
         stretch = slice(first, first + len(rows))
@@ -255,7 +255,7 @@ def _groups(
         order = names.assign(code=problem[stretch]).drop_duplicates("fingerprint").sort_values(["name", "fingerprint"])
         most = rows_of.limit(rows)
         kinds = rows_of.label_kinds(rows)
-        found.append(
+        groups.append(
             {
                 "name": group_name_text(run, group),
                 "node": group.node,
@@ -271,7 +271,7 @@ def _groups(
             }
         )
         first += len(rows)
-    return found
+    return groups
 
 
 def _paths(run: Run, rows: pd.DataFrame) -> dict[str, Column]:
@@ -281,15 +281,15 @@ def _paths(run: Run, rows: pd.DataFrame) -> dict[str, Column]:
     if not len(run.histories):
         return {}
     place = pd.Series(np.arange(len(rows)), index=rows["key"])
-    found = histories.charged(rows, run.histories)
-    error = found["error"].fillna(math.inf)
-    before = error.groupby(found["key"], sort=False).cummin().groupby(found["key"], sort=False).shift()
-    found = found[(error < before.fillna(math.inf)) & np.isfinite(error)]
-    if len(found) > ITERATES:
+    iterates = histories.charged(rows, run.histories)
+    error = iterates["error"].fillna(math.inf)
+    before = error.groupby(iterates["key"], sort=False).cummin().groupby(iterates["key"], sort=False).shift()
+    iterates = iterates[(error < before.fillna(math.inf)) & np.isfinite(error)]
+    if len(iterates) > ITERATES:
         return {}
-    row = place[found["key"]].to_numpy(dtype=np.int64)
+    row = place[iterates["key"]].to_numpy(dtype=np.int64)
     return {
         "path.row": row,
-        "path.seconds": found["seconds"].to_numpy(dtype=float),
-        "path.error": found["error"].to_numpy(dtype=float),
+        "path.seconds": iterates["seconds"].to_numpy(dtype=float),
+        "path.error": iterates["error"].to_numpy(dtype=float),
     }

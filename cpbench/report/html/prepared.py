@@ -163,11 +163,11 @@ def bands(rows: pd.DataFrame) -> dict[str, Any]:
     compared = rows_of.only_ranked(rows)
     time = metrics.METRICS["time"]
     spent = metrics.measured(compared, time)
-    found = spent.values
-    if not len(found.columns):
+    times = spent.values
+    if not len(times.columns):
         return {"labels": []}
     # a problem of which no time may be compared counts among those that are not solved, as in the curves
-    everywhere = found.reindex(rows["fingerprint"].unique(), fill_value=math.inf)
+    everywhere = times.reindex(rows["fingerprint"].unique(), fill_value=math.inf)
     floor, families = time.floor or 0.0, bootstrap.families_of(rows)
     if bootstrap.clusters(everywhere.index, families)[1] < bootstrap.FEW:
         return {"labels": []}

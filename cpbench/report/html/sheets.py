@@ -15,16 +15,16 @@ def problems(run: Run) -> Iterator[Markup]:
     """
     thumbnails = run.thumbnails()
     first = run.rows.drop_duplicates("fingerprint")
-    found: dict[tuple[str, str, str, str], int] = {}
+    counts: dict[tuple[str, str, str, str], int] = {}
     for fingerprint, node, family in zip(first["fingerprint"], first["node"], first["family"], strict=True):
         thumbnail = thumbnails.get(multi_start.original(str(fingerprint)), {})
         source = "; ".join(filter(None, (thumbnail.get("source", ""), thumbnail.get("citation", ""))))
         key = (str(node), str(family) or "(none)", source, str(thumbnail.get("licence", "")))
-        found[key] = found.get(key, 0) + 1
-    if any(source or licence for _, _, source, licence in found):
+        counts[key] = counts.get(key, 0) + 1
+    if any(source or licence for _, _, source, licence in counts):
         yield element("p", "What the files of the problems say; the sheet of each pair says it of its problem.")
         lines = (
             [family, node, count, source or "not given", licence or "not given"]
-            for (node, family, source, licence), count in sorted(found.items())
+            for (node, family, source, licence), count in sorted(counts.items())
         )
         yield table("Problems", ["family", "formulation", "problems", "source", "licence"], lines, right=[2])

@@ -36,9 +36,9 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
     chosen = choose(run, choice)
     require_histories(chosen)
     own, problem = _of_one(chosen.rows, chosen.histories, name)
-    found = histories.charged(own, chosen.histories)
-    found = found[found["error"] < math.inf]
-    paths = {str(label): path for label, path in found.groupby("label")}
+    iterates = histories.charged(own, chosen.histories)
+    iterates = iterates[iterates["error"] < math.inf]
+    paths = {str(label): path for label, path in iterates.groupby("label")}
     ends = sorted(paths, key=lambda label: (float(paths[label]["error"].min()), label))
     places = {label: chosen.looks[label] for label in ends[: legend.EMPHASISED]}
     figure, axes, beside = run_canvas.with_legend(len(ends), notes=2)
@@ -72,9 +72,9 @@ def _of_one(rows: pd.DataFrame, paths: pd.DataFrame, name: str) -> tuple[pd.Data
     recorded = rows[rows["key"].isin(paths["key"])]
     names = rows_of.problem_names(recorded)
     known = sorted({str(known) for known in names})
-    found = sorted(matching(set(known), [name], "problem with iterates")) if name else known
-    if len(found) > 1:
-        shown = ", ".join(found[:12]) + (", ..." if len(found) > 12 else "")
-        which = f"{name} names {len(found)} problems" if name else f"iterates were kept of {len(found)} problems"
+    matched = sorted(matching(set(known), [name], "problem with iterates")) if name else known
+    if len(matched) > 1:
+        shown = ", ".join(matched[:12]) + (", ..." if len(matched) > 12 else "")
+        which = f"{name} names {len(matched)} problems" if name else f"iterates were kept of {len(matched)} problems"
         raise CpbenchError(f"{which}: name one with --name: {shown}")
-    return recorded[names == found[0]], found[0]
+    return recorded[names == matched[0]], matched[0]

@@ -36,8 +36,8 @@ def draw(run: Run, choice: Choice, *, deadline: float = math.nan) -> Drawing:
     if not deadline > 0 or math.isinf(deadline):
         raise CpbenchError("--deadline is missing: give a time that counts, as --deadline 1ms")
     chosen = choose(run, choice)
-    found = deadlines.deadlines(chosen.rows, deadline)
-    order = found.sort_values(["misses", "p95", "p50", "label"], ignore_index=True)
+    late = deadlines.deadlines(chosen.rows, deadline)
+    order = late.sort_values(["misses", "p95", "p50", "label"], ignore_index=True)
     shown = order[order["solved"] > 0].head(SOLVERS)
     height = 0.21 * max(4, len(shown)) + 0.95
     figure = canvas.page(canvas.PAGE, height)

@@ -19,11 +19,11 @@ def draw(run: Run, choice: Choice) -> Drawing:
     """Draw one curve a solver with histories, the one that gets furthest in the first colour."""
     chosen = choose(run, choice)
     require_histories(chosen)
-    found = histories.work_precision(chosen.rows, chosen.histories)
-    figure, axes, beside = run_canvas.with_legend(found["label"].nunique(), notes=1)
-    convergence.curves_axes(axes, beside, found, chosen.problems, chosen.looks)
+    work_precision = histories.work_precision(chosen.rows, chosen.histories)
+    figure, axes, beside = run_canvas.with_legend(work_precision["label"].nunique(), notes=1)
+    convergence.curves_axes(axes, beside, work_precision, chosen.problems, chosen.looks)
     axes.set_xlabel("time, conversion and set-up included, log scale")
-    without = sorted(set(chosen.rows["label"]) - set(found["label"]))
+    without = sorted(set(chosen.rows["label"]) - set(work_precision["label"]))
     left_out = f" No history of {listed_plainly(without)}." if without else ""
     guide = f"{convergence.guide(chosen.problems)}{left_out}"
     return run_canvas.drawn(figure, f"Error against time, {chosen.scope()}", guide, chosen)
