@@ -20,7 +20,8 @@ from cpbench.storage.packing.remarks import remarks
 
 
 @click.command(cls=Command)
-@click.argument("output", type=PATH)
+@click.argument("place", metavar="[OUTPUT]", required=False, type=PATH)
+@click.option("-o", "--output", "named", type=PATH, metavar="OUTPUT", help="Problem file, in place of the argument.")
 @click.option("--lcp", nargs=2, type=PATH, metavar="M q", help="0 <= z _|_ Mz + q >= 0")
 @click.option("--mlcp", nargs=6, type=PATH, metavar="A B C D a b", help="Au + Cv + a = 0, 0 <= v _|_ Du + Bv + b >= 0")
 @click.option("--qp", nargs=2, type=PATH, metavar="Q p", help="min 1/2 z'Qz + p'z")
@@ -59,7 +60,14 @@ from cpbench.storage.packing.remarks import remarks
 @symmetric_option
 @force_option
 def command(
-    output: Path, name: str, force: bool, axes: str | None, sequence: bool, symmetric: Half | None, **given: Any
+    place: Path | None,
+    named: Path | None,
+    name: str,
+    force: bool,
+    axes: str | None,
+    sequence: bool,
+    symmetric: Half | None,
+    **given: Any,
 ) -> None:
     """Make a problem file from matrices and vectors in .npy, .npz, .mtx or .csv files.
 
@@ -71,6 +79,9 @@ def command(
       cpbench pack scene.h5 --sequence --dt 1e-3 --problems steps/ --ids ids.npy
       cpbench run scene.h5 --start previous,cold
     """
+    output = place or named
+    if output is None or (place and named):
+        raise click.UsageError("name one file to write: cpbench pack OUTPUT ..., or -o OUTPUT")
     name = name or output.stem
     kinds = [kind for kind in (*PARTS, "problems") if given[kind]]
     if symmetric and sequence:
@@ -78,6 +89,20 @@ def command(
     if sequence:
         _pack_sequence(output, name, force, axes, kinds, given)
         return
+    node = _formulation(kinds, axes, symmetric, given)
+    require_new(output, force)
+    files = dict(zip(PARTS[node], given[node], strict=True))
+    for option, parts in CONSTRAINTS.items():
+        files |= dict(zip(parts, given[option] or (), strict=False))
+    problem = problem_from_files(node, files, axes, name, symmetric)
+    storage.save(problem, output, force=force)
+    print_lines([f"{output} ({problem.node}: {sizes_line(problem)})"])
+    if node in ("fc", "gfc"):
+        print_lines((f"remark: {remark}" for remark in remarks(problem)), err=True)
+
+
+def _formulation(kinds: list[str], axes: str | None, symmetric: Half | None, given: dict[str, Any]) -> str:
+    """Return the one formulation that is given; raises UsageError where the options do not go together."""
     for option in ("problems", "dt", "ids", "positions"):
         if given[option] is not None:
             raise click.UsageError(f"--{option} goes with --sequence")
@@ -91,15 +116,7 @@ def command(
         raise click.UsageError(f"--axes goes with --fc and --gfc, not with {_option(node)}")
     if symmetric and node in APPLICATIONS:
         raise click.UsageError(f"--symmetric does not go with {_option(node)}, whose matrices are not symmetric")
-    require_new(output, force)
-    files = dict(zip(PARTS[node], given[node], strict=True))
-    for option, parts in CONSTRAINTS.items():
-        files |= dict(zip(parts, given[option] or (), strict=False))
-    problem = problem_from_files(node, files, axes, name, symmetric)
-    storage.save(problem, output, force=force)
-    print_lines([f"{output} ({problem.node}: {sizes_line(problem)})"])
-    if node in ("fc", "gfc"):
-        print_lines((f"remark: {remark}" for remark in remarks(problem)), err=True)
+    return node
 
 
 def _option(kind: str) -> str:

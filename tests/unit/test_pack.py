@@ -105,3 +105,14 @@ def test_options_of_another_kind_are_refused(monkeypatch, capsys, tmp_path) -> N
     assert pack(monkeypatch, tmp_path / "x.h5", *command, "--bounds", tmp_path / "q_.npy", tmp_path / "q_.npy") == 2
     assert "--bounds goes with --qp, not with --lcp" in capsys.readouterr().err
     assert not (tmp_path / "x.h5").exists()
+
+
+def test_the_file_is_named_by_the_argument_or_by_an_option(monkeypatch, capsys, tmp_path) -> None:
+    command, out = command_of(tmp_path, "lcp"), tmp_path / "y.h5"
+    assert pack(monkeypatch, *command, "-o", out) == 0
+    assert storage.load(out).name == "y"
+    for both in ((tmp_path / "z.h5", "--output", tmp_path / "w.h5"), ()):
+        assert pack(monkeypatch, *both, *command) == 2
+        assert "cpbench pack OUTPUT ..., or -o OUTPUT" in capsys.readouterr().err
+    assert not (tmp_path / "z.h5").exists()
+    assert not (tmp_path / "w.h5").exists()
