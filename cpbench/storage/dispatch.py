@@ -25,7 +25,7 @@ logger = logging.getLogger("cpbench.storage")
 
 NATIVE = ".h5"
 """Suffix of the format that holds every problem."""
-_MATRICES = (".npy", ".npz", ".mtx", ".csv")
+_MATRICES = (".npy", ".npz", ".mtx", ".csv", ".txt")
 """Suffixes of files that hold a matrix or a vector, as `cpbench pack` takes them."""
 
 

@@ -97,7 +97,7 @@ def _require_shapes(node: str, parts: Mapping[str, Part]) -> None:
     for name in sorted(parts, key=lambda part: len(symbols[part])):
         file, shape = parts[name].file, parts[name].value.shape
         if len(shape) == 2 and symbols[name][0] == symbols[name][1] and shape[0] != shape[1]:
-            raise FormatError(file, name, f"is {_shown(shape)}, must be square")
+            raise FormatError(file, name, f"is {_shown(shape)}, must be square{_as_triples(parts[name].value)}")
         wanted = tuple(known[s][0] if s in known else size for s, size in zip(symbols[name], shape, strict=True))
         if shape != wanted:
             sources = dict.fromkeys(
@@ -108,6 +108,22 @@ def _require_shapes(node: str, parts: Mapping[str, Part]) -> None:
             raise FormatError(file, name, f"is {_shown(shape)}, expected {_shown(wanted)}{transposed} ({evidence})")
         for symbol, size in zip(symbols[name], shape, strict=True):
             known.setdefault(symbol, (size, name, file))
+
+
+def _as_triples(value: Any) -> str:
+    """Return what makes Matrix Market of rows, columns and values in three columns; '' where they are none."""
+    if value.shape[1] != 3 or matrices.is_sparse(value) or not len(value):
+        return ""
+    places = value[:, :2]
+    if (places < 0).any() or (places != np.floor(places)).any():
+        return ""
+    base = int(places.min() > 0)
+    rows, columns = (int(size) + 1 - base for size in places.max(axis=0))
+    counted = "" if base else " and 1 added to each row and column"
+    return (
+        ": if its lines are row, column, value, it is Matrix Market (.mtx) with the lines '%%MatrixMarket matrix "
+        f"coordinate real general' and '{rows} {columns} {len(value)}' before them{counted}"
+    )
 
 
 def _shown(shape: tuple[int, ...]) -> str:
