@@ -22,6 +22,7 @@ from cpbench import graph, storage
 from cpbench.api.answered import Answered
 from cpbench.api.solution import Solution
 from cpbench.api.solving import JUDGE, SOLVE, Way, solve_there, way_to
+from cpbench.api.takers import advised
 from cpbench.bench import starts
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.nearest import AUTO
@@ -168,7 +169,7 @@ def _answered(asked: Mapping[str, Any], talk: _Talk) -> Answered:
         status = Status.UNSUPPORTED if isinstance(refusal, NotApplicable) else Status.UNAVAILABLE
         refused = replace(known, status=str(status), message=str(refusal))
         return Answered(asked["address"], problem.name, problem.node, label, asked["tolerance"], refused)
-    return _of(asked["address"], solution, there, known)
+    return _of(asked["address"], advised(solution), there, known)
 
 
 def _way(problem: Problem, asked: Mapping[str, Any]) -> Way:

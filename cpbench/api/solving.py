@@ -10,6 +10,7 @@ from typing import Any
 
 from cpbench import graph, verification
 from cpbench.api.solution import Solution
+from cpbench.api.takers import advised, direct_takers
 from cpbench.bench.judging import PROOF_SECONDS, judge_answer, look_for_proof
 from cpbench.bench.planning.nearest import AUTO, nearest_automatic
 from cpbench.conversions.base import Conversion
@@ -18,7 +19,7 @@ from cpbench.formulations.base import Kind, Problem
 from cpbench.foundation import brackets
 from cpbench.graph import EXACT
 from cpbench.solvers import warming
-from cpbench.solvers.base import Budget, Solver, missing, parse_options, solvers
+from cpbench.solvers.base import Budget, Solver, parse_options, solvers
 from cpbench.solvers.stopping import second_tolerance
 from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, Status
 
@@ -83,7 +84,7 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
         raise ProblemError("tolerance" if not tolerance > 0 else "seconds", "must be positive")
     way = way_to(problem, solver)
     warming.warm_up_quickly(way.solver)
-    return solve_there(problem, way, tolerance, seconds)[0]
+    return advised(solve_there(problem, way, tolerance, seconds)[0])
 
 
 def way_to(
@@ -127,16 +128,7 @@ def _automatic(problem: Problem, via: Sequence[Conversion], kinds: frozenset[Kin
             return way
         refused.append(f"{name}: {why}")
     why = f": {refused[0]}" if refused else ""
-    raise NoRoute(f"no solver of cpbench is chosen for this problem ({problem.node}){why}; {_others(problem)}")
-
-
-def _others(problem: Problem) -> str:
-    """Say which solvers that are installed take a problem as it is."""
-    takers = (one for one in solvers if one.spec.node == problem.node and not missing(one.spec))
-    names = [one.spec.name for one in takers if one.spec.by_default and one.obstacle(problem) is None]
-    if not names:
-        return f"name a solver; cpbench list solvers {problem.node} has those that take it as it is"
-    return f"name a solver that takes it as it is: {', '.join(names)}"
+    raise NoRoute(f"no solver of cpbench is chosen for this problem ({problem.node}){why}; {direct_takers(problem)}")
 
 
 def _brought(

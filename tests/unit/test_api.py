@@ -293,3 +293,19 @@ def test_solvers_of_a_problem_are_a_list_that_reads_as_a_table() -> None:
 def test_an_unknown_family_is_called_one() -> None:
     with pytest.raises(UnknownName, match="unknown family 'american-puts': did you mean american-put"):
         cpbench.gallery["american-puts"]
+
+
+@pytest.mark.needs("cpbench_solvers")
+def test_where_the_automatic_choice_refuses_a_program_others_that_take_it_are_named() -> None:
+    """On [-1, 2]^2, z1^2 - 1.5 z2^2 + z1 + 0.5 z2 has the stationary points z1 = -1/2, z2 in {-1, 1/6, 2}."""
+    saddle = formulations.QP.build(np.diag([2.0, -3.0]), [1.0, 0.5], lb=[-1.0, -1.0], ub=[2.0, 2.0])
+    refused = cpbench.solve(saddle)
+    assert refused.status == Status.FAILED
+    _, _, named = refused.message.partition("name a solver that takes it by qp-nlp: ")
+    assert "scipy-slsqp" in named.split(", ")
+    found = cpbench.solve(saddle, "scipy-slsqp")
+    assert found.status == Status.STATIONARY
+    assert found.point.z[0] == pytest.approx(-0.5, abs=1e-6)
+    assert min(abs(found.point.z[1] - z) for z in (-1.0, 1.0 / 6.0, 2.0)) < 1e-6
+    convex = formulations.QP.build(np.diag([2.0, 3.0]), [1.0, 0.5], lb=[-1.0, -1.0], ub=[2.0, 2.0])
+    assert "name a solver" not in cpbench.solve(convex).message
