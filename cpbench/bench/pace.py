@@ -1,6 +1,7 @@
 """The time that the rest of a run will take, estimated from the pairs that have ended.
 
-Blocks are run in random order, so that the pairs which have ended are a sample of all. Their times are not independent,
+Blocks are run in random order, so that the pairs which have ended are a sample of all. Those of the last minute count,
+since a machine that others share becomes faster or slower while a run lasts. Their times are not independent,
 since those of one problem are alike; the error of the mean is therefore taken from the means of batches of neighbours.
 B. Schmeiser, Batch size effects in the analysis of simulation output, Operations Research 30, 1982: ten to thirty
 batches.
@@ -21,6 +22,8 @@ from cpbench.bench.planning.quantities import duration
 FEWEST = 20
 """Pairs below which nothing is estimated."""
 BATCHES = 20
+RECENT, ENOUGH = 60.0, 200
+"""Time of the pairs that an estimate rests on [s], and the number of pairs below which it rests on more time."""
 LEVEL = 0.95
 """Share of runs whose time is within the interval, where times are spread as in the sample."""
 
@@ -54,6 +57,15 @@ def expected(seconds: Sequence[float], left: int) -> Expected | None:
     spread = math.sqrt(of_mean * (1.0 + count / max(left, 1)))
     around = float(stdtrit(batches - 1, 0.5 + LEVEL / 2)) * spread
     return Expected(left * mean, left * max(mean - around, 0.0), left * (mean + around))
+
+
+def recent(seconds: Sequence[float]) -> Sequence[float]:
+    """Return the last of the times which together make RECENT, or the last ENOUGH where these make more."""
+    total, first = 0.0, len(seconds)
+    while first > 0 and (total < RECENT or len(seconds) - first < ENOUGH):
+        first -= 1
+        total += seconds[first]
+    return seconds[first:]
 
 
 class Pace:
@@ -95,5 +107,6 @@ class Pace:
             self._last, self._held = now, 0.0
 
     def expected(self, left: int) -> Expected | None:
-        """Return how long so many more pairs take, without the start of further solvers; None after a few only."""
-        return expected(self._seconds, left)
+        """Return how long so many more pairs take at the pace of the last minute, without the start of further solvers;
+        None after a few only."""
+        return expected(recent(self._seconds), left)

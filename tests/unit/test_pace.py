@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cpbench.bench.events import Done, Solving, Starting
-from cpbench.bench.pace import FEWEST, Pace, expected
+from cpbench.bench.pace import FEWEST, Pace, expected, recent
 from cpbench.bench.pilot import EACH, draw
 from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
 from cpbench.bench.results.rows import Outcome
@@ -90,3 +90,28 @@ def test_a_pilot_sees_many_problems_where_there_are_many_solvers() -> None:
     assert set(counts.values()) == {EACH}
     assert len(counts) == math.ceil(2000 / EACH)
     assert {p.key for p in draw(todo, 3)} == {p.key for p in drawn} != {p.key for p in draw(todo, 4)}
+
+
+def test_the_rest_is_estimated_by_the_pace_of_the_last_minute() -> None:
+    """10 pairs a second for 100 s, then 4 a second: after 30 s half of the minute is slow, after 60 s all of it."""
+    now, outcome = [0.0], Outcome(status="solved")
+    pace = Pace(clock=lambda: now[0])
+
+    def run(count: int, each: float) -> float:
+        for k in range(count):
+            now[0] += each
+            pace.note(Done(pair(f"p{k}"), outcome))
+        found = pace.expected(1000)
+        assert found is not None
+        return found.mean
+
+    assert run(1000, 0.1) == pytest.approx(100.0)
+    assert run(120, 0.25) == pytest.approx(1000.0 * 60.0 / (120 + 300), rel=1e-2)
+    assert run(120, 0.25) == pytest.approx(250.0, rel=1e-2)
+
+
+def test_slow_pairs_are_as_many_as_an_estimate_needs() -> None:
+    """A minute of pairs that take 10 s would be six of them."""
+    assert len(recent([1.0] * 300 + [10.0] * 150)) == 200
+    assert len(recent([0.1] * 5000)) in (600, 601)
+    assert len(recent([10.0] * 30)) == 30
