@@ -95,13 +95,20 @@ def _own(arrays: NamedArrays, dialect: Dialect) -> Made:
         else:
             parts[name] = arrays.vector(name) if symbols else int(arrays.number(name, 0))
     if issubclass(cls, ContactProblem) and "dimension" not in parts and len(parts["mu"]):
-        parts["dimension"] = _dimension(arrays, cls, parts)
+        parts["dimension"] = _dimension(arrays, dialect, cls, parts)
     return cls, _whole_qp(parts) if cls is QP else parts, {}
 
 
-def _dimension(arrays: NamedArrays, cls: type[ContactProblem], parts: Mapping[str, Any]) -> int:
+def _dimension(arrays: NamedArrays, dialect: Dialect, cls: type[ContactProblem], parts: Mapping[str, Any]) -> int:
     """Return the rows of a contact; raises FormatError where there is no whole number of them."""
-    rows, nc = parts[cls.rows_of].size, len(parts["mu"])
+    (symbol,) = dialect.arrays[cls.rows_of]
+    # the vector itself may be left out, where it is zero
+    rows = next(
+        value.shape[dialect.arrays[name].index(symbol)]
+        for name, value in parts.items()
+        if symbol in dialect.arrays[name]
+    )
+    nc = len(parts["mu"])
     if rows % nc:
         allowed = " or ".join(map(str, cls.dimensions))
         raise arrays.error(

@@ -13,6 +13,7 @@ import pytest
 import scipy.io
 import scipy.sparse as sp
 from command_line import cpbench as command
+from damage import read_or_refused
 from tiers import some_by_day
 
 from cpbench import storage
@@ -154,6 +155,28 @@ def test_one_array_too_few_is_refused_by_name(case: str, container: str, tmp_pat
     with pytest.raises(FormatError, match=expected) as refusal:
         storage.load(path)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_any_array_may_be_left_out_where_the_form_does_without(form: str, tmp_path: Path) -> None:
+    """What is left is refused, or a problem; in the forms of cpbench its other data are as they were."""
+    whole = storage.load(npz(tmp_path, FORMS[form]))
+    for left_out in FORMS[form]:
+        path = npz(tmp_path, {name: value for name, value in FORMS[form].items() if name != left_out})
+        problem = read_or_refused(lambda path=path: storage.load(path))
+        if problem is not None and form == whole.node:
+            same = [np.array_equal(_dense(problem.data()[name]), _dense(whole.data()[name])) for name in whole.data()]
+            assert same.count(False) <= 1, left_out
+
+
+def _dense(value: Any) -> Any:
+    return value.toarray() if sp.issparse(value) else value
+
+
+def test_contacts_without_given_velocities_have_none(tmp_path: Path) -> None:
+    problem = storage.load(npz(tmp_path, {name: value for name, value in FORMS["gfc"].items() if name != "w"}))
+    assert not problem.data()["w"].any()
+    assert problem.sizes()["nc"] == 2
 
 
 def test_bounds_by_other_names_are_refused_with_the_right_ones(tmp_path: Path) -> None:
