@@ -138,5 +138,14 @@ class ContactBenchNpz(ArrayFile):
     dialect = dialects.CONTACTBENCH
 
 
-for _format in (Arrays(), QPNpz(), OSQPArrays(), QuadprogArrays(), CVXOPTArrays(), BoxQPNpz(), ContactBenchNpz()):
+class LeastSquaresArrays(ArrayFile):
+    """A, b, and bounds lb, ub where there are any."""
+
+    name = "least-squares"
+    summary = "least squares min ½‖Ax − b‖² as arrays A, b, lb, ub: to be named, for a system Ax = b has the same names"
+    dialect = dialects.LEAST_SQUARES
+
+
+_NAMED = (QPNpz(), OSQPArrays(), QuadprogArrays(), CVXOPTArrays(), BoxQPNpz(), ContactBenchNpz(), LeastSquaresArrays())
+for _format in (Arrays(), *_NAMED):
     formats.add(_format.name, _format)

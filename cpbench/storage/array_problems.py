@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations import AVI, QP, ConeQP, FrictionContact
 from cpbench.formulations.applications.boxed import boxed_problem
+from cpbench.formulations.applications.least_squares import least_squares_problem
 from cpbench.formulations.base import Info, Problem, formulations
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.contact import ContactProblem
@@ -28,8 +29,6 @@ from cpbench.storage.named_arrays import SPARSE, NamedArrays, Shape, absent, cou
 from cpbench.storage.program_properties import OFFSET
 from cpbench.storage.two_sided import infinite, rows_and_bounds
 
-LEAST_SQUARES = {"A", "b"}
-"""Arrays that with nothing else, or bounds lb and ub, are those of least squares."""
 FORM = "form"
 """Property of a problem that says in which form its arrays were."""
 
@@ -49,10 +48,9 @@ def choose(path: Path, shapes: Mapping[str, Shape | None], only: Dialect | None 
     dialect = fits[0] if fits else dialects.nearest(shapes)
     there = [name for name in dialect.known() if name in shapes]
     dropped = absent(dialect, shapes)
-    if only is None and LEAST_SQUARES <= shapes.keys() <= {*LEAST_SQUARES, "lb", "ub", "format"}:
-        raise FormatError(
-            path, "", "holds a matrix A and b alone: cpbench pack --least-squares makes a problem of them"
-        )
+    squares = dialects.LEAST_SQUARES
+    if only is None and squares.needs <= shapes.keys() <= {*squares.arrays, "format"}:
+        raise FormatError(path, "", "holds a matrix A and b alone: --format least-squares makes min ½‖Ax − b‖² of them")
     if (wrong := dialects.refusal(dialect, shapes.keys() - dropped)) is not None:
         raise FormatError(path, *wrong)
     text = f"{dialect.name} ({', '.join(name for name in there if name in dialect.arrays)})"
@@ -213,6 +211,18 @@ def _boxed(arrays: NamedArrays, dialect: Dialect) -> Made:
     return AVI, {name: getattr(made, name) for name in ("M", "q", "lb", "ub", "info")}, {}
 
 
+def _least_squares(arrays: NamedArrays, dialect: Dialect) -> Made:
+    """Return the QP that `applications.least_squares` makes."""
+    if arrays.half is not None:
+        raise arrays.error("A", f"is no symmetric matrix: leave out --symmetric {arrays.half}")
+    bounds = (infinite(arrays.vector(name)) if name in arrays else None for name in ("lb", "ub"))
+    try:
+        made = least_squares_problem(arrays.matrix("A"), arrays.vector("b"), *bounds)
+    except ProblemError as cause:
+        raise arrays.error(cause.field.rpartition(".")[2], cause.cause) from None
+    return QP, {**made.data(), "info": made.info}, {}
+
+
 _MAKERS: Mapping[str, Callable[[NamedArrays, Dialect], Made]] = {
     dialects.QPSOLVERS.name: _below,
     dialects.QUADPROG.name: _below,
@@ -221,4 +231,5 @@ _MAKERS: Mapping[str, Callable[[NamedArrays, Dialect], Made]] = {
     dialects.BOX.name: _box,
     dialects.CONTACTBENCH.name: _contactbench,
     dialects.BOXED.name: _boxed,
+    dialects.LEAST_SQUARES.name: _least_squares,
 }

@@ -88,6 +88,8 @@ BOX = _program(
 )  # fmt: skip
 CONTACTBENCH = _program("ContactBench", "G g mus", "G m m, g m, mus nc", {"lam0": _START}, "fc")
 BOXED = _program("boxed LCP", "A b lo hi", "A n n, b n, lo n, hi n, findex n", {}, "avi")
+LEAST_SQUARES = _program("least squares", "A b", "A m n, b m, lb n, ub n", {"x0": _START})
+"""min ½‖Ax − b‖², lb ≤ x ≤ ub: never chosen by its names, which a system Ax = b has too."""
 FOREIGN = (QPSOLVERS, OSQP, QUADPROG, CVXOPT, BOX, CONTACTBENCH, BOXED)
 
 _CONTAINED = {"relay": "avi"}

@@ -179,6 +179,25 @@ def test_contacts_without_given_velocities_have_none(tmp_path: Path) -> None:
     assert problem.sizes()["nc"] == 2
 
 
+@pytest.mark.parametrize("container", CONTAINERS)
+def test_least_squares_are_read_where_they_are_named(container: str, tmp_path: Path) -> None:
+    """The point with x of NumPy's lstsq, r = Ax - b, and r as the multiplier of Ax - r = b has no error."""
+    system = {"A": G.T, "b": q}
+    path = CONTAINERS[container](tmp_path, system)
+    problem: Any = storage.load(path, format="least-squares")
+    x = np.linalg.lstsq(G.T, q)[0]
+    r = G.T @ x - q
+    none = np.zeros(N + M)
+    answer = problem.point_type(z=np.concatenate([x, r]), lam=np.zeros(0), mu=-r, nu=none)
+    assert problem.residuals(answer).error < 1e-13
+    (tmp_path / "more").mkdir()
+    more = CONTAINERS[container](tmp_path / "more", {**system, "surplus": q})
+    with pytest.raises(FormatError, match="surplus: is no array of the form least squares"):
+        storage.load(more, format="least-squares")
+    with pytest.raises(FormatError, match="leave out --symmetric upper"):
+        storage.load(path, format="least-squares[symmetric=upper]")
+
+
 def test_bounds_by_other_names_are_refused_with_the_right_ones(tmp_path: Path) -> None:
     """These files were problems without bounds once: OSQP's l and u, and other names, beside qpsolvers' arrays."""
     program = {name: FORMS["qpsolvers"][name] for name in ("P", "q", "G", "h")}

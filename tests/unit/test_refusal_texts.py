@@ -30,11 +30,12 @@ def test_control_characters_of_a_file_are_spelled_out(tmp_path: Path, name: str,
 
 
 @pytest.mark.parametrize("bounds", [{}, {"lb": np.zeros(3)}])
-def test_a_matrix_and_a_vector_alone_are_least_squares_by_pack(tmp_path: Path, bounds: dict[str, np.ndarray]) -> None:
+def test_two_arrays_alone_are_least_squares_where_named(tmp_path: Path, bounds: dict[str, np.ndarray]) -> None:
     path = tmp_path / "fit.npz"
     np.savez(path, A=np.ones((5, 3)), b=np.ones(5), **bounds)
-    with pytest.raises(FormatError, match=r"holds a matrix A and b alone: cpbench pack --least-squares"):
+    with pytest.raises(FormatError, match=r"holds a matrix A and b alone: --format least-squares"):
         storage.load(path)
+    assert storage.load(path, format="least-squares").sizes() == {"n": 8, "m": 0, "k": 5}
 
 
 def test_an_objective_beside_pairs_is_called_an_mpcc(tmp_path: Path) -> None:
