@@ -216,7 +216,8 @@ class _Run:
                 message=message,
                 certificate=ended.certificate,
             )
-        messages = "; ".join([*self._messages, f"best error {self._error:.1e}"])
+        best = [f"best error {self._error:.1e}"] if math.isfinite(self._error) else []
+        messages = "; ".join([*self._messages, *best]) or "no solver was asked within the limits"
         return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=messages)
 
     def _share(self, phase: SolverPhase) -> Budget:
