@@ -22,6 +22,7 @@ from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.storage import market_text
 from cpbench.storage.base import read_head, read_text
+from cpbench.storage.text_lines import lines, words
 
 _SPARSE_KEYS = frozenset({"data", "indices", "indptr", "shape"})
 _EXPANSION = 1100
@@ -229,8 +230,9 @@ def _read_mtx(path: Path) -> Any:
 
 def _read_rows(path: Path) -> NDArray[Any]:
     """Read rows of numbers between commas, semicolons or blanks; skip '#' comments and a first line of titles."""
-    lines = [line.split("#")[0].replace(",", " ").replace(";", " ").split() for line in read_text(path).splitlines()]
-    rows = [line for line in lines if line]
+    text = read_text(path)
+    split = (words(line.split("#")[0].replace(",", " ").replace(";", " ")) for line in lines(text))
+    rows = [row for row in split if row]
     if rows and not _is_number(rows[0][0]):
         rows = rows[1:]
     if not rows:

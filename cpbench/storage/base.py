@@ -163,11 +163,15 @@ def read_bytes(path: Path) -> bytes:
 
 
 def read_text(path: Path) -> str:
-    """Read the file as text; raises FormatError when it is binary. Latin-1, so that any comment is readable."""
+    """Read the file as text, UTF-8 or else Latin-1, so that any comment is readable; raises FormatError when it is
+    binary."""
     data = read_bytes(path)
     if b"\0" in data:
         raise FormatError(path, "", f"is not a text file (byte 0 at {data.index(0)})")
-    return data.decode("latin-1")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def build(path: Path, cls: type[Problem], where: str, **parts: Any) -> Problem:

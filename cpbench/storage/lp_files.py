@@ -48,7 +48,7 @@ class LP(Format):
             raise FormatError(path, "", f"has {len(text) / 1e6:.0f} MB of text, at most {_LARGEST / 1e6:.0f} are read")
         with tempfile.TemporaryDirectory() as folder:
             copy = Path(folder) / "problem.lp"  # HiGHS goes by the suffix
-            copy.write_text(text, encoding="latin-1")
+            copy.write_text(text, encoding="utf-8")
             require_survivor(path, lambda: _extract(copy), "HiGHS", _SECONDS)
             model = _found(path, copy)
         return _problem(path, model)

@@ -16,6 +16,7 @@ from typing import Any
 
 from cpbench.errors import FormatError
 from cpbench.foundation.plain_text import printable
+from cpbench.storage import text_lines
 from cpbench.storage.program_text import REFUSED, ProgramText
 
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eEdD][+-]?\d+)?\Z")
@@ -49,13 +50,12 @@ class Reader:
     def read(self, text: str) -> ProgramText:
         """Read all lines; raises FormatError with the number of the line."""
         ended = False
-        for self.line, line in enumerate(text.splitlines(), 1):
-            if not line.strip() or line.startswith("*"):
+        for self.line, line in enumerate(text_lines.lines(text), 1):
+            if not (words := text_lines.words(line)) or line.startswith("*"):
                 continue
-            words = line.split()
             if ended:
                 raise self.error(f"'{_shown(words[0])}' stands after ENDATA")
-            if not line[0].isspace():
+            if line[0] not in " \t":
                 ended = self._header(words)
             elif self.section not in self._lines:
                 raise self.error(f"'{_shown(words[0])}' stands in no section, expected ROWS before it")

@@ -18,6 +18,7 @@ from cpbench.formulations.lcp import LCP
 from cpbench.foundation.plain_text import printable
 from cpbench.storage.base import Format, build, formats, no_member, read_text, stem
 from cpbench.storage.text_lcp import vector_file
+from cpbench.storage.text_lines import lines, words
 
 Key = TypeVar("Key")
 
@@ -38,8 +39,7 @@ class TextTriples(Format):
         partner = vector_file(path)
         if path.suffix.lower() not in self.suffixes or (partner is not None and partner.is_file()):
             return False
-        lines = _lines(head.decode("latin-1"))
-        return _is_triple(next(lines, (0, []))[1])
+        return _is_triple(next(_lines(head.decode("latin-1")), (0, []))[1])
 
     def in_folder(self, path: Path, head: bytes) -> bool:
         """Return whether to list the file; two whole numbers and a third without q are more often something else."""
@@ -55,11 +55,11 @@ class TextTriples(Format):
         no_member(path, member)
         entries: dict[tuple[int, int], float] = {}
         sides: dict[int, float] = {}
-        for number, words in _lines(read_text(path)):
-            if not _is_triple(words):
-                text = printable(" ".join(words)[:60])
+        for number, found in _lines(read_text(path)):
+            if not _is_triple(found):
+                text = printable(" ".join(found)[:60])
                 raise FormatError(path, f"line {number}", f"is '{text}', expected 'row column value' or 'q row value'")
-            first, second, value = words
+            first, second, value = found
             if first == _VECTOR:
                 _enter(path, number, sides, int(second), value)
             else:
@@ -71,19 +71,19 @@ class TextTriples(Format):
 
 def _lines(text: str) -> Iterator[tuple[int, list[str]]]:
     """Yield the words of each line and its number, without comments."""
-    for number, line in enumerate(text.splitlines(), 1):
-        if words := line.split("#")[0].replace(",", " ").split():
-            yield number, words
+    for number, line in enumerate(lines(text), 1):
+        if found := words(line.split("#")[0].replace(",", " ")):
+            yield number, found
 
 
-def _is_triple(words: list[str]) -> bool:
-    if len(words) != 3 or "_" in words[2]:  # Python's 1_000, which no other reader takes
+def _is_triple(found: list[str]) -> bool:
+    if len(found) != 3 or "_" in found[2]:  # Python's 1_000, which no other reader takes
         return False
-    indices = words[1:2] if words[0] == _VECTOR else words[:2]
+    indices = found[1:2] if found[0] == _VECTOR else found[:2]
     if not all(word.isascii() and word.isdigit() and len(word) < 19 for word in indices):
         return False
     try:
-        float(words[2])
+        float(found[2])
     except ValueError:
         return False
     return True

@@ -17,6 +17,7 @@ import cpbench as cp
 from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.foundation import matrices
+from cpbench.storage.arrays import read_array
 
 highspy = pytest.importorskip("highspy", reason="needs HiGHS: pip install highspy")
 
@@ -359,3 +360,30 @@ def test_a_bomb_is_not_unpacked(tmp_path: Path) -> None:
     (tmp_path / "a.mps.gz").write_bytes(bomb)
     with pytest.raises(FormatError, match="unpacks to more than"):
         storage.load(tmp_path / "a.mps.gz")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1"])
+def test_names_are_those_of_the_file_in_both_encodings(encoding: str, tmp_path: Path) -> None:
+    """à and Å have the bytes A0 and 85 in UTF-8, which in Latin-1 are a blank and the end of a line to Python."""
+    names = ["là\xa0bas", "Åse", "théta"]
+    text = HEAD
+    for plain, name in zip("XYZ", names, strict=True):
+        text = text.replace(f"    {plain}  ", f"    {name}  ")
+    (tmp_path / "a.mps").write_text(f"{text}ENDATA\n", encoding=encoding)
+    problem: Any = storage.load(tmp_path / "a.mps")
+    assert list(problem.info.properties["unknowns"]) == names
+    (tmp_path / "b.mps").write_text(f"{HEAD}ENDATA\n")
+    plain: Any = storage.load(tmp_path / "b.mps")
+    assert all(
+        np.array_equal(matrices.dense(a), matrices.dense(b)) for a, b in ((problem.A, plain.A), (problem.C, plain.C))
+    )
+    program = f"min\n obj: 3 {names[2]} - 2 y\nst\n c: {names[2]} + y >= 1\nend\n"
+    (tmp_path / "c.lp").write_text(program, encoding=encoding)
+    assert list(storage.load(tmp_path / "c.lp").info.properties["unknowns"]) == [names[2], "y"]
+
+
+def test_a_blank_that_does_not_break_splits_no_number(tmp_path: Path) -> None:
+    """1 000 with a narrow blank is refused, and is no row of two numbers."""
+    (tmp_path / "M.csv").write_text("1\xa0000;2\n3\xa0000;4\n", encoding="utf-8")
+    with pytest.raises(FormatError, match="holds something that is not a number"):
+        read_array(tmp_path / "M.csv")
