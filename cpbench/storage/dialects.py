@@ -16,7 +16,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property
+from functools import cache, cached_property
 
 from cpbench.formulations.base import Problem, formulations
 
@@ -97,6 +97,7 @@ _CONTAINED = {"relay": "avi"}
 _ANNOTATIONS = frozenset({"name", "info", "provenance", "sequence", "contacts"})
 
 
+@cache
 def own(cls: type[Problem]) -> Dialect:
     """Return the form whose names are the fields of a formulation; its `build`, where it has one, says which may be
     left out."""
