@@ -127,8 +127,8 @@ def _automatic(problem: Problem, via: Sequence[Conversion], kinds: frozenset[Kin
         if why is None:
             return way
         refused.append(f"{name}: {why}")
-    why = f": {refused[0]}" if refused else ""
-    raise NoRoute(f"no solver of cpbench is chosen for this problem ({problem.node}){why}; {direct_takers(problem)}")
+    tried = f" (tried: {refused[0]})" if refused else ""
+    raise NoRoute(f"no solver of cpbench takes this problem ({problem.node}): {direct_takers(problem)}{tried}")
 
 
 def _brought(

@@ -16,6 +16,7 @@ import cpbench
 from cpbench import formulations
 from cpbench.errors import NoRoute, PointError, ProblemError, Unavailable, UnknownName
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
+from cpbench.testing.planted_nonlinear import graph as formula
 from cpbench.verification import Status
 
 LCP = formulations.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0], name="two")
@@ -309,3 +310,13 @@ def test_where_the_automatic_choice_refuses_a_program_others_that_take_it_are_na
     assert min(abs(found.point.z[1] - z) for z in (-1.0, 1.0 / 6.0, 2.0)) < 1e-6
     convex = formulations.QP.build(np.diag([2.0, 3.0]), [1.0, 0.5], lb=[-1.0, -1.0], ub=[2.0, 2.0])
     assert "name a solver" not in cpbench.solve(convex).message
+
+
+@pytest.mark.needs("cpbench_solvers")
+def test_where_no_solver_of_cpbench_takes_a_program_the_message_begins_with_those_that_do() -> None:
+    """The least product of two unknowns of which a product is bounded below: no map is affine."""
+    bounded = formula(2, lambda x: x[0] * x[1] ** 2 - 1.0)
+    product = formulations.NLP(f=formula(2, lambda x: x[0] * x[1]), g=bounded, lb=[0.5, 0.5])
+    with pytest.raises(NoRoute, match=r"no solver of cpbench takes this problem \(nlp\): name a solver") as refusal:
+        cpbench.solve(product)
+    assert "scipy-slsqp" in str(refusal.value).partition(" (tried: ")[0]
