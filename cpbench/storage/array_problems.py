@@ -215,9 +215,9 @@ def _least_squares(arrays: NamedArrays, dialect: Dialect) -> Made:
     """Return the QP that `applications.least_squares` makes."""
     if arrays.half is not None:
         raise arrays.error("A", f"is no symmetric matrix: leave out --symmetric {arrays.half}")
-    bounds = (infinite(arrays.vector(name)) if name in arrays else None for name in ("lb", "ub"))
+    lb, ub = (infinite(arrays.vector(name)) if name in arrays else None for name in ("lb", "ub"))
     try:
-        made = least_squares_problem(arrays.matrix("A"), arrays.vector("b"), *bounds)
+        made = least_squares_problem(arrays.matrix("A"), arrays.vector("b"), lb, ub)
     except ProblemError as cause:
         raise arrays.error(cause.field.rpartition(".")[2], cause.cause) from None
     return QP, {**made.data(), "info": made.info}, {}
