@@ -55,7 +55,7 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
     gc.disable()  # imports and compilation leave hardly any garbage
     solver = solvers.get(solver_name)
     if scratch:  # before the guest is imported, whose code runs from then on
-        confine(scratch, own=type(solver).__module__.startswith("cpbench.solvers."))
+        confine(scratch, own=solver.origin != "plugin")
     available = solver.availability()
     if not available.ok:
         connection.send_bytes(messages.pack(messages.SolverUnavailable(available.detail[-WORDS:], available.state)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import json
 import os
 import subprocess
@@ -16,6 +17,8 @@ import pytest
 
 from cpbench.bench.processes import confinement, isolation, landlock
 from cpbench.bench.results import seal_key
+from cpbench.foundation import kernel_cache
+from cpbench.solvers.base import solvers
 
 confined = pytest.mark.skipif(landlock.version() == 0, reason="does not apply: this system has no Landlock")
 
@@ -48,9 +51,10 @@ def test_a_worker_writes_below_its_scratch_only(tmp_path: Path, monkeypatch: pyt
     seal_key.find_or_make()
     scratch, results = tmp_path / "scratch", tmp_path / "r.sqlite"
     scratch.mkdir()
-    kernels = tmp_path / "package" / "solvers" / "kernels"  # as just installed: nothing was compiled yet
+    kernels = tmp_path / "just_installed" / "kernels"  # nothing was compiled yet
     kernels.mkdir(parents=True)
-    monkeypatch.setattr(confinement, "_PACKAGE", tmp_path / "package")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(kernel_cache, "_PACKAGES", ["just_installed.kernels"])
     results.write_text("results")
     (tmp_path / "way-round").symlink_to(seal_key.folder())
     beside = [sys.executable, "-c", f"open({str(results)!r}, 'a')"]
@@ -85,6 +89,17 @@ def test_a_worker_writes_below_its_scratch_only(tmp_path: Path, monkeypatch: pyt
     found = _tried({**allowed, **refused}, lambda: confinement.confine(means, str(scratch), own=True))
     assert {name for name, worked in found.items() if worked} == set(allowed)
     assert results.read_text() == "results"
+
+
+@pytest.mark.needs("cpbench_solvers")
+def test_the_loops_of_every_solver_of_cpbench_are_kept_in_folders_that_its_worker_may_write() -> None:
+    assert solvers.get("lemke").origin == "native"
+    kept = [module for module in kernel_cache.modules() if kernel_cache.is_kept(module)]
+    assert "cpbench_solvers.kernels.tableau" in kept
+    for module in kept:
+        found = importlib.util.find_spec(module)
+        assert found is not None
+        assert str(Path(str(found.origin)).parent / "__pycache__") in kernel_cache.folders()
 
 
 def test_without_landlock_only_the_temporary_folder_changes(tmp_path: Path) -> None:

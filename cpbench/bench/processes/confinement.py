@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
-from pathlib import Path
 
 from cpbench.bench.processes import landlock
 from cpbench.bench.processes.isolation import Isolation
@@ -18,7 +17,6 @@ from cpbench.foundation import kernel_cache
 DEVICES = ("/dev", "/proc/self")
 CACHES = (("XDG_CACHE_HOME", "~/.cache"), ("JULIA_DEPOT_PATH", "~/.julia"), ("CUDA_CACHE_PATH", "~/.nv"))
 """Caches of guests for what they compile: the variable that names each, and its default."""
-_PACKAGE = Path(kernel_cache.__file__).resolve().parent
 
 
 def confine(means: Isolation, scratch: str, own: bool) -> None:
@@ -32,15 +30,9 @@ def confine(means: Isolation, scratch: str, own: bool) -> None:
     if means.writes != "landlock":
         return
     caches = [os.environ.get(variable, "").split(os.pathsep)[0] or usual for variable, usual in CACHES]
-    compiled = _kernels() if own else []
+    compiled = kernel_cache.folders() if own else []
     for folder in (caches[0], *compiled):  # only existing folders can be allowed, and on a new machine there are none
         with contextlib.suppress(OSError):
             os.makedirs(os.path.expanduser(folder), exist_ok=True)
     writable = [os.path.realpath(os.path.expanduser(path)) for path in (temporary, *DEVICES, *caches, *compiled)]
     landlock.confine(writable, os.path.realpath(seal_key.folder()))
-
-
-def _kernels() -> list[str]:
-    """Return where numba keeps what is compiled of cpbench."""
-    kernels = (path / "__pycache__" for path in _PACKAGE.glob("*/kernels"))
-    return [str(kernel_cache.ensure_cache_dir()), *map(str, kernels)]
