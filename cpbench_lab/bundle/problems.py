@@ -1,4 +1,5 @@
-"""The problems of a bundle: a file each, or, where they are built in or may not be handed on, what finds them again.
+"""The problems of a bundle: a file each, or, where they are built in, of a collection of others, or may not be handed
+on, what finds them again.
 
 All files are written anew in cpbench's own format, with the starting points and solutions that the old ones had: one
 layout whatever the problems came in, and nothing in it that was not read as a part of the problem. Steps of a scene
@@ -22,6 +23,8 @@ from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.formulations.base import Point, Problem
 from cpbench.storage.base import SEPARATOR, split_address
+from cpbench.storage.collections import added, manifests
+from cpbench.storage.collections.manifests import Manifest
 from cpbench.storage.hdf5_files import write_problem
 from cpbench.storage.hdf5_points import put_guesses, put_solution
 from cpbench.storage.hdf5_writer import new_file
@@ -147,6 +150,9 @@ def _written(
     """Return the place with what is known of the problem, once its file is written or the reason is found why it is
     not."""
     address = located(row.address, store.path)
+    if (known := _collection_of(address)) is not None:
+        why = f"its file is one of the collection {known.name} of others ({known.licence})"
+        return replace(place, licence=known.licence, withheld=why, source=known.source, citation=known.citation)
     try:
         problem = storage.load(address, format=format)
     except CpbenchError:
@@ -162,6 +168,15 @@ def _written(
         return replace(about, withheld="whoever made the bundle kept it")
     save(problem, address, folder / place.address)
     return about
+
+
+def _collection_of(address: str) -> Manifest | None:
+    """Return the collection that others publish and the user has added, where the problem is in its copy."""
+    file, home = split_address(address)[0].resolve(), added.home().resolve()
+    if not file.is_relative_to(home):
+        return None
+    name = file.relative_to(home).parts[0]
+    return manifests.manifest(name) if name in manifests.names() else None
 
 
 def _licence_beside(address: str) -> str:

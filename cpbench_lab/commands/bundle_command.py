@@ -30,8 +30,8 @@ def command(
     """Put a run, with everything needed to repeat it, into one zip file: plan, versions, machine, plugins, problems,
     results.
 
-    Built-in problems are included by name, and problems whose licence forbids copies by fingerprint and source.
-    cpbench reproduce runs a bundle again and compares.
+    Built-in problems are included by name; problems whose licence forbids copies, and those of collections of others
+    (cpbench collection), by fingerprint and source. cpbench reproduce runs a bundle again and compares.
     """
     from cpbench.generators.collection import builtin_folder
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import json
 import re
 import shutil
@@ -22,10 +21,12 @@ from edited_results import seal_anew
 
 from cpbench import storage
 from cpbench.bench.results.store import Store
+from cpbench.cli import cli
 from cpbench.conversions.base import make
 from cpbench.errors import CpbenchError
 from cpbench.formulations import LCP, FrictionContact, LCPPoint
 from cpbench.formulations.base import Info, Sequence
+from cpbench.storage.collections import added
 from cpbench_lab.bundle import archive, problems, reproduction
 from cpbench_lab.bundle.archive import BundleError
 from cpbench_lab.bundle.results import identity
@@ -219,8 +220,7 @@ def here(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 
     def run(folder: Path, *arguments: str) -> str:
         monkeypatch.chdir(folder)
-        name, *rest = arguments
-        importlib.import_module(f"cpbench_lab.commands.{name}_command").command.main(rest, standalone_mode=False)
+        cli.main(list(arguments), standalone_mode=False)
         told = capsys.readouterr()
         return told.out + told.err
 
@@ -251,6 +251,37 @@ def test_a_problem_that_may_not_be_handed_on_stays(tmp_path: Path, here: Callabl
     assert "1 of 1 statuses agree" in done
     done = here(tmp_path, "reproduce", "x.zip", "-o", "x", "-q", "--problems", "own")
     assert "3 of 3 statuses agree" in done
+
+
+def test_the_collection_of_a_problem_is_known_by_its_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    found = problems._collection_of(f"{added.home()}/diphasic/sub/a.h5::name")
+    assert found is not None
+    assert (found.name, found.licence) == ("diphasic", "QPL-1.0")
+    for other in (f"{tmp_path}/diphasic/a.h5", f"{added.home()}/of-nowhere/a.h5", f"{added.home()}/../a.h5::name"):
+        assert problems._collection_of(other) is None
+
+
+@pytest.mark.nightly
+def test_files_of_collections_of_others_stay(
+    tmp_path: Path, here: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A problem in the copy of an added collection is named with its source; one of the user's own is included."""
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    (added.home() / "diphasic").mkdir(parents=True)
+    for path, n in ((added.home() / "diphasic" / "theirs.h5", 2), (tmp_path / "own.h5", 3)):
+        storage.save(LCP(M=np.eye(n), q=-np.ones(n), name=path.stem), path)
+    problems_of_both = ("collection/diphasic/theirs.h5", "own.h5")
+    here(tmp_path, "run", *problems_of_both, "-s", "lemke", "--plan", "none", "-q", "-o", "run.sqlite", "--no-report")
+    done = here(tmp_path, "bundle", "run.sqlite", "-o", "x.zip")
+    assert "not in the bundle: 1 problems: its file is one of the collection diphasic of others (QPL-1.0)" in done
+    with zipfile.ZipFile(tmp_path / "x.zip") as zipped:
+        assert [name for name in zipped.namelist() if name.endswith(".h5")] == ["problems/lcp/own.h5"]
+        guide = zipped.read("REPRODUCE.md").decode()
+    assert storage.load(added.home() / "diphasic" / "theirs.h5").fingerprint in guide
+    assert "from https://github.com/gilbert-jch/hnm4lcp" in guide
+    done = here(tmp_path, "reproduce", "x.zip", "-o", "x", "-q", "--problems", str(added.home() / "diphasic"))
+    assert "2 of 2 statuses agree" in done
 
 
 @pytest.mark.nightly
