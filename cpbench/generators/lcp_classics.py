@@ -13,8 +13,8 @@ from cpbench.generators.base import Instance, collection
     "lcp-classics",
     "lcp",
     "LCPs that carry a name",
-    "Murty 1978, Math. Prog. 7:61; Fathi 1979, Math. Prog. 17:335; Darvay et al. 2020 (Csizmadia); Cottle, Pang, Stone "
-    "1992; Munson (MCPLIB)",
+    "Murty 1978, Math. Prog. Study 7:61; Fathi 1979, Math. Prog. 17:335; Darvay et al. 2020 (Csizmadia); Cottle, Pang, "
+    "Stone 1992; Munson (MCPLIB)",
 )
 def build() -> list[Instance]:
     """Build Murty, Fathi, Csizmadia, Pang's isolated solution and its perturbation, munson1, a ray of solutions."""
@@ -34,13 +34,20 @@ def _murty_matrix(n: int) -> Dense:
 
 
 def murty(n: int) -> Instance:
-    """Build M = 2 tril(E) − I, q = −e, z = e₁. A P-matrix on which Murty's own rule takes 2ⁿ pivots."""
+    """Build M = 2 tril(E) − I, q = −e, z = e₁, with the P-matrix of Murty (1978, Math. Prog. Study 7:61).
+
+    With this q Lemke's method takes two pivots and Murty's least-index rule one. On the same matrix, Lemke's method
+    takes 2ⁿ with −q = (2ⁿ, 2ⁿ + 2ⁿ⁻¹, …), and the rule 2ⁿ − 1 with the unknowns in reverse order.
+    """
     problem = LCP(M=_murty_matrix(n), q=-np.ones(n), name=f"murty-{n}")
     return Instance(problem, LCPPoint(z=np.eye(n)[0]), "published", properties={"class": "P", "symmetric": False})
 
 
 def fathi(n: int) -> Instance:
-    """Build M = LLᵀ with L Murty's matrix, q = −e, z = e₁. Symmetric positive definite; 2ⁿ pivots for Lemke's rule."""
+    """Build M = LLᵀ with L Murty's matrix, q = −e, z = e₁; symmetric positive definite (Fathi 1979).
+
+    Newton-min takes n iterations from z = 0 (Dussault, Frappier and Gilbert 2019); Lemke's method takes two pivots.
+    """
     L = _murty_matrix(n)
     problem = LCP(M=L @ L.T, q=-np.ones(n), name=f"fathi-{n}")
     return Instance(problem, LCPPoint(z=np.eye(n)[0]), "published", properties={"class": "SPD", "symmetric": True})
