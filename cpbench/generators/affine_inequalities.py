@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench.formulations.avi import AVI, AVIPoint
+from cpbench.foundation.matrices import Matrix, Sparse
 from cpbench.generators.base import Instance, collection, dyadic, generator
 
 
@@ -29,14 +31,15 @@ def build() -> list[Instance]:
 @collection(
     "affine-inequalities-large",
     "avi",
-    "dense affine variational inequalities of up to 1000 unknowns",
+    "affine variational inequalities: dense ones of up to 1000 unknowns, sparse ones of up to 10⁵",
     "planted by cpbench",
     tier="standard",
 )
 def build_large() -> list[Instance]:
     rng = generator(2300)
     wide = [_planted(f"polyhedral-{n}", rng, n, n // 2, n // 8) for n in (300, 1000)]
-    return [*wide, _planted("degenerate-box-1000", rng, 1000, 0, 0)]
+    dense = [*wide, _planted("degenerate-box-1000", rng, 1000, 0, 0)]
+    return [*dense, *(_sparse(n, generator(2301 + n)) for n in (1500, 2500, 4000, 10_000, 100_000))]
 
 
 def braess() -> Instance:
@@ -67,12 +70,36 @@ def nearest_in_simplex() -> Instance:
 
 
 def _planted(name: str, rng: np.random.Generator, n: int, m: int, k: int) -> Instance:
+    G, S = dyadic(rng, (n, n), -1, 1), dyadic(rng, (n, n), -1, 1)
+    M = G @ G.T + np.eye(n) + np.triu(S, 1) - np.triu(S, 1).T
+    return _around(name, rng, M, dyadic(rng, (m, n), -1, 1), dyadic(rng, (k, n), -1, 1))
+
+
+def _sparse(n: int, rng: np.random.Generator) -> Instance:
+    """Build unknowns in a row, M of `tridiagonal`; every row of A and C has three neighbours."""
+    M, A, C = tridiagonal(rng, n), _neighbours(rng, n // 2, n), _neighbours(rng, n // 8, n)
+    return _around(f"sparse-polyhedral-{n}", rng, M, A, C)
+
+
+def tridiagonal(rng: np.random.Generator, n: int) -> Sparse:
+    """Return tridiag(−1, 4, −1) with a drawn skew part beside the diagonal; positive definite, shape (n, n)."""
+    skew = dyadic(rng, n - 1, -1, 1)
+    return sp.csr_array(sp.diags_array([-1.0 - skew, np.full(n, 4.0), skew - 1.0], offsets=[-1, 0, 1]))
+
+
+def _neighbours(rng: np.random.Generator, rows: int, n: int) -> Sparse:
+    """Return (rows, n) with entries ½ … 1 of drawn sign in three neighbouring columns of each row."""
+    first = np.arange(rows) * (n - 2) // rows
+    values = rng.integers(4, 9, 3 * rows) / 8.0 * rng.choice([-1.0, 1.0], 3 * rows)
+    columns = (first[:, None] + np.arange(3)).ravel()
+    return sp.csr_array((values, columns, 3 * np.arange(rows + 1)), shape=(rows, n))
+
+
+def _around(name: str, rng: np.random.Generator, M: Matrix, A: Matrix, C: Matrix) -> Instance:
     """Plant a solution: every second row is active; unknowns in turn at the lower and the upper bound, between them,
     without bounds, and at a bound with no multiplier.
     """
-    G, S = dyadic(rng, (n, n), -1, 1), dyadic(rng, (n, n), -1, 1)
-    M = G @ G.T + np.eye(n) + np.triu(S, 1) - np.triu(S, 1).T
-    A, C = dyadic(rng, (m, n), -1, 1), dyadic(rng, (k, n), -1, 1)
+    n, m, k = M.shape[0], A.shape[0], C.shape[0]
     z, mu = dyadic(rng, n, -2, 2), dyadic(rng, k, -2, 2)
     active, size = np.arange(m) % 2 == 0, dyadic(rng, m, 0, 3) + 0.125
     lam, slack = np.where(active, size, 0.0), np.where(active, 0.0, size)

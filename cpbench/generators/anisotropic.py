@@ -9,9 +9,10 @@ import numpy as np
 
 from cpbench.formulations.afc import AnisotropicFrictionContact
 from cpbench.formulations.contact import FCPoint
-from cpbench.foundation.matrices import Dense
+from cpbench.formulations.fc import FrictionContact
+from cpbench.foundation.matrices import Dense, Matrix
 from cpbench.generators.base import Instance, collection, generator
-from cpbench.generators.contact_planted import DIRECTIONS, delassus
+from cpbench.generators.contact_planted import DIRECTIONS, chain, delassus
 
 
 @collection(
@@ -28,12 +29,15 @@ def build() -> list[Instance]:
 @collection(
     "anisotropic-large",
     "afc",
-    "up to 400 contacts with an elliptic friction cone",
+    "up to 30,000 contacts with an elliptic friction cone",
     "planted by cpbench",
     tier="standard",
 )
 def build_large() -> list[Instance]:
-    return [_planted(f"planted-{nc}", nc) for nc in (100, 200, 400)]
+    return [
+        *(_planted(f"planted-{nc}", nc) for nc in (100, 200, 400)),
+        *(_chain(nc) for nc in (600, 1000, 2000, 3000, 30_000)),
+    ]
 
 
 def block(mu_1: float, mu_2: float) -> Instance:
@@ -46,11 +50,22 @@ def block(mu_1: float, mu_2: float) -> Instance:
 
 
 def _planted(name: str, nc: int) -> Instance:
+    rng = generator(41)
+    return _around(name, delassus(rng, nc, 8, 3, 1), rng)
+
+
+def _chain(nc: int) -> Instance:
+    """Build a row of spheres that touch their neighbours, with the sparse W of `contact-chains`."""
+    problem = chain(nc).problem
+    assert isinstance(problem, FrictionContact)
+    return _around(f"chain-{nc}", problem.W, generator(4100 + nc))
+
+
+def _around(name: str, W: Matrix, rng: np.random.Generator) -> Instance:
     """Plant contacts in all states with coefficients 2⁻³ … 1; r = Sr′ and u = S⁻¹u′ of isotropic contacts with μ =
     1.
     """
-    rng = generator(41)
-    W = delassus(rng, nc, 8, 3, 1)
+    nc = W.shape[0] // 3
     states = [("stick", "slide", "open", "graze")[c % 4] for c in range(nc)]
     mu: Dense = np.asarray(2.0 ** rng.integers(-3, 1, (nc, 2)), dtype=np.float64)
     r, u = np.zeros((nc, 3)), np.zeros((nc, 3))

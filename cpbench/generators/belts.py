@@ -47,10 +47,12 @@ def build_large() -> list[Instance]:
     return [rope(n, bits, mu) for n, bits, mu in ((400, 8, 0.5), (2000, 10, 0.5))]
 
 
-@collection("belts-local-large", "fcm", "ropes of up to 500 points over drums, local mixed form", CITATION,
+@collection("belts-local-large", "fcm", "ropes of up to 2500 points over drums, local mixed form", CITATION,
             tier="standard")  # fmt: skip
 def build_local_large() -> list[Instance]:
-    return [condensed(rope(n, bits, mu)) for n, bits, mu in ((100, 7, 0.25), (250, 8, 0.5), (500, 8, 0.25))]
+    dense = [condensed(rope(n, bits, mu)) for n, bits, mu in ((100, 7, 0.25), (250, 8, 0.5), (500, 8, 0.25))]
+    sparse = ((600, 9, 0.75), (1000, 9, 0.25), (1500, 10, 0.5), (2000, 10, 0.25), (2500, 10, 0.5))
+    return [*dense, *(condensed(rope(n, bits, mu), sparse=True) for n, bits, mu in sparse)]
 
 
 def tensions(n: int, bits: int, mu: float) -> list[Fraction]:

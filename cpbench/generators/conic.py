@@ -45,7 +45,7 @@ def build_soclcp() -> list[Instance]:
     tier="standard",
 )
 def build_large() -> list[Instance]:
-    return [chained(k) for k in (400, 1000, 3000, 30_000)]
+    return [chained(k) for k in (400, 600, 1000, 2000, 3000, 30_000)]
 
 
 @collection(
@@ -67,7 +67,7 @@ def build_coneqp() -> list[Instance]:
     tier="standard",
 )
 def build_programs_large() -> list[Instance]:
-    return [_as_program(chained(k)) for k in (400, 1000, 3000, 30_000)]
+    return [_as_program(chained(k)) for k in (200, 400, 700, 1000, 1500, 3000, 30_000)]
 
 
 def _as_program(instance: Instance) -> Instance:

@@ -30,12 +30,13 @@ def build() -> list[Instance]:
 @collection(
     "contact-stacks",
     "gfc",
-    "high stacks of boxes at rest, and many bodies with planted reactions",
+    "stacks of up to 5500 boxes at rest, and up to 9000 bodies with planted reactions",
     "planted by cpbench; the equilibrium of a stack: each level carries the weight above it",
     tier="standard",
 )
 def build_high() -> list[Instance]:
-    return [box_stack(25), box_stack(50), _planted("bodies-60", 60, 100)]
+    stacks = [box_stack(levels) for levels in (25, 50, 100, 200, 500, 5500)]
+    return [*stacks, *(_planted(f"bodies-{b}", b, 5 * b // 3) for b in (60, 180, 300, 900, 9000))]
 
 
 def box_stack(levels: int) -> Instance:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench.formulations.fcm import FCMPoint, MixedFrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
@@ -71,17 +72,19 @@ def train(blocks: int, *, doubled: bool) -> Instance:
     return Instance(problem, point, "closed form", properties=properties)
 
 
-def condensed(instance: Instance) -> Instance:
+def condensed(instance: Instance, *, sparse: bool = False) -> Instance:
     """Return the local mixed form of a global problem whose masses are powers of two, so that all of it is exact."""
     p = instance.problem
     assert isinstance(p, GlobalFrictionContact)
     assert isinstance(instance.solution, GFCPoint)
-    H, G = matrices.dense(p.H), matrices.dense(p.G)
-    inverse = 1.0 / np.diag(matrices.dense(p.M))
+    stored = matrices.sparse if sparse else matrices.dense
+    H, G = stored(p.H), stored(p.G)
+    inverse = 1.0 / matrices.sparse(p.M).diagonal()
+    scaled_H, scaled_G = (sp.diags_array(inverse) @ X if sparse else inverse[:, None] * X for X in (H, G))
     problem = MixedFrictionContact(
-        W=H.T @ (inverse[:, None] * H),
-        V=H.T @ (inverse[:, None] * G),
-        R=G.T @ (inverse[:, None] * G),
+        W=H.T @ scaled_H,
+        V=H.T @ scaled_G,
+        R=G.T @ scaled_G,
         q=H.T @ (inverse * p.f) + p.w,
         s=G.T @ (inverse * p.f) + p.b,
         mu=p.mu,

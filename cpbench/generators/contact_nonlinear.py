@@ -17,9 +17,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench.formulations.nfc import NFCPoint, NonlinearFrictionContact
-from cpbench.foundation.matrices import Dense, Vector
+from cpbench.foundation.matrices import Vector
 from cpbench.generators.base import Instance, collection, dyadic, generator, snapped
 from cpbench.generators.contact_planted import MU, STATES, contact_states
 from cpbench.generators.symbols import Symbol, cos, mapped, sin, sqrt, total, unknowns
@@ -30,6 +31,8 @@ DRAG, SLOW = 0.5, 0.25
 """c [kg/m] of a ball and s [m/s]."""
 GRAVITY = 9.8125
 """[m/s²], a multiple of 1/16."""
+MOST_DENSE = 600
+"""Rows of H up to which it is dense."""
 SUMMARY = "balls with drag, spinning bodies and pendulums that touch: implicit steps with planted contacts"
 CITATION = "planted by cpbench; the schemes are those of Moreau 1988 and Acary and Brogliato 2008"
 
@@ -46,15 +49,16 @@ def build() -> list[Instance]:
 
 @collection("contact-nonlinear-large", "nfc", SUMMARY, CITATION, tier="standard")
 def build_large() -> list[Instance]:
-    """Build a hundred bodies and long chains."""
-    return [balls(100), spinning(100), pendulum(30)]
+    """Build up to 13,333 balls, 800 spinning bodies, and long chains."""
+    many = [*(balls(n) for n in (200, 400, 1000, 13_333)), *(spinning(n) for n in (200, 400, 800))]
+    return [balls(100), spinning(100), pendulum(30), *many]
 
 
 def balls(n: int) -> Instance:
     """Build n balls: each on the floor, and every other one against the next."""
     rng = generator(81)
     pairs = [(b, -1) for b in range(n)] + [(b, b + 1) for b in range(0, n - 1, 2)]
-    H = np.zeros((3 * n, 3 * len(pairs)))
+    H = _empty(3 * n, 3 * len(pairs))
     for c, (first, second) in enumerate(pairs):
         # rows: normal, tangents; balls touch along the first axis, the floor is below
         frame = np.roll(np.eye(3), 1 if second < 0 else 0, axis=0)
@@ -77,7 +81,7 @@ def spinning(n: int) -> Instance:
     """Build n rigid bodies of six freedoms in a ring, joined by n + n/2 contacts with arms."""
     rng = generator(82)
     pairs = [(b, (b + 1) % n) for b in range(n)] + [(b, (b + n // 2) % n) for b in range(n // 2)]
-    H = np.zeros((6 * n, 3 * len(pairs)))
+    H = _empty(6 * n, 3 * len(pairs))
     for c, pair in enumerate(pairs):
         for body, sign in zip(pair, (1.0, -1.0), strict=True):
             arm = dyadic(rng, (3, 3), -1, 1, 4)
@@ -132,6 +136,11 @@ def pendulum(n: int) -> Instance:
     return _planted(f"pendulum-{n}", rng, v, force, answer, H, 2, {"links": n}, before)
 
 
+def _empty(rows: int, columns: int) -> Any:
+    """Return zeros, stored as a sparse matrix where there are many."""
+    return np.zeros((rows, columns)) if rows <= MOST_DENSE else sp.lil_array((rows, columns))
+
+
 def _cross(a: list[Any], b: list[Any]) -> list[Any]:
     return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 
@@ -142,12 +151,13 @@ def _planted(
     v: list[Symbol],
     force: list[Symbol],
     answer: Vector,
-    H: Dense,
+    H: Any,
     d: int,
     properties: dict[str, Any],
     start: Vector | None = None,
 ) -> Instance:
     """Build F(v) = N(v) − f with loads and velocities that `answer` and a drawn contact state solve."""
+    H = sp.csr_array(H) if sp.issparse(H) else H
     nc = H.shape[1] // d
     states = [STATES[int(rng.integers(3))] for _ in range(nc)]
     r, u = contact_states(rng, states, MU, d)

@@ -73,6 +73,8 @@ def build_large() -> list[Instance]:
         _scene("hyperstatic-150", rng, nc=150, bodies=35, states=STATES),
         _scene("light-beside-heavy-120", rng, nc=120, bodies=80, states=STATES[:3], masses=6),
         _scene("hyperstatic-2d-200", rng, nc=200, bodies=80, states=STATES, dimension=2),
+        _scene("hyperstatic-400", rng, nc=400, bodies=95, states=STATES),
+        _scene("light-beside-heavy-400", rng, nc=400, bodies=270, states=STATES[:3], masses=6),
     ]
 
 
@@ -84,7 +86,7 @@ def build_large() -> list[Instance]:
     tier="standard",
 )
 def build_chains() -> list[Instance]:
-    return [chain(nc) for nc in (400, 1000, 3000, 30_000)]
+    return [chain(nc) for nc in (400, 600, 1000, 2000, 3000, 30_000)]
 
 
 @collection(

@@ -37,13 +37,17 @@ def build() -> list[Instance]:
 @collection(
     "equations-large",
     "equation",
-    "systems of equations with up to 10⁴ unknowns",
+    "systems of equations with up to 10⁵ unknowns",
     "Moré, Garbow, Hillstrom 1981, ACM Trans. Math. Softw. 7:17",
     tier="standard",
 )
 def build_large() -> list[Instance]:
-    many = [*(extended_rosenbrock(n) for n in (1000, 10_000)), *(extended_powell(n) for n in (1000, 4000))]
-    return [*many, *(broyden_tridiagonal(n) for n in (1000, 10_000)), *(boundary_value(n) for n in (500, 5000))]
+    return [
+        *(extended_rosenbrock(n) for n in (1000, 10_000, 100_000)),
+        *(extended_powell(n) for n in (1000, 4000)),
+        *(broyden_tridiagonal(n) for n in (1000, 10_000, 100_000)),
+        *(boundary_value(n) for n in (500, 5000)),
+    ]
 
 
 def _known(

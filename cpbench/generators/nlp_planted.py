@@ -28,12 +28,13 @@ def build() -> list[Instance]:
 @collection(
     "nlp-planted-large",
     "nlp",
-    "the same with up to 2·10⁴ unknowns",
+    "the same with up to 10⁵ unknowns",
     "Toint 1978, Math. Comp. 32:839 (chained Rosenbrock); planted by cpbench",
     tier="standard",
 )
 def build_large() -> list[Instance]:
-    return [*(balls(count) for count in (400, 2000)), *(rosenbrock(n) for n in (1000, 5000))]
+    convex = [balls(count) for count in (400, 700, 1000, 2000, 3000, 33_333)]
+    return [*convex, *(rosenbrock(n) for n in (1000, 2000, 5000, 10_000, 100_000))]
 
 
 def balls(count: int) -> Instance:

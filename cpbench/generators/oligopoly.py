@@ -42,12 +42,12 @@ def build() -> list[Instance]:
 @collection(
     "nash-cournot-large",
     "ncp",
-    "Cournot–Nash equilibria of 500 firms, whose Jacobian is dense",
+    "Cournot–Nash equilibria of up to 5000 firms, whose Jacobian is dense",
     "planted by cpbench, after Murphy, Sherali, Soyster 1982, Math. Prog. 24:92",
     tier="standard",
 )
 def build_large() -> list[Instance]:
-    return [firms(500)]
+    return [firms(n) for n in (500, 1000, 2000, 5000)]
 
 
 def market(

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.sparse as sp
 
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.global_contact import GFCPoint
@@ -39,15 +40,18 @@ def build_global() -> list[Instance]:
     return [coupled_discs(), ball_global(), *(_planted_global(bodies) for bodies in range(3, 11))]
 
 
-@collection("rolling-large", "rfc", "up to 100 contacts with rolling resistance, local form", CITATION, tier="standard")
+@collection(
+    "rolling-large", "rfc", "up to 20,000 contacts with rolling resistance, local form", CITATION, tier="standard"
+)
 def build_local_large() -> list[Instance]:
-    return [_planted(f"planted-{nc}", nc) for nc in (40, 100, 200)]
+    planted = [_planted(f"planted-{nc}", nc) for nc in (40, 100, 200)]
+    return [*planted, *(_condensed(bodies) for bodies in (150, 250, 400, 800, 10_000))]
 
 
-@collection("rolling-global-large", "grfc", "up to 100 balls with rolling resistance, global form", CITATION,
+@collection("rolling-global-large", "grfc", "up to 6250 balls with rolling resistance, global form", CITATION,
             tier="standard")  # fmt: skip
 def build_global_large() -> list[Instance]:
-    return [_planted_global(bodies) for bodies in (30, 60, 100)]
+    return [_planted_global(bodies) for bodies in (30, 60, 100, 150, 200, 300, 600, 6250)]
 
 
 def disc(what: str, push: float) -> Instance:
@@ -144,12 +148,15 @@ def _planted_global(bodies: int) -> Instance:
     rng = generator(3100 + bodies)
     pairs = [(b, -1) for b in range(bodies)] + [(b, b + 1) for b in range(bodies - 1)]
     states = [STATES[c % 5] for c in range(len(pairs))]
-    H = np.zeros((6 * bodies, 5 * len(pairs)))
+    large = bodies > 100
+    H = (sp.lil_array if large else np.zeros)((6 * bodies, 5 * len(pairs)))
     for c, (first, second) in enumerate(pairs):
         for body, sign in ((first, 1.0), (second, -1.0)):
             if body >= 0:
                 H[6 * body : 6 * body + 6, 5 * c : 5 * c + 5] = sign * dyadic(rng, (6, 5), -1, 1, 4)
-    M = np.diag(np.tile([1.0, 1, 1, BALL_INERTIA, BALL_INERTIA, BALL_INERTIA], bodies))
+    mass = np.tile([1.0, 1, 1, BALL_INERTIA, BALL_INERTIA, BALL_INERTIA], bodies)
+    M = sp.csr_array(sp.diags_array(mass)) if large else np.diag(mass)
+    H = sp.csr_array(H) if large else H
     r, u = _contacts(rng, states)
     v, nc = dyadic(rng, 6 * bodies, -2, 2), len(pairs)
     problem = GlobalRollingFrictionContact(
@@ -158,6 +165,18 @@ def _planted_global(bodies: int) -> Instance:
     )  # fmt: skip
     properties = {"bodies": bodies, "states": {s: states.count(s) for s in STATES}}
     return Instance(problem, GFCPoint(v=v, r=r.ravel()), "planted", properties=properties)
+
+
+def _condensed(bodies: int) -> Instance:
+    """Return the local form of `_planted_global`; all sums are exact."""
+    whole = _planted_global(bodies)
+    p = whole.problem
+    assert isinstance(p, GlobalRollingFrictionContact)
+    assert isinstance(whole.solution, GFCPoint)
+    H, inverse = sp.csr_array(p.H), 1.0 / sp.csr_array(p.M).diagonal()
+    W, q = sp.csr_array(H.T @ (sp.diags_array(inverse) @ H)), H.T @ (inverse * p.f) + p.w
+    problem = RollingFrictionContact(W=W, q=q, mu=p.mu, mu_r=p.mu_r, name=p.name)
+    return Instance(problem, FCPoint(r=whole.solution.r), "planted", properties=whole.properties)
 
 
 def _planted(name: str, nc: int) -> Instance:

@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.conic import cone_fields
-from cpbench.formulations.cp import CP, CPPoint
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.ge import GE, GEPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
-from cpbench.foundation.matrices import Vector
+from cpbench.foundation.matrices import Dense, Vector
 from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.generators.affine_inequalities import tridiagonal
 from cpbench.generators.base import Instance, collection, dyadic, generator
 from cpbench.generators.ncp_classics import formula_map, kojima_shindo_map
 from cpbench.generators.symbols import Symbol, mapped, product, total, unknowns
@@ -47,33 +46,12 @@ def build_planted() -> list[Instance]:
     return [*first, *more]
 
 
-@collection(
-    "ge-planted", "ge", "cubic monotone generalized equations with normal cones of products", "planted by cpbench"
-)
-def build_generalized() -> list[Instance]:
-    return [generalized(k) for k in (2, 10, 9, 12)]
-
-
-@collection("cp-planted", "cp", "cubic monotone cone complementarity problems", "planted by cpbench")
-def build_cones() -> list[Instance]:
-    return [cone_complementarity(k) for k in (3, 12, 8, 10)]
-
-
-@collection("vi-planted-large", "vi", "cubic monotone VIs of up to 300 unknowns", "planted by cpbench", tier="standard")
+@collection("vi-planted-large", "vi", "cubic monotone VIs of up to 10⁵ unknowns", "planted by cpbench", tier="standard")
 def build_planted_large() -> list[Instance]:
-    return [box(150), box(300), polyhedron(150, 40, 10), balls(60), cones(60), product_set(60)]
-
-
-@collection("ge-planted-large", "ge", "cubic monotone generalized equations, 300 unknowns", "planted by cpbench",
-            tier="standard")  # fmt: skip
-def build_generalized_large() -> list[Instance]:
-    return [generalized(k) for k in (40, 100)]
-
-
-@collection("cp-planted-large", "cp", "cubic monotone cone complementarity problems, large", "planted by cpbench",
-            tier="standard")  # fmt: skip
-def build_cones_large() -> list[Instance]:
-    return [cone_complementarity(k) for k in (40, 100)]
+    dense = [box(150), box(300), polyhedron(150, 40, 10), balls(60), cones(60), product_set(60)]
+    middle = [box(1000, sparse=True), balls(500, sparse=True), cones(700, sparse=True), product_set(900, sparse=True)]
+    large = [box(6000, sparse=True), balls(2000, sparse=True), cones(3000, sparse=True), box(100_000, sparse=True)]
+    return [*dense, *middle, *large, cones(30_000, sparse=True)]
 
 
 def kojima_shindo_simplex() -> Instance:
@@ -140,44 +118,58 @@ def river_basin() -> Instance:
 # ------------------------------------------------------------------------------------------- planted
 
 
-def _map(z: Vector, value: Vector, rng: np.random.Generator) -> Map:
-    """Build F(x) = Mx + D x³ + q with F(z) = value, M = LLᵀ/8 + I + skew: strongly monotone, and exact at z."""
+def planted_map(z: Vector, value: Vector, rng: np.random.Generator, *, sparse: bool = False) -> Map:
+    """Build F(x) = Mx + D x³ + q with F(z) = value, M = LLᵀ/8 + I + skew: strongly monotone, and exact at z.
+
+    `sparse` : M is that of `tridiagonal`.
+    """
     n = z.size
-    L, B = dyadic(rng, (n, n), -1, 1, 2), np.triu(dyadic(rng, (n, n), -1, 1, 4), 1)
-    M, d = L @ L.T / 8.0 + np.eye(n) + B - B.T, dyadic(rng, n, 0, 1, 4) / 8.0
+    M = tridiagonal(rng, n) if sparse else _dense(rng, n)
+    d = dyadic(rng, n, 0, 1, 4) / 8.0
     q = value - M @ z - d * z**3
     x = unknowns(n)
     parts = zip(product(M, x), d.tolist(), x, q.tolist(), strict=True)
     return mapped(x, [row + k * s**3 + c if k else row + c for row, k, s, c in parts])
 
 
+def _dense(rng: np.random.Generator, n: int) -> Dense:
+    L, B = dyadic(rng, (n, n), -1, 1, 2), np.triu(dyadic(rng, (n, n), -1, 1, 4), 1)
+    return L @ L.T / 8.0 + np.eye(n) + B - B.T
+
+
+def sized_name(kind: str, count: int, *, sparse: bool) -> str:
+    """Return the name of a problem; those with a sparse map begin with `sparse`."""
+    return f"sparse-{kind}-{count}" if sparse else f"{kind}-{count}"
+
+
 def _planted(problem: VI, solution: VIPoint, kind: str) -> Instance:
     return Instance(problem, solution, "planted", properties={"class": "strongly monotone", "set": kind})
 
 
-def _sides(rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
+def sides(rng: np.random.Generator, n: int) -> tuple[Vector, Vector]:
     """Draw z in [−1, 2]ⁿ and the value of F there: positive at the lower bound, negative at the upper, 0 between."""
     side, size = rng.integers(-1, 2, n), dyadic(rng, n, 1, 2)
     return np.select([side < 0, side > 0], [-1.0, 2.0], size - 1.0), -side * size
 
 
-def box(n: int) -> Instance:
+def box(n: int, *, sparse: bool = False) -> Instance:
     rng = generator(n)
-    z, w = _sides(rng, n)
-    problem = VI(F=_map(z, w, rng), lb=np.full(n, -1.0), ub=np.full(n, 2.0), name=f"box-{n}")
+    z, w = sides(rng, n)
+    F = planted_map(z, w, rng, sparse=sparse)
+    problem = VI(F=F, lb=np.full(n, -1.0), ub=np.full(n, 2.0), name=sized_name("box", n, sparse=sparse))
     return _planted(problem, VIPoint(z=z), "box")
 
 
 def polyhedron(n: int, m: int, k: int) -> Instance:
     """Build n unknowns in a box, m inequalities, half of them active, and k equations."""
     rng = generator(100 + n)
-    z, w = _sides(rng, n)
+    z, w = sides(rng, n)
     A, C = dyadic(rng, (m, n), -1, 1, 2), dyadic(rng, (k, n), -1, 1, 2)
     active = np.arange(m) % 2 == 0
     lam, slack = np.where(active, dyadic(rng, m, 1, 2), 0.0), np.where(active, 0.0, dyadic(rng, m, 1, 2))
     mu = dyadic(rng, k, -2, 2)
     problem = VI(
-        F=_map(z, w + A.T @ lam + C.T @ mu, rng), lb=np.full(n, -1.0), ub=np.full(n, 2.0), A=A, b=A @ z - slack,
+        F=planted_map(z, w + A.T @ lam + C.T @ mu, rng), lb=np.full(n, -1.0), ub=np.full(n, 2.0), A=A, b=A @ z - slack,
         C=C, d=C @ z, name=f"polyhedron-{n}-{m}-{k}",
     )  # fmt: skip
     return _planted(problem, VIPoint(z=z, lam=lam, mu=mu), "polyhedron")
@@ -187,7 +179,7 @@ BOUNDARY = np.array([[3.0, 4, 0], [0, -3, 4], [-4, 0, 3], [2, -1, -2], [-1, 2, 2
 """Vectors of whole length: 5, 5, 5, 3, 3."""
 
 
-def balls(count: int) -> Instance:
+def balls(count: int, *, sparse: bool = False) -> Instance:
     """Build balls in ℝ³, every third solution inside."""
     rng = generator(200 + count)
     z = BOUNDARY[np.arange(count) % 5]
@@ -195,11 +187,12 @@ def balls(count: int) -> Instance:
     radius = np.sqrt((z**2).sum(axis=1)) * np.where(inside, 2.0, 1.0)
     w = -z * np.where(inside, 0.0, dyadic(rng, count, 1, 2))[:, None]
     K = ProductCone.of((Cone.BALL, count, 3, radius))
-    problem = VI(F=_map(z.ravel(), w.ravel(), rng), **cone_fields(K), name=f"balls-{count}")
+    F = planted_map(z.ravel(), w.ravel(), rng, sparse=sparse)
+    problem = VI(F=F, **cone_fields(K), name=sized_name("balls", count, sparse=sparse))
     return _planted(problem, VIPoint(z=z.ravel()), "balls")
 
 
-def _on_cones(rng: np.random.Generator, count: int) -> tuple[Vector, Vector, Vector]:
+def on_cones(rng: np.random.Generator, count: int) -> tuple[Vector, Vector, Vector]:
     """Draw (x, y, μ) with K_μ ∋ x ⟂ y ∈ K*_μ in ℝ³: both on the boundary, x inside, x = 0 and y inside, by turns."""
     T = np.array([[3.0, 4], [-4, 3], [4, -3], [-3, -4]])[np.arange(count) % 4]
     mu = np.array([0.5, 1.0, 2.0])[rng.integers(0, 3, count)]
@@ -214,21 +207,23 @@ def _on_cones(rng: np.random.Generator, count: int) -> tuple[Vector, Vector, Vec
     return x.ravel(), y.ravel(), mu
 
 
-def cones(count: int) -> Instance:
+def cones(count: int, *, sparse: bool = False) -> Instance:
     """Build second-order cones in ℝ³ with μ = ½, 1 or 2."""
     rng = generator(300 + count)
-    x, y, mu = _on_cones(rng, count)
+    x, y, mu = on_cones(rng, count)
     K = ProductCone.of((Cone.SECOND_ORDER, count, 3, mu))
-    problem = VI(F=_map(x, y, rng), **cone_fields(K), name=f"cones-{count}")
+    problem = VI(
+        F=planted_map(x, y, rng, sparse=sparse), **cone_fields(K), name=sized_name("cones", count, sparse=sparse)
+    )
     return _planted(problem, VIPoint(z=x), "second-order cones")
 
 
-def product_set(count: int) -> Instance:
+def product_set(count: int, *, sparse: bool = False) -> Instance:
     """Build bounded free components beside an orthant, second-order cones and a ball, with one equation through all."""
     rng = generator(400 + count)
-    z, w = _sides(rng, 4)
+    z, w = sides(rng, 4)
     positive, size = np.arange(4) % 2 == 0, dyadic(rng, 4, 1, 2)
-    x, y, mu = _on_cones(rng, count)
+    x, y, mu = on_cones(rng, count)
     at = np.concatenate([z, np.where(positive, size, 0.0), x, BOUNDARY[3]])
     value = np.concatenate([w, np.where(positive, 0.0, size), y, -0.5 * BOUNDARY[3]])
     K = ProductCone.of(
@@ -237,38 +232,7 @@ def product_set(count: int) -> Instance:
     C = dyadic(rng, (1, at.size), -1, 1, 2)
     free = np.arange(at.size) < 4
     problem = VI(
-        F=_map(at, value + 0.5 * C[0], rng), C=C, d=C @ at, lb=np.where(free, -1.0, -np.inf),
-        ub=np.where(free, 2.0, np.inf), **cone_fields(K), name=f"product-{count}",
+        F=planted_map(at, value + 0.5 * C[0], rng, sparse=sparse), C=C, d=C @ at, lb=np.where(free, -1.0, -np.inf),
+        ub=np.where(free, 2.0, np.inf), **cone_fields(K), name=sized_name("product", count, sparse=sparse),
     )  # fmt: skip
     return _planted(problem, VIPoint(z=at, mu=[0.5]), "product")
-
-
-def generalized(count: int) -> Instance:
-    """Build bounded free components and second-order cones."""
-    rng = generator(600 + count)
-    z, w = _sides(rng, 4)
-    x, y, mu = _on_cones(rng, count)
-    at, value = np.concatenate([z, x]), np.concatenate([w, y])
-    K = ProductCone.of((Cone.FREE, 1, 4), (Cone.SECOND_ORDER, count, 3, mu))
-    free = np.arange(at.size) < 4
-    problem = GE(
-        F=_map(at, value, rng), lb=np.where(free, -1.0, -np.inf), ub=np.where(free, 2.0, np.inf), **cone_fields(K),
-        name=f"generalized-{count}",
-    )  # fmt: skip
-    return Instance(problem, GEPoint(z=at), "planted", properties={"class": "strongly monotone"})
-
-
-def cone_complementarity(count: int) -> Instance:
-    """Build orthant, equations and second-order cones, with two rows Ax ≥ 0, one of them active."""
-    rng = generator(500 + count)
-    positive, size = np.arange(4) % 2 == 0, dyadic(rng, 4, 1, 2)
-    x, y, mu = _on_cones(rng, count)
-    at = np.concatenate([np.where(positive, size, 0.0), [1.0, -1.5], x])
-    value = np.concatenate([np.where(positive, 0.0, size), np.zeros(2), y])
-    A = dyadic(rng, (2, at.size), -1, 1, 2)
-    A[:, 4] += np.array([0.0, 2.0]) - A @ at  # Ax = (0, 2)
-    lam = np.array([0.75, 0.0])
-    K = ProductCone.of((Cone.NONNEGATIVE, 1, 4), (Cone.FREE, 1, 2), (Cone.SECOND_ORDER, count, 3, mu))
-    problem = CP(F=_map(at, value + A.T @ lam, rng), A=A, **cone_fields(K), name=f"cone-complementarity-{count}")
-    facts = {"class": "strongly monotone"}
-    return Instance(problem, CPPoint(x=at, lam=lam), "planted", properties=facts)
