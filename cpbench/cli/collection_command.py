@@ -20,17 +20,33 @@ SHOWN = 5
 
 @click.group()
 def command() -> None:
-    """Add the problem files that others publish, and check them.
+    """List the problems of cpbench, and add and check the problem files that others publish.
 
-    cpbench has the facts of these collections: where their files are, their licences, sizes and hashes. It has none of
-    their files, and downloads none. A collection that has been added is an address as that of a file is: `cpbench run
+    Of collections of others cpbench has the facts: where their files are, their licences, sizes and hashes. It has none
+    of their files, and downloads none. An added collection is an address as that of a file is: `cpbench run
     collection/maros-meszaros`, `cpbench info collection/diphasic/diphasic-Ma.txt`.
     """
 
 
 @command.command("list", cls=Command)
-def list_collections() -> None:
-    """List the collections, with their formulations, formats, files, licences and sources."""
+@click.option("--families", is_flag=True, help="List the families of the collection of cpbench, a line each.")
+def list_collections(families: bool) -> None:
+    """Count the problems of cpbench by formulation, tier, size and proof; list the collections of others.
+
+    A column as 1e3+ counts problems of 1000 unknowns and more, fewer than the next column begins with. Of collections
+    of others, formulations, formats, files, licences and sources are listed.
+    """
+    from cpbench.api import collection_text
+    from cpbench.generators.collection import catalogue
+
+    entries = catalogue()
+    print_lines([collection_text.first_line(entries), ""])
+    if families:
+        print_lines(table(collection_text.family_rows(entries)))
+        return
+    print_lines([*table(collection_text.formulation_rows(entries)), ""])
+    print_lines([*table(collection_text.size_rows(entries)), ""])
+    print_lines([*collection_text.total_lines(entries), "", "Collections of others (cpbench collection status, add):"])
     print_lines(table(_rows()))
 
 

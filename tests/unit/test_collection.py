@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 import cpbench
 from cpbench import storage
+from cpbench.api import collection_text
 from cpbench.api.quoting import quote_collection
 from cpbench.bench.results.store import Store
 from cpbench.cli import cli
@@ -131,6 +132,54 @@ def test_problems_are_the_same_with_any_number_of_threads() -> None:
             with threadpool_limits(threads):
                 marks.append([instance.problem.fingerprint for instance in generators.get(name).instances()])
         assert marks[0] == marks[1]
+
+
+def test_the_list_counts_the_problems_of_the_catalogue() -> None:
+    """Sums of columns and rows are those of the catalogue, counted in another way."""
+    done = CliRunner().invoke(cli, ["collection", "list"])
+    lines = done.stdout.splitlines()
+    assert lines[0].startswith(f"{identity(ENTRIES)}: {sum(e.tier == SMALL for e in ENTRIES)} small, installed")
+    head, *rows = [line.split() for line in lines[2 : lines.index("", 2)]]
+    assert [row[0] for row in rows] == [*sorted({entry.node for entry in ENTRIES}), "all"]
+    numbers = np.array([[0 if cell == "·" else int(cell) for cell in row[1:]] for row in rows])
+    assert (numbers[:-1].sum(axis=0) == numbers[-1]).all()
+    totals = dict(zip(head[1:], numbers[-1].tolist(), strict=True))
+    assert totals["problems"] == totals["small"] + totals["standard"] + totals["large"] == len(ENTRIES)
+    assert totals["families"] == len({(entry.node, entry.family) for entry in ENTRIES})
+    assert totals["proved"] == len(tomllib.loads((builtin_folder() / PROOFS).read_text("utf-8")))
+    assert totals["1e3+"] == sum(1000 <= entry.unknowns < 10_000 for entry in ENTRIES)
+    assert sum(totals[name] for name in head if name.endswith("+")) == len(ENTRIES)
+    assert f"licence: {len(ENTRIES)} CC0-1.0" in lines
+
+
+def test_the_histogram_has_every_decade_and_bars_in_proportion() -> None:
+    def drawn(counts: dict[int, int]) -> list[tuple[str, ...]]:
+        entries = [replace(ENTRIES[0], unknowns=size) for size, count in counts.items() for _ in range(count)]
+        return list(collection_text.size_rows(entries))[1:]
+
+    rows = drawn({5: 100, 30: 50, 5000: 1})
+    assert [row[0] for row in rows] == ["1 to 9", "10 to 99", "100 to 999", "1000 to 9999"]
+    assert [(row[-2], len(row[-1])) for row in rows] == [("100", 50), ("50", 25), ("0", 0), ("1", 1)]
+
+
+def test_families_are_listed_with_their_sizes() -> None:
+    lines = CliRunner().invoke(cli, ["collection", "list", "--families"]).stdout.splitlines()
+    (line,) = [line for line in lines if line.startswith("lcp-classics ")]
+    sizes = [entry.unknowns for entry in ENTRIES if entry.family == "lcp-classics"]
+    assert line.split()[:7] == ["lcp-classics", "lcp", "small", str(len(sizes)), str(min(sizes)), "to", str(max(sizes))]
+    families = {(entry.node, entry.family, entry.tier) for entry in ENTRIES}
+    assert len(lines) == 3 + len(families)
+
+
+@pytest.mark.needs("cpbench_solvers")
+@pytest.mark.parametrize("name", ["murty-10", "fathi-10", "murty-100"])
+def test_pivoting_is_short_where_the_description_has_it(name: str) -> None:
+    """What `lcp_classics` and the description of these problems say of Lemke's method and of the least-index rule."""
+    problem = cpbench.load(f"{builtin_folder()}/lcp/lcp-classics.h5::{name}")
+    (entry,) = [entry for entry in ENTRIES if entry.address.endswith(f"lcp-classics.h5::{name}")]
+    assert "with this q pivoting is short" in entry.description.lower()
+    assert cpbench.solve(problem, "lemke").counters["pivots"] == 2
+    assert cpbench.solve(problem, "murty").counters["major_cycles"] == 1
 
 
 @pytest.mark.needs("cpbench_solvers")
