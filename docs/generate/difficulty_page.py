@@ -83,7 +83,8 @@ def page() -> str:
             _conditions(runs),
             "## Share of the problems solved",
             "Best: the solver with most problems solved. Median: of the solvers that were started on any problem of "
-            "the formulation. Both are shares of all problems of the tier, those that a solver cannot take included. "
+            "the formulation. Both are shares of all problems that were run, those that a solver cannot take included, "
+            "and without those that were proved to have no solution. A point that is stationary only is not solved. "
             f"Slow: problems on which the fastest solver takes {SLOW:g} s or more. None: problems that no solver "
             "solves within the time limit.",
             table(SHARE_HEAD, _shares(by_node)),
@@ -190,12 +191,19 @@ def _answer(by_node: Mapping[str, Mapping[tuple[str, ...], Group]], ranking: Row
 
 def _conditions(runs: Rows) -> str:
     lines = [
-        f"- {run['tier']}: {run['pairs']} pairs on {run['problems']} problems in {float(run['hours']):.2f} h, "
-        f"{float(run['timeout']):g} s for each solve, tolerance {float(run['tolerance']):g}; the largest process had "
+        f"- {run['tier']}: {run['pairs']} pairs on {_extent(run)} in {float(run['hours']):.2f} h, "
+        f"{float(run['timeout']):g} s for each solve, tolerance {float(run['tolerance']):g}; the largest solve took "
         f"{run['peak_gb']} GB ({run['processor']}, cpbench {run['version']})"
         for run in runs
     ]
-    return "\n".join(lines)
+    return "\n".join([*lines, f"- {runs[0]['collection']}"])
+
+
+def _extent(run: Mapping[str, str]) -> str:
+    """Say how many problems of a tier were run; those of up to a size where it was not all."""
+    if run["problems"] == run["of"]:
+        return f"all {run['of']} problems"
+    return f"{run['problems']} of {run['of']} problems, of at most {run['largest']} unknowns"
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import command_page
 import decision_index
+import difficulty_page
 import engine_laws_page
 import interface_page
 import motion_page
@@ -31,6 +32,7 @@ PAGES: dict[str, Callable[[], str | bytes]] = {
     "methods/engine-laws.md": engine_laws_page.page,
     "methods/motion.md": motion_page.page,
     "methods/reproductions.md": reproductions_page.page,
+    "methods/difficulty.md": difficulty_page.page,
     "decisions/index.md": decision_index.page,
 }
 

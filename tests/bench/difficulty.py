@@ -21,15 +21,31 @@ import pandas as pd
 from cpbench.analysis import table as rows_of
 from cpbench.api.results import Results
 from cpbench.generators.base import SMALL, STANDARD
+from cpbench.generators.collection import catalogue, identity
+from cpbench.verification import PROVEN, Status
 
 PAIRS = ("tier", "node", "family", "problem", "solver", "status", "solved", "seconds")
 RANKING = ("tier", "node", "place", "solver", "started", "solved", "median")
-RUNS = ("tier", "pairs", "problems", "hours", "peak_gb", "timeout", "tolerance", "version", "processor")
+RUNS = (
+    "tier", "pairs", "problems", "of", "largest", "hours", "peak_gb", "timeout", "tolerance", "version", "processor",
+    "collection",
+)  # fmt: skip
+
+
+def finished(results: Results) -> pd.DataFrame:
+    """Return the rows of the problems all of whose pairs have run."""
+    frame = rows_of.normalised(results.frame)
+    waiting = frame.loc[frame["status"] == str(Status.NOT_RUN), "fingerprint"]
+    return frame[~frame["fingerprint"].isin(waiting)]
 
 
 def pairs(tier: str, results: Results) -> Iterator[tuple[object, ...]]:
-    """Yield a row for each pair; seconds are those of conversion, solve and way back, empty where not solved."""
-    frame = rows_of.normalised(results.frame)
+    """Yield a row for each pair; seconds are those of conversion, solve and way back, empty where not solved.
+
+    Problems that were proved to have no solution are left out, as in rankings.
+    """
+    frame = finished(results)
+    frame = frame[~frame["fingerprint"].isin(frame.loc[frame["status"].isin(PROVEN), "fingerprint"])]
     solved = rows_of.solved(frame)
     charged = frame[list(rows_of.CHARGED)].sum(axis=1)
     for index, row in frame.iterrows():
@@ -47,22 +63,25 @@ def ranking(tier: str, results: Results) -> Iterator[tuple[object, ...]]:
 
 
 def run_facts(tier: str, results: Results) -> tuple[object, ...]:
-    """Return the size of a run, its duration [h], its largest process [GB], and its conditions."""
-    frame = results.frame
-    finished = pd.to_datetime(frame["finished"])
-    hours = (finished.max() - finished.min()).total_seconds() / 3600
+    """Return the size of a run, the time of its pairs [h], its largest process [GB], and its conditions."""
+    frame = finished(results)
+    entries = {entry.fingerprint: entry for entry in catalogue() if entry.tier == tier}
+    run = set(frame["fingerprint"])
     machine: dict[str, Any] = dict(results.meta.get("machine") or {})
     tolerance, timeout = (sorted(frame[name].dropna().unique().tolist()) for name in ("tolerance", "seconds"))
     return (
         tier,
         len(frame),
-        frame["fingerprint"].nunique(),
-        f"{hours:.2f}",
+        len(run),
+        len(entries),
+        max(entries[mark].unknowns for mark in run),
+        f"{frame['wall'].sum() / 3600:.2f}",
         f"{frame['peak'].max() / 1e9:.2f}",
         " ".join(f"{value:g}" for value in timeout),
         " ".join(f"{value:g}" for value in tolerance),
         str(results.meta.get("cpbench", "")),
         str(machine.get("cpu", "")),
+        str(identity(catalogue())),
     )
 
 
