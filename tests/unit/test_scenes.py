@@ -148,6 +148,27 @@ def test_the_ground_carries_the_weight_of_what_stands(name: str) -> None:
         assert np.abs(step.state.x - scene.start.x).max() < 1e-8
 
 
+def test_joints_of_a_chain_drift_by_no_rounding_of_its_places() -> None:
+    """Ends that meet have places that differ in the last digits; a distance of 1e-9 m is one to close within a step."""
+    for size in (3, 10, 30):
+        scene = scene_of("chain", size=size)
+        assert scene.hold is not None
+        assert (scene.hold(scene.start)[1] == 0.0).all()
+        moved = scene.start.x.copy()
+        moved[1, 0] += 1e-9
+        drift = scene.hold(dataclasses.replace(scene.start, x=moved))[1].reshape(-1, 3)
+        np.testing.assert_allclose(drift[:2, 0], [1e-9 / scene.dt, -1e-9 / scene.dt], rtol=1e-6)
+        assert np.count_nonzero(drift) == 2
+
+
+@pytest.mark.parametrize("size", [10, 30])
+def test_the_first_step_of_a_chain_is_solved(size: int) -> None:
+    simulation = Simulation(scene_of("chain", size=size), tolerance=1e-6)
+    list(simulation.run(1))
+    assert simulation.missed == 0
+    assert simulation.error < 1e-6
+
+
 def test_fingers_hold_the_ball_and_let_it_fall() -> None:
     """Three times the weight in all, so that μ = 1/3 decides."""
     for mu, falls in ((0.36, False), (0.31, True)):

@@ -28,6 +28,8 @@ LINK, THICKNESS = 0.1, 0.02
 """Length between the joints of a link, and the diameter of the balls at its ends [m]."""
 LIGHTEST = 0.1
 """Mass of a link [kg], of the lightest where they differ."""
+ROUNDING = 4.0 * float(np.finfo(np.float64).eps)
+"""Share of coordinates up to which two of them are the same."""
 PULL = 1.5
 """Upward force on the first link, over the weight of four links or of the chain, whichever is less."""
 BALL, TIP = 0.05, 0.01
@@ -58,7 +60,10 @@ def chain(choices: Choices) -> BodyScene:
         arm = LINK / 2 * state.R[:, :, 0]
         before, after = np.arange(n - 1), np.arange(1, n)
         G = _points(n, after, -arm[after], 1.0) + _points(n, before, arm[before], -1.0)
-        apart = (state.x[after] - arm[after]) - (state.x[before] + arm[before])
+        near, far = state.x[after] - arm[after], state.x[before] + arm[before]
+        apart = near - far
+        # the places of ends that meet differ by rounding, which is no distance to close
+        apart[np.abs(apart) <= ROUNDING * (np.abs(near) + np.abs(far))] = 0.0
         return sp.csr_array(G), apart.ravel() / choices.dt
 
     return BodyScene(
