@@ -43,7 +43,7 @@ def build() -> list[Instance]:
 )
 def build_large() -> list[Instance]:
     return [
-        *(extended_rosenbrock(n) for n in (1000, 10_000, 100_000)),
+        *(extended_rosenbrock(n) for n in (1000, 10_000)),
         *(extended_powell(n) for n in (1000, 4000)),
         *(broyden_tridiagonal(n) for n in (1000, 10_000, 100_000)),
         *(boundary_value(n) for n in (500, 5000)),

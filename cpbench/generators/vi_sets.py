@@ -51,7 +51,7 @@ def build_planted_large() -> list[Instance]:
     dense = [box(150), box(300), polyhedron(150, 40, 10), balls(60), cones(60), product_set(60)]
     middle = [box(1000, sparse=True), balls(500, sparse=True), cones(700, sparse=True), product_set(900, sparse=True)]
     large = [box(6000, sparse=True), balls(2000, sparse=True), cones(3000, sparse=True), box(100_000, sparse=True)]
-    return [*dense, *middle, *large, cones(30_000, sparse=True)]
+    return [*dense, *middle, *large]
 
 
 def kojima_shindo_simplex() -> Instance:
