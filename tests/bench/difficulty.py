@@ -1,8 +1,8 @@
 """How hard the tiers of the collection are: the rows and rankings of one run of each, as small tables.
 
+    cpbench run --suite standard --timeout 3s --no-report -o small.sqlite      # all built-in problems
     cpbench generate --tier standard standard
-    cpbench run builtin --no-report -o small.sqlite            # and
-    cpbench run standard --no-report -o standard.sqlite
+    cpbench run --plan reports/standard/standard.toml                          # the same solvers
     python tests/bench/difficulty.py small.sqlite standard.sqlite -o reports/standard
 
 writes pairs.csv, ranking.csv and runs.csv. `python docs/generate/difficulty_page.py` then writes the page.
