@@ -37,6 +37,7 @@ def write_text(run: Run, title: str, comparison: Comparison | None = None) -> Pa
     parts = [
         f"# {plain(title)}",
         *publishing(run),
+        *([f"**{run.incomplete}**"] if run.incomplete else []),
         *_remarks(run),
         *contradictions(run, CONTRADICTIONS),
         *answer(run),
@@ -68,8 +69,6 @@ def _headline(run: Run) -> str:
         f"({counted(problems, 'problem')}, {counted(labels, 'solver configuration')}); "
         f"{counted(len(run.false_claims), 'false claim')}."
     ]
-    if waiting:
-        lines.insert(0, f"**Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet.**")
     if never > waiting:
         lines.append(f"{counted(never - waiting, 'more pair')} could not be run, and are not counted.")
     if run.stationary:

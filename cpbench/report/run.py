@@ -42,6 +42,7 @@ class Run:
     row, of problems with several starts (`analysis.multi_start`).
     `reached`: times of `rows` are those at equal reached error, while `parted` has what was measured.
     `whole`: all rows of the file, where these are they: what is computed of them is taken from there.
+    `waiting`: pairs of problems of which no pair has run yet. They are in no table: they are no failures.
     `looks`: that of each label in every figure, found from all rows of the file (`analysis.looks`).
     """
 
@@ -58,6 +59,14 @@ class Run:
     answers: Mapping[str, Vector] = field(default_factory=dict)
     reached: bool = False
     whole: RunTable | None = None
+    waiting: int = 0
+
+    @property
+    def incomplete(self) -> str:
+        """Sentence about pairs that have not run yet; '' without any."""
+        inside = int((self.rows["status"] == str(Status.NOT_RUN)).sum())
+        every = counted(len(self.rows) + self.waiting, "pair")
+        return f"Incomplete: {inside + self.waiting} of {every} not run yet." if inside + self.waiting else ""
 
     @property
     def stationary(self) -> str:
@@ -143,8 +152,11 @@ def assembled(
 ) -> Run:
     """Return the run that a report is about; the parameters are those of `folder.write_folder`."""
     rows = _without_folders(given.rows, address)
+    begun = rows["fingerprint"].isin(rows.loc[rows["status"] != str(Status.NOT_RUN), "fingerprint"])
+    waiting = int((~begun).sum()) if begun.any() else 0
+    rows = rows[begun].reset_index(drop=True) if waiting else rows
     run = Run(rows, given.meta, folder, thumbnails=thumbnails, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
-    run = replace(run, answers=answers or {})
+    run = replace(run, answers=answers or {}, waiting=waiting)
     if histories is not None:
         run = replace(run, histories=histories)
     if with_imported:

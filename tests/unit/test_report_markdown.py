@@ -13,6 +13,9 @@ from synthetic_results import meta, row, suite, table
 from tiers import some_by_day
 from written_reports import whole, write_report
 
+from cpbench.analysis.run_table import RunTable
+from cpbench.report.markdown import write_text
+from cpbench.report.run import assembled
 from cpbench.report.text import code, fenced, plain, solve_command
 from cpbench.report.text import table as text_table
 
@@ -366,3 +369,19 @@ def test_solvers_tuned_by_an_earlier_version_are_named(tmp_path: Path) -> None:
     text = report(suite(45, 20), tmp_path / "tuned", solvers=sheets)
     assert "searched for the options of a before this run" in text
     assert "searched for" not in report(suite(45, 20), tmp_path / "not", solvers={"b": {"tuned": None}})
+
+
+def test_problems_that_have_not_begun_are_no_failures(tmp_path: Path) -> None:
+    """Of two problems, one has a pair that ran and one that waits, the other waits with both."""
+    statuses = ("solved", "not_run", "not_run", "not_run")
+    rows = pd.DataFrame({"problem": ["p", "p", "q", "q"], "label": ["s", "t"] * 2, "node": "lcp", "solve": 1.0})
+    rows = rows.assign(key=list("abcd"), status=statuses, tolerance=1e-6, threads=1)
+    run = assembled(RunTable.of(rows, {}), tmp_path)
+    assert set(run.rows["problem"]) == {"p"}
+    assert run.incomplete == "Incomplete: 3 of 4 pairs not run yet."
+    text = write_text(run, "half a run").read_text("utf-8")
+    assert text.splitlines()[2] == "**Incomplete: 3 of 4 pairs not run yet.**"
+    whole = assembled(RunTable.of(rows[:1], {}), tmp_path)
+    assert whole.incomplete == ""
+    none = assembled(RunTable.of(rows[2:], {}), tmp_path)
+    assert (len(none.rows), none.incomplete) == (2, "Incomplete: 2 of 2 pairs not run yet.")

@@ -28,9 +28,8 @@ def overview(run: Run) -> Iterator[Markup]:
     if restricted := list(publishing(run)):
         yield element("div", prose("\n\n".join(restricted)), class_="note warning")
     waiting = int((rows["status"] == str(Status.NOT_RUN)).sum())
-    if waiting:
-        sentence = f"Incomplete: {waiting} of {counted(len(rows), 'pair')} not run yet."
-        yield element("p", sentence, class_="note warning")
+    if run.incomplete:
+        yield element("p", run.incomplete, class_="note warning")
     if run.remarks:
         yield element("p", " ".join(f"{remark}." for remark in run.remarks), class_="note warning")
     yield prose("\n\n".join(contradictions(run)))
