@@ -74,6 +74,8 @@ def percent(part: float, whole: int) -> str:
 def page() -> str:
     """Return the page: the answer, shares by formulation, rankings beside each other, families, how to repeat it."""
     pairs, ranking, runs = (_read(name) for name in ("pairs", "ranking", "runs"))
+    both = _of_both(pairs)
+    pairs, ranking = ([row for row in rows if (row["node"], row["solver"]) in both] for rows in (pairs, ranking))
     by_node = {tier: _grouped(pairs, tier, "node") for tier in (SMALL, STANDARD)}
     families = _grouped(pairs, STANDARD, "node", "family")
     return "\n\n".join(
@@ -81,6 +83,7 @@ def page() -> str:
             "# How hard the collection is",
             _answer(by_node, ranking),
             _conditions(runs),
+            "Compared are the solvers that were started on a formulation in both tiers.",
             "## Share of the problems solved",
             "Best: the solver with most problems solved. Median: of the solvers that were started on any problem of "
             "the formulation. Both are shares of all problems that were run, those that a solver cannot take included, "
@@ -108,6 +111,15 @@ FAMILY_HEAD = ("formulation", "family", "best", "median", "slow", "none")
 def _read(name: str) -> Rows:
     with (FOLDER / f"{name}.csv").open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
+
+
+def _of_both(pairs: Rows) -> set[tuple[str, str]]:
+    """Return formulations with the solvers that were started on them in both tiers."""
+    started = (
+        {(row["node"], row["solver"]) for row in pairs if row["tier"] == tier and row["status"] not in NOT_STARTED}
+        for tier in (SMALL, STANDARD)
+    )
+    return set.intersection(*started)
 
 
 def _grouped(pairs: Rows, tier: str, *keys: str) -> dict[tuple[str, ...], Group]:
@@ -138,7 +150,8 @@ def _families(families: Mapping[tuple[str, ...], Group]) -> Iterator[tuple[str, 
 
 def _order(ranking: Rows, tier: str, node: str) -> list[Mapping[str, str]]:
     found = [row for row in ranking if (row["tier"], row["node"]) == (tier, node)]
-    return sorted(found, key=lambda row: int(row["place"]))
+    ordered = sorted(found, key=lambda row: int(row["place"]))
+    return [{**row, "place": str(place)} for place, row in enumerate(ordered, 1)]
 
 
 def _rankings(ranking: Rows) -> Iterator[tuple[str, ...]]:
