@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from cpbench.formulations.base import Problem
 from cpbench.foundation.kernel_cache import load_all
-from cpbench.solvers import warming
+from cpbench.solvers import clock, warming
 from cpbench.solvers.base import (
     Budget,
     Claim,
@@ -100,7 +100,7 @@ class AutomaticChoice(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        begun, phases, solver = warming.now(), prepared.phases, prepared.solver
+        begun, phases, solver = clock.now(), prepared.phases, prepared.solver
         # most problems end with the first solver, many in less time than it takes to prepare for more
         if solver is not None and start is None and record is None and budget.seconds > 0 and budget.iterations != 0:
             output = solver.collect(solver.solve(prepared.first, budget, prepared.options))
@@ -172,7 +172,7 @@ class _Run:
         """Whether there is nothing left to find, or to find it with."""
         budget = self._budget
         spent = budget.iterations is not None and self._iterations >= budget.iterations
-        return self._ended is not None or spent or warming.now() > self._deadline
+        return self._ended is not None or spent or clock.now() > self._deadline
 
     def ask(self, phase: SolverPhase) -> None:
         """Run one solver, as far as its phase and the budget allow."""
@@ -227,7 +227,7 @@ class _Run:
             most = left if most is None else min(most, left)
         if most == budget.iterations and math.isinf(budget.seconds):
             return budget
-        return replace(budget, iterations=most, seconds=max(self._deadline - warming.now(), 0.0))
+        return replace(budget, iterations=most, seconds=max(self._deadline - clock.now(), 0.0))
 
     def _count(self, output: SolverOutput) -> None:
         self._iterations += max(output.counters.get("iterations", 1), 1)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-from cpbench.solvers.warming import off_the_clock
+from cpbench.solvers.clock import off_the_clock
 
 
 @cache

@@ -35,7 +35,7 @@ from cpbench.formulations.base import Kind, Problem
 from cpbench.foundation import brackets, kernel_cache
 from cpbench.foundation.extensions import hook
 from cpbench.generators.collection import builtin_folder
-from cpbench.solvers import warming
+from cpbench.solvers import clock, warming
 from cpbench.solvers.base import Trait, solvers
 from cpbench.storage.base import require_new
 from cpbench.verification import Status
@@ -161,7 +161,7 @@ def _answered(asked: Mapping[str, Any], talk: _Talk) -> Answered:
         talk.begin(WARM_UP)
         with kernel_cache.compiling_reported(lambda: talk.say(compiling=way.name)):
             warming.warm_up_quickly(way.solver)
-            warming.listen(talk.off_the_clock)
+            clock.listen(talk.off_the_clock)
             solution, there = solve_there(
                 problem, way, asked["tolerance"], asked["seconds"], point, on_phase=talk.begin
             )

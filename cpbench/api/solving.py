@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,7 +17,7 @@ from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
 from cpbench.foundation import brackets
 from cpbench.graph import EXACT
-from cpbench.solvers import warming
+from cpbench.solvers import clock, warming
 from cpbench.solvers.base import Budget, Solver, parse_options, solvers
 from cpbench.solvers.stopping import second_tolerance
 from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, Status
@@ -151,11 +150,6 @@ def _brought(
     )
 
 
-def _clock() -> float:
-    """Return the time [s], which stands still while something is loaded or compiled."""
-    return time.perf_counter() - warming.seconds()
-
-
 def solve_there(
     problem: Problem,
     way: Way,
@@ -198,11 +192,11 @@ def _judged(
     try:
         handed = solver.hand_over(way.problem)
         on_phase(SOLVE)
-        begun = _clock()
+        begun = clock.now()
         prepared = solver.setup(handed, budget, way.options)
-        between = _clock()
+        between = clock.now()
         output = solver.solve(prepared, budget, way.options, start)
-        spent |= {"setup": between - begun, "solve": _clock() - between}
+        spent |= {"setup": between - begun, "solve": clock.now() - between}
         output = solver.collect(output)
         on_phase(JUDGE)
     except (NotApplicable, Unavailable):

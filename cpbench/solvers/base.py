@@ -22,6 +22,7 @@ from cpbench.formulations.stack import Stack
 from cpbench.foundation.extensions import NATIVE
 from cpbench.foundation.matrices import Vector
 from cpbench.registry import Registry
+from cpbench.solvers import clock
 from cpbench.solvers.options import choices, written
 from cpbench.solvers.renamed import RENAMED
 from cpbench.solvers.stopping import Stopping
@@ -116,6 +117,15 @@ class Budget:
     seconds: float = math.inf
     iterations: int | None = None
     seed: int = 0
+
+    def deadline(self) -> float:
+        """Return when the seconds are over, if they begin now: a time of `clock.now`."""
+        return clock.now() + self.seconds
+
+    def left(self, deadline: float, spent: int = 0) -> Budget:
+        """Return what remains: the seconds until `deadline`, and the iterations less those that are spent."""
+        iterations = None if self.iterations is None else max(self.iterations - spent, 0)
+        return dataclasses.replace(self, seconds=max(deadline - clock.now(), 0.0), iterations=iterations)
 
 
 @dataclass(frozen=True, kw_only=True)

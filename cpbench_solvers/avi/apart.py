@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,7 +14,6 @@ from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.foundation.kernel_cache import load
-from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers.avi.claims import data_of, error_of
 from cpbench_solvers.lcp.claims import CLOSE
@@ -60,13 +59,11 @@ def solve_apart(
     parts: PartedAffine, budget: Budget, start: Any | None, run: Callable[[Any, Budget, Any], SolverOutput]
 ) -> SolverOutput:
     """Return the answer of all parts, solved one after the other by `run`; a limit of iterations is one of all."""
-    problem, deadline = parts.problem, warming.now() + budget.seconds
+    problem, deadline = parts.problem, budget.deadline()
     x = np.zeros(sum(problem.point_sizes.values()))
     given, counters, claim, missed = None if start is None else _joined(start), Counter[str](), Claim.SOLVED, []
     for number, at in enumerate(parts.members):
-        own = restricted(problem, at)
-        left = None if budget.iterations is None else max(budget.iterations - counters["iterations"], 0)
-        share = replace(budget, seconds=max(deadline - warming.now(), 0.0), iterations=left)
+        own, share = restricted(problem, at), budget.left(deadline, counters["iterations"])
         output = run(own, share, None if given is None else _point(own, given[at]))
         counters.update(output.counters)
         if output.point is not None:

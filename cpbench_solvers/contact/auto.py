@@ -14,7 +14,6 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, StackCall, Trait, register, solved
 from cpbench_solvers.contact.by_parts import SURE, SolverByParts
 from cpbench_solvers.contact.parts import ContactPart
@@ -95,13 +94,13 @@ class AutoContact(SolverByParts):
         if not (problem.mu > STEEP).any() or start is not None or record is not None:
             return super()._solved(part, budget, options, start, record)
         # what sticks under less friction does so under more, and μ times the rounding of a velocity is no velocity
-        begun = warming.now()
+        deadline = budget.deadline()
         less = replace(problem, mu=np.minimum(problem.mu, STEEP))
         near = ContactPart.of(part.rows, less, self.prepare(less, budget, options))
         output = super()._solved(near, replace(budget, seconds=0.5 * budget.seconds), options, None, None)
         if output.point is not None and part.error(output.point.r) <= SURE * budget.tolerance:
             return solved(output.point, output.counters)
-        left = replace(budget, seconds=max(begun + budget.seconds - warming.now(), 0.0))
+        left = budget.left(deadline)
         rest = super()._solved(part, left, options, output.point, None)
         return replace(rest, counters=dict(Counter(output.counters) + Counter(rest.counters)))
 

@@ -12,7 +12,7 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import EPS
-from cpbench.solvers import warming
+from cpbench.solvers import clock
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
 from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
@@ -91,7 +91,7 @@ class AutoGlobal(AutomaticChoice):
             return solve_moving(prepared, budget, start, record, self._part)
         if not isinstance(prepared, PreparedCondensed):
             return super().solve(prepared, budget, options, start, record)
-        end = warming.now() + budget.seconds
+        end = budget.deadline()
         output = _locally(solvers.get(LOCAL), prepared, budget, start, record)
         left = _left(budget, output.counters, budget, end)
         if output.claim is Claim.SOLVED or left is None:
@@ -111,7 +111,7 @@ class AutoGlobal(AutomaticChoice):
 
 def _left(finer: Budget, counters: Mapping[str, int], budget: Budget, end: float) -> Budget | None:
     """Return what is left of a budget, with the tolerance of `finer`; None where that is nothing."""
-    seconds = end - warming.now()
+    seconds = end - clock.now()
     spent = counters.get("iterations", 0)
     iterations = None if budget.iterations is None else budget.iterations - spent
     if seconds <= 0.0 or (iterations is not None and iterations <= 0):
@@ -124,7 +124,7 @@ def _locally(
 ) -> SolverOutput:
     """Solve the condensed problem more finely than is asked for, and again where the lifted answer is not good
     enough."""
-    small, end = prepared.condensed, warming.now() + budget.seconds
+    small, end = prepared.condensed, budget.deadline()
     begin = None if start is None else FCPoint(start.r)
     passing = None if record is None else _lifting(record, small)
     finer, counters = replace(budget, tolerance=FINER * budget.tolerance), Counter[str]()

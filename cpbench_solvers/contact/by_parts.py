@@ -20,7 +20,6 @@ import numpy as np
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
 from cpbench.foundation.matrices import EPS, Vector
-from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved
 from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.contact.parts import (
@@ -94,7 +93,7 @@ class SolverByParts(Solver):
         if isinstance(prepared, ContactPart):
             return self._solved(prepared, budget, options, start, record)
         r = np.zeros(prepared.whole.blocks.problem.q.size) if start is None else np.array(start.r)
-        deadline, counters, failed = warming.now() + budget.seconds, Counter[str](), []
+        deadline, counters, failed = budget.deadline(), Counter[str](), []
         left_over: Any = range(prepared.whole.count)
         warm = start is not None
         if start is None and record is None:
@@ -106,10 +105,9 @@ class SolverByParts(Solver):
         progress = None if record is None else _Progress(record, prepared, r, budget)
         for k in left_over:
             part = prepared[k]
-            left = replace(budget, seconds=max(deadline - warming.now(), 0.0))
             begin = FCPoint(r[part.rows]) if warm else None
             look = None if progress is None else progress.of_part(k, counters["iterations"])
-            output = self._solved(part, left, options, begin, look)
+            output = self._solved(part, budget.left(deadline), options, begin, look)
             counters.update(output.counters)
             if output.point is not None:
                 r[part.rows] = output.point.r
@@ -127,7 +125,7 @@ class SolverByParts(Solver):
         self, part: ContactPart, budget: Budget, options: Any, start: Any | None, record: Record | None
     ) -> SolverOutput:
         """Solve one part; go on where its error is not small enough by the sizes of the contacts in use."""
-        begun = warming.now()
+        deadline = budget.deadline()
         output = self.solve_part(part.prepared, budget, options, start, record)
         relaxed = self.spec.kind is Kind.RELAXATION  # the answer is one to another law
         if output.point is None or output.claim is not Claim.SOLVED or relaxed or not part.problem.nc:
@@ -137,7 +135,7 @@ class SolverByParts(Solver):
             return output
         while asked > EPS:
             asked = reduced(asked, error, enough)
-            left = replace(budget, tolerance=asked, seconds=max(begun + budget.seconds - warming.now(), 0.0))
+            left = replace(budget.left(deadline), tolerance=asked)
             further = self.solve_part(part.prepared, left, options, output.point, record)
             counters = Counter(output.counters)
             counters.update(further.counters)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.foundation.matrices import Vector, entries, is_sparse
-from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved
 from cpbench_solvers.contact.dynamics_error import DynamicsError
 from cpbench_solvers.contact.parts import rows_of
@@ -106,16 +105,15 @@ def solve_moving(
 
     It claims to be solved where every part does. A limit of iterations is one of each part, that of time is one of all.
     """
-    problem, deadline = whole.problem, warming.now() + budget.seconds
+    problem, deadline = whole.problem, budget.deadline()
     first, d = problem.zero_point() if start is None else start, problem.dimension
     now = first.v.copy(), first.r.copy(), first.lam.copy()
     counters, failed = Counter[str](), []
     progress = None if record is None else _Progress(record, whole, first)
     for k, part in enumerate(whole.parts):
-        left = replace(budget, seconds=max(deadline - warming.now(), 0.0))
         begin = None if start is None else part.start(start, d)
         look = None if progress is None else progress.of_part(k, counters["iterations"])
-        output = run(restricted(problem, part), left, begin, look)
+        output = run(restricted(problem, part), budget.left(deadline), begin, look)
         counters.update(output.counters)
         if output.point is not None:
             part.put(now, output.point, d)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from cpbench.formulations.qp import QP, QPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
-from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers.lcp.claims import CLOSE
 from cpbench_solvers.qp.claims import PARTS_KERNEL, SPARSE_KERNEL, ErrorMeasure
@@ -55,7 +54,7 @@ def solve_apart(
 
     A part without a solution ends it; its certificate is one of the whole.
     """
-    P, deadline = parts.problem, warming.now() + budget.seconds
+    P, deadline = parts.problem, budget.deadline()
     whole = _Answer(P)
     counts, outcome = np.zeros(2, np.int64), np.empty(parts.count, np.int64)
     kernel, own = load(KERNEL), ProximalActiveSetOptions()
@@ -76,10 +75,8 @@ def solve_apart(
     kernel.solve_parts(*data, *how, whole.z, whole.y, whole.nu, outcome, counts)
     whole.count({"iterations": int(counts.sum()), "proximal_steps": int(counts[1])})
     for q, at in _members(parts, np.flatnonzero(outcome != 0)):
-        left = None if budget.iterations is None else max(budget.iterations - whole.counters["iterations"], 0)
-        share = replace(budget, seconds=max(deadline - warming.now(), 0.0), iterations=left)
-        part = restricted(P, at)
-        output = run(part, share, None if start is None else _start(P, start, at))
+        share = budget.left(deadline, whole.counters["iterations"])
+        output = run(restricted(P, at), share, None if start is None else _start(P, start, at))
         whole.count(output.counters)
         if output.claim in (Claim.INFEASIBLE, Claim.UNBOUNDED):
             return whole.without_solution(output, q, at)

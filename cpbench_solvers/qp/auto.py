@@ -117,14 +117,14 @@ class AutoQP(AutomaticChoice):
             if record is not None and isinstance(output.point, QPPoint):
                 record_ends(prepared.problem, output.point, output.counters["iterations"], record)
             return output
-        begun, problem = warming.now(), prepared.problem
+        deadline, problem = budget.deadline(), prepared.problem
         last = None if record is None else _LastNumber(record)
         output = super().solve(prepared, budget, options, start, last)
         if output.claim in ENDED or problem.p.size > SMALL or budget.iterations is not None:
             return output
         for other in (self._apart, self._presolved):
-            left = budget.seconds - (warming.now() - begun)
-            found = other(problem, replace(budget, seconds=left)) if left > 0.0 else None
+            left = budget.left(deadline)
+            found = other(problem, left) if left.seconds > 0.0 else None
             if found is not None and found.claim in ENDED:
                 if last is not None and (point := found.point) is not None:
                     last(last.number + 1, self.error(problem, point, budget.tolerance), lambda: point)
