@@ -1,4 +1,4 @@
-"""Add the problem files that others publish, and check them."""
+"""List the problems of cpbench, and add and check the problem files that others publish."""
 
 from __future__ import annotations
 
