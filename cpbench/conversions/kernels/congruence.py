@@ -18,7 +18,7 @@ def _readonly(kind, ndim=1):
 
 # Neither contraction nor reassociation: terms that cancel must give 0, which is not stored. Offsets are unsigned
 # where a loop should vectorise: a signed one may count from the end. What is called for every row would count
-# references to its arrays, which costs more than the row: hence one long function.
+# references to its arrays, which costs more than the row: the stages of `write` are copied into it (inline="always").
 
 
 @njit(
@@ -81,6 +81,141 @@ def _merge(indptr, indices, data, c, at, J, S):
     return count
 
 
+@njit(inline="always", error_model="numpy")
+def _place_blocks(indptr, indices, data, full, c, at, J, S):
+    """Place the blocks of contact c side by side in S, and their columns in J: rows that are alike and full are copied,
+    others merged unless all are promised to be `full`. Return how many blocks, or NOT_FULL."""
+    d = at.size
+    first = indptr[c * d]
+    n = uint64(indptr[c * d + 1] - first)
+    unlike = int64(n) % d + int64(indptr[c * d + d] - first) - d * int64(n)
+    count, diagonal = 0, False
+    if unlike == 0:
+        start = uint64(first)
+        for a in range(uint64(1), uint64(d)):
+            for t in range(n):
+                unlike += indices[start + t] != indices[start + a * n + t]
+    if unlike == 0:
+        count = int64(n) // d
+        for b in range(count):
+            column_0 = int64(indices[first + b * d])
+            j = column_0 // d
+            unlike += (column_0 != j * d) | (indices[first + b * d + d - 1] != column_0 + d - 1)
+            diagonal |= j == c
+            J[b] = j
+        for a in range(1, d):
+            unlike += indptr[c * d + a + 1] - indptr[c * d + a] - int64(n)
+    if unlike == 0 and diagonal:
+        start = uint64(first)
+        for a in range(uint64(d)):
+            for t in range(n):
+                S[a, t] = data[start + a * n + t]
+    elif full:
+        count = NOT_FULL
+    else:
+        count = _merge(indptr, indices, data, c, at, J, S)
+    return count
+
+
+@njit(inline="always", error_model="numpy")
+def _multiply_rows(count, J, S, c, F, chosen, active, width, d, R, column):
+    """Write R, the rows of contact c in WF, and its columns; return their number, and where the diagonal block begins,
+    which has the columns of K too."""
+    length = 0
+    where = 0
+    for b in range(count):
+        base = J[b] * width
+        g, columns = uint64(0), uint64(active)
+        if J[b] == c:
+            where = length
+            g, columns = columns, uint64(chosen.size) - columns
+        start = uint64(length)
+        for m in range(columns):
+            column[start + m] = base + chosen[g + m]
+        if d == 3:  # held in registers: the compiler cannot know that R is not S
+            w00, w01, w02 = S[0, 3 * b], S[0, 3 * b + 1], S[0, 3 * b + 2]
+            w10, w11, w12 = S[1, 3 * b], S[1, 3 * b + 1], S[1, 3 * b + 2]
+            w20, w21, w22 = S[2, 3 * b], S[2, 3 * b + 1], S[2, 3 * b + 2]
+            for m in range(columns):
+                f0, f1, f2 = F[0, g + m], F[1, g + m], F[2, g + m]
+                R[0, start + m] = w00 * f0 + w01 * f1 + w02 * f2
+                R[1, start + m] = w10 * f0 + w11 * f1 + w12 * f2
+                R[2, start + m] = w20 * f0 + w21 * f1 + w22 * f2
+        else:
+            for a in range(d):
+                for m in range(columns):
+                    total = 0.0
+                    for t in range(d):
+                        total += S[a, b * d + t] * F[t, g + m]
+                    R[a, start + m] = total
+        length += int64(columns)
+    return length, where
+
+
+@njit(inline="always", error_model="numpy")
+def _row_of_k(c, i, k_count, k_place, K, coefficients, chosen, active, base, p, ix, x):
+    """Write row i of a contact where there is nothing but K; return the next place."""
+    for s in range(k_count[i]):
+        m = k_place[i, s]
+        value = 0.0
+        for r in range(K.shape[0]):
+            value += coefficients[c, r] * K[r, i, m]
+        if value != 0.0:
+            ix[p] = base + chosen[active + m]
+            x[p] = value
+            p += 1
+    return p
+
+
+@njit(inline="always", error_model="numpy")
+def _combine_rows(i, e_count, e_place, e_value, R, column, length, p, ix, x):
+    """Write row i of EᵀR from x[p] on, with its zeros; return how many these are."""
+    start, zeros = uint64(p), 0
+    row, e = uint64(e_place[i, 0]), e_value[i, 0]
+    other, f = uint64(e_place[i, 1]), e_value[i, 1]
+    for t in range(uint64(length)):
+        value = e * R[row, t] + f * R[other, t]
+        x[start + t] = value
+        ix[start + t] = column[t]
+        zeros += value == 0.0
+    for s in range(2, e_count[i]):
+        row, e = uint64(e_place[i, s]), e_value[i, s]
+        zeros = 0
+        for t in range(uint64(length)):
+            value = x[start + t] + e * R[row, t]
+            x[start + t] = value
+            zeros += value == 0.0
+    return zeros
+
+
+@njit(inline="always", error_model="numpy")
+def _add_k(c, i, k_count, k_place, K, coefficients, at, x):
+    """Add row i of K to the diagonal block, which begins at x[at]; return by how many zeros there are more."""
+    zeros = 0
+    for s in range(k_count[i]):
+        m = k_place[i, s]
+        value = x[at + m]
+        zeros -= value == 0.0
+        for r in range(K.shape[0]):
+            value += coefficients[c, r] * K[r, i, m]
+        zeros += value == 0.0
+        x[at + m] = value
+    return zeros
+
+
+@njit(inline="always", error_model="numpy")
+def _drop_zeros(p, end, ix, x):
+    """Move the entries from p to `end` that are not 0 together; return the next place."""
+    while x[p] != 0.0:
+        p += 1
+    for t in range(p, end):
+        if x[t] != 0.0:
+            x[p] = x[t]
+            ix[p] = ix[t]
+            p += 1
+    return p
+
+
 @njit(
     [
         int64(
@@ -141,111 +276,19 @@ def write(
     p = 0
     ptr[0] = 0
     for c in range(coefficients.shape[0]):
-        # the blocks of the contact: rows that are alike and full are copied, others merged
-        first = indptr[c * d]
-        n = uint64(indptr[c * d + 1] - first)
-        unlike = int64(n) % d + int64(indptr[c * d + d] - first) - d * int64(n)
-        if unlike == 0:
-            start = uint64(first)
-            for a in range(uint64(1), uint64(d)):
-                for t in range(n):
-                    unlike += indices[start + t] != indices[start + a * n + t]
-        if unlike == 0:
-            count = int64(n) // d
-            diagonal = False
-            for b in range(count):
-                column_0 = int64(indices[first + b * d])
-                j = column_0 // d
-                unlike += (column_0 != j * d) | (indices[first + b * d + d - 1] != column_0 + d - 1)
-                diagonal |= j == c
-                J[b] = j
-            for a in range(1, d):
-                unlike += indptr[c * d + a + 1] - indptr[c * d + a] - int64(n)
-        if unlike == 0 and diagonal:
-            for a in range(uint64(d)):
-                for t in range(n):
-                    S[a, t] = data[start + a * n + t]
-        elif full:
+        count = _place_blocks(indptr, indices, data, full, c, at, J, S)
+        if count == NOT_FULL:
             return NOT_FULL
-        else:
-            count = _merge(indptr, indices, data, c, at, J, S)
-
-        # R = the rows of the contact in WF; the diagonal block has the columns of K too
-        length = 0
-        where = 0
-        for b in range(count):
-            base = J[b] * width
-            g, columns = uint64(0), uint64(active)
-            if J[b] == c:
-                where = length
-                g, columns = columns, uint64(chosen.size) - columns
-            start = uint64(length)
-            for m in range(columns):
-                column[start + m] = base + chosen[g + m]
-            if d == 3:  # held in registers: the compiler cannot know that R is not S
-                w00, w01, w02 = S[0, 3 * b], S[0, 3 * b + 1], S[0, 3 * b + 2]
-                w10, w11, w12 = S[1, 3 * b], S[1, 3 * b + 1], S[1, 3 * b + 2]
-                w20, w21, w22 = S[2, 3 * b], S[2, 3 * b + 1], S[2, 3 * b + 2]
-                for m in range(columns):
-                    f0, f1, f2 = F[0, g + m], F[1, g + m], F[2, g + m]
-                    R[0, start + m] = w00 * f0 + w01 * f1 + w02 * f2
-                    R[1, start + m] = w10 * f0 + w11 * f1 + w12 * f2
-                    R[2, start + m] = w20 * f0 + w21 * f1 + w22 * f2
-            else:
-                for a in range(d):
-                    for m in range(columns):
-                        total = 0.0
-                        for t in range(d):
-                            total += S[a, b * d + t] * F[t, g + m]
-                        R[a, start + m] = total
-            length += int64(columns)
-
+        length, where = _multiply_rows(count, J, S, c, F, chosen, active, width, d, R, column)
         for i in range(height):
-            if e_count[i] == 0:  # nothing but K
-                for s in range(k_count[i]):
-                    m = k_place[i, s]
-                    value = 0.0
-                    for r in range(K.shape[0]):
-                        value += coefficients[c, r] * K[r, i, m]
-                    if value != 0.0:
-                        ix[p] = c * width + chosen[active + m]
-                        x[p] = value
-                        p += 1
-                ptr[c * height + i + 1] = p
-                continue
-            start, zeros = uint64(p), 0
-            row, e = uint64(e_place[i, 0]), e_value[i, 0]
-            other, f = uint64(e_place[i, 1]), e_value[i, 1]
-            for t in range(uint64(length)):
-                value = e * R[row, t] + f * R[other, t]
-                x[start + t] = value
-                ix[start + t] = column[t]
-                zeros += value == 0.0
-            for s in range(2, e_count[i]):
-                row, e = uint64(e_place[i, s]), e_value[i, s]
-                zeros = 0
-                for t in range(uint64(length)):
-                    value = x[start + t] + e * R[row, t]
-                    x[start + t] = value
-                    zeros += value == 0.0
-            for s in range(k_count[i]):
-                m = k_place[i, s]
-                value = x[p + where + m]
-                zeros -= value == 0.0
-                for r in range(K.shape[0]):
-                    value += coefficients[c, r] * K[r, i, m]
-                zeros += value == 0.0
-                x[p + where + m] = value
-            end = p + length
-            if zeros == 0:
-                p = end
+            if e_count[i] == 0:
+                p = _row_of_k(c, i, k_count, k_place, K, coefficients, chosen, active, c * width, p, ix, x)
             else:
-                while x[p] != 0.0:
-                    p += 1
-                for t in range(p, end):
-                    if x[t] != 0.0:
-                        x[p] = x[t]
-                        ix[p] = ix[t]
-                        p += 1
+                zeros = _combine_rows(i, e_count, e_place, e_value, R, column, length, p, ix, x)
+                zeros += _add_k(c, i, k_count, k_place, K, coefficients, p + where, x)
+                if zeros == 0:
+                    p += length
+                else:
+                    p = _drop_zeros(p, p + length, ix, x)
             ptr[c * height + i + 1] = p
     return p

@@ -261,6 +261,61 @@ def _block_row(p, stride, size, q, width, terms):
                     term[c] += x * row[c]
 
 
+@njit(error_model="numpy")
+def _unite(bodies, touch, group, i, n, marked, place, found, position):
+    """Record the n groups that more than two bodies touch, increasing, and the places of their pairs in the union."""
+    k = 0
+    for b in bodies:
+        for g in group[touch[b] : touch[b + 1]]:
+            if marked[g] != i:
+                marked[g] = i
+                found[k] = g
+                k += 1
+    found[:n].sort()
+    for k in range(n):
+        place[found[k]] = k
+    k = 0
+    for b in bodies:
+        for g in group[touch[b] : touch[b + 1]]:
+            position[k] = place[g]
+            k += 1
+
+
+@njit(error_model="numpy")
+def _write_columns(found, n, dq, dp, indices):
+    """Write the columns of the dp rows of a group, which are alike."""
+    width = n * dq
+    index = indices[:width]
+    if dq == 3:
+        for k in range(n):
+            column = 3 * found[k]
+            index[3 * k], index[3 * k + 1], index[3 * k + 2] = column, column + 1, column + 2
+    else:
+        for k in range(n):
+            for c in range(dq):
+                index[k * dq + c] = found[k] * dq + c
+    for a in range(1, dp):
+        copied = indices[a * width :][:width]
+        for k in range(width):
+            copied[k] = index[k]
+
+
+@njit(error_model="numpy")
+def _add_blocks(blocks, where, dq, entry, a):
+    """Add row a of the blocks of a body to a row of W, at the places `where`."""
+    term = blocks[a]
+    if dq == 3:
+        for k in range(where.size):
+            e = uint64(3) * where[k]
+            entry[e] += term[k, 0]
+            entry[e + uint64(1)] += term[k, 1]
+            entry[e + uint64(2)] += term[k, 2]
+    else:
+        for k in range(where.size):
+            for c in range(dq):
+                entry[int64(where[k]) * dq + c] += term[k, c]
+
+
 @njit(
     [
         int64(
@@ -324,36 +379,10 @@ def multiply_blocks(
                 other = q_group[q_touch[b] : q_touch[b + 1]] if b != leader else one[:0]
                 _merge(one, other, found, position)
             else:
-                k = 0
-                for b in body[first:last]:
-                    for g in q_group[q_touch[b] : q_touch[b + 1]]:
-                        if marked[g] != i:
-                            marked[g] = i
-                            found[k] = g
-                            k += 1
-                found[:n].sort()
-                for k in range(n):
-                    place[found[k]] = k
-                k = 0
-                for b in body[first:last]:
-                    for g in q_group[q_touch[b] : q_touch[b + 1]]:
-                        position[k] = place[g]
-                        k += 1
+                _unite(body[first:last], q_touch, q_group, i, n, marked, place, found, position)
             width = n * dq
             at = begin[i] * dp * dq
-            index = indices[at : at + width]
-            if dq == 3:
-                for k in range(n):
-                    column = 3 * found[k]
-                    index[3 * k], index[3 * k + 1], index[3 * k + 2] = column, column + 1, column + 2
-            else:
-                for k in range(n):
-                    for c in range(dq):
-                        index[k * dq + c] = found[k] * dq + c
-            for a in range(1, dp):
-                copied = indices[at + a * width :][:width]
-                for k in range(width):
-                    copied[k] = index[k]
+            _write_columns(found, n, dq, dp, indices[at : at + dp * width])
             clean = W[at : at + dp * width]
             for k in range(clean.size):  # numba's slice assignments cost more than loops
                 clean[k] = 0.0
@@ -370,20 +399,7 @@ def multiply_blocks(
                 where = position[shift : shift + count]
                 shift += count
                 for a in range(dp):
-                    term, entry = blocks[a], W[at + a * width :][:width]
-                    if dq == 3:
-                        for k in range(count):
-                            e = uint64(3) * where[k]
-                            entry[e] += term[k, 0]
-                            entry[e + uint64(1)] += term[k, 1]
-                            entry[e + uint64(2)] += term[k, 2]
-                    else:
-                        for k in range(count):
-                            for c in range(dq):
-                                entry[int64(where[k]) * dq + c] += term[k, c]
+                    _add_blocks(blocks, where, dq, W[at + a * width :][:width], a)
             for k in range(clean.size):
                 zeros += clean[k] == 0.0
     return zeros
-
-
-READY = True

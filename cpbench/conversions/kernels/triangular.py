@@ -373,6 +373,3 @@ def compress(M, indptr, indices, data):
             if row[j] != 0.0:
                 indices[k], data[k] = j, row[j]
                 k += 1
-
-
-READY = True
