@@ -37,7 +37,7 @@ _PACKAGES = ["cpbench.formulations.expressions.kernels", "cpbench.conversions.ke
 """Packages of kernel modules; plugins add theirs."""
 _TAKEN = re.compile(r"^from ([\w.]+\.kernels\.\w+) import", re.MULTILINE)
 """How a kernel module takes functions from another one."""
-_KEPT = re.compile(r"cache=True|\*\*COMPILED")
+_KEPT = re.compile(r"cache=True|\*\*(COMPILED|KEPT|QUICK)")
 """Options of a kernel that is in the cache; others are compiled where they are used."""
 
 _SIDE = """
@@ -211,8 +211,10 @@ def is_compiled(module: str) -> bool:
 
 
 def _is_loaded(module: str) -> bool:
-    """Return whether it was loaded to its end."""
-    return hasattr(sys.modules.get(module), "READY")
+    """Return whether it was loaded to its end: what another thread is reading is among the modules already."""
+    found = sys.modules.get(module)
+    # the flag by which the import statement itself knows
+    return found is not None and not getattr(found.__spec__, "_initializing", False)
 
 
 def _drop_stale(module: str, directory: Path) -> None:

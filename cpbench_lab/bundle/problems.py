@@ -89,11 +89,7 @@ def shipped(folder: Path) -> dict[str, Place]:
 
 
 def gather(
-    store: Store,
-    rows: Sequence[Row],
-    folder: Path,
-    builtin: Mapping[str, Place],
-    withhold: Sequence[str] = (),
+    store: Store, rows: Sequence[Row], folder: Path, builtin: Mapping[str, Place], withhold: Sequence[str] = ()
 ) -> dict[Unit, Place]:
     """Write the problems of the rows below `folder`; where each is.
 
@@ -139,14 +135,7 @@ def _free(name: str, used: set[str]) -> str:
     return free
 
 
-def _written(
-    row: Row,
-    place: Place,
-    store: Store,
-    folder: Path,
-    format: str | None,
-    withhold: Sequence[str],
-) -> Place:
+def _written(row: Row, place: Place, store: Store, folder: Path, format: str | None, withhold: Sequence[str]) -> Place:
     """Return the place with what is known of the problem, once its file is written or the reason is found why it is
     not."""
     address = located(row.address, store.path)

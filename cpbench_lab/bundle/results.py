@@ -61,11 +61,7 @@ def identity(row: Row) -> tuple[str, str]:
 
 
 def write(
-    store: Store,
-    rows: Sequence[Row],
-    places: Mapping[Unit, Place],
-    target: Path,
-    names: Mapping[str, str],
+    store: Store, rows: Sequence[Row], places: Mapping[Unit, Place], target: Path, names: Mapping[str, str]
 ) -> list[Row]:
     """Write the results file of a bundle; its rows. `names` : of plugin files in the bundle, by where they were."""
     keys: dict[str, str] = {}

@@ -20,13 +20,7 @@ from cpbench_lab.bundle.report import write_report
 @click.option("--withhold", cls=ListOption, metavar="GLOB", help="Problems to leave out, by name, family or file.")
 @click.option("--report/--no-report", default=None, help="Include a report; default: where reports/NAME exists.")
 @force_option
-def command(
-    results: Path,
-    output: Path,
-    withhold: tuple[str, ...],
-    report: bool | None,
-    force: bool,
-) -> None:
+def command(results: Path, output: Path, withhold: tuple[str, ...], report: bool | None, force: bool) -> None:
     """Put a run, with everything needed to repeat it, into one zip file: plan, versions, machine, plugins, problems,
     results.
 

@@ -82,12 +82,7 @@ class _Inquiry:
         except OutOfTime:
             unfinished = "; ".join(filter(None, [unfinished, "not all remedies were tried"]))
         return Diagnosis(
-            failed,
-            self.complaint,
-            self.cause,
-            tuple(self.suspected),
-            tuple(self.tried),
-            unfinished=unfinished,
+            failed, self.complaint, self.cause, tuple(self.suspected), tuple(self.tried), unfinished=unfinished
         )
 
     def _solve(self, trial: SolverTrial) -> TrialOutcome:

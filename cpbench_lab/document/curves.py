@@ -32,12 +32,7 @@ MARKS = ("*", "square*", "triangle*", "diamond*", "x", "pentagon*", "+", "o", "s
 
 
 def figure(
-    profile: Profile,
-    labels: Sequence[str],
-    kinds: Mapping[str, str],
-    looks: Mapping[str, int],
-    caption: str,
-    key: str,
+    profile: Profile, labels: Sequence[str], kinds: Mapping[str, str], looks: Mapping[str, int], caption: str, key: str
 ) -> str:
     """Write the curves of `labels` in one column, with their legend below."""
     upto = right_end(profile)
@@ -64,11 +59,7 @@ def panels(
     parts: list[str] = []
     last = len(profiles) - 1
     for k, (title, profile) in enumerate(profiles.items()):
-        style = [
-            f"title={{{title}}}",
-            *(["ylabel={}"] if k % 3 else []),
-            *(["xlabel={}"] if k + 3 <= last else []),
-        ]
+        style = [f"title={{{title}}}", *(["ylabel={}"] if k % 3 else []), *(["xlabel={}"] if k + 3 <= last else [])]
         named = ["legend to name=" + key.replace(":", ""), "legend columns=4"] if k == last else []
         parts.append(f"\\nextgroupplot[{', '.join([*style, *named])}]")
         parts += [_plot(curve, upto, kinds, looks, legend=k == last) for curve in _chosen(profile, labels)]

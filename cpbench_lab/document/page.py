@@ -95,11 +95,7 @@ def write_document(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     run = assembled(
-        given,
-        folder,
-        publishable=publishable,
-        with_imported=with_imported,
-        count_stationary=count_stationary,
+        given, folder, publishable=publishable, with_imported=with_imported, count_stationary=count_stationary
     )
     macros, references = Macros(), Bibliography()
     body = list(_body(run, macros, references, dict(citations or {}), facets))

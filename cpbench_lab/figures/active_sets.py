@@ -128,10 +128,5 @@ def _size(value: Vector, unit: float) -> float:
 def _sides(x: Vector, y: Vector, tolerance: float) -> NDArray[np.str_]:
     """Return a Side for every pair."""
     names = [ActiveSide.NEGATIVE, ActiveSide.NEITHER, ActiveSide.FIRST, ActiveSide.SECOND]
-    conditions = [
-        np.minimum(x, y) < -tolerance,
-        np.maximum(x, y) <= tolerance,
-        y <= tolerance,
-        x <= tolerance,
-    ]
+    conditions = [np.minimum(x, y) < -tolerance, np.maximum(x, y) <= tolerance, y <= tolerance, x <= tolerance]
     return np.select(conditions, [str(name) for name in names], str(ActiveSide.BOTH))

@@ -52,9 +52,7 @@ def draw(
     _polar(rose, [s for s in slides if s.facets in counts[:ROSES]])
     upper, lower = figure.add_axes((0.585, 0.555, 0.4, 0.4)), figure.add_axes((0.585, 0.13, 0.4, 0.345))
     _errors(upper, lower, slides)
-    angles = canvas.joined(
-        [f"{s.largest_slip_angle:.4g}° (ν = {s.facets})" for s in slides if s.side == "inner"],
-    )
+    angles = canvas.joined([f"{s.largest_slip_angle:.4g}° (ν = {s.facets})" for s in slides if s.side == "inner"])
     guide = (
         r"Left: friction against the sliding, $-r_\mathrm{T} \cdot t\, /\, \mu r_\mathrm{N}$, for every direction $t$ "
         "of sliding; Coulomb's disk is the grey circle, solid curves have inner facets, dashed ones outer. Right: the "

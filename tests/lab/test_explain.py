@@ -14,7 +14,7 @@ import cpbench as cp
 from cpbench.solvers.base import Budget
 from cpbench_lab.diagnosis.apart import Apart
 from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
-from cpbench_lab.diagnosis.causes.cycling import period
+from cpbench_lab.diagnosis.causes.iterates import period
 from cpbench_lab.diagnosis.diagnose import diagnose
 from cpbench_lab.diagnosis.scaled import scaled
 

@@ -180,9 +180,7 @@ def test_a_kernel_is_compiled_anew_when_one_that_it_takes_functions_from_has_cha
     for package in (CORE, SOLVERS):
         shutil.copytree(package, tmp_path / package.name, ignore=shutil.ignore_patterns("__pycache__"))
     inner, outer = (tmp_path / SOLVERS.name / "kernels" / f"{name}.py" for name in ("inner", "outer"))
-    decorated = (
-        "import numba\n{}\n@numba.njit('float64(float64)', cache=True)\ndef {}(x):\n    return {}\nREADY = True\n"
-    )
+    decorated = "import numba\n{}\n@numba.njit('float64(float64)', cache=True)\ndef {}(x):\n    return {}\n"
     outer.write_text(decorated.format("from cpbench_solvers.kernels.inner import half", "twice", "half(4.0 * x)"))
     found = []
     for share in ("0.5", "0.25"):

@@ -1,4 +1,4 @@
-"""Iterates that come back."""
+"""What the iterates show: a cycle, growth without bound."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ SAME = 1e-6
 """Two iterates are the same if they differ by less than this share of the move between neighbours."""
 LONGEST = 50
 """The longest period that is looked for."""
+GROWN = 1e3
+"""By how much the iterates have to grow in the second half of what was kept."""
 
 
 def cycling(case: FailedTrial) -> Cause | None:
@@ -59,3 +61,25 @@ def _last_run(iterations: Vector) -> slice:
     breaks = [0, *(np.flatnonzero(np.diff(iterations) != 1) + 1).tolist(), iterations.size]
     runs = [slice(a, b) for a, b in pairwise(breaks) if b - a >= 6]
     return runs[-1] if runs else slice(0, 0)
+
+
+def diverging(case: FailedTrial) -> Cause | None:
+    """Measure the growth of the iterates, each with the next, over the second half of those that were kept."""
+    X = case.failed.raw.iterates
+    if len(X) < 6 or case.failed.solved:
+        return None
+    with np.errstate(all="ignore"):
+        sizes = np.abs(X).max(axis=1)
+    sizes = sizes[np.isfinite(sizes) & (sizes > 0)]
+    top = int(sizes.argmax()) if sizes.size else 0
+    half = sizes[top // 2 : top + 1]
+    if half.size < 3 or half[-1] / half[0] < GROWN:
+        return None
+    factor = float((half[-1] / half[0]) ** (1.0 / (half.size - 1)))
+    return Cause(
+        kind="diverging",
+        evidence=f"its iterates grow by a factor of {factor:.3g} each, to {half[-1]:.1e}",
+        numbers={"factor": factor, "size": float(half[-1])},
+        without=dominated(case.trial),
+        change="the diagonal of its matrix raised to twice the rest of each row, so that sweeps contract",
+    )

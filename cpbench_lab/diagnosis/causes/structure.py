@@ -1,0 +1,120 @@
+"""What the problem lacks: strict complementarity, determined reactions, monotony, a block of full rank."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cpbench.formulations import MLCP, facts
+from cpbench.formulations.contact import ContactProblem
+from cpbench.foundation import matrices
+from cpbench.foundation.matrices import Matrix
+from cpbench.foundation.plurals import counted
+from cpbench_lab.diagnosis.case import Cause, FailedTrial
+from cpbench_lab.diagnosis.scaled import scaled
+from cpbench_lab.diagnosis.shifted import principal, shifted
+
+ROUNDING = 1e-12
+"""Share of the terms of a row that its sum is taken to be accurate to."""
+
+
+def degenerate(case: FailedTrial) -> Cause | None:
+    """Count the pairs of a known answer that are both zero, to the square root of the tolerance."""
+    P: Any = case.problem
+    if P.node not in ("lcp", "ncp", "mlcp") or case.known is None:
+        return None
+    z = case.known.v if P.node == "mlcp" else case.known.z
+    w = P.slacks(case.known)["w"]
+    near = np.sqrt(case.trial.tolerance)
+    constants = {"lcp": "q", "mlcp": "b"}.get(P.node)
+    z_size = matrices.max_abs(z) or 1.0
+    w_size, terms = matrices.max_abs(w), matrices.max_abs(getattr(P, constants)) if constants else 0.0
+    # where all w are small, their sums of terms are 0 to rounding
+    both = (np.abs(z) <= near * z_size) & (np.abs(w) <= max(near * w_size, ROUNDING * terms))
+    if not both.any():
+        return None
+    first = int(np.flatnonzero(both)[0]) + 1
+    without = None
+    if constants:
+        moved = replace(P, **{constants: getattr(P, constants) + np.where(both, max(w_size, terms) or 1.0, 0.0)})
+        without = replace(case.trial, problem=moved)
+    return Cause(
+        kind="degenerate",
+        evidence=f"{counted(int(both.sum()), 'pair')} of {both.size} are both zero at a verified answer, first {first}",
+        numbers={"pairs": int(both.sum())},
+        without=without,
+        change="these rows raised, so that every pair is strict",
+    )
+
+
+def hyperstatic(case: FailedTrial) -> Cause | None:
+    """Count the reactions less the rank of the operator that takes them to velocities."""
+    if not isinstance(case.problem, ContactProblem):
+        return None
+    fact = next((fact for fact in case.source_facts if fact.name == "hyperstaticity"), None)
+    if fact is None or not isinstance(fact.value, int) or fact.value <= 0:
+        return None
+    rows = case.problem.nc * case.problem.dimension
+    return Cause(
+        kind="hyperstatic",
+        evidence=f"{rows} components of reactions, rank {rows - fact.value}: {fact.value} are not determined",
+        numbers={"undetermined": fact.value, "components": rows},
+        without=shifted(case.trial),
+        change="W with its mean diagonal added to it",
+    )
+
+
+def nonmonotone(case: FailedTrial) -> Cause | None:
+    """Look at the least eigenvalue of the symmetric part of the problem's matrix."""
+    whole = "[[A, C], [D, B]]" if isinstance(case.problem, MLCP) else ""
+    subject = whole or principal(case.problem)
+    fact = next((f for f in case.source_facts if f.name == "definiteness" and f.matrix == subject), None)
+    if fact is None or fact.value not in ("indefinite", "negative semidefinite", "not positive semidefinite"):
+        return None
+    return Cause(
+        kind="nonmonotone",
+        evidence=f"{fact}",
+        numbers={"least": fact.number or 0.0},
+        without=shifted(case.trial, definite=True),
+        change=f"{subject} with its diagonal raised until it is definite",
+    )
+
+
+def singular(case: FailedTrial) -> Cause | None:
+    """Count the rank of the block that methods of the formulation factor, or of the Jacobian where the solver ended."""
+    P: Any = case.problem
+    name = "" if isinstance(case.problem, ContactProblem) else principal(P)  # W is singular in most heaps, and may be
+    if name:
+        in_units = scaled(P)  # the rank of a matrix has none
+        block: Matrix = getattr(P if in_units is None else in_units.problem, name)
+        fact = facts.rank(block, name)
+        n = block.shape[0]
+        if not isinstance(fact.value, int) or fact.value >= n:
+            return None
+        return Cause(
+            kind="singular",
+            evidence=f"{fact} of {n}",
+            numbers={"rank": fact.value, "size": n},
+            without=shifted(case.trial),
+            change=f"{name} with its mean diagonal added to it",
+        )
+    where = case.failed.answer if case.failed.answer is not None else case.known
+    if getattr(P, "F", None) is None or where is None or not where.finite:
+        return None
+    J = matrices.dense(P.F.jacobian(where.z))
+    free = _free(P, where.z)
+    if not free.size or not np.isfinite(J).all():
+        return None
+    fact = facts.rank(J[np.ix_(free, free)], "the Jacobian of the free unknowns where it ended")
+    if not isinstance(fact.value, int) or fact.value >= free.size:
+        return None
+    return Cause(kind="singular", evidence=f"{fact} of {free.size}", numbers={"rank": fact.value, "size": free.size})
+
+
+def _free(P: Any, z: Any) -> Any:
+    """Return the unknowns that are not at a bound."""
+    lb = getattr(P, "lb", np.zeros(z.size) if P.node == "ncp" else np.full(z.size, -np.inf))
+    ub = getattr(P, "ub", np.full(z.size, np.inf))
+    return np.flatnonzero((z > lb) & (z < ub))
