@@ -24,8 +24,8 @@ from cpbench.solvers.base import (
     solved,
     solvers,
 )
+from cpbench_solvers.traits import ITERATIVE
 
-TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 WORTH = 1.0
 """A scaled error is about 1 at zero: an answer beyond that is no start for the next solver."""
 
@@ -93,12 +93,7 @@ class AutomaticChoice(Solver):
         """Leave it to `setup` and `solve`, which warm a solver up when it is asked."""
 
     def solve(
-        self,
-        prepared: Plan,
-        budget: Budget,
-        options: Any,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: Plan, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
         begun, phases, solver = clock.now(), prepared.phases, prepared.solver
         # most problems end with the first solver, many in less time than it takes to prepare for more
@@ -135,7 +130,7 @@ class InOrder(AutomaticChoice):
 def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
     """Return the spec of a node's automatic choice."""
     return SolverSpec(
-        name=name, node=node, summary=summary, method="automatic choice", traits=TRAITS, options=NoOptions
+        name=name, node=node, summary=summary, method="automatic choice", traits=ITERATIVE, options=NoOptions
     )
 
 

@@ -16,8 +16,7 @@ from cpbench.formulations.relay import Relay
 from cpbench.foundation.kernel_cache import load
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers.avi.claims import data_of, error_of
-from cpbench_solvers.lcp.claims import CLOSE
-from cpbench_solvers.qp.apart import SHOWN, block, split
+from cpbench_solvers.qp.apart import block, claimed, missed, split
 from cpbench_solvers.qp.claims import PARTS_KERNEL
 
 Affine: TypeAlias = AVI | Relay
@@ -61,7 +60,8 @@ def solve_apart(
     """Return the answer of all parts, solved one after the other by `run`; a limit of iterations is one of all."""
     problem, deadline = parts.problem, budget.deadline()
     x = np.zeros(sum(problem.point_sizes.values()))
-    given, counters, claim, missed = None if start is None else _joined(start), Counter[str](), Claim.SOLVED, []
+    given, counters = None if start is None else _joined(start), Counter[str]()
+    claim, messages = Claim.FAILED, list[str]()
     for number, at in enumerate(parts.members):
         own, share = restricted(problem, at), budget.left(deadline, counters["iterations"])
         output = run(own, share, None if given is None else _point(own, given[at]))
@@ -70,15 +70,9 @@ def solve_apart(
             x[at] = _joined(output.point)
         if output.claim is not Claim.SOLVED:
             claim = output.claim
-            missed.append(f"part {number + 1} ({at.size} unknowns and rows): {output.message or output.claim}")
+            messages.append(missed(output, number, at))
     point = _point(problem, x)
-    error = error_of(problem, point, budget.tolerance)
-    if error <= budget.tolerance:
-        return SolverOutput(claim=Claim.SOLVED, point=point, counters=dict(counters))
-    if claim in (Claim.SOLVED, Claim.FAILED):
-        claim = Claim.INACCURATE if error <= CLOSE * budget.tolerance else Claim.FAILED
-    message = "; ".join([*missed[:SHOWN], f"error {error:.1e}"])
-    return SolverOutput(claim=claim, point=point, counters=dict(counters), message=message)
+    return claimed(point, error_of(problem, point, budget.tolerance), budget, claim, messages, dict(counters))
 
 
 def _joined(point: Any) -> Any:

@@ -31,12 +31,7 @@ class _ByParts(AutomaticChoice):
         return super().setup(problem, budget, options) if parts is None else parts
 
     def solve(
-        self,
-        prepared: Any,
-        budget: Budget,
-        options: Any,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: Any, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
         if not isinstance(prepared, PartedAffine):
             return super().solve(prepared, budget, options, start, record)

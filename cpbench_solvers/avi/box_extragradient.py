@@ -16,12 +16,13 @@ from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.foundation.matrices import Matrix, Vector
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.nonlinear import projection_run
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 from cpbench_solvers.nonlinear.projection_run import Field
 from cpbench_solvers.nonlinear.vi_extragradient import Extragradient, ExtragradientOptions
+from cpbench_solvers.traits import ITERATIVE
 
 Affine = Relay | AVI
 
@@ -95,12 +96,7 @@ class _Extragradient(Solver):
         self.run(node(M=np.eye(2), q=-np.ones(2), lb=np.zeros(2), ub=np.ones(2)))
 
     def solve(
-        self,
-        prepared: ScaledAffine,
-        budget: Budget,
-        options: Any,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: ScaledAffine, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
         field = AffineField(prepared, budget.tolerance)
         limit = budget.iterations or options.max_iterations
@@ -108,7 +104,6 @@ class _Extragradient(Solver):
         return projection_run.run(field, Extragradient(field, options), budget, limit, first, record)
 
 
-_TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 _KORPELEVICH = "Korpelevich 1976, Matecon 12; Khobotov 1987, USSR Comput. Math. Math. Phys. 27; Marcotte 1991, INFOR 29"
 
 
@@ -119,7 +114,7 @@ def _spec(node: str, summary: str) -> SolverSpec:
         summary=f"extragradient with self-adaptive steps, {summary}",
         method="projection",
         citation=_KORPELEVICH,
-        traits=_TRAITS,
+        traits=ITERATIVE,
         options=ExtragradientOptions,
     )
 

@@ -106,7 +106,7 @@ class _Pivoting(Solver):
         prepared: MultiplierBox,
         budget: Budget,
         options: PivotOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         problem, box = prepared.problem, prepared.box

@@ -11,10 +11,11 @@ from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Vector, max_abs
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.jacobians import box_jacobian
 from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.nonlinear.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run
+from cpbench_solvers.traits import ITERATIVE
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class NewtonRelay(Solver):
         summary="semismooth Newton on the bounds, safeguarded by projection and contraction",
         method="semismooth Newton",
         citation="Pang 1990, Math. Oper. Res. 15:311; He 1997, Appl. Math. Optim. 35:69",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=NewtonOptions,
     )
 
@@ -77,7 +78,7 @@ class NewtonRelay(Solver):
         prepared: ScaledRelay,
         budget: Budget,
         options: NewtonOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         problem = prepared.problem

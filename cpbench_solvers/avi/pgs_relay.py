@@ -13,9 +13,10 @@ from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Vector, max_abs
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop
 from cpbench_solvers.avi.claims import error_of
+from cpbench_solvers.traits import ITERATIVE
 
 CHUNK = 256
 """The most sweeps between two measurements of the error."""
@@ -55,7 +56,7 @@ class PGSRelay(Solver):
         summary="projected Gauss-Seidel with bounds",
         method="splitting",
         citation="Cryer 1971; Moreau 1988; Jean 1999",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=PGSRelayOptions,
     )
 
@@ -83,7 +84,7 @@ class PGSRelay(Solver):
         prepared: RelayRows,
         budget: Budget,
         options: PGSRelayOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         from cpbench.foundation.kernel_cache import load

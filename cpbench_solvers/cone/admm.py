@@ -19,9 +19,10 @@ from cpbench.foundation import matrices
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Vector, dense, norm, transpose
 from cpbench.foundation.product_cones import Cone
-from cpbench.solvers.base import SolverSpec, Trait, register
+from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.cone.run import ConicSolver, Iterates
 from cpbench_solvers.cone.scaled_form import ConicForm
+from cpbench_solvers.traits import ITERATIVE
 
 SIGMA = 1e-9
 """Keeps the system regular where M and A leave some x alone."""
@@ -120,9 +121,6 @@ class _ADMM(ConicSolver):
         return ConeSplitting(form, start, options)
 
 
-_TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
-
-
 @register
 class ADMMCone(_ADMM):
     """A method that converges for every Q ⪰ 0, with A and K of any kind, linearly in the end where the solution is not
@@ -134,7 +132,7 @@ class ADMMCone(_ADMM):
         summary="ADMM, one factorization for each of few penalties, over-relaxed",
         method="operator splitting",
         citation="Boyd et al. 2011, Found. Trends Mach. Learn. 3:1; Stellato et al. 2020, Math. Prog. Comp. 12:637",
-        traits=_TRAITS,
+        traits=ITERATIVE,
         options=ADMMOptions,
     )
 
@@ -149,6 +147,6 @@ class ADMMSOCLCP(_ADMM):
         summary="Douglas-Rachford splitting: resolvents of the map and projections on the cone",
         method="operator splitting",
         citation="Lions and Mercier 1979, SIAM J. Numer. Anal. 16:964; Eckstein and Bertsekas 1992, Math. Prog. 55:293",
-        traits=_TRAITS,
+        traits=ITERATIVE,
         options=ADMMOptions,
     )

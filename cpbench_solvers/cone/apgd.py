@@ -22,9 +22,10 @@ from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.foundation.product_cones import Cone, ProductCone
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
+from cpbench_solvers.traits import ITERATIVE
 
 GROW = 1.05
 HALVINGS = 60
@@ -72,7 +73,7 @@ class APGD(Solver):
         method="first order",
         citation="Mazhar, Heyn, Negrut and Tasora 2015, ACM Trans. Graph. 34:32; Nesterov 1983; "
         "O'Donoghue and Candès 2015",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=APGDOptions,
     )
 
@@ -106,7 +107,7 @@ class APGD(Solver):
         prepared: ScaledProgram,
         budget: Budget,
         options: APGDOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         x = np.zeros_like(prepared.unit) if start is None else prepared.K.project(start.x / prepared.unit)

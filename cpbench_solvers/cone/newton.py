@@ -11,9 +11,10 @@ from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.foundation.product_cones import Cone, ProductCone
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.jacobians import projection_jacobian
 from cpbench_solvers.nonlinear.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run
+from cpbench_solvers.traits import ITERATIVE
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class NewtonCone(Solver):
         summary="semismooth Newton on the natural map of a cone, safeguarded by projection and contraction",
         method="semismooth Newton",
         citation="Qi and Sun 1993, Math. Program. 58:353; He 1997, Appl. Math. Optim. 35:69",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         quick=True,
         options=NewtonOptions,
     )
@@ -73,7 +74,7 @@ class NewtonCone(Solver):
         prepared: ScaledSOCLCP,
         budget: Budget,
         options: NewtonOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         x = np.zeros_like(prepared.unit) if start is None else start.x / prepared.unit

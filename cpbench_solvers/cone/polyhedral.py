@@ -23,12 +23,7 @@ class PolyhedralError:
         self._free = free
         rows, equations = self._inequalities, self._equations
         program = QP.build(
-            problem.Q,
-            problem.p,
-            problem.A[rows],
-            -problem.b[rows],
-            problem.A[equations],
-            -problem.b[equations],
+            problem.Q, problem.p, problem.A[rows], -problem.b[rows], problem.A[equations], -problem.b[equations]
         )
         self._measure, self._none = ErrorMeasure(program), np.zeros(problem.p.size)
 

@@ -64,12 +64,7 @@ class ConicSolver(Solver):
         """Return the method at x̂ and ŷ, or at its own start."""
 
     def solve(
-        self,
-        prepared: ConicForm,
-        budget: Budget,
-        options: Any,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: ConicForm, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
         form, tolerance = prepared, budget.tolerance
         deadline, progress = time.monotonic() + budget.seconds, Progress(self.window)

@@ -16,10 +16,11 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.definite import By, Factors, definite_factors
 from cpbench.foundation.matrices import Matrix, Vector, is_symmetric
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.sweeps import ScaledContacts, conclude, kernel, scaled_contacts
+from cpbench_solvers.traits import ITERATIVE
 
 FIRST_REST, LONGER = 20, 1.5
 """Iterations with one ρ before it may change, and by how much longer it must stay the next time."""
@@ -58,7 +59,7 @@ class ADMMContact(SolverByParts):
         summary="ADMM with self-adapting penalty on the De Saxcé-shifted cone problem",
         method="operator splitting",
         citation="Acary, Bourrier and Viennet 2023, hal-03978387; Boyd et al. 2011, section 3.4.1",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=ADMMContactOptions,
     )
 
@@ -74,12 +75,7 @@ class ADMMContact(SolverByParts):
             self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
 
     def solve_part(
-        self,
-        prepared: ScaledContacts,
-        budget: Budget,
-        options: ADMMContactOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: ScaledContacts, budget: Budget, options: ADMMContactOptions, start: Any, record: Record | None
     ) -> SolverOutput:
         problem = prepared.rows.problem
         run = ContactSplitting(prepared, options, None if start is None else start.r)

@@ -20,11 +20,12 @@ from cpbench.formulations.base import formulations
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Matrix, Vector, block, identity, max_abs, sparse, transpose, zeros
-from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
 from cpbench_solvers.contact.dynamics_error import DynamicsError
 from cpbench_solvers.contact.global_parts import SolverByMovingParts
 from cpbench_solvers.contact.run import iterate_on
+from cpbench_solvers.traits import ITERATIVE
 
 RELAXED, REFINEMENTS = 1e-8, 3
 """δ over the inverse of the largest mass, where K is singular, and solutions that then take it back."""
@@ -109,12 +110,7 @@ class GlobalADMM(SolverByMovingParts):
         return Dynamics(problem)
 
     def solve_part(
-        self,
-        prepared: Dynamics,
-        budget: Budget,
-        options: ConicADMMOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: Dynamics, budget: Budget, options: ConicADMMOptions, start: Any, record: Record | None
     ) -> SolverOutput:
         problem = prepared.problem
         r = np.zeros(problem.w.size) if start is None else np.array(start.r)
@@ -130,7 +126,7 @@ def _spec(name: str, node: str, summary: str) -> SolverSpec:
         summary=summary,
         method="operator splitting",
         citation="Acary, Bourrier and Viennet 2023, hal-03978387; Boyd et al. 2011, section 3.4.1",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=ConicADMMOptions,
     )
 

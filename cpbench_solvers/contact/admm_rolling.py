@@ -10,10 +10,11 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Vector, identity, scaled_both
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.run import iterate_on
+from cpbench_solvers.traits import ITERATIVE
 
 
 class _Local(Delassus):
@@ -47,7 +48,7 @@ class RollingADMM(SolverByParts):
         method="operator splitting",
         citation="Acary and Bourrier 2021, Eur. J. Mech. A/Solids 85:104046; Acary, Bourrier and Viennet 2023, "
         "hal-03978387",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=ConicADMMOptions,
     )
 
@@ -55,12 +56,7 @@ class RollingADMM(SolverByParts):
         return _Local(problem)
 
     def solve_part(
-        self,
-        prepared: _Local,
-        budget: Budget,
-        options: ConicADMMOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: _Local, budget: Budget, options: ConicADMMOptions, start: Any, record: Record | None
     ) -> SolverOutput:
         problem = prepared.problem
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)

@@ -6,7 +6,8 @@ from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.contact.newton_equation import ContactFunction
-from cpbench_solvers.contact.semismooth_newton import TRAITS, ContactNewton, ContactNewtonOptions
+from cpbench_solvers.contact.semismooth_newton import ContactNewton, ContactNewtonOptions
+from cpbench_solvers.traits import ITERATIVE
 
 
 @register
@@ -24,7 +25,7 @@ class AlartCurnierNewton(ContactNewton):
         summary="semismooth Newton on the Alart-Curnier function, from a start by Gauss-Seidel",
         method="semismooth Newton",
         citation="Alart and Curnier 1991, CMAME 92:353; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        traits=TRAITS,
+        traits=ITERATIVE,
         options=ContactNewtonOptions,
     )
 
@@ -41,7 +42,7 @@ class JeanMoreauNewton(ContactNewton):
         summary="semismooth Newton on the Jean-Moreau function, from a start by Gauss-Seidel",
         method="semismooth Newton",
         citation="Jean and Moreau 1987; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        traits=TRAITS,
+        traits=ITERATIVE,
         options=ContactNewtonOptions,
         by_default=False,
     )

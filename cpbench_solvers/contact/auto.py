@@ -14,7 +14,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, StackCall, Trait, register, solved
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, StackCall, register, solved
 from cpbench_solvers.contact.by_parts import SURE, SolverByParts
 from cpbench_solvers.contact.parts import ContactPart
 from cpbench_solvers.contact.phases import Phases, counters
@@ -29,6 +29,7 @@ from cpbench_solvers.contact.sweeps import (
     scaled_contacts,
 )
 from cpbench_solvers.stacks import CONTACT_SHARES, solve_fc
+from cpbench_solvers.traits import ITERATIVE
 
 KERNELS = (
     "anderson",
@@ -66,7 +67,7 @@ class AutoContact(SolverByParts):
         node="fc",
         summary="Gauss-Seidel with acceleration, Newton, interior points or ADMM, whichever promises to be done first",
         method="automatic choice",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=AutoContactOptions,
     )
     stack_call: ClassVar[StackCall | None] = StackCall(solve_fc, shares=CONTACT_SHARES)
@@ -105,12 +106,7 @@ class AutoContact(SolverByParts):
         return replace(rest, counters=dict(Counter(output.counters) + Counter(rest.counters)))
 
     def solve_part(
-        self,
-        prepared: ScaledContacts,
-        budget: Budget,
-        options: AutoContactOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: ScaledContacts, budget: Budget, options: AutoContactOptions, start: Any, record: Record | None
     ) -> SolverOutput:
         rows, limit = prepared.rows, budget.iterations or options.max_iterations
         first, taken = min(options.sweeps, limit), None

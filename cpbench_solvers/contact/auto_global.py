@@ -80,12 +80,7 @@ class AutoGlobal(AutomaticChoice):
         solvers.get(LOCAL).warmup_quickly()
 
     def solve(
-        self,
-        prepared: Any,
-        budget: Budget,
-        options: Any,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: Any, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
         if isinstance(prepared, MovingParts):
             return solve_moving(prepared, budget, start, record, self._part)

@@ -28,6 +28,7 @@ from cpbench_solvers.contact.parts import (
     ContactParts,
     Index,
     MeasuredParts,
+    claimed,
     connected_parts,
     part_of,
     rows_of,
@@ -52,7 +53,7 @@ class SolverByParts(Solver):
 
     @abstractmethod
     def solve_part(
-        self, prepared: Any, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+        self, prepared: Any, budget: Budget, options: Any, start: Any, record: Record | None
     ) -> SolverOutput:
         """Do what `solve` of a solver does, for one part."""
 
@@ -87,7 +88,7 @@ class SolverByParts(Solver):
         prepared: ContactPart | ContactParts,
         budget: Budget,
         options: Any,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         if isinstance(prepared, ContactPart):
@@ -112,14 +113,8 @@ class SolverByParts(Solver):
             if output.point is not None:
                 r[part.rows] = output.point.r
             if output.claim is not Claim.SOLVED:
-                failed.append((k, output))
-        if not failed:
-            return solved(FCPoint(r), dict(counters))
-        k, output = failed[0]
-        contacts = prepared.contacts[k].size
-        message = f"{len(failed)} of {prepared.whole.count} connected parts, the first of {contacts} contacts"
-        message = f"{message}: {output.message or output.claim}"
-        return SolverOutput(claim=output.claim, point=FCPoint(r), counters=dict(counters), message=message)
+                failed.append((prepared.contacts[k].size, output))
+        return claimed(FCPoint(r), dict(counters), failed, prepared.whole.count)
 
     def _solved(
         self, part: ContactPart, budget: Budget, options: Any, start: Any | None, record: Record | None

@@ -6,7 +6,8 @@ from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.contact.newton_equation import ContactFunction
-from cpbench_solvers.contact.semismooth_newton import TRAITS, ContactNewton, ContactNewtonOptions
+from cpbench_solvers.contact.semismooth_newton import ContactNewton, ContactNewtonOptions
+from cpbench_solvers.traits import ITERATIVE
 
 
 @register
@@ -21,7 +22,7 @@ class NaturalMapContact(ContactNewton):
         summary="semismooth Newton on the natural map of the friction cone, from a start by Gauss-Seidel",
         method="semismooth Newton",
         citation="De Saxcé and Feng 1998, Math. Comput. Modelling 28:225; Acary, Brémond and Huber 2018, LNACM 92:205",
-        traits=TRAITS,
+        traits=ITERATIVE,
         options=ContactNewtonOptions,
         by_default=False,
     )
@@ -40,7 +41,7 @@ class FischerBurmeisterContact(ContactNewton):
         summary="semismooth Newton on the Fischer-Burmeister function of the second-order cone, after Gauss-Seidel",
         method="semismooth Newton",
         citation="Fukushima, Luo and Tseng 2001, SIAM J. Optim. 12:436; Acary, Brémond and Huber 2018, LNACM 92:205",
-        traits=TRAITS,
+        traits=ITERATIVE,
         options=ContactNewtonOptions,
         by_default=False,
     )

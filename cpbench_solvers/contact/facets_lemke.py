@@ -80,12 +80,7 @@ class FacetsLemke(SolverByParts):
             self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
 
     def solve_part(
-        self,
-        prepared: ScaledContacts,
-        budget: Budget,
-        options: FacetsOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: ScaledContacts, budget: Budget, options: FacetsOptions, start: Any, record: Record | None
     ) -> SolverOutput:
         rows, problem = prepared.rows, prepared.rows.problem
         if problem.dimension == 3 and (options.facets < 4 or options.facets % 2):

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.foundation.matrices import Vector, entries, is_sparse
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench_solvers.contact.dynamics_error import DynamicsError
-from cpbench_solvers.contact.parts import rows_of
+from cpbench_solvers.contact.parts import claimed, rows_of
 from cpbench_solvers.contact.sweeps import kernel
 
 Index = NDArray[np.int64]
@@ -118,13 +118,8 @@ def solve_moving(
         if output.point is not None:
             part.put(now, output.point, d)
         if output.claim is not Claim.SOLVED:
-            failed.append((part, output))
-    if not failed:
-        return solved(GFCPoint(*now), dict(counters))
-    part, output = failed[0]
-    message = f"{len(failed)} of {len(whole.parts)} connected parts, the first of {part.contacts.size} contacts"
-    message = f"{message}: {output.message or output.claim}"
-    return SolverOutput(claim=output.claim, point=GFCPoint(*now), counters=dict(counters), message=message)
+            failed.append((part.contacts.size, output))
+    return claimed(GFCPoint(*now), dict(counters), failed, len(whole.parts))
 
 
 class SolverByMovingParts(Solver):
@@ -139,7 +134,7 @@ class SolverByMovingParts(Solver):
 
     @abstractmethod
     def solve_part(
-        self, prepared: Any, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+        self, prepared: Any, budget: Budget, options: Any, start: Any, record: Record | None
     ) -> SolverOutput:
         """Do what `solve` of a solver does, for one part."""
 
@@ -149,7 +144,7 @@ class SolverByMovingParts(Solver):
         return self.prepare(problem, budget, options) if parts is None else parts
 
     def solve(
-        self, prepared: Any, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+        self, prepared: Any, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
         if not isinstance(prepared, MovingParts):
             return self.solve_part(prepared, budget, options, start, record)

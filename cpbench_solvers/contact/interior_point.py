@@ -212,8 +212,8 @@ class InteriorPointRelaxation(ContactSolver):
         prepared: ScaledContacts,
         budget: Budget,
         options: ContactInteriorPointOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        start: Any,
+        record: Record | None,
     ) -> SolverOutput:
         problem = prepared.rows.problem
         law = _Associated(problem.mu)

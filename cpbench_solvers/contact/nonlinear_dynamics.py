@@ -22,7 +22,8 @@ from cpbench.formulations.nfc import NFCPoint, NonlinearFrictionContact
 from cpbench.formulations.sizes import row_sizes
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import norm
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solvers
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
+from cpbench_solvers.traits import ITERATIVE
 
 NODES = ("fc", "gfc")
 """Nodes of which the inner solver may be."""
@@ -60,7 +61,7 @@ class NewtonContact(Solver):
         summary="Newton's method on the dynamics, contact problems by a registered fc or gfc solver",
         method="Josephy-Newton",
         citation="Josephy 1979, MRC report 1965; Acary and Brogliato 2008, Springer LNACM 35, section 10.1.5",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=NewtonContactOptions,
         quick=True,
     )
@@ -82,7 +83,7 @@ class NewtonContact(Solver):
         prepared: NonlinearFrictionContact,
         budget: Budget,
         options: NewtonContactOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         problem, deadline = prepared, time.monotonic() + budget.seconds

@@ -9,15 +9,7 @@ import numpy as np
 
 from cpbench.foundation.kernel_cache import compiled, load_all
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
-from cpbench_solvers.contact.relaxation import (
-    AT_FIRST,
-    TRAITS,
-    Advance,
-    Local,
-    Relaxation,
-    Shape,
-    general,
-)
+from cpbench_solvers.contact.relaxation import AT_FIRST, Advance, Local, Relaxation, Shape, general
 from cpbench_solvers.contact.sweeps import (
     LOGGED,
     ROUNDED,
@@ -28,6 +20,7 @@ from cpbench_solvers.contact.sweeps import (
     kernel,
     work,
 )
+from cpbench_solvers.traits import ITERATIVE
 
 
 @dataclass(frozen=True)
@@ -58,7 +51,7 @@ class NSGS(Relaxation):
         summary="nonsmooth Gauss-Seidel, exact one-contact solves",
         method="splitting",
         citation="Jean and Moreau 1987; Jourdan, Alart and Jean 1998, CMAME 155:31",
-        traits=TRAITS,
+        traits=ITERATIVE,
         quick=True,
         options=NSGSOptions,
     )
@@ -68,12 +61,7 @@ class NSGS(Relaxation):
         super().warmup()
 
     def solve_part(
-        self,
-        prepared: BlockRows,
-        budget: Budget,
-        options: NSGSOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: BlockRows, budget: Budget, options: NSGSOptions, start: Any, record: Record | None
     ) -> SolverOutput:
         if start is not None or record is not None or not _plain(options) or prepared.problem.nc == 0:
             return super().solve_part(prepared, budget, options, start, record)
@@ -107,9 +95,8 @@ def _plain(options: NSGSOptions) -> bool:
 
 def _exact(prepared: BlockRows, options: NSGSOptions, at: SweepState) -> Advance:
     """Return the fast sweeps."""
-    problem, gauss_seidel = prepared.problem, kernel("gauss_seidel")
-    sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
+    sweeps = compiled(kernel("gauss_seidel").sweeps)
     order = prepared.order.copy() if options.shuffle else prepared.order
     iterate = (at.r, at.lam, order)
-    relaxed = (options.omega, options.shuffle)
+    relaxed = (options.omega, options.shuffle, prepared.problem.dimension)
     return lambda tolerance, until, *progress: sweeps(*prepared.law, *iterate, *relaxed, tolerance, until, *progress)

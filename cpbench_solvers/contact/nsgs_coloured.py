@@ -21,9 +21,9 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.contact.by_parts import SolverByParts
-from cpbench_solvers.contact.relaxation import TRAITS
 from cpbench_solvers.contact.run import ContactMethod, MethodOptions, iterate
 from cpbench_solvers.contact.sweeps import block_rows, conclude, kernel
+from cpbench_solvers.traits import ITERATIVE
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class NSGSColoured(SolverByParts):
         summary="nonsmooth Gauss-Seidel by colours, for several threads",
         method="splitting",
         citation="Jean and Moreau 1987; Adams and Ortega 1982, Int. Conf. Parallel Processing, 53",
-        traits=TRAITS,
+        traits=ITERATIVE,
         options=ColouredOptions,
         by_default=False,
     )
@@ -155,12 +155,7 @@ class NSGSColoured(SolverByParts):
             self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
 
     def solve_part(
-        self,
-        prepared: Coloured,
-        budget: Budget,
-        options: ColouredOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: Coloured, budget: Budget, options: ColouredOptions, start: Any, record: Record | None
     ) -> SolverOutput:
         problem = prepared.problem
         r = np.zeros(problem.q.size) if start is None else prepared.by_colour(np.asarray(start.r))

@@ -16,11 +16,12 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.foundation.factorization import Blocks, assembled, components, diagonal_blocks
 from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector, dense, entries, freeze, sparse
-from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.contact.dynamics_error import DynamicsError
 from cpbench_solvers.contact.global_parts import SolverByMovingParts
 from cpbench_solvers.contact.run import ContactMethod, MethodOptions, iterate_on
 from cpbench_solvers.contact.sweeps import kernel
+from cpbench_solvers.traits import ITERATIVE
 
 LARGEST = 256
 """Unknowns of M that may hang together: a contact moves all those of the bodies that it touches."""
@@ -123,7 +124,7 @@ class NSGSGlobal(SolverByMovingParts):
         summary="nonsmooth Gauss-Seidel on the velocities of the bodies, without condensation",
         method="splitting",
         citation="Jean 1999, CMAME 177:235; Erleben 2007, ACM Trans. Graph. 26(2):12",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=MethodOptions,
     )
 
@@ -153,12 +154,7 @@ class NSGSGlobal(SolverByMovingParts):
             self.run(GlobalFrictionContact(M=one, H=one, f=f, w=np.zeros(d), mu=np.array([0.5]), dimension=d))
 
     def solve_part(
-        self,
-        prepared: Bodies,
-        budget: Budget,
-        options: MethodOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: Bodies, budget: Budget, options: MethodOptions, start: Any, record: Record | None
     ) -> SolverOutput:
         problem = prepared.problem
         r = np.zeros(problem.w.size) if start is None else np.array(start.r)

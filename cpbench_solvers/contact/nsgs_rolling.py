@@ -11,11 +11,12 @@ import numpy as np
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.foundation.kernel_cache import compiled
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
 from cpbench_solvers.contact.sweeps import conclude, kernel
+from cpbench_solvers.traits import ITERATIVE
 
 BLOCKS_A_CALL = 400_000
 """Blocks, and contacts, between two looks at the clock."""
@@ -45,7 +46,7 @@ class NSGSRolling(SolverByParts):
         summary="nonsmooth Gauss-Seidel, exact one-contact solves with rolling friction",
         method="splitting",
         citation="Jean and Moreau 1987; Acary and Bourrier 2021, Eur. J. Mech. A/Solids 85:104046",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=NSGSRollingOptions,
     )
 
@@ -58,12 +59,7 @@ class NSGSRolling(SolverByParts):
             self.run(RollingFrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), mu_r=np.array([0.1]), dimension=d))
 
     def solve_part(
-        self,
-        prepared: RollingBlocks,
-        budget: Budget,
-        options: NSGSRollingOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: RollingBlocks, budget: Budget, options: NSGSRollingOptions, start: Any, record: Record | None
     ) -> SolverOutput:
         problem, lengths = prepared.problem, prepared.lengths
         r = np.zeros(problem.q.size) if start is None else start.r / lengths

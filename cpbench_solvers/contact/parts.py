@@ -16,6 +16,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.foundation.kernel_cache import compiled
 from cpbench.foundation.matrices import Vector
+from cpbench.solvers.base import SolverOutput, solved
 from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
 from cpbench_solvers.contact.sweeps import BlockRows, ScaledContacts, block_rows, kernel
 
@@ -105,6 +106,17 @@ class ContactParts:
     @cached_property
     def _made(self) -> dict[int, ContactPart]:
         return {}
+
+
+def claimed(point: Any, counters: dict[str, int], failed: list[tuple[int, SolverOutput]], count: int) -> SolverOutput:
+    """Return the answer of `count` parts, solved where all are; `failed` : those that are not, each with the number of
+    its contacts."""
+    if not failed:
+        return solved(point, counters)
+    contacts, output = failed[0]
+    message = f"{len(failed)} of {count} connected parts, the first of {contacts} contacts"
+    message = f"{message}: {output.message or output.claim}"
+    return SolverOutput(claim=output.claim, point=point, counters=counters, message=message)
 
 
 def rows_of_blocks(problem: Contact) -> BlockRows | RollingBlocks:

@@ -15,7 +15,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.kernel_cache import compiled
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, Trait
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.sweeps import (
@@ -38,7 +38,6 @@ BLOCKS_A_CALL = 4_000_000
 """About 20 ms of block products between two looks at the clock."""
 AT_FIRST = 50
 """Sweeps in the first call, which is one for small problems."""
-TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 
 Advance: TypeAlias = Callable[..., int]
 """Sweeps in place, called with (tolerance, until, state, measured, log_iteration, log_error, best) of the kernel."""
@@ -100,12 +99,7 @@ class Relaxation(SolverByParts):
             self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
 
     def solve_part(
-        self,
-        prepared: BlockRows,
-        budget: Budget,
-        options: Any,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: BlockRows, budget: Budget, options: Any, start: Any, record: Record | None
     ) -> SolverOutput:
         problem = prepared.problem
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)

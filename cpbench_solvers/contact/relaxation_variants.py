@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
-from cpbench_solvers.contact.relaxation import TRAITS, Advance, Local, Relaxation, Shape, general
+from cpbench_solvers.contact.relaxation import Advance, Local, Relaxation, Shape, general
 from cpbench_solvers.contact.sweeps import BlockRows, SweepState
+from cpbench_solvers.traits import ITERATIVE
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class PSORContact(Relaxation):
         summary="projected successive over-relaxation: one projection of every contact a sweep",
         method="splitting",
         citation="De Saxcé and Feng 1998, Math. Comput. Modelling 28:225; Cryer 1971, SIAM J. Control 9:385",
-        traits=TRAITS,
+        traits=ITERATIVE,
         options=PSORContactOptions,
         by_default=False,
     )
@@ -71,7 +72,7 @@ class JacobiContact(Relaxation):
         summary="block Jacobi with exact one-contact solves and a relaxation that adapts",
         method="splitting",
         citation="Acary and Brogliato 2008, Springer LNACM 35, chapter 13",
-        traits=TRAITS,
+        traits=ITERATIVE,
         options=JacobiContactOptions,
         by_default=False,
     )

@@ -16,10 +16,11 @@ import numpy as np
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.sweeps import ScaledContacts, conclude, scaled_contacts
+from cpbench_solvers.traits import ITERATIVE
 
 
 class ContactMethod(ABC):
@@ -147,12 +148,7 @@ class ContactSolver(SolverByParts):
             self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
 
     def solve_part(
-        self,
-        prepared: ScaledContacts,
-        budget: Budget,
-        options: Any,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: ScaledContacts, budget: Budget, options: Any, start: Any, record: Record | None
     ) -> SolverOutput:
         problem = prepared.rows.problem
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)
@@ -170,7 +166,7 @@ def contact_spec(name: str, summary: str, method: str, citation: str, options: t
         summary=summary,
         method=method,
         citation=citation,
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=options,
         **more,
     )

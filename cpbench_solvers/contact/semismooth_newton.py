@@ -19,7 +19,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, Trait
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.newton_equation import ContactEquation, ContactFunction, NewtonPoint
@@ -36,7 +36,6 @@ PATIENCE = 12
 """Newton steps without halving ‖Φ‖ after which sweeps are better."""
 STALL = 5_000
 """Steps and sweeps without gain after which it gives up."""
-TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
 
 
 class LineSearch(StrEnum):
@@ -179,12 +178,7 @@ class ContactNewton(SolverByParts):
             self.run(problem)
 
     def solve_part(
-        self,
-        prepared: ScaledContacts,
-        budget: Budget,
-        options: ContactNewtonOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: ScaledContacts, budget: Budget, options: ContactNewtonOptions, start: Any, record: Record | None
     ) -> SolverOutput:
         rows = prepared.rows
         deadline = time.monotonic() + budget.seconds

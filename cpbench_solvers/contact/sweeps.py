@@ -113,8 +113,7 @@ class Sweeps:
 
     def __init__(self, rows: BlockRows) -> None:
         self._rows = rows
-        problem, gauss_seidel = rows.problem, kernel("gauss_seidel")
-        self._sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
+        problem, self._sweeps = rows.problem, compiled(kernel("gauss_seidel").sweeps)
         self._lam = np.zeros(problem.nc)
         self._log = np.zeros(LOG, np.int64), np.zeros(LOG)
         # no error is below 0: nothing is kept
@@ -127,7 +126,7 @@ class Sweeps:
         `tolerance`."""
         rows, state = self._rows, np.array([0, count, 0, 0, 0, 0])  # the error is evaluated at the end
         iterate, kept = (r, self._lam, rows.order), (self._measured, *self._log, self._best)
-        self._sweeps(*rows.law, *iterate, 1.0, False, tolerance, count, state, *kept)
+        self._sweeps(*rows.law, *iterate, 1.0, False, rows.problem.dimension, tolerance, count, state, *kept)
         self.done += int(state[ITERATION])
         self.evaluations += int(state[LOGGED])
         return float(self._log[1][state[LOGGED] - 1])
@@ -255,13 +254,7 @@ def scaled_contacts(problem: FrictionContact) -> ScaledContacts:
 
 
 def conclude(
-    problem: LocalContact,
-    r: Vector,
-    error: float,
-    budget: Budget,
-    claim: Claim,
-    message: str,
-    counters: dict[str, int],
+    problem: LocalContact, r: Vector, error: float, budget: Budget, claim: Claim, message: str, counters: dict[str, int]
 ) -> SolverOutput:
     """Claim solved exactly when the judged error of r is at most the tolerance.
 

@@ -28,7 +28,7 @@ def _evened(start, column, value, D, group):
     N, entries = D.size, column.size
     begin, beside, size = np.empty(2 * N + 1, np.int64), np.empty(2 * entries, np.int64), np.empty(2 * entries)
     begin[: N + 1] = start
-    begin[N + 1 :] = 0
+    begin[N + 1 :] = 0  # rows and columns side by side, 2N nodes: |K| as the bipartite graph that equilibration takes
     for k in range(entries):
         begin[N + 1 + column[k]] += 1
     for j in range(N):
@@ -37,11 +37,11 @@ def _evened(start, column, value, D, group):
     for i in range(N):
         for k in range(start[i], start[i + 1]):
             j = column[k]
-            beside[k], size[k] = N + j, abs(value[k])
-            beside[at[j]], size[at[j]] = i, abs(value[k])
+            beside[k], size[k] = N + j, abs(value[k])  # of row i
+            beside[at[j]], size[at[j]] = i, abs(value[k])  # of column j
             at[j] += 1
     both, label = np.empty(2 * N), np.empty(2 * N, np.int64)
-    equilibrate(begin, beside, size, both)
+    equilibrate(begin, beside, size, both)  # rows and columns by themselves: M need not be symmetric
     label_sparse(begin, beside, size, label)
     # D times a number and C over it are as good: let the logarithms of C bear the size of K, as alternate scalings do
     total, count = np.zeros(2 * N), np.zeros(2 * N)
@@ -51,6 +51,7 @@ def _evened(start, column, value, D, group):
             count[label[j]] += 1.0
     for i in range(N):
         own = group[i] = label[i]
+        # the mean logarithm, which no order of the rows changes
         D[i] = both[i] * np.exp(total[own] / count[own]) if count[own] > 0.0 else both[i]
 
 
@@ -66,7 +67,7 @@ def affine(M, G, q, h, m, lb, ub):
     c, low, high = boxed(q, h, m, lb, ub)
     number, groups = np.full(2 * N, -1), 0
     for i in range(N):
-        own = group[i] + (N if i >= n else 0)
+        own = group[i] + (N if i >= n else 0)  # rows beside multipliers have a unit of their own
         if number[own] < 0:
             number[own] = groups
             groups += 1
@@ -75,6 +76,3 @@ def affine(M, G, q, h, m, lb, ub):
     for i in range(N):
         constants[group[i]] = max(constants[group[i]], D[i] * abs(c[i]))
     return n, start, column, value, c, low, high, part, D, group, constants
-
-
-READY = True

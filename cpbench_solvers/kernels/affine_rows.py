@@ -27,7 +27,7 @@ from cpbench_solvers.kernels.qp_rows import BALANCED, is_fixed, is_idle, row_ter
 @njit(float64(float64, float64, float64, float64, float64, float64), **COMPILED)
 def _distance(low, high, x, w, x_unit, w_unit):
     """Return |x − P(x − w)| in units; no difference of x and x − w, in which a small w is lost beside a large x."""
-    step = w * w_unit
+    step = w * w_unit  # |x − P(x − w)| = |mid(w, x − high, x − low)|
     if low > -np.inf:
         step = min(step, (x - low) * x_unit)
     if high < np.inf:
@@ -144,7 +144,7 @@ def _gap(program, x, f, sums, unit, effect, of_x):
     for i in range(x.size):
         q, size = part[i], 1.0 / unit[i]
         weight = 1.0 if with_rows else unit[i] * effect[i]
-        w = without(f[i], NOISE * max(sums[i] + abs(c[i]), size))
+        w = without(f[i], NOISE * max(sums[i] + abs(c[i]), size))  # or a sum that cancels would make a gap of rounding
         products[i] = weight * product(low[i], high[i], x[i], w, 1.0 / effect[i])
         quadratic[q] += weight * x[i] * (w - c[i])
         alone[q] += abs(products[i]) * (unit[i] * effect[i] if with_rows else 1.0)
@@ -160,12 +160,13 @@ def _gap(program, x, f, sums, unit, effect, of_x):
     worst = 0.0
     for q in range(count):
         if absolute[q] > 0.0:
-            worst = max(worst, alone[q])
+            worst = max(worst, alone[q])  # nothing gives this part a size: the gap itself, in units
         elif gap[q] > 0.0:
             half = 0.5 * quadratic[q]
             if with_rows:
                 terms = max(max(abs(half + prices[q]), abs(half)), min(straight[q], sides[q]))
             else:
+                # no multipliers, hence no objective of a dual to compare with
                 terms = max(straight[q], abs(quadratic[q]))
             size = max(terms, gap[q])
             error = gap[q] / size
@@ -176,6 +177,7 @@ def _gap(program, x, f, sums, unit, effect, of_x):
 @njit(boolean(float64, float64, float64, float64, float64), **COMPILED)
 def _settled(low, high, x, f, noise):
     """Return whether an unknown is within its bounds, and its row is 0 to rounding or holds it at one."""
+    # exactly at the bound: then any force of the right sign is allowed
     held = (f > 0.0 and x == low) or (f < 0.0 and x == high)
     return low <= x <= high and (held or abs(f) <= noise)
 
@@ -187,7 +189,7 @@ def exact(M, G, q, h, m, lb, ub, x):
     n = q.size
     f, terms = q.copy(), np.abs(q)
     for i in range(h.size):
-        y, value, sizes = x[n + i], -h[i], abs(h[i])
+        y, value, sizes = x[n + i], -h[i], abs(h[i])  # sizes bound what rounding can make of the sum
         for k in range(G[0][i], G[0][i + 1]):
             value += G[2][k] * x[G[1][k]]
             sizes += abs(G[2][k] * x[G[1][k]])
@@ -215,7 +217,7 @@ def largest_error(program, x):
     )  # fmt: skip
     row_terms(program, x, f, sizes, sums, own, taken)
     for i in range(N):
-        if not np.isfinite(f[i] * sums[i]):
+        if not np.isfinite(f[i] * sums[i]):  # one test for both, NaN included
             return np.inf
     if N == 0:
         return 0.0
@@ -232,9 +234,7 @@ def largest_error(program, x):
     growth = 0.0
     for i in range(N):
         w = without(f[i], NOISE * (sums[i] + abs(c[i])))
+        # compared with constants alone: a large answer hides a miss in its own terms
         growth = max(growth, _distance(low[i], high[i], x[i], w, effect[i], unit[i]))
     growth = min(growth, 1.0)
-    return max(error, growth * growth)
-
-
-READY = True
+    return max(error, growth * growth)  # the square: an answer may be as large as 1/√tolerance of its constants

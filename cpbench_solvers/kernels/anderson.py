@@ -10,7 +10,7 @@ import numpy as np
 from numba import boolean, float64, int64, njit, types
 from numba.extending import register_jitable
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, START, VECTOR
+from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, QUICK, START, VECTOR
 from cpbench_solvers.kernels.contact_error import judged, looked
 from cpbench_solvers.kernels.gauss_seidel import sweep_2d, sweep_3d
 from cpbench_solvers.kernels.sweep_progress import (
@@ -64,7 +64,7 @@ def _least_squares(gram, count, last, L, diagonal, gamma):
         pivot = gram[at, at]
         for k in range(j):
             pivot -= L[j, k] * L[j, k] * diagonal[k]
-        new = pivot > DEPENDENT * gram[at, at]
+        new = pivot > DEPENDENT * gram[at, at]  # else γ would be rounding over rounding
         diagonal[j] = pivot if new else 0.0
         for i in range(j + 1, count):
             entry = 0.0
@@ -78,7 +78,7 @@ def _least_squares(gram, count, last, L, diagonal, gamma):
         for k in range(j):
             gamma[j] -= L[j, k] * gamma[k]
         if diagonal[j] == 0.0:
-            gamma[j] = 0.0
+            gamma[j] = 0.0  # a column that depends on newer ones adds nothing to them
     for j in range(count - 1, -1, -1):
         if diagonal[j] > 0.0:
             gamma[j] /= diagonal[j]
@@ -95,6 +95,7 @@ def _follow(state, residual, before, memory, r, g, f, g_old, f_old, root, table)
     n = r.size
     extrapolated = state[EXTRAPOLATED] == 1
     state[EXTRAPOLATED] = 0
+    # a contact has changed its state: the columns belong to another smooth piece of the map
     if memory == 0 or (extrapolated and residual > WORSE * before):
         state[REJECTED] += extrapolated
         state[COLUMNS] = state[FOLLOWS] = 0
@@ -106,21 +107,22 @@ def _follow(state, residual, before, memory, r, g, f, g_old, f_old, root, table)
     pivots, gamma = table[2 * memory * (n + memory) :][:memory], table[2 * memory * (n + memory) + memory :]
     (moves, changes), (gram, L) = (columns[0], columns[1]), (squares[0], squares[1])
     for k in range(n):
-        f[k] = (g[k] - r[k]) * root[k]
-    if state[FOLLOWS] == 1:
+        f[k] = (g[k] - r[k]) * root[k]  # ‖f‖² is Σ‖·‖²/ρ_c: an energy, whatever the units
+    if state[FOLLOWS] == 1:  # after a rejection g_old belongs to an iterate that was not followed
         last = state[COLUMNS] % memory
         for k in range(n):
             moves[last, k] = g[k] - g_old[k]
             changes[last, k] = f[k] - f_old[k]
         state[COLUMNS] += 1
         for a in range(min(state[COLUMNS], memory)):
+            # only the newest row and column: the others are as they were
             gram[a, last] = gram[last, a] = _dot(changes[a], changes[last])
     for k in range(n):
-        r[k] = g_old[k] = g[k]
+        r[k] = g_old[k] = g[k]  # without an extrapolation, the plain sweep
         f_old[k] = f[k]
     state[FOLLOWS] = 1
     count = min(state[COLUMNS], memory)
-    if count > 0 and state[ITERATION] % PERIOD == 0:
+    if count > 0 and state[ITERATION] % PERIOD == 0:  # a plain sweep between two: it damps what extrapolation amplifies
         last = (state[COLUMNS] - 1) % memory
         for j in range(count):
             gamma[j] = _dot(changes[(last - j) % memory], f)
@@ -151,6 +153,7 @@ def work_size(n, contacts, memory):
 @register_jitable
 def iterate(work, n, contacts):
     """Return state, measured, best, r and λ in `work`, for the sweeps of `gauss_seidel` to go on from."""
+    # one array for all, since numba looks at each argument of a call
     state, measured, best = work[1:MEASURED].view(np.int64), work[MEASURED:ANSWER], work[ANSWER:][:n]
     return state, measured, best, work[ANSWER + n :][:n], work[ANSWER + 7 * n :][:contacts]
 
@@ -160,34 +163,18 @@ def iterate(work, n, contacts):
         *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, int64[::1]),
         *(int64, int64, VECTOR, float64, int64, boolean),
     ),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
+    **QUICK,
 )
 def accelerated(
-    start,
-    column,
-    blocks,
-    diagonal,
-    local,
-    q,
-    mu,
-    rho,
-    order,
-    memory,
-    dimension,
-    work,
-    tolerance,
-    until,
-    watched,
+    start, column, blocks, diagonal, local, q, mu, rho, order, memory, dimension, work, tolerance, until, watched
 ):
     """Sweep until the judged error of an answer is at most `tolerance` or `until` sweeps are done, from where it was.
 
     Parameters
     ----------
-    As those of `sweeps_3d`, and: memory : columns; with 0 the sweeps are plain ones. work : all that is remembered;
-    before the first call its first number is 0, or 1 where a start lies at ANSWER. watched : come back after every
-    evaluation of the error.
+    As those of `gauss_seidel.sweeps`, and: memory : columns; with 0 the sweeps are plain ones. work : all that is
+    remembered; before the first call its first number is 0, or 1 where a start lies at ANSWER. watched : come back
+    after every evaluation of the error.
 
     Returns
     -------
@@ -206,6 +193,7 @@ def accelerated(
         error = np.inf
         if work[0] == 0.0:
             best[:] = 0.0
+            # exact 0, so that nothing is measured for problems without contact forces
             if _no_contact_closes(q, dimension):
                 error = 0.0
         else:
@@ -218,11 +206,13 @@ def accelerated(
             return CONVERGED, 0, error, state[SEEN]
         for k in range(n):
             r[k] = best[k]
+            # once: a root and a quotient for every number would be most of a sweep
             root[k] = 1.0 / np.sqrt(rho[k // dimension])
     while state[ITERATION] < until:
         for k in range(n):
             g[k] = r[k]
         if dimension == 3:
+            # on g: r is needed for f = g − r
             residual = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, g, lam, order, 1.0)
         else:
             residual = sweep_2d(start, column, blocks, diagonal, q, mu, rho, g, order, 1.0)
@@ -235,12 +225,11 @@ def accelerated(
             outcome = checked(state, error, residual, tolerance, measured, g, best)
             if outcome != CONTINUE:
                 return outcome, state[ITERATION], measured[LEAST], state[SEEN]
+            # accelerated errors do not fall at a steady rate: look often
             state[NEXT_CHECK] = min(state[NEXT_CHECK], state[ITERATION] + RARELY)
+        # after the check, which wants g, a point of the cones
         _follow(state, residual, measured[RESIDUAL], memory, r, g, f, g_old, f_old, root, table)
         measured[RESIDUAL] = residual
         if evaluated and watched:
             break
     return CONTINUE, state[ITERATION], measured[LEAST], state[SEEN]
-
-
-READY = True

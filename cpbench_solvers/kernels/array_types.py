@@ -13,5 +13,9 @@ VECTOR = float64[::1]
 COMPILED = {"cache": True, "error_model": "numpy", "nogil": True}
 """Options of a kernel: kept on disk; a division by zero is ±∞ or NaN, since a check for it would keep loops from being
 vectorised; and other threads go on, as those of a portfolio do."""
+KEPT = {"cache": True, "error_model": "numpy"}
+"""The same, with the lock of Python held."""
 FAST = {"reassoc", "contract", "arcp", "nsz"}
 """Reassociation, contraction, reciprocals and the sign of zero: NaN and infinity keep their meaning."""
+QUICK = {**KEPT, "fastmath": FAST}
+"""Options of loops whose sums may be made in any order."""

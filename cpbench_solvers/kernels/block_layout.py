@@ -8,7 +8,7 @@ numbers. `apart` : the diagonal blocks are left out.
 import numpy as np
 from numba import boolean, float64, int32, int64, njit, types, uint32, uint64, void
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D
+from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, KEPT
 
 INT32, INT64 = (types.Array(kind, 1, "C", readonly=True) for kind in (int32, int64))
 BLOCKS = types.Array(float64, 3, "C", readonly=True)
@@ -22,16 +22,13 @@ def _next_block(end, indices, at, width):
     """Return block column of the first block that is not behind `at`, -1 where there is none. end : of every row."""
     found = np.int64(-1)
     for t in range(at.size):
+        # the least column of any of the d rows: entries are sorted
         if at[t] < end[t] and (found < 0 or indices[at[t]] < found):
             found = np.int64(indices[at[t]])
     return found if found < 0 else found // width
 
 
-@njit(
-    [void(kind, kind, int64, boolean, uint64[::1]) for kind in (INT32, INT64)],
-    cache=True,
-    error_model="numpy",
-)
+@njit([void(kind, kind, int64, boolean, uint64[::1]) for kind in (INT32, INT64)], **KEPT)
 def count(indptr, indices, width, apart, start):
     """Set start[i + 1] to the number of blocks in the rows of the contacts 0 … i."""
     nc = start.size - 1
@@ -44,7 +41,7 @@ def count(indptr, indices, width, apart, start):
         blocks = np.uint64(0)
         j = _next_block(end, indices, at, width)
         while j >= 0:
-            beyond = width * (j + 1)
+            beyond = width * (j + 1)  # every row is moved past this block, whatever it has in it
             for t in range(d):
                 while at[t] < end[t] and indices[at[t]] < beyond:
                     at[t] += 1
@@ -59,8 +56,7 @@ def count(indptr, indices, width, apart, start):
         void(kind, kind, DATA, int64, boolean, int64, int64, uint64[::1], uint32[::1], float64[::1])
         for kind in (INT32, INT64)
     ],
-    cache=True,
-    error_model="numpy",
+    **KEPT,
 )
 def fill(indptr, indices, data, width, apart, down, right, start, column, blocks):
     """Write the blocks that `count` counted: columns, and entries that lie `down` and `right` apart in `blocks` of
@@ -71,7 +67,7 @@ def fill(indptr, indices, data, width, apart, down, right, start, column, blocks
     for i in range(nc):
         for t in range(d):
             at[t], end[t] = indptr[d * i + t], indptr[d * i + t + 1]
-        k = np.int64(start[i])
+        k = np.int64(start[i])  # mixed with signed numbers, unsigned ones would become floats
         j = _next_block(end, indices, at, width)
         while j >= 0:
             first, beyond, place = width * j, width * (j + 1), d * width * k
@@ -86,7 +82,7 @@ def fill(indptr, indices, data, width, apart, down, right, start, column, blocks
             j = _next_block(end, indices, at, width)
 
 
-@njit(void(BLOCKS, float64[:, ::1]), cache=True, error_model="numpy")
+@njit(void(BLOCKS, float64[:, ::1]), **KEPT)
 def one_contact_constants(D, local):
     """Write the twelve numbers of every contact that `gauss_seidel` names, from the diagonal blocks, shape (nc, 3,
     3)."""
@@ -95,7 +91,7 @@ def one_contact_constants(D, local):
         for t in range(3):
             for c in range(3):
                 top = max(top, abs(D[i, t, c]))
-        bad = not D[i, 0, 0] > SINGULAR * top
+        bad = not D[i, 0, 0] > SINGULAR * top  # also for NaN
         inverse = 1.0 / (1.0 if bad else D[i, 0, 0])
         size = top if top > 0.0 else 1.0
         h1, h2 = D[i, 0, 1] * inverse, D[i, 0, 2] * inverse
@@ -112,6 +108,7 @@ def one_contact_constants(D, local):
         local[i, 2], local[i, 3], local[i, 4], local[i, 5] = a, b, c, d
         local[i, 6], local[i, 7] = D[i, 1, 0] * inverse, D[i, 2, 0] * inverse
         local[i, 8], local[i, 9] = h1, h2
+        # S + λI is regular from here on
         local[i, 10] = -least * (1.0 + SINGULAR) if indefinite else (SINGULAR * size if singular else 0.0)
         local[i, 11] = indefinite
 
@@ -131,6 +128,7 @@ def own_block(indptr, indices, data, i, diagonal):
     d = diagonal.shape[1]
     for a in range(d):
         row = d * i + a
+        # a row may have thousands of entries, its own block is one of them
         at = indptr[row] + np.searchsorted(indices[indptr[row] : indptr[row + 1]], d * i)
         while at < indptr[row + 1] and indices[at] < d * (i + 1):
             diagonal[i, a, indices[at] - d * i] = data[at]
@@ -138,8 +136,7 @@ def own_block(indptr, indices, data, i, diagonal):
 
 
 @njit(
-    void(DATA_2D, uint64[::1], uint32[::1], float64[::1], float64[:, :, ::1], float64[:, ::1], float64[::1]),
-    **COMPILED,
+    void(DATA_2D, uint64[::1], uint32[::1], float64[::1], float64[:, :, ::1], float64[:, ::1], float64[::1]), **COMPILED
 )
 def from_dense(W, start, column, blocks, diagonal, local, rho):
     """Write everything from a dense matrix; blocks of zeros are left out.
@@ -160,10 +157,11 @@ def from_dense(W, start, column, blocks, diagonal, local, rho):
             for a in range(d):
                 for b in range(d):
                     entry = W[d * i + a, d * j + b]
-                    some |= entry != 0.0
+                    some |= entry != 0.0  # a stored block costs nine products in every sweep
                     if i == j:
                         diagonal[i, a, b] = entry
                     else:
+                        # written ahead, and over again by the next one where all of it is 0
                         blocks[d * d * at + down * a + right * b] = entry
             if some and i != j:
                 column[at] = j
@@ -171,22 +169,14 @@ def from_dense(W, start, column, blocks, diagonal, local, rho):
         rho[i] = natural_rho(diagonal, i)
     start[nc] = at
     if d == 3:
-        blocks[d * d * at] = 0.0
+        blocks[d * d * at] = 0.0  # the fourth lane of the last block reads it: no NaN may be there
         one_contact_constants(diagonal, local)
 
 
 @njit(
     [
         void(
-            kind,
-            kind,
-            DATA,
-            uint64[::1],
-            uint32[::1],
-            float64[::1],
-            float64[:, :, ::1],
-            float64[:, ::1],
-            float64[::1],
+            kind, kind, DATA, uint64[::1], uint32[::1], float64[::1], float64[:, :, ::1], float64[:, ::1], float64[::1]
         )
         for kind in (INT32, INT64)
     ],
@@ -203,6 +193,3 @@ def from_sparse(indptr, indices, data, start, column, blocks, diagonal, local, r
         rho[i] = natural_rho(diagonal, i)
     if d == 3:
         one_contact_constants(diagonal, local)
-
-
-READY = True

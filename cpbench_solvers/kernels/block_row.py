@@ -37,15 +37,18 @@ def row_product(typingctx, first, last, column, blocks, r):
             return ir.Constant(_INDEX, value)
 
         def lanes(x):
+            # LLVM turns an insertion and a shuffle into one broadcast
             one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), x, ir.Constant(ir.IntType(32), 0))
             return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES))
 
+        # three chains of additions: one would wait four cycles for each block
         sums = [cgutils.alloca_once_value(builder, ir.Constant(_VECTOR, [0.0] * LANES)) for _ in range(3)]
         with cgutils.for_range_slice(builder, first, last, constant(1), _INDEX) as (k, _):
             j = builder.zext(builder.load(builder.gep(columns, [k])), _INDEX)
             x = builder.gep(r, [builder.mul(j, constant(3))])
             block = builder.gep(blocks, [builder.mul(k, constant(9))])
             for c in range(3):
+                # columns begin at multiples of three numbers: loads are not aligned to 32 bytes
                 at = builder.bitcast(builder.gep(block, [constant(3 * c)]), _VECTOR.as_pointer())
                 factor = lanes(builder.load(builder.gep(x, [constant(c)])))
                 product = builder.fmul(builder.load(at, align=8), factor, flags=("contract",))

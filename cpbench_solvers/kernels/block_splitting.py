@@ -3,17 +3,14 @@
 import numpy as np
 from numba import float64, int64, njit
 
+from cpbench_solvers.kernels.array_types import KEPT
 from cpbench_solvers.kernels.splitting import DATA, DATA_2D, INDEX, VECTOR, judged
 from cpbench_solvers.kernels.tableau import CODES, COMPLEMENTARY, whole_tableau
 
 PIVOT_TOLERANCE, TIE_TOLERANCE = 1e-11, 1e-13
 
 
-@njit(
-    int64(VECTOR, int64, float64, float64[:, ::1], VECTOR, VECTOR, float64[::1], int64[::1]),
-    cache=True,
-    error_model="numpy",
-)
+@njit(int64(VECTOR, int64, float64, float64[:, ::1], VECTOR, VECTOR, float64[::1], int64[::1]), **KEPT)
 def solve_block(z, first, omega, block, w, new, reals, numbers):
     """Write `new` from z and w of the unknowns that begin at `first`; 1 where something moves, else 0.
 
@@ -23,12 +20,12 @@ def solve_block(z, first, omega, block, w, new, reals, numbers):
     m = block.shape[0]
     rest = True
     for i in range(m):
-        rest &= z[first + i] == 0.0 and w[first + i] >= 0.0
+        rest &= z[first + i] == 0.0 and w[first + i] >= 0.0  # most blocks near a solution: no Lemke for them
     if rest:
         return 0
     q = reals[:m]
     for i in range(m):
-        q[i] = w[first + i]
+        q[i] = w[first + i]  # the rest of the unknowns held: q_B = w_B − M_BB z_B
         for j in range(m):
             q[i] -= block[i, j] * z[first + j]
     tableau = reals[m : m + m * (m + 1)].reshape(m, m + 1)
@@ -46,17 +43,13 @@ def solve_block(z, first, omega, block, w, new, reals, numbers):
                 new[i] = max(0.0, new[i] - slack / block[i, i])
     moves = 0
     for i in range(m):
-        new[i] = max(0.0, z[first + i] + omega * (new[i] - z[first + i]))
+        new[i] = max(0.0, z[first + i] + omega * (new[i] - z[first + i]))  # ω > 1 may leave the orthant
         if new[i] != z[first + i]:
             moves = 1
     return moves
 
 
-@njit(
-    int64(DATA_2D, VECTOR, int64, DATA, VECTOR, VECTOR, float64, float64, float64, VECTOR),
-    cache=True,
-    error_model="numpy",
-)
+@njit(int64(DATA_2D, VECTOR, int64, DATA, VECTOR, VECTOR, float64, float64, float64, VECTOR), **KEPT)
 def sweeps_dense(columns, blocks, size, q, z, w, z_unit, omega, tolerance, errors):
     """Make at most `errors.size` sweeps, in place on z and w; returns how many were done.
 
@@ -84,11 +77,7 @@ def sweeps_dense(columns, blocks, size, q, z, w, z_unit, omega, tolerance, error
     return errors.size
 
 
-@njit(
-    int64(INDEX, INDEX, DATA, VECTOR, int64, DATA, VECTOR, VECTOR, float64, float64, float64, VECTOR),
-    cache=True,
-    error_model="numpy",
-)
+@njit(int64(INDEX, INDEX, DATA, VECTOR, int64, DATA, VECTOR, VECTOR, float64, float64, float64, VECTOR), **KEPT)
 def sweeps_sparse(start, rows, values, blocks, size, q, z, w, z_unit, omega, tolerance, errors):
     """Sweep as `sweeps_dense` does; column j of M has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
     n = q.size
@@ -108,6 +97,3 @@ def sweeps_sparse(start, rows, values, blocks, size, q, z, w, z_unit, omega, tol
         if not errors[s] > tolerance:
             return s + 1
     return errors.size
-
-
-READY = True

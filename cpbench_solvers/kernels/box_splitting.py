@@ -3,13 +3,12 @@
 import numpy as np
 from numba import boolean, float64, int64, njit, types
 
-from cpbench_solvers.kernels.array_types import DATA, INDEX
+from cpbench_solvers.kernels.array_types import DATA, INDEX, KEPT
 
 
 @njit(
     types.Tuple((int64, boolean))(INDEX, INDEX, DATA, DATA, DATA, DATA, DATA, float64[::1], float64, float64, int64),
-    cache=True,
-    error_model="numpy",
+    **KEPT,
 )
 def sweeps(start, column, value, diagonal, q, lower, upper, z, omega, threshold, most):
     """Return z_i ← clip(z_i − ω w_i/M_ii) in place, one after the other; (sweeps done, whether `threshold` ended them).
@@ -32,6 +31,3 @@ def sweeps(start, column, value, diagonal, q, lower, upper, z, omega, threshold,
         if largest <= threshold or not np.isfinite(largest):
             return sweep + 1, True
     return most, False
-
-
-READY = True

@@ -6,7 +6,7 @@ The kernels leave Python's lock alone while they run.
 import numpy as np
 from numba import int64, njit, uint32, void
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, START, VECTOR
+from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, QUICK, START, VECTOR
 from cpbench_solvers.kernels.gauss_seidel import sweep_2d, sweep_3d
 
 
@@ -46,9 +46,7 @@ def reorder(start, column, blocks, contacts, place, size, new_start, new_column,
 
 @njit(
     void(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, int64[::1], int64),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
+    **QUICK,
     nogil=True,
 )
 def part(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, dimension):
@@ -57,6 +55,3 @@ def part(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, dime
         sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, 1.0)
     else:
         sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, 1.0)
-
-
-READY = True

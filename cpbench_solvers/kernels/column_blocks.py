@@ -31,6 +31,7 @@ def prepare(W, count, E, rows, begin, t, x):
     first = np.empty(K, np.int64)
     for p in range(K):
         # a row that is pivoted on twice has two places in x: the first is the one that counts
+        # where each pivot's row was first pivoted on
         first[p] = p
         for a in range(p):
             if rows[begin + a] == rows[begin + p]:
@@ -45,7 +46,7 @@ def prepare(W, count, E, rows, begin, t, x):
             t[c, p] = factor
             for a in range(K):
                 x[c, a] -= S[p, a] * factor
-            x[c, first[p]] = factor
+            x[c, first[p]] = factor  # afresh, as `update` does, so that both give the same numbers up to rounding
         for a in range(K):
             x[c, a] = x[c, first[a]]
 
@@ -56,6 +57,3 @@ def restore(W, count, rows, begin, x):
     for c in range(count):
         for a in range(x.shape[1]):
             W[c, rows[begin + a]] = x[c, a]
-
-
-READY = True

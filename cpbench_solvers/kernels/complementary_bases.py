@@ -27,6 +27,7 @@ def _consistent(M, q, k, A, F):
             for b in range(c, k):
                 if abs(A[a, b]) > abs(A[p, s]):
                     p, s = a, b
+        # nothing is left on the left: the system has a solution if nothing is left on the right
         if abs(A[p, s]) <= RANK:
             rest = 0.0
             for a in range(c, k):
@@ -70,7 +71,7 @@ def basis(M, q, mask, A, F, z, closest):
         if abs(A[p, c]) <= RANK:
             singular = True
             break
-        smallest = min(smallest, abs(A[p, c]))
+        smallest = min(smallest, abs(A[p, c]))  # how small pivots were says how many digits z has
         if p != c:
             for b in range(c, k + 1):
                 A[c, b], A[p, b] = A[p, b], A[c, b]
@@ -80,6 +81,7 @@ def basis(M, q, mask, A, F, z, closest):
                 for b in range(c + 1, k + 1):
                     A[a, b] -= t * A[c, b]
     if singular:
+        # many solutions or none: which of them is z ≥ 0 another program decides
         return SINGULAR if _consistent(M, q, k, A, F) else EXCLUDED
     largest_z = 0.0
     for a in range(k - 1, -1, -1):
@@ -91,18 +93,19 @@ def basis(M, q, mask, A, F, z, closest):
     least = 0.0
     for i in range(n):
         if mask >> i & 1:
+            # relative to z as a whole: a small z_i has its error from the large ones
             least = min(least, z[i] / max(1.0, largest_z))
         else:
             w, size = q[i], max(1.0, abs(q[i]))
             for a in range(k):
                 w += M[i, F[a]] * z[F[a]]
-                size = max(size, abs(M[i, F[a]] * z[F[a]]))
+                size = max(size, abs(M[i, F[a]] * z[F[a]]))  # what w_i is the rounding of, where terms cancel
             least = min(least, w / size)
     closest[0] = max(closest[0], least)
     near = max(NEAR, ROUNDING / smallest)
     if least < -near:
         return EXCLUDED
-    return FEASIBLE if least >= -ROUNDING / smallest else DOUBTFUL
+    return FEASIBLE if least >= -ROUNDING / smallest else DOUBTFUL  # between both more digits would be needed
 
 
 @njit("int64(float64[:,::1], float64[::1], int64, int64, int64[::1], int64[::1], float64[::1])", **COMPILED)
@@ -120,6 +123,3 @@ def scan(M, q, begin, end, masks, kinds, closest):
             masks[found], kinds[found] = mask, kind
             found += 1
     return found
-
-
-READY = True

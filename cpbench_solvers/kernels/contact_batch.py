@@ -33,6 +33,3 @@ def contact_batch(W, q, mu, dimension, memory, tolerance, most, work, r):
             )
         for a in range(n):
             r[p, a] = work[ANSWER + a]
-
-
-READY = True

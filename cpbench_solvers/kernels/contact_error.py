@@ -7,7 +7,7 @@ says that the error may be small enough, the sum over the contacts is given up a
 import numpy as np
 from numba import float64, int64, njit
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, START
+from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, QUICK, START
 from cpbench_solvers.kernels.block_row import row_product
 from cpbench_solvers.kernels.one_contact import natural_step
 from cpbench_solvers.kernels.sweep_progress import ITERATION, NEXT_CHECK, PACE, SEEN
@@ -20,6 +20,7 @@ QUARTER = 0.25
 def velocity_3d(start, column, blocks, q, r, i):
     one, two = np.uint64(1), np.uint64(2)
     i3 = np.uint64(3) * np.uint64(i)
+    # in vector lanes: most of the time of a sweep is here
     u0, u1, u2 = row_product(start[i], start[i + 1], column, blocks, r)
     return q[i3] + u0, q[i3 + one] + u1, q[i3 + two] + u2
 
@@ -49,7 +50,7 @@ def _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, natural_mo
             u0, u1, u2 = velocity_3d(start, column, blocks, q, r, i)
             r0, r1, r2 = r[3 * i], r[3 * i + 1], r[3 * i + 2]
             q0, q1, q2 = q[3 * i], q[3 * i + 1], q[3 * i + 2]
-            u0 += diagonal[i, 0] * r0 + diagonal[i, 1] * r1 + diagonal[i, 2] * r2
+            u0 += diagonal[i, 0] * r0 + diagonal[i, 1] * r1 + diagonal[i, 2] * r2  # the block itself is stored apart
             u1 += diagonal[i, 3] * r0 + diagonal[i, 4] * r1 + diagonal[i, 5] * r2
             u2 += diagonal[i, 6] * r0 + diagonal[i, 7] * r1 + diagonal[i, 8] * r2
         else:
@@ -63,8 +64,9 @@ def _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, natural_mo
         natural += (r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2
         p0, p1, p2 = natural_step(r0, r1, r2, u0, u1, u2, mu[i], rho[i])
         energy += ((r0 - p0) ** 2 + (r1 - p1) ** 2 + (r2 - p2) ** 2) / rho[i]
-        if natural > natural_most or energy > energy_most:
+        if natural > natural_most or energy > energy_most:  # sums of squares only grow: the error is too large already
             return np.inf, i
+        # else û is in K*
         if not u0 >= 0.0:  # else û is in K*
             p0, p1, p2 = natural_step(0.0, 0.0, 0.0, u0, u1, u2, mu[i], 1.0)
             opening += rho[i] * (p0 * p0 + p1 * p1 + p2 * p2)
@@ -85,12 +87,7 @@ def _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, natural_mo
     return (worst if not worst < opening else opening), mu.size
 
 
-@njit(
-    float64(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, int64),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(float64(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, int64), **QUICK)
 def judged(start, column, blocks, diagonal, q, mu, rho, r, dimension):
     """Return the error of `contact_residuals`."""
     return _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, np.inf, np.inf)[0]
@@ -122,14 +119,13 @@ def looked(
     natural_most = energy_most = np.inf
     if it < state[NEXT_CHECK] and it != until:
         natural_most, energy_most = _lengths(q, rho, r, dimension)
+        # velocities can only make the scale larger, hence the error smaller
         natural_most, energy_most = square * natural_most, square * energy_most
     error, seen = _error(start, column, blocks, diagonal, q, mu, rho, r, dimension, natural_most, energy_most)
     state[SEEN] += seen
     if seen == mu.size:
         return True, error
     if seen >= QUARTER * mu.size:
+        # as if the rest of the contacts were as wrong as those seen
         measured[PACE] = square * mu.size / (seen * change)
     return False, np.inf
-
-
-READY = True

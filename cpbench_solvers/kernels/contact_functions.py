@@ -23,8 +23,8 @@ TINY = 1e-15
 def _disk(radius, y1, y2, e):
     """Return s of P_D(y_T) = s y_T; e gets y_T/‖y_T‖ where that is shortened, else 0."""
     t = np.sqrt(y1 * y1 + y2 * y2)
-    e[0] = e[1] = 0.0
-    if radius <= 0.0:
+    e[0] = e[1] = 0.0  # inside of the disk the projection has no kink to follow
+    if radius <= 0.0:  # an open contact: the disk is a point, and every direction is lost
         return 0.0
     if t <= radius:
         return 1.0
@@ -73,7 +73,7 @@ def natural(x, v, mu, rho, phi, A, B, e):
     """Evaluate Φ of the natural map at one contact."""
     A[:] = 0.0
     B[:] = 0.0
-    hat = _shifted(v, mu, e)
+    hat = _shifted(v, mu, e)  # De Saxcé's shift moves the law into the cone: û_N = v_N + μ‖v_T‖
     y0, y1, y2 = x[0] - rho * hat, x[1] - rho * v[1], x[2] - rho * v[2]
     t = np.sqrt(y1 * y1 + y2 * y2)
     if t <= mu * y0 and mu > 0.0:
@@ -126,7 +126,7 @@ def jordan(x, v, mu, rho, phi, A, B, e):
         return
     a0, a1, a2 = mu * x[0], x[1], x[2]
     b0, b1, b2 = rho * hat, rho * mu * v[1], rho * mu * v[2]
-    w1, w2 = a0 * a1 + b0 * b1, a0 * a2 + b0 * b2
+    w1, w2 = a0 * a1 + b0 * b1, a0 * a2 + b0 * b2  # half of the tangential part of a∘a + b∘b
     half = np.sqrt(w1 * w1 + w2 * w2)
     size = np.sqrt(a0 * a0 + a1 * a1 + a2 * a2 + b0 * b0 + b1 * b1 + b2 * b2)
     if half > 0.0:
@@ -134,7 +134,7 @@ def jordan(x, v, mu, rho, phi, A, B, e):
     else:
         e1, e2 = 1.0, 0.0
     along_a, along_b = e1 * a1 + e2 * a2, e1 * b1 + e2 * b2
-    across = (e1 * a2 - e2 * a1) ** 2 + (e1 * b2 - e2 * b1) ** 2
+    across = (e1 * a2 - e2 * a1) ** 2 + (e1 * b2 - e2 * b1) ** 2  # what is orthogonal to e counts in both eigenvalues
     first = np.sqrt((a0 - along_a) ** 2 + (b0 - along_b) ** 2 + across)
     second = np.sqrt((a0 + along_a) ** 2 + (b0 + along_b) ** 2 + across)
     z0, zt = 0.5 * (second + first), 0.5 * (second - first)

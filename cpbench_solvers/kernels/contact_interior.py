@@ -4,12 +4,14 @@ Every row of y and w lies in a Lorentz cone L = {x : x_N ≥ ‖x_T‖}. Jordan'
 det x = x_N² − ‖x_T‖². The scaling of Nesterov and Todd, Θy = w, is kept as vectors: with det v = 1 and a number s,
 s(2vvᵀ − J), J = diag(1, −1, …), takes a row in a few operations. A row of `scaling` is (f, v, s): Θ = s(2ffᵀ − J), and
 its square root √s(2vvᵀ − J).
+
+Reference in plain NumPy: `tests/solvers/references/interior_point_fc.py`.
 """
 
 import numpy as np
 from numba import boolean, float64, njit, void
 
-from cpbench_solvers.kernels.array_types import DATA, DATA_2D, FAST, VECTOR
+from cpbench_solvers.kernels.array_types import DATA, DATA_2D, QUICK, VECTOR
 
 SMALLEST = 1e-30
 """Of a determinant of a point inside the cone."""
@@ -23,7 +25,7 @@ def _det(x, d):
     for k in range(1, d):
         square += x[k] * x[k]
     t = np.sqrt(square)
-    return max((x[0] - t) * (x[0] + t), SMALLEST)
+    return max((x[0] - t) * (x[0] + t), SMALLEST)  # the product keeps the digits that the difference of squares loses
 
 
 @njit(inline="always")
@@ -59,12 +61,7 @@ def _longest(x, dx, step, d):
     return step
 
 
-@njit(
-    void(ROWS, ROWS, DATA_2D, DATA, float64, boolean, ROWS, ROWS, VECTOR, BLOCKS),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(void(ROWS, ROWS, DATA_2D, DATA, float64, boolean, ROWS, ROWS, VECTOR, BLOCKS), **QUICK)
 def prepare(y, w, q, Wy, epsilon, shifted, scaling, slope, residual, blocks):
     """Write the scaling of (y, w), the slope of φ(w) = √(‖w_T‖² + ε²), the residual Wy + q + φ e_N − w and the blocks
     (I − e_N φ′)Θ; where not `shifted`, φ is 0."""
@@ -75,6 +72,7 @@ def prepare(y, w, q, Wy, epsilon, shifted, scaling, slope, residual, blocks):
         root_y, root_w = np.sqrt(det_y), np.sqrt(det_w)
         gamma = 0.0
         for k in range(d):
+            # of both on det = 1: near the boundary y and w differ by many powers of ten
             gamma += (y[i, k] / root_y) * (w[i, k] / root_w)
         gamma = 2.0 * np.sqrt(0.5 * (1.0 + gamma))
         for k in range(d):
@@ -85,7 +83,7 @@ def prepare(y, w, q, Wy, epsilon, shifted, scaling, slope, residual, blocks):
         norm = np.sqrt(2.0 * own[d])
         for k in range(d):
             own[d + k] /= norm
-        own[2 * d] = root_w / root_y
+        own[2 * d] = root_w / root_y  # Θ maps det y to det w: s² = det w/det y
         phi = 0.0
         slope[i] = 0.0
         if shifted:
@@ -99,9 +97,10 @@ def prepare(y, w, q, Wy, epsilon, shifted, scaling, slope, residual, blocks):
         residual[i * d] += phi
         for j in range(d):
             for k in range(d):
-                sign = 0.0 if k != j else (-1.0 if k == 0 else 1.0)
+                sign = 0.0 if k != j else (-1.0 if k == 0 else 1.0)  # −J, J = diag(1, −1, …)
                 blocks[i, k, j] = own[2 * d] * (2.0 * own[k] * own[j] + sign)
             for k in range(1, d):
+                # (I − e_N φ′)Θ, so that the linear system keeps the pattern of W
                 blocks[i, 0, j] -= slope[i, k] * blocks[i, k, j]
 
 
@@ -118,7 +117,7 @@ def _reduce(c, slope, residual, right):
         right[i * d] -= along
 
 
-@njit(void(ROWS, ROWS, ROWS, DATA, ROWS, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
+@njit(void(ROWS, ROWS, ROWS, DATA, ROWS, VECTOR), **QUICK)
 def predict(w, scaling, slope, residual, c, right):
     """Write c = −w of the predictor, dw = c − Θdy, and the right-hand side of its linear system."""
     nc, d = w.shape
@@ -128,7 +127,7 @@ def predict(w, scaling, slope, residual, c, right):
     _reduce(c, slope, residual, right)
 
 
-@njit(void(ROWS, ROWS, ROWS, ROWS, DATA, DATA, float64, ROWS, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
+@njit(void(ROWS, ROWS, ROWS, ROWS, DATA, DATA, float64, ROWS, VECTOR), **QUICK)
 def correct(y, w, scaling, slope, residual, predicted, gap, c, right):
     """Write c of Mehrotra's corrector from the predictor dy and its c, and its right-hand side; gap : yᵀw/nc."""
     nc, d = y.shape
@@ -144,7 +143,7 @@ def correct(y, w, scaling, slope, residual, predicted, gap, c, right):
     for i in range(nc):
         for k in range(d):
             ahead += (y[i, k] + length * predicted[i * d + k]) * (w[i, k] + length * dw[i, k])
-    sigma = min(max(ahead / (nc * gap), 0.0), 1.0) ** 3
+    sigma = min(max(ahead / (nc * gap), 0.0), 1.0) ** 3  # Mehrotra: what the predictor would leave
     a, b, wanted, middle = np.empty(d), np.empty(d), np.empty(d), np.empty(d)
     for i in range(nc):
         own, dy = scaling[i], predicted[i * d : i * d + d]
@@ -169,7 +168,7 @@ def correct(y, w, scaling, slope, residual, predicted, gap, c, right):
     _reduce(c, slope, residual, right)
 
 
-@njit(float64(ROWS, ROWS, ROWS, ROWS, DATA, float64, float64), cache=True, fastmath=FAST, error_model="numpy")
+@njit(float64(ROWS, ROWS, ROWS, ROWS, DATA, float64, float64), **QUICK)
 def move(y, w, scaling, c, step, boundary, shortest):
     """Go the share `boundary` of the way to the boundary along (dy, c − Θdy), a full step at most; y and w are changed.
 
@@ -186,7 +185,7 @@ def move(y, w, scaling, c, step, boundary, shortest):
             total += abs(dy[k]) + abs(dw[i, k])
         length = _longest(y[i], dy, length, d)
         length = _longest(w[i], dw[i], length, d)
-    if not total < np.inf:
+    if not total < np.inf:  # also NaN: nothing has been moved yet
         return np.nan
     length = min(boundary * length, 1.0)
     if length >= shortest:
@@ -195,6 +194,3 @@ def move(y, w, scaling, c, step, boundary, shortest):
                 y[i, k] += length * step[i * d + k]
                 w[i, k] += length * dw[i, k]
     return length
-
-
-READY = True

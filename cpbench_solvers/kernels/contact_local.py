@@ -26,6 +26,7 @@ def solve_3(M, b, x):
     c1 = M[1, 2] * M[2, 0] - M[1, 0] * M[2, 2]
     c2 = M[1, 0] * M[2, 1] - M[1, 1] * M[2, 0]
     determinant = M[0, 0] * c0 + M[0, 1] * c1 + M[0, 2] * c2
+    # relative to what cancels in it, so that units do not matter
     if not abs(determinant) > EPS * (abs(M[0, 0] * c0) + abs(M[0, 1] * c1) + abs(M[0, 2] * c2)):
         return False
     i = 1.0 / determinant
@@ -65,15 +66,15 @@ def project_often(D, w, mu, rho, r, room):
             if change <= CHANGE * CHANGE * size:
                 break
             moved = (hat_y - hat) ** 2 + (uy[1] - u[1]) ** 2 + (uy[2] - u[2]) ** 2
-            ratio = rho * np.sqrt(moved / change)
+            ratio = rho * np.sqrt(moved / change)  # a Lipschitz estimate of û times ρ: above 1 the map may expand
             if ratio <= FAST:
                 break
-            rho *= SHORTER * min(1.0, 1.0 / ratio)
+            rho *= SHORTER * min(1.0, 1.0 / ratio)  # far above, one reduction is enough
         for a in range(3):
             r[a], u[a] = y[a], uy[a]
         if change <= CHANGE * CHANGE * size:
             break
-        if ratio < SLOW:
+        if ratio < SLOW:  # for the next step alone: this one is done
             rho /= SHORTER
     return rho
 
@@ -86,12 +87,13 @@ def newton(D, w, mu, rho, r, room, A, B, J):
     _velocity(D, w, r, u)
     projections(False, r, u, mu, rho, rho, phi, A, B, e)
     size = np.sqrt(phi[0] ** 2 + phi[1] ** 2 + phi[2] ** 2)
-    free = rho * np.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2)
+    free = rho * np.sqrt(w[0] ** 2 + w[1] ** 2 + w[2] ** 2)  # ‖Φ(0)‖ or so: what the residual is small beside
     for _ in range(NEWTON_STEPS):
         if size <= CHANGE * free:
             return True
         for a in range(3):
             for b in range(3):
+                # Φ depends on r by x = r and by v = Dr + w
                 J[a, b] = A[a, b] + B[a, 0] * D[0, b] + B[a, 1] * D[1, b] + B[a, 2] * D[2, b]
         if not solve_3(J, phi, d):
             return False
@@ -122,7 +124,7 @@ def _value(c, order, x):
         factor = 1.0
         for m in range(order):
             factor *= k - m
-        total = total * x + factor * c[k]
+        total = total * x + factor * c[k]  # Horner
     return total
 
 
@@ -145,7 +147,7 @@ def roots_in_unit(c, roots, split):
         for k in range(intervals):
             low, high = split[k], split[k + 1]
             below, above = _value(c, order, low), _value(c, order, high)
-            if above == 0.0 and below != 0.0:
+            if above == 0.0 and below != 0.0:  # a root at the end of an interval would be lost between both
                 roots[count] = high
                 count += 1
             elif below * above < 0.0:
@@ -158,7 +160,7 @@ def roots_in_unit(c, roots, split):
                         high = x
                     slope = _value(c, order + 1, x)
                     new = x - value / slope if slope != 0.0 else low
-                    if not (new > low and new < high):
+                    if not (new > low and new < high):  # Newton left the bracket
                         new = 0.5 * (low + high)
                     if abs(new - x) <= EPS * x:
                         break
@@ -186,7 +188,7 @@ def enumerate_modes(D, w, mu, r, room, roots, split):
         if D[0, 0] > 0.0 and w[0] < 0.0:
             best[0], best[1], best[2] = -w[0] / D[0, 0], 0.0, 0.0
             least = 0.0
-    elif solve_3(D, w, x) and x[0] <= 0.0 and x[1] ** 2 + x[2] ** 2 <= (mu * x[0]) ** 2:
+    elif solve_3(D, w, x) and x[0] <= 0.0 and x[1] ** 2 + x[2] ** 2 <= (mu * x[0]) ** 2:  # sticking: r = −D⁻¹w = −x
         distance = (r[0] + x[0]) ** 2 + (r[1] + x[1]) ** 2 + (r[2] + x[2]) ** 2
         if distance < least:
             least = distance
@@ -198,7 +200,7 @@ def enumerate_modes(D, w, mu, r, room, roots, split):
         b1, b2 = w[1] + D[1, 0] * free, w[2] + D[2, 0] * free
         unit = max(abs(s11) + abs(s12), abs(s21) + abs(s22))
         if unit == 0.0:
-            unit = D[0, 0]
+            unit = D[0, 0]  # S = 0: any positive unit does
         s11, s12, s21, s22, b1, b2 = s11 / unit, s12 / unit, s21 / unit, s22 / unit, b1 / unit, b2 / unit
         trace, det = s11 + s22, s11 * s22 - s12 * s21
         # numerators of r_T1, r_T2 (degree 1) and r_N (degree 2) over det(S + λI)
@@ -212,7 +214,7 @@ def enumerate_modes(D, w, mu, r, room, roots, split):
         c[3] = -2.0 * n1 * n2
         c[4] = -n2 * n2
         for k in range(5):
-            back[k] = c[4 - k]
+            back[k] = c[4 - k]  # roots beyond 1 are 1/roots of this: bisection needs a bounded interval
         for side in range(2):
             count = roots_in_unit(c if side == 0 else back, roots, split)
             for k in range(count):
@@ -221,6 +223,7 @@ def enumerate_modes(D, w, mu, r, room, roots, split):
                 t1, t2 = (p0 + p1 * lam) * inverse, (m0 + m1 * lam) * inverse
                 normal = free - h1 * t1 - h2 * t2
                 length = np.sqrt(t1 * t1 + t2 * t2)
+                # squaring has made roots with r_N < 0
                 if not (normal > 0.0 and abs(length - mu * normal) <= 1e-6 * length):
                     continue
                 t1, t2 = t1 * mu * normal / length, t2 * mu * normal / length
@@ -232,6 +235,3 @@ def enumerate_modes(D, w, mu, r, room, roots, split):
         return False
     r[0], r[1], r[2] = best[0], best[1], best[2]
     return True
-
-
-READY = True

@@ -2,23 +2,21 @@
 
 Every contact gives d equations φ(x_c, v_c) in its reaction x_c and velocity v_c, and a pair of blocks A = ∂φ/∂x,
 B = ∂φ/∂v: those of `contact_functions`.
+
+Reference in plain NumPy: `tests/solvers/references/newton_alart_curnier.py`.
 """
 
 import numpy as np
 from numba import boolean, float64, int32, int64, njit, types, void
 
-from cpbench_solvers.kernels.array_types import DATA, DATA_2D, INDEX
+from cpbench_solvers.kernels.array_types import DATA, DATA_2D, INDEX, KEPT
 from cpbench_solvers.kernels.contact_functions import one_contact
 
 DATA_3D = types.Array(float64, 3, "C", readonly=True)
 BLOCKS = float64[:, :, ::1]
 
 
-@njit(
-    void(int64, DATA, DATA, DATA, DATA_2D, float64[::1], BLOCKS, BLOCKS, boolean[::1]),
-    cache=True,
-    error_model="numpy",
-)
+@njit(void(int64, DATA, DATA, DATA, DATA_2D, float64[::1], BLOCKS, BLOCKS, boolean[::1]), **KEPT)
 def evaluate(kind, x, v, mu, rho, phi, A, B, moves):
     """Evaluate Φ, and its derivatives by contacts.
 
@@ -40,10 +38,11 @@ def evaluate(kind, x, v, mu, rho, phi, A, B, moves):
             phi[d * i + k] = f[k]
             for m in range(d):
                 A[i, k, m], B[i, k, m] = a[k, m], b[k, m]
+                # open contacts: their rows are r = 0, and leave the system
                 moves[i] |= b[k, m] != 0.0 or a[k, m] != (1.0 if k == m else 0.0)
 
 
-@njit(void(DATA_2D, DATA_3D, DATA_3D, INDEX, float64[:, ::1]), cache=True, error_model="numpy")
+@njit(void(DATA_2D, DATA_3D, DATA_3D, INDEX, float64[:, ::1]), **KEPT)
 def dense_jacobian(W, A, B, contacts, J):
     """Assemble A + BW over some contacts, J : (d·k, d·k)."""
     d = A.shape[1]
@@ -62,11 +61,7 @@ def dense_jacobian(W, A, B, contacts, J):
                 row[d * p + b] += A[i, a, b]
 
 
-@njit(
-    int64(INDEX, INDEX, DATA_3D, DATA_3D, DATA_3D, INDEX, INDEX, int32[::1], int32[::1], float64[::1]),
-    cache=True,
-    error_model="numpy",
-)
+@njit(int64(INDEX, INDEX, DATA_3D, DATA_3D, DATA_3D, INDEX, INDEX, int32[::1], int32[::1], float64[::1]), **KEPT)
 def sparse_jacobian(first, row, W, A, B, contacts, number, start, index, value):
     """Return a + BW over some contacts by compressed columns; the number of its entries.
 
@@ -83,7 +78,7 @@ def sparse_jacobian(first, row, W, A, B, contacts, number, start, index, value):
         for b in range(d):
             for k in range(first[j], first[j + 1]):
                 i = row[k]
-                if number[i] < 0:
+                if number[i] < 0:  # a contact that is out of the system has d known
                     continue
                 for a in range(d):
                     total = A[i, a, b] if i == j else 0.0
@@ -94,6 +89,3 @@ def sparse_jacobian(first, row, W, A, B, contacts, number, start, index, value):
                     filled += 1
             start[d * p + b + 1] = filled
     return filled
-
-
-READY = True

@@ -11,7 +11,7 @@ or P_K(x − ρF(y)) (Korpelevich's extragradient).
 import numpy as np
 from numba import int64, njit
 
-from cpbench_solvers.kernels.array_types import DATA, FAST, INDEX, VECTOR
+from cpbench_solvers.kernels.array_types import DATA, FAST, INDEX, QUICK, VECTOR
 from cpbench_solvers.kernels.frozen_contact import CONE, product, project
 from cpbench_solvers.kernels.vectors import put
 
@@ -33,7 +33,7 @@ def _shifted(start, column, blocks, q, mu, d, x, F):
             F[k] += q[k]
             if k > f:
                 square += F[k] * F[k]
-        F[f] += mu[i] * np.sqrt(square)
+        F[f] += mu[i] * np.sqrt(square)  # De Saxcé's shift makes the law a variational inequality over the cones
 
 
 @njit(fastmath=FAST, error_model="numpy")
@@ -48,12 +48,7 @@ def _step(x, rho, F, mu, d, y):
             y[f + 2] = b
 
 
-@njit(
-    int64(INDEX, INDEX, DATA, DATA, DATA, int64, int64, VECTOR, VECTOR, int64),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(int64(INDEX, INDEX, DATA, DATA, DATA, int64, int64, VECTOR, VECTOR, int64), **QUICK)
 def iterate(start, column, blocks, q, mu, d, method, x, rho, iterations):
     """Make `iterations` in place on x and ρ, shape (1,); return the evaluations of F."""
     F, G, y = np.empty(x.size), np.empty(x.size), np.empty(x.size)
@@ -69,7 +64,7 @@ def iterate(start, column, blocks, q, mu, d, method, x, rho, iterations):
             for k in range(x.size):
                 way += (x[k] - y[k]) ** 2
                 change += (F[k] - G[k]) ** 2
-            ratio = rho[0] * np.sqrt(change / way) if way > 0.0 else 0.0
+            ratio = rho[0] * np.sqrt(change / way) if way > 0.0 else 0.0  # x is a fixed point where y = x
             if ratio <= LARGE:
                 break
             rho[0] *= SHORTER * min(1.0, 1.0 / ratio)
@@ -80,8 +75,5 @@ def iterate(start, column, blocks, q, mu, d, method, x, rho, iterations):
         put(x, y)
         put(F, G)
         if ratio < SMALL:
-            rho[0] = min(rho[0] / SHORTER, LONGEST)
+            rho[0] = min(rho[0] / SHORTER, LONGEST)  # raised only now: the step that was taken is justified
     return evaluations
-
-
-READY = True

@@ -1,17 +1,15 @@
-"""What an iteration of ADMM on frictional contact does besides its linear solve: relaxation, cones, duals, shift."""
+"""What an iteration of ADMM on frictional contact does besides its linear solve: relaxation, cones, duals, shift.
+
+Reference in plain NumPy: `tests/solvers/references/admm_fc.py`.
+"""
 
 import numpy as np
 from numba import float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import DATA, FAST, VECTOR
+from cpbench_solvers.kernels.array_types import DATA, QUICK, VECTOR
 
 
-@njit(
-    void(DATA, DATA, float64, float64, int64, VECTOR, VECTOR, VECTOR, VECTOR),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(void(DATA, DATA, float64, float64, int64, VECTOR, VECTOR, VECTOR, VECTOR), **QUICK)
 def advance(x, mu, rho, alpha, d, z, xi, shift, sizes):
     """Set z ← P_K(x̃ + ξ) with x̃ = αx + (1 − α)z, ξ ← ξ + x̃ − z, shift ← μ‖u_T‖ with u_T = −ρξ_T; all in place.
 
@@ -19,7 +17,7 @@ def advance(x, mu, rho, alpha, d, z, xi, shift, sizes):
     ----------
     x, z, xi : (nc·d,). shift : (nc,). sizes : (4,) becomes the squares of ‖x − z‖, ‖z − z_old‖, ‖x‖, ‖ξ‖.
     """
-    sizes[:] = 0.0
+    sizes[:] = 0.0  # sums over all contacts, in the same pass: the penalty is balanced by them
     for i in range(mu.size):
         first = d * i
         normal = alpha * x[first] + (1.0 - alpha) * z[first] + xi[first]
@@ -42,11 +40,8 @@ def advance(x, mu, rho, alpha, d, z, xi, shift, sizes):
             sizes[1] += (new - z[k]) ** 2
             sizes[2] += x[k] * x[k]
             z[k] = new
-            xi[k] = y - new
+            xi[k] = y - new  # scaled dual: u = −ρξ, so that no division by ρ is needed here
             sizes[3] += xi[k] * xi[k]
             if k > first:
                 slip += xi[k] * xi[k]
-        shift[i] = mu[i] * rho * np.sqrt(slip)
-
-
-READY = True
+        shift[i] = mu[i] * rho * np.sqrt(slip)  # of the dual iterate: it is in K*, as the limit of Wr + q is

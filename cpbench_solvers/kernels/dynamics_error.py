@@ -61,7 +61,7 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
     _product(H, r, Hr)
     _product(G, lam, Gl)
     for i in range(n):
-        force[i] = Mv[i] - Hr[i] - Gl[i] - f[i]
+        force[i] = Mv[i] - Hr[i] - Gl[i] - f[i]  # what is left of the dynamics
     joint, terms, u = b.copy(), np.zeros(p), w.copy()
     _add_transposed(G, v, joint, False)
     _add_transposed(G, v, terms, True)
@@ -70,6 +70,7 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
     # the norms, as `GlobalContact.residuals` has them
     off = np.sqrt(square(force))
     if impulse > 0.0:
+        # the largest term, since each may be small
         largest = max(max(np.sqrt(square(Mv)), np.sqrt(square(Hr))), max(np.sqrt(square(Gl)), impulse))
         worst = max(off / largest, (off / impulse) ** 2)
     else:
@@ -93,6 +94,7 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
         qq += square(free)
         size = 0.0
         for i in range(d):
+            # moments in units of a length: forces and moments are comparable
             R[c, i], U[c, i] = own[i] / lengths[c, i], moved[i] * lengths[c, i]
             size += (free[i] * lengths[c, i]) ** 2
         roll /= lengths[c, d - 1]
@@ -103,7 +105,7 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
         rr_e += carried[c] ** 2 / rho[c]
         uu_e += rho[c] * square(U[c])
         qq_e += rho[c] * size
-        idle[c] = square(U[c]) > 0.0
+        idle[c] = square(U[c]) > 0.0  # it moves: nothing says how large its force should be
     if not absolute:
         scale, scale_e = max(qq, max(rr, uu)), max(qq_e, max(rr_e, uu_e))
         natural /= scale if scale > 0.0 else 1.0
@@ -129,11 +131,9 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
         else:
             off = abs(force[i - nc]) if i < nc + n else abs(joint[i - nc - n])
             squares[part[i]] += (off * per_row[i]) ** 2
+        # rounding of terms that cancel is no growth
         beyond = max(beyond, (off - ROUNDING * (sums[i] + constants[i])) * per_constant[i])
     worst = max(worst, UNCERTAIN * np.sqrt(squares.max()) if squares.size else 0.0)
     worst = max(worst, min(UNCERTAIN * beyond * beyond, 1.0))
     total = natural + energy + opening + square(force) + square(joint)
     return worst if np.isfinite(total) else np.nan
-
-
-READY = True

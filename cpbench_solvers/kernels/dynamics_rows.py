@@ -15,10 +15,7 @@ HEARD = 0.1
 """Share of the constant of an idle contact that the other terms must reach for it to give a size."""
 
 
-@njit(
-    void(INDEX, INDEX, DATA, INDEX, INDEX, DATA, INDEX, INDEX, DATA, int64, int64, int64[::1]),
-    **COMPILED,
-)
+@njit(void(INDEX, INDEX, DATA, INDEX, INDEX, DATA, INDEX, INDEX, DATA, int64, int64, int64[::1]), **COMPILED)
 def label(M_start, M_column, M, H_start, H_column, H, G_start, G_column, G, width, contacts, part):
     """Write the least number of the connected part of every block; stored zeros join nothing."""
     n = M_start.size - 1
@@ -31,7 +28,7 @@ def label(M_start, M_column, M, H_start, H_column, H, G_start, G_column, G, widt
                 joined(part, own, contacts + M_column[k])
         for k in range(H_start[e], H_start[e + 1]):
             if H[k] != 0.0:
-                joined(part, own, H_column[k] // width)
+                joined(part, own, H_column[k] // width)  # all d columns of a contact are one node
         for k in range(G_start[e], G_start[e + 1]):
             if G[k] != 0.0:
                 joined(part, own, contacts + n + G_column[k])
@@ -39,10 +36,7 @@ def label(M_start, M_column, M, H_start, H_column, H, G_start, G_column, G, widt
         part[i] = root(part, i)
 
 
-@njit(
-    int64(INDEX, INDEX, INDEX, INDEX, INDEX, INDEX, int64, int64, int64[::1]),
-    **COMPILED,
-)
+@njit(int64(INDEX, INDEX, INDEX, INDEX, INDEX, INDEX, int64, int64, int64[::1]), **COMPILED)
 def count(M_start, M_column, H_start, H_column, G_start, G_column, width, contacts, start):
     """Set start[i + 1] to the number of blocks in the rows before and of block i; return how many there are.
 
@@ -57,7 +51,7 @@ def count(M_start, M_column, H_start, H_column, G_start, G_column, width, contac
         last = -1
         for k in range(H_start[e], H_start[e + 1]):
             c = H_column[k] // width
-            if c != last:
+            if c != last:  # columns are sorted: a new contact begins
                 start[own + 1] += 1
                 start[c + 1] += 1
                 last = c
@@ -93,9 +87,11 @@ def fill(
             c = H_column[k] // width
             square = 0.0
             while k < H_start[e + 1] and H_column[k] // width == c:
+                # Frobenius' norm of the block, in units that make moments comparable
                 square += (H[k] * unit[H_column[k]]) ** 2
                 k += 1
             column[at[own]], size[at[own]] = c, np.sqrt(square)
+            # Hᵀ in the same pass: rows of contacts are filled in order of bodies
             column[at[c]], size[at[c]] = own, np.sqrt(square)
             at[own] += 1
             at[c] += 1
@@ -111,8 +107,7 @@ def fill(
 
 
 @njit(
-    void(INDEX, INDEX, DATA, DATA, INDEX, DATA, int64, int64, BOOLEAN, DATA, VECTOR, VECTOR, VECTOR, VECTOR),
-    **COMPILED,
+    void(INDEX, INDEX, DATA, DATA, INDEX, DATA, int64, int64, BOOLEAN, DATA, VECTOR, VECTOR, VECTOR, VECTOR), **COMPILED
 )
 def felt_units(
     start, column, size, D, part, constants, contacts, n, idle, x, per_unknown, per_row, per_constant, sums
@@ -139,7 +134,7 @@ def felt_units(
             sums[i] += size[k] * x[column[k]]
         p = part[i]
         if contacts <= i < contacts + n:
-            forces[p] += (D[i] * max(sums[i], constants[i])) ** 2
+            forces[p] += (D[i] * max(sums[i], constants[i])) ** 2  # D makes sums of energies of them
             bodies[p] += (x[i] / D[i]) ** 2
             loads[p] += (D[i] * constants[i]) ** 2
         elif constants[i] > 0.0:
@@ -153,7 +148,7 @@ def felt_units(
             quiet = i < contacts and idle[i] and heard[part[i]]
             velocities[part[i]] += (D[i] * (sums[i] if quiet else max(sums[i], constants[i]))) ** 2
     for p in range(parts):
-        velocities[p] = max(velocities[p], bodies[p])
+        velocities[p] = max(velocities[p], bodies[p])  # contacts of a moving body may stand still to rounding
         if not tight[p]:
             velocities[p] = max(velocities[p], loads[p])
     for i in range(x.size):
@@ -164,8 +159,5 @@ def felt_units(
     for c in range(contacts):
         effect = 0.0
         for k in range(start[c], start[c + 1]):
-            effect = max(effect, size[k] * per_row[column[k]])
+            effect = max(effect, size[k] * per_row[column[k]])  # a reaction is as wrong as what it does to a body
         per_unknown[c] = effect if effect > 0.0 else 1.0
-
-
-READY = True

@@ -46,6 +46,7 @@ def _solve(start, column, weight, diagonal, r, x, enough, steps):
             break
         share = new / old if step else 0.0
         for i in range(n):
+            # preconditioned by the diagonal; empty rows have none
             p[i] = share * p[i] + (r[i] / diagonal[i] if diagonal[i] > 0.0 else 0.0)
         _product(start, column, weight, diagonal, p, Ap)
         curvature = 0.0
@@ -68,7 +69,7 @@ def equilibrate(start, column, size, D):
     for i in range(n):
         count[i], r[i] = start[i + 1] - start[i], 0.0
         for k in range(start[i], start[i + 1]):
-            r[i] -= logs[k]
+            r[i] -= logs[k]  # Curtis and Reid: least squares of logarithms, whose matrix is the pattern
     _solve(start, column, weight, count, r, x, GUESSED * GUESSED * total, CG_STEPS)
     for i in range(n):
         D[i] = np.exp(x[i])
@@ -81,13 +82,14 @@ def equilibrate(start, column, size, D):
             sums[i] = 0.0
             for k in range(start[i], start[i + 1]):
                 sums[i] += weight[k]
-            r[i] = count[i] - sums[i]
+            r[i] = count[i] - sums[i]  # the gradient of the convex function, by log D_i
             if count[i] > 0.0:
                 off += r[i] * r[i] / count[i]
         if not off > ENOUGH * ENOUGH * total:
             break
         if off > 0.25 * total:  # far away, a step by each row alone is better
             for i in range(n):
+                # Sinkhorn's step, halved because rows and columns share D
                 x[i] = np.sqrt(count[i] / sums[i]) if count[i] > 0.0 else 1.0
         else:
             square = 0.0
@@ -100,6 +102,3 @@ def equilibrate(start, column, size, D):
             D[i] *= x[i]
             for k in range(start[i], start[i + 1]):
                 weight[k] *= x[i] * x[column[k]]
-
-
-READY = True

@@ -8,7 +8,7 @@ W is block-CSR with its diagonal blocks, rows of a block one after the other; d 
 import numpy as np
 from numba import float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import DATA, FAST, INDEX, VECTOR
+from cpbench_solvers.kernels.array_types import DATA, FAST, INDEX, QUICK, VECTOR
 from cpbench_solvers.kernels.one_contact import projected
 
 CONE, CYLINDER, NORMAL, TANGENT = 0, 1, 2, 3
@@ -29,6 +29,7 @@ def project(kind, y0, y1, y2, x0, x1, x2, mu, radius):
     if kind == CONE:
         return projected(y0, y1, y2, mu)
     square = y1 * y1 + y2 * y2
+    # one function for all sets: the branch costs less than the block product
     normal = x0 if kind == TANGENT else max(y0, 0.0)
     if square <= radius * radius:
         return normal, y1, y2
@@ -36,7 +37,7 @@ def project(kind, y0, y1, y2, x0, x1, x2, mu, radius):
     return normal, factor * y1, factor * y2
 
 
-@njit(void(INDEX, INDEX, DATA, int64, VECTOR, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
+@njit(void(INDEX, INDEX, DATA, int64, VECTOR, VECTOR), **QUICK)
 def product(start, column, blocks, d, x, out):
     """Set out = Wx."""
     for i in range(start.size - 1):
@@ -81,12 +82,7 @@ def _projected_step(kind, z, step, gradient, mu, radius, d, x):
             x[f + 2] = b
 
 
-@njit(
-    float64(INDEX, INDEX, DATA, int64, DATA, DATA, DATA, int64, VECTOR, VECTOR, VECTOR),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(float64(INDEX, INDEX, DATA, int64, DATA, DATA, DATA, int64, VECTOR, VECTOR, VECTOR), **QUICK)
 def gap(start, column, blocks, kind, p, mu, radius, d, x, Wx, work):
     """Return ‖x − P(x − (Wx + p))‖ / max(‖x‖, ‖Wx + p‖, ‖p‖); Wx and `work` are written."""
     product(start, column, blocks, d, x, Wx)
@@ -102,12 +98,7 @@ def gap(start, column, blocks, kind, p, mu, radius, d, x, Wx, work):
     return np.sqrt(apart / scale) if scale > 0.0 else 0.0
 
 
-@njit(
-    int64(INDEX, INDEX, DATA, int64, DATA, DATA, DATA, int64, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, int64),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(int64(INDEX, INDEX, DATA, int64, DATA, DATA, DATA, int64, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, int64), **QUICK)
 def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, state, iterations):
     """Make `iterations` of Nesterov's method from (x, z), all of whose vectors are moved; return the products with
     W.
@@ -118,7 +109,7 @@ def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, stat
     new, Wnew, gradient = np.empty(x.size), np.empty(x.size), np.empty(x.size)
     products = 0
     for _ in range(iterations):
-        step = min(GROW * state[STEP], LONGEST)
+        step = min(GROW * state[STEP], LONGEST)  # longer steps are tried every time: the bound is local
         for k in range(x.size):
             gradient[k] = Wz[k] + p[k]
         for _ in range(HALVINGS):
@@ -128,16 +119,16 @@ def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, stat
             bent = square = 0.0
             for k in range(x.size):
                 change = new[k] - z[k]
-                bent += change * (Wnew[k] - Wz[k])
+                bent += change * (Wnew[k] - Wz[k])  # changeᵀW change by differences: no further product
                 square += change * change
-            if bent * step <= square:
+            if bent * step <= square:  # the quadratic bound of a step 1/L holds along this change
                 break
             step *= 0.5
         state[STEP] = step
         uphill = 0.0
         for k in range(x.size):
-            uphill += gradient[k] * (new[k] - x[k])
-        theta, beta = 1.0, 0.0
+            uphill += gradient[k] * (new[k] - x[k])  # O'Donoghue and Candès' test, free of evaluations
+        theta, beta = 1.0, 0.0  # restart
         if uphill <= 0.0:
             old = state[THETA]
             theta = 0.5 * (-old * old + old * np.sqrt(old * old + 4.0))
@@ -150,12 +141,7 @@ def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, stat
     return products
 
 
-@njit(
-    void(INDEX, INDEX, DATA, DATA, DATA, int64, DATA, DATA, DATA, int64, VECTOR, int64),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(void(INDEX, INDEX, DATA, DATA, DATA, int64, DATA, DATA, DATA, int64, VECTOR, int64), **QUICK)
 def sweeps(start, column, blocks, diagonal, step, kind, p, mu, radius, d, x, count):
     """Make `count` Gauss–Seidel sweeps, in place on x: each contact by projected gradient steps of its own length.
 
@@ -188,6 +174,7 @@ def sweeps(start, column, blocks, diagonal, step, kind, p, mu, radius, d, x, cou
                 square = c0 * c0 + c1 * c1 + c2 * c2
                 if trial == 0:
                     first = square
+                # solved further, it would be changed by the others again
                 if square <= LOCAL_GAIN * LOCAL_GAIN * first:
                     break
                 if d == 3:
@@ -202,6 +189,3 @@ def sweeps(start, column, blocks, diagonal, step, kind, p, mu, radius, d, x, cou
             x[f], x[f + 1] = x0, x1
             if d == 3:
                 x[f + 2] = x2
-
-
-READY = True

@@ -1,9 +1,12 @@
-"""Nonsmooth Gauss–Seidel sweeps over contacts, with the one-contact problem solved exactly, in 2D and 3D."""
+"""Nonsmooth Gauss–Seidel sweeps over contacts, with the one-contact problem solved exactly, in 2D and 3D.
+
+Reference in plain NumPy: `tests/solvers/references/nsgs.py`.
+"""
 
 import numpy as np
 from numba import boolean, float64, int64, njit
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, START, VECTOR
+from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, QUICK, START, VECTOR
 from cpbench_solvers.kernels.block_row import fetch
 from cpbench_solvers.kernels.contact_error import looked, velocity_2d, velocity_3d
 from cpbench_solvers.kernels.one_contact import PROJECT, natural_step, one_contact_2d, one_contact_3d
@@ -32,17 +35,19 @@ def sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, 
         i = order[place]
         if far and place + AHEAD < order.size:
             fetch_row(start, blocks, order[place + AHEAD])
-        v0, v1, v2 = velocity_3d(start, column, blocks, q, r, i)
+        v0, v1, v2 = velocity_3d(start, column, blocks, q, r, i)  # of all others, as they are now: Gauss–Seidel
         found = False
         x0 = x1 = x2 = 0.0
         if local[i, PROJECT] == 0.0:
             found, x0, x1, x2, lam[i] = one_contact_3d(local, i, v0, v1, v2, mu[i], lam[i])
         old0, old1, old2 = r[3 * i], r[3 * i + 1], r[3 * i + 2]
         if not found:
+            # the natural map is taken at the old reaction: u = Wr + q
             v0 += diagonal[i, 0] * old0 + diagonal[i, 1] * old1 + diagonal[i, 2] * old2
             v1 += diagonal[i, 3] * old0 + diagonal[i, 4] * old1 + diagonal[i, 5] * old2
             v2 += diagonal[i, 6] * old0 + diagonal[i, 7] * old1 + diagonal[i, 8] * old2
             x0, x1, x2 = natural_step(old0, old1, old2, v0, v1, v2, mu[i], rho[i])
+        # in the norm of ρ: that of an energy, whatever the units
         change += ((x0 - old0) ** 2 + (x1 - old1) ** 2 + (x2 - old2) ** 2) / rho[i]
         r[3 * i] = old0 + omega * (x0 - old0)
         r[3 * i + 1] = old1 + omega * (x1 - old1)
@@ -70,70 +75,37 @@ def sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega):
     return change
 
 
-_ARGUMENTS = (
-    START,
-    COLUMN,
-    DATA,
-    DATA_2D,
-    DATA_2D,
-    DATA,
-    DATA,
-    DATA,
-    VECTOR,
-    VECTOR,
-    int64[::1],
-    float64,
-    boolean,
-    float64,
-    int64,
-    int64[::1],
-    VECTOR,
-    int64[::1],
-    VECTOR,
-    VECTOR,
+@njit(
+    int64(
+        *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, int64[::1]),
+        *(float64, boolean, int64, float64, int64, int64[::1], VECTOR, int64[::1], VECTOR, VECTOR),
+    ),
+    **QUICK,
 )
-
-
-@njit(int64(*_ARGUMENTS), cache=True, fastmath=FAST, error_model="numpy")
-def sweeps_3d(
-    start,
-    column,
-    blocks,
-    diagonal,
-    local,
-    q,
-    mu,
-    rho,
-    r,
-    lam,
-    order,
-    omega,
-    shuffle,
-    tolerance,
-    until,
-    state,
-    measured,
-    log_iteration,
-    log_error,
-    best,
-):
+def sweeps(
+    start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega, shuffle, dimension,
+    tolerance, until, state, measured, log_iteration, log_error, best,
+):  # fmt: skip
     """Return sweep, in place on r, until the judged error is at most `tolerance` or `until` sweeps are done.
 
     Parameters
     ----------
-    start, column, blocks : block-CSR of W without its diagonal blocks, see `row_product`. diagonal : (nc, 9).
-    local : (nc, 12), see the names of its columns. lam : (nc,) last λ. order : (nc,) contacts in sweep order.
-    state : (5,), measured : (3,), see the names of their places. log_iteration, log_error : the errors that were
-    evaluated; `state` tells how many. best : the r with the least of them.
+    start, column, blocks : block-CSR of W without its diagonal blocks, see `row_product`. diagonal : (nc, d·d).
+    local : (nc, 12), see the names of its columns; in the plane not read. lam : (nc,) last λ. order : (nc,) contacts in
+    sweep order. state : (5,), measured : (3,), see the names of their places. log_iteration, log_error : the errors
+    that were evaluated; `state` tells how many. best : the r with the least of them.
     """
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
             shuffled(order, state)
-        change = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega)
+        if dimension == 3:
+            change = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega)
+        else:
+            change = sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega)
         state[ITERATION] += 1
         known, error = False, np.inf
         if due(state, until, change, tolerance, measured):
-            law = (start, column, blocks, diagonal, q, mu, rho, r, 3)
+            law = (start, column, blocks, diagonal, q, mu, rho, r, dimension)
             known, error = looked(*law, state, until, change, tolerance, measured)
         if known:
             log_iteration[state[LOGGED]], log_error[state[LOGGED]] = state[ITERATION], error
@@ -141,47 +113,3 @@ def sweeps_3d(
             if outcome != CONTINUE:
                 return outcome
     return CONTINUE
-
-
-@njit(int64(*_ARGUMENTS), cache=True, fastmath=FAST, error_model="numpy")
-def sweeps_2d(
-    start,
-    column,
-    blocks,
-    diagonal,
-    local,
-    q,
-    mu,
-    rho,
-    r,
-    lam,
-    order,
-    omega,
-    shuffle,
-    tolerance,
-    until,
-    state,
-    measured,
-    log_iteration,
-    log_error,
-    best,
-):
-    """Sweep as `sweeps_3d` does, 4 numbers a block."""
-    while state[ITERATION] < until and state[LOGGED] < log_error.size:
-        if shuffle:
-            shuffled(order, state)
-        change = sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega)
-        state[ITERATION] += 1
-        known, error = False, np.inf
-        if due(state, until, change, tolerance, measured):
-            law = (start, column, blocks, diagonal, q, mu, rho, r, 2)
-            known, error = looked(*law, state, until, change, tolerance, measured)
-        if known:
-            log_iteration[state[LOGGED]], log_error[state[LOGGED]] = state[ITERATION], error
-            outcome = checked(state, error, change, tolerance, measured, r, best)
-            if outcome != CONTINUE:
-                return outcome
-    return CONTINUE
-
-
-READY = True

@@ -4,14 +4,7 @@ import numpy as np
 from numba import float64, njit
 
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, INDEX
-from cpbench_solvers.kernels.row_errors import (
-    FAST,
-    INDICES,
-    largest_dense,
-    largest_sparse,
-    rows_dense,
-    rows_sparse,
-)
+from cpbench_solvers.kernels.row_errors import FAST, INDICES, largest_dense, largest_sparse, rows_dense, rows_sparse
 
 
 @njit(float64(DATA, DATA, DATA, float64), fastmath=FAST, **COMPILED)
@@ -41,7 +34,7 @@ def judged(q, z, w, z_unit):
     if q_square > 0.0:
         natural /= np.sqrt(q_square)
     unit_free = np.sqrt(unit_free)
-    return natural if not natural < unit_free else unit_free
+    return natural if not natural < unit_free else unit_free  # so: a NaN is returned
 
 
 @njit(float64(DATA_2D, DATA, DATA, float64, INDEX, DATA), fastmath=FAST, **COMPILED)
@@ -63,6 +56,3 @@ def error_sparse(start, columns, values, q, z, z_unit, part, share):
     w, size = np.empty(q.size), np.empty(q.size)
     rows_sparse(start, columns, values, q, z, 0, part, share, w, size)
     return largest_sparse(start, columns, values, q, z, 0, w, size, judged(q, z, w, z_unit))
-
-
-READY = True

@@ -14,9 +14,7 @@ MATRIX = float64[:, ::1]
 
 
 @njit(
-    types.Tuple((int64, float64))(MATRIX, DATA, float64[::1], float64, int64, float64, float64),
-    cache=True,
-    nogil=True,
+    types.Tuple((int64, float64))(MATRIX, DATA, float64[::1], float64, int64, float64, float64), cache=True, nogil=True
 )
 def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
     """Return (what `lemke` returns, the judged error of z, NaN where it is not finite); z_unit : of the LCP."""
@@ -43,7 +41,7 @@ def spread(M):
             column[j] = max(column[j], size)
         if row > 0.0:
             low, high = min(low, row), max(high, row)
-    found = high / low
+    found = high / low  # ∞ or NaN for a matrix of zeros: then there are no units to even
     low, high = np.inf, 0.0
     for j in range(n):
         if column[j] > 0.0:
@@ -78,6 +76,3 @@ def even(M, passes, rows, unknowns, scaled):
     for i in range(n):
         for j in range(n):
             scaled[i, j] = M[i, j] * rows[i] * unknowns[j]
-
-
-READY = True

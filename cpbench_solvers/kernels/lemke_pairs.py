@@ -24,6 +24,7 @@ def least_served(M, r):
     """Return the i with the least M_ir > 0 among those with M_ri ≠ 0, -1 without any."""
     found = -1
     for i in range(M.shape[0]):
+        # the unknown that z_r helps least is the one that will block first
         if i != r and M[i, r] > 0.0 and M[r, i] != 0.0 and (found < 0 or M[i, r] < M[found, r]):
             found = i
     return found
@@ -36,7 +37,7 @@ def transform(M, q, r, i, T, t, row_unit, column_unit):
     n = q.size
     a, b, c, d = M[r, r], M[r, i], M[i, r], M[i, i]
     size, det = abs(a * d) + abs(b * c), a * d - b * c
-    if not abs(det) > CONDITION * size:
+    if not abs(det) > CONDITION * size:  # else M' would be made of rounding
         return False
     # z_B = M_BB⁻¹ (w_B - M_BN z_N - q_B)
     z_r, z_i = -(d * q[r] - b * q[i]) / det, -(a * q[i] - c * q[r]) / det
@@ -68,7 +69,7 @@ def transform(M, q, r, i, T, t, row_unit, column_unit):
     for k in range(n):
         t[k] /= row_unit[k]
         if -ROUNDING <= t[k] < 0.0:
-            t[k] = 0.0
+            t[k] = 0.0  # a q' that is 0 exactly needs no cover: rounding must not make it enter
         for j in range(n):
             T[k, j] *= column_unit[j] / row_unit[k]
     return True
@@ -104,6 +105,3 @@ def from_pairs(M, q, z, order, first, max_pivots, pivot_tolerance, tie_tolerance
                     z[k] = y[k] * column_unit[k]
             return p + 1, pivots
     return -1, pivots
-
-
-READY = True

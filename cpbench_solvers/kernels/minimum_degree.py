@@ -35,6 +35,22 @@ def _take_out(i, head, after, before):
         before[after[i]] = before[i]
 
 
+@njit(error_model="numpy")
+def _room(need, store, begin, size):
+    """Return a store with room for `need` more numbers, and how much of it is used: what was absorbed is left out."""
+    live = need
+    for e in range(size.size):
+        live += max(size[e], 0)
+    # twice what is needed: the next time is then as far away as the whole elimination has gone
+    grown, at = np.empty(2 * live + size.size, np.int64), 0
+    for e in range(size.size):
+        for q in range(max(size[e], 0)):
+            grown[at + q] = store[begin[e] + q]
+        begin[e] = at
+        at += max(size[e], 0)
+    return grown, at
+
+
 @njit(types.void(_INDEX, _INDEX, _INT), **COMPILED)
 def minimum_degree(indptr, indices, order):
     """Write the order of a matrix whose pattern, without its diagonal, is symmetric. order : (N,)."""
@@ -48,9 +64,8 @@ def minimum_degree(indptr, indices, order):
         for q in range(indptr[i], indptr[i + 1]):
             near[q] = indices[q]
     head, after, before = np.full(N + 1, -1, np.int64), np.empty(N, np.int64), np.empty(N, np.int64)
-    degree = np.empty(N, np.int64)
+    degree = others.copy()
     for i in range(N - 1, -1, -1):
-        degree[i] = others[i]
         _put_in(i, degree[i], head, after, before)
     store, used = np.empty(2 * indices.size + N + 1, np.int64), 0  # the lists of the elements
     begin, size = np.zeros(N, np.int64), np.full(N, -1, np.int64)  # size < 0 : no element, or absorbed
@@ -62,24 +77,13 @@ def minimum_degree(indptr, indices, order):
             least += 1
         p = head[least]
         _take_out(p, head, after, before)
-        order[done] = p
+        order[done], gone[p], seen[p] = p, True, p
         done += 1
-        gone[p] = True
-        seen[p] = p
         need = others[p]
         for q in range(start[p], start[p] + elements[p]):
             need += size[near[q]]
         if used + need > store.size:
-            live = need
-            for e in range(N):
-                live += max(size[e], 0)
-            grown, at = np.empty(2 * live + N, np.int64), 0
-            for e in range(N):
-                for q in range(max(size[e], 0)):
-                    grown[at + q] = store[begin[e] + q]
-                begin[e] = at
-                at += max(size[e], 0)
-            store, used = grown, at
+            store, used = _room(need, store, begin, size)
         first, count = used, 0
         for q in range(start[p], start[p] + elements[p]):
             e = near[q]
@@ -104,7 +108,7 @@ def minimum_degree(indptr, indices, order):
                 e = near[q]
                 if size[e] < 0:
                     continue
-                if stamp[e] != p:
+                if stamp[e] != p:  # counted down from its size: the first member that meets it begins
                     stamp[e], outside[e] = p, size[e]
                 outside[e] -= 1
         kept = 0
@@ -129,9 +133,9 @@ def minimum_degree(indptr, indices, order):
                 write += 1
                 bound += outside[e]
             if write == start[i] and moved == 0:
-                order[done] = i
+                # all its neighbours are in this element: it may come next without any fill
+                order[done], gone[i] = i, True
                 done += 1
-                gone[i] = True
                 continue
             # there is room: p, or an element that p has absorbed, stood in this list
             near[write] = p
@@ -141,7 +145,6 @@ def minimum_degree(indptr, indices, order):
             degree[i] = bound + moved
             store[first + kept] = i
             kept += 1
-            degree[i] = bound + moved
         size[p] = kept
         used = first + kept
         for k in range(first, first + kept):
@@ -149,6 +152,3 @@ def minimum_degree(indptr, indices, order):
             degree[i] = min(degree[i] + kept - 1, N - done - 1)
             _put_in(i, degree[i], head, after, before)
             least = min(least, degree[i])
-
-
-READY = True

@@ -17,7 +17,7 @@ def mlcp_batch(K, k, row_unit, unit, head, max_pivots, answers):
     """
     N = k.shape[1]
     data = np.zeros(HEAD + N * (N + 3) + workspace(N, N - int(head[0])))
-    data[:HEAD] = head
+    data[:HEAD] = head  # the same for all: one size, one set of tolerances
     for p in range(k.shape[0]):
         at = HEAD
         for i in range(N):
@@ -28,6 +28,3 @@ def mlcp_batch(K, k, row_unit, unit, head, max_pivots, answers):
             data[at + i], data[at + N + i], data[at + 2 * N + i] = k[p, i], row_unit[p, i], unit[p, i]
             answers[p, i] = 0.0
         lemke_mixed(data, answers[p], max_pivots, 0.0)
-
-
-READY = True

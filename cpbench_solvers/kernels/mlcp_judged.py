@@ -36,7 +36,7 @@ def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
         w_top = max(w_top, max(abs(b), max(abs(Du), abs(Bv))))
     natural = np.sqrt(natural)
     data = np.sqrt(a_square + b_square)
-    if data == 0.0 or not np.isfinite(natural):
+    if data == 0.0 or not np.isfinite(natural):  # without data only absolute numbers make sense
         return natural
     v_scale = 1.0 / v_top if v_top > 0.0 else 1.0
     w_scale = 1.0 / w_top if w_top > 0.0 else 1.0
@@ -46,7 +46,7 @@ def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
         w = (of_u[i] + of_v[i] + k[i]) * row_unit[i] * w_scale
         least = v if v < w else w
         unit_free += least * least
-    scale = np.sqrt(a_square) if a_square > 0.0 else push
+    scale = np.sqrt(a_square) if a_square > 0.0 else push  # equalities without constants have their size from C alone
     scale = max(scale, np.sqrt(max(Au_square, Cv_square)))
     equality = np.sqrt(equality)
     if scale > 0.0:
@@ -79,6 +79,3 @@ def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
 def error_of(K, k, n, row_unit, unit, v_unit, push, x):
     """Run `error_with` in workspace of its own."""
     return error_with(K, k, n, row_unit, unit, v_unit, push, x, np.empty(k.size), np.empty(k.size))
-
-
-READY = True

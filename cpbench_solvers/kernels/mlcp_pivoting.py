@@ -8,7 +8,7 @@ tableau is N x (N + 1), k in its last column.
 import numpy as np
 from numba import float64, int64, njit
 
-from cpbench_solvers.kernels.array_types import DATA
+from cpbench_solvers.kernels.array_types import DATA, KEPT
 from cpbench_solvers.kernels.mlcp_judged import error_with
 from cpbench_solvers.kernels.pivoting import WHOLE, lemke
 from cpbench_solvers.kernels.tableau import CODES as CODES
@@ -29,7 +29,7 @@ matrix may be singular."""
 VECTOR, MATRIX, INDEX = float64[::1], float64[:, ::1], int64[::1]
 
 
-@njit((MATRIX, INDEX, INDEX, int64, int64), cache=True, error_model="numpy")
+@njit((MATRIX, INDEX, INDEX, int64, int64), **KEPT)
 def exchange(T, basic, nonbasic, r, s):
     """Make the variable of column s basic in row r. Row and column of the pivot are written afresh."""
     inverse = 1.0 / T[r, s]
@@ -39,7 +39,7 @@ def exchange(T, basic, nonbasic, r, s):
     for i in range(T.shape[0]):
         factor = T[i, s]
         if i != r and factor != 0.0:
-            T[i, s] = 0.0
+            T[i, s] = 0.0  # before the loop, which adds the new entry to it
             for j in range(T.shape[1]):
                 T[i, j] += factor * T[r, j]
     basic[r], nonbasic[s] = nonbasic[s], basic[r]
@@ -54,7 +54,7 @@ def _number(N, n, basic, nonbasic, row_of, column_of):
         row_of[k] = column_of[k] = n + k
 
 
-@njit(int64(MATRIX, int64, INDEX, INDEX, INDEX, INDEX, float64), cache=True, error_model="numpy")
+@njit(int64(MATRIX, int64, INDEX, INDEX, INDEX, INDEX, float64), **KEPT)
 def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
     """Bring the free unknowns into the basis; what is left is an LCP of the pairs (row_of[k], column_of[k]).
 
@@ -89,16 +89,18 @@ def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
                     if abs(T[rows[i], column_of[k]]) > c:
                         c, at = abs(T[rows[i], column_of[k]]), i
                     d = max(d, abs(T[row_of[k], columns[i]]))
+                # both links must exist somewhere, else no mixing makes a pair
                 c_top, d_top = max(c_top, c), max(d_top, d)
                 if min(c, d) > best:
                     best, pair, c_row = min(c, d), k, at
                 own = abs(T[row_of[k], column_of[k]])
                 if max(c, d) > tolerance and not tried[k] and own > largest:
                     largest, mixing = own, k
+            # no pair links an equality and an unknown that are left
             if min(c_top, d_top) <= tolerance or (pair < 0 and mixing < 0):
                 break
             if pair < 0:
-                tried[mixing] = True
+                tried[mixing] = True  # once for each pair: two such pivots undo each other
                 exchange(T, basic, nonbasic, row_of[mixing], column_of[mixing])
                 continue
             p = c_row
@@ -108,7 +110,7 @@ def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
                 if abs(T[row_of[pair], columns[j]]) > size:
                     size, q = abs(T[row_of[pair], columns[j]]), j
             exchange(T, basic, nonbasic, row_of[pair], columns[q])
-            row_of[pair], column_of[pair] = rows[p], columns[q]
+            row_of[pair], column_of[pair] = rows[p], columns[q]  # w_k and v_k have changed their places in the pair
         left -= 1
         rows[p], columns[q] = rows[left], columns[left]
     outcome = COMPLEMENTARY
@@ -117,7 +119,7 @@ def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
             if abs(T[rows[i], column_of[k]]) > tolerance:
                 return STUCK
         if abs(T[rows[i], N]) > tolerance:
-            outcome = INCONSISTENT
+            outcome = INCONSISTENT  # 0 = number: the equalities contradict each other
     return outcome
 
 
@@ -156,14 +158,14 @@ def recover(T, n, basic, nonbasic, row_of, column_of, z, x):
             value = T[i, N]
             for k in range(z.size):
                 value += T[i, column_of[k]] * z[k]
-            x[j] = value if j < n else max(value, 0.0)
+            x[j] = value if j < n else max(value, 0.0)  # a v in the basis is ≥ 0 but for rounding
     for k in range(z.size):
         # what is complementary to a positive unknown is zero, not a rounding error
         if z[k] > 0.0 and basic[row_of[k]] >= N + n:
             x[basic[row_of[k]] - N] = 0.0
 
 
-@njit(int64(MATRIX, int64, VECTOR, INDEX, INDEX, INDEX, INDEX, float64), cache=True, error_model="numpy")
+@njit(int64(MATRIX, int64, VECTOR, INDEX, INDEX, INDEX, INDEX, float64), **KEPT)
 def exchange_support(T, n, start, basic, nonbasic, row_of, column_of, tolerance):
     """Bring the free unknowns and every v_k that is positive in `start` (N,) into the basis, for the equalities and
     their w_k: COMPLEMENTARY, or STUCK where the matrix of this basis is singular. Arrays as for `reduce`."""
@@ -195,7 +197,7 @@ def exchange_support(T, n, start, basic, nonbasic, row_of, column_of, tolerance)
     return COMPLEMENTARY
 
 
-@njit(int64(VECTOR, VECTOR, int64, float64), cache=True, error_model="numpy")
+@njit(int64(VECTOR, VECTOR, int64, float64), **KEPT)
 def lemke_mixed(data, answer, max_pivots, tolerance):
     """Solve one MLCP in two arrays, for every array of a call costs what ten unknowns do.
 
@@ -227,7 +229,7 @@ def lemke_mixed(data, answer, max_pivots, tolerance):
     top = 0.0
     for i in range(n, N):
         top = max(top, answer[i] / unit[i])
-    warm = top > 0.0
+    warm = top > 0.0  # zeros are what a start looks like where none is given
     for i in range(n, N):
         if answer[i] <= IDLE * top * unit[i]:
             answer[i] = 0.0
@@ -268,6 +270,3 @@ def lemke_mixed(data, answer, max_pivots, tolerance):
 def workspace(N, m):
     """Return numbers that `lemke_mixed` writes beside the answer."""
     return N * (N + 8) + m * (m + 2) + ((m + 4) * (m + 1) + 4 * (2 * m + 1) if m <= WHOLE else 0)
-
-
-READY = True

@@ -15,10 +15,7 @@ def power_of_two(top):
     return math.ldexp(1.0, -math.frexp(top)[1])
 
 
-@njit(
-    void(DATA_2D, DATA_2D, DATA_2D, DATA_2D, DATA, DATA, int64, float64[:, ::1], VECTOR, VECTOR, VECTOR),
-    **COMPILED,
-)
+@njit(void(DATA_2D, DATA_2D, DATA_2D, DATA_2D, DATA, DATA, int64, float64[:, ::1], VECTOR, VECTOR, VECTOR), **COMPILED)
 def scaled(A, B, C, D, a, b, passes, K, k, unit, row_unit):
     """Write K and k, scaled, and the units: of the unknowns, and of the rows.
 
@@ -55,6 +52,7 @@ def scaled(A, B, C, D, a, b, passes, K, k, unit, row_unit):
             column[i] *= by_column[i]
     top = 0.0
     for i in range(N):
+        # powers of two: scaling and unscaling lose no digit
         row[i], column[i] = power_of_two(1.0 / row[i]), power_of_two(1.0 / column[i])
         top = max(top, abs(row[i] * k[i]))
     common = power_of_two(top if top > 0.0 else 1.0)
@@ -64,6 +62,3 @@ def scaled(A, B, C, D, a, b, passes, K, k, unit, row_unit):
         k[i] *= common * row[i]
         unit[i] = column[i] / common
         row_unit[i] = 1.0 / (common * row[i])
-
-
-READY = True

@@ -6,19 +6,14 @@ Only reassociation and contraction are allowed to the compiler, so NaN and infin
 
 from numba import float64, int64, njit
 
-from cpbench_solvers.kernels.array_types import DATA, DATA_2D, INDEX, VECTOR
+from cpbench_solvers.kernels.array_types import DATA, DATA_2D, INDEX, KEPT, VECTOR
 from cpbench_solvers.kernels.mlcp_judged import judged
 
 FAST = {"reassoc", "contract"}
 LAW = (DATA, DATA, int64, DATA, DATA, float64, float64)
 
 
-@njit(
-    int64(DATA_2D, *LAW, VECTOR, VECTOR, VECTOR, float64, float64, VECTOR),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(int64(DATA_2D, *LAW, VECTOR, VECTOR, VECTOR, float64, float64, VECTOR), fastmath=FAST, **KEPT)
 def sweeps_dense(columns, divisors, k, n, row_unit, unit, v_unit, push, x, of_u, of_v, omega, tolerance, errors):
     """Make at most `errors.size` sweeps, in place on x, of_u and of_v; returns how many were done.
 
@@ -31,7 +26,7 @@ def sweeps_dense(columns, divisors, k, n, row_unit, unit, v_unit, push, x, of_u,
     for s in range(errors.size):
         for i in range(N):
             new = x[i] - omega * (of_u[i] + of_v[i] + k[i]) / divisors[i]
-            if i >= n and not new > 0.0:
+            if i >= n and not new > 0.0:  # also NaN becomes 0: the rows carry it on
                 new = 0.0
             change = new - x[i]
             if change != 0.0:
@@ -48,12 +43,7 @@ def sweeps_dense(columns, divisors, k, n, row_unit, unit, v_unit, push, x, of_u,
     return errors.size
 
 
-@njit(
-    int64(INDEX, INDEX, DATA, *LAW, VECTOR, VECTOR, VECTOR, float64, float64, VECTOR),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(int64(INDEX, INDEX, DATA, *LAW, VECTOR, VECTOR, VECTOR, float64, float64, VECTOR), fastmath=FAST, **KEPT)
 def sweeps_sparse(
     start, rows, values, divisors, k, n, row_unit, unit, v_unit, push, x, of_u, of_v, omega, tolerance, errors
 ):
@@ -66,13 +56,10 @@ def sweeps_sparse(
             change = new - x[i]
             if change != 0.0:
                 x[i] = new
-                of = of_u if i < n else of_v
+                of = of_u if i < n else of_v  # chosen outside of the loop, which then has no branch
                 for p in range(start[i], start[i + 1]):
                     of[rows[p]] += values[p] * change
         errors[s] = judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push)
         if not errors[s] > tolerance:
             return s + 1
     return errors.size
-
-
-READY = True

@@ -10,7 +10,7 @@ A by rows: values[start[i]:start[i+1]] are in `column`; dense, n rows of n, wher
 import numpy as np
 from numba import boolean, float64, int64, njit, types
 
-from cpbench_solvers.kernels.array_types import DATA, INDEX, VECTOR
+from cpbench_solvers.kernels.array_types import DATA, INDEX, KEPT, VECTOR
 from cpbench_solvers.kernels.lcp_error import FAST
 
 LIMIT, SETTLED, RAY, NOT_FINITE = 0, 1, 2, 3
@@ -25,12 +25,12 @@ STATES = 5
 POWERS = 6
 
 
-@njit(types.void(INDEX, INDEX, DATA, DATA, VECTOR, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
+@njit(types.void(INDEX, INDEX, DATA, DATA, VECTOR, VECTOR), fastmath=FAST, **KEPT)
 def multiply(start, column, values, x, out, state):
     """Set out = Ax; zeros of x cost nothing where A is dense."""
     n = x.size
     state[PRODUCTS] += 1
-    if start.size == 0:
+    if start.size == 0:  # dense, by columns: sparse directions cost only what they move
         out[:] = 0.0
         for j in range(n):
             factor = x[j]
@@ -45,7 +45,7 @@ def multiply(start, column, values, x, out, state):
         out[i] = total
 
 
-@njit(types.void(INDEX, INDEX, DATA, VECTOR, VECTOR, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
+@njit(types.void(INDEX, INDEX, DATA, VECTOR, VECTOR, VECTOR), fastmath=FAST, **KEPT)
 def power(start, column, values, x, work, state):
     """Make a few steps of the power method from x, which is overwritten: state[LARGEST]."""
     for _ in range(POWERS):
@@ -61,24 +61,24 @@ def power(start, column, values, x, work, state):
         for i in range(x.size):
             product += work[i] * work[i]
             x[i] = work[i]
-        state[LARGEST] = max(state[LARGEST], np.sqrt(product / square))
+        state[LARGEST] = max(state[LARGEST], np.sqrt(product / square))  # from below: any product says more about ‖A‖
 
 
-@njit(float64(float64, float64, float64, float64), cache=True, error_model="numpy", inline="always")
+@njit(float64(float64, float64, float64, float64), **KEPT, inline="always")
 def free(x, g, low, high):
     """Return φ of one unknown."""
     return g if low < x < high else 0.0
 
 
-@njit(float64(float64, float64, float64, float64), cache=True, error_model="numpy", inline="always")
+@njit(float64(float64, float64, float64, float64), **KEPT, inline="always")
 def chopped(x, g, low, high):
     """Return β of one unknown; 0 where its bounds are the same."""
-    if x <= low:
+    if x <= low:  # at or, by rounding, beyond it
         return min(g, 0.0) if x < high else 0.0
     return max(g, 0.0) if x >= high else 0.0
 
 
-@njit(float64(DATA, DATA, DATA, DATA), cache=True, error_model="numpy")
+@njit(float64(DATA, DATA, DATA, DATA), **KEPT)
 def longest(x, p, lower, upper):
     """Return the largest t with x − tp within the bounds."""
     t = np.inf
@@ -92,9 +92,8 @@ def longest(x, p, lower, upper):
 
 @njit(
     boolean(INDEX, INDEX, DATA, DATA, DATA, DATA, VECTOR, VECTOR, VECTOR, float64, float64[:, ::1], VECTOR),
-    cache=True,
     fastmath=FAST,
-    error_model="numpy",
+    **KEPT,
 )
 def project(start, column, values, q, lower, upper, x, g, d, t, work, state):
     """Return x ← P(x − td) and g afresh; False, with x and g as they were, where the objective would rise."""
@@ -107,21 +106,21 @@ def project(start, column, values, q, lower, upper, x, g, d, t, work, state):
     multiply(start, column, values, x, g, state)
     for i in range(x.size):
         g[i] += q[i]
-        term = x[i] * (g[i] + q[i])
+        term = x[i] * (g[i] + q[i])  # xᵀ(Ax + 2q) is twice the objective
         after += term
         size += abs(term)
-    if after <= before + 1e-12 * size:
+    if after <= before + 1e-12 * size:  # equal to rounding is no rise: near the solution everything is
         return True
     for i in range(x.size):
         x[i], g[i] = old_x[i], old_g[i]
     return False
 
 
-@njit(types.void(VECTOR, VECTOR, DATA, DATA, float64, DATA, DATA), cache=True, error_model="numpy")
+@njit(types.void(VECTOR, VECTOR, DATA, DATA, float64, DATA, DATA), **KEPT)
 def advance(x, g, p, Ap, t, lower, upper):
     """Move by x −= tp, kept within the bounds, and g −= tAp."""
     for i in range(x.size):
-        x[i] = min(max(x[i] - t * p[i], lower[i]), upper[i])
+        x[i] = min(max(x[i] - t * p[i], lower[i]), upper[i])  # rounding of a step to a bound ends on it
         g[i] -= t * Ap[i]
 
 
@@ -130,9 +129,8 @@ def advance(x, g, p, Ap, t, lower, upper):
         *(INDEX, INDEX, DATA, DATA, DATA, DATA, DATA, VECTOR, VECTOR, VECTOR, float64[:, ::1], VECTOR),
         *(float64, boolean, float64, int64),
     ),
-    cache=True,
     fastmath=FAST,
-    error_model="numpy",
+    **KEPT,
 )
 def run(start, column, values, q, lower, upper, weight, x, g, p, work, state, gamma, projected, threshold, most):
     """Make at most `most` steps, in place on x, g, p and `state`; returns steps * CODES + outcome.
@@ -152,6 +150,7 @@ def run(start, column, values, q, lower, upper, weight, x, g, p, work, state, ga
             phi, beta = free(x[i], g[i], lower[i], upper[i]), chopped(x[i], g[i], lower[i], upper[i])
             released += beta * beta
             if phi > 0.0:
+                # the reduced free gradient: what a step of this length can use
                 reduced += phi * min((x[i] - lower[i]) / step, phi)
             elif phi < 0.0:
                 reduced += phi * max((x[i] - upper[i]) / step, phi)
@@ -162,6 +161,7 @@ def run(start, column, values, q, lower, upper, weight, x, g, p, work, state, ga
             return done * CODES + SETTLED
         if done == most:
             break
+        # not proportional: more is to be gained by leaving bounds than in this face
         release = released > gamma * gamma * reduced
         if release:
             for i in range(n):
@@ -192,15 +192,13 @@ def run(start, column, values, q, lower, upper, weight, x, g, p, work, state, ga
             state[EXPANSIONS] += 1
             whole = projected and t < np.inf
             if not (whole and project(start, column, values, q, lower, upper, x, g, p, t, work, state)):
+                # the part of the step that is feasible; the new face starts afresh
                 advance(x, g, p, Ap, most_t, lower, upper)
                 for i in range(n):
                     p[i] = free(x[i], g[i], lower[i], upper[i])
                 if not project(start, column, values, q, lower, upper, x, g, p, step, work, state):
-                    state[LENGTH] *= 0.5
+                    state[LENGTH] *= 0.5  # ‖A‖ was known from below only: the step was too long
         for i in range(n):
             inside = lower[i] < x[i] < upper[i]
-            p[i] = g[i] - momentum * p[i] if inside else 0.0
+            p[i] = g[i] - momentum * p[i] if inside else 0.0  # conjugate within the face only
     return most * CODES + LIMIT
-
-
-READY = True

@@ -57,7 +57,7 @@ def one_contact_3d(local, i, v0, v1, v2, mu, lam):
     h1, h2 = local[i, NT1], local[i, NT2]
     floor = local[i, FLOOR]
     # with the adjugate, x = y/det: quotients take longer than all the rest
-    stick = 0.0 if local[i, INDEFINITE] != 0.0 else floor
+    stick = 0.0 if local[i, INDEFINITE] != 0.0 else floor  # a singular S sticks by the shortest r_T
     al, dl = a + stick, d + stick
     det = al * dl - b * c
     y1, y2 = b * b2 - dl * b1, c * b1 - al * b2
@@ -76,7 +76,7 @@ def one_contact_3d(local, i, v0, v1, v2, mu, lam):
         y1, y2 = b * b2 - dl * b1, c * b1 - al * b2
         t = np.sqrt(y1 * y1 + y2 * y2)
         m = mu * (free * det - h1 * y1 - h2 * y2)
-        excess = t - m
+        excess = t - m  # times det: the same sign, without a division
         if abs(excess) <= SMALL * (t + abs(m)):
             inverse = 1.0 / det
             return True, m / mu * inverse, y1 * inverse, y2 * inverse, lam
@@ -85,7 +85,7 @@ def one_contact_3d(local, i, v0, v1, v2, mu, lam):
         else:
             high = lam
         z1, z2 = dl * y1 - b * y2, al * y2 - c * y1  # dx/dλ = -z/det²
-        yz, hz = y1 * z1 + y2 * z2, mu * (h1 * z1 + h2 * z2)
+        yz, hz = y1 * z1 + y2 * z2, mu * (h1 * z1 + h2 * z2)  # derivatives of ‖r_T‖ and μ r_N, both times det²
         if m > 0.0:
             step = excess * t * t * m * det / (yz * m * m + hz * t * t * t)
             new = lam + step
@@ -96,8 +96,8 @@ def one_contact_3d(local, i, v0, v1, v2, mu, lam):
                 m = mu * rn / np.sqrt(x1 * x1 + x2 * x2)
                 return True, rn, m * x1, m * x2, new
         else:
-            new = lam + excess * t * det / (yz + hz * t)
-        if not (new > low and new < high):
+            new = lam + excess * t * det / (yz + hz * t)  # r_N ≤ 0: its reciprocal has no meaning here
+        if not (new > low and new < high):  # Newton left the bracket: bisect, or go on while there is no upper end
             new = 0.5 * (low + high) if high < np.inf else 4.0 * lam + SMALL * (abs(a) + abs(d))
         if abs(new - lam) <= 1e-16 * lam:
             break

@@ -9,7 +9,7 @@ average 1 (`equilibration`). A reaction is compared in its largest effect on a r
 import numpy as np
 from numba import int64, njit, void
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, INDEX, START, VECTOR
+from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, INDEX, KEPT, START, VECTOR
 from cpbench_solvers.kernels.contact_error import velocity_2d, velocity_3d
 from cpbench_solvers.kernels.contact_law import miss, velocity
 from cpbench_solvers.kernels.equilibration import equilibrate
@@ -28,7 +28,7 @@ def _symmetric(start, column, sizes):
     for i in range(at.size):
         for k in range(start[i], start[i + 1]):
             j = column[k]
-            other = at[j]
+            other = at[j]  # the next entry of row j must be the transposed one: columns are sorted
             if other == start[j + 1] or column[other] != i or abs(sizes[other] - sizes[k]) > EVEN * sizes[k]:
                 return False
             at[j] += 1
@@ -65,11 +65,7 @@ def _both_ways(start, column, sizes, own):
     return begin, beside, both
 
 
-@njit(
-    void(START, COLUMN, DATA, DATA_2D, int64, VECTOR, VECTOR, VECTOR, VECTOR),
-    cache=True,
-    error_model="numpy",
-)
+@njit(void(START, COLUMN, DATA, DATA_2D, int64, VECTOR, VECTOR, VECTOR, VECTOR), **KEPT)
 def weights(start, column, blocks, diagonal, dimension, sizes, own, D, reach):
     """Write the norms of the blocks beside the diagonal and on it, D, and the largest D_b‖W_bc‖ of contact c.
 
@@ -88,7 +84,7 @@ def weights(start, column, blocks, diagonal, dimension, sizes, own, D, reach):
         own[i] = np.sqrt(total)
     begin, beside, both = _both_ways(start, column, sizes, own)
     equilibrate(begin, beside, both, D)
-    D *= np.sqrt(0.5)
+    D *= np.sqrt(0.5)  # of ‖W_cb‖ + ‖W_bc‖, twice the matrix that was given
     for i in range(nc):
         reach[i] = D[i] * own[i]
     for i in range(nc):
@@ -104,7 +100,7 @@ def _velocity(start, column, blocks, diagonal, q, r, c, rolling, u):
     if rolling:
         velocity(start, column, blocks, q, r, c, u)
     elif d == 3:
-        u[0], u[1], u[2] = velocity_3d(start, column, blocks, q, r, c)
+        u[0], u[1], u[2] = velocity_3d(start, column, blocks, q, r, c)  # the fast one, for blocks by columns
     else:
         u[0], u[1] = velocity_2d(start, column, blocks, q, r, c)
     for a in range(d):
@@ -112,11 +108,7 @@ def _velocity(start, column, blocks, diagonal, q, r, c, rolling, u):
             u[a] += diagonal[c, d * a + b] * r[d * c + b]
 
 
-@njit(
-    void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, int64, DATA, DATA, DATA, DATA, INDEX, VECTOR),
-    cache=True,
-    error_model="numpy",
-)
+@njit(void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, int64, DATA, DATA, DATA, DATA, INDEX, VECTOR), **KEPT)
 def part_energy(start, column, blocks, diagonal, q, mu, mu_r, r, dimension, sizes, own, D, reach, part, errors):
     """Write the error of r in every part; NaN when anything is. Parts without constants are measured in units of D.
 
@@ -137,12 +129,12 @@ def part_energy(start, column, blocks, diagonal, q, mu, mu_r, r, dimension, size
         p, roll = part[i], mu_r[i] if rolling else 0.0
         _velocity(start, column, blocks, diagonal, q, r, i, rolling, u[i])
         free = np.sqrt(square(q[d * i : d * i + d]))
-        terms = own[i] * lengths[i]
+        terms = own[i] * lengths[i]  # norms of blocks bound what the others do to this contact
         for k in range(start[i], start[i + 1]):
             terms += sizes[k] * lengths[column[k]]
         if terms > BALANCED * free or square(u[i]) == 0.0:
             counted[p] = counted[p] or free > 0.0
-            with_terms[p] += (D[i] * max(terms, free)) ** 2
+            with_terms[p] += (D[i] * max(terms, free)) ** 2  # a contact that something balances gives a size
         else:
             with_terms[p] += (D[i] * terms) ** 2
         with_all[p] += (D[i] * max(terms, free)) ** 2
@@ -155,7 +147,7 @@ def part_energy(start, column, blocks, diagonal, q, mu, mu_r, r, dimension, size
     for i in range(nc):
         roll, reaction = mu_r[i] if rolling else 0.0, r[d * i : d * i + d]
         weight = reach[i]
-        rho = D[i] / weight if weight > 0.0 else 1.0
+        rho = D[i] / weight if weight > 0.0 else 1.0  # both defects in energy: no choice of units changes the error
         law = weight * np.sqrt(miss(reaction, u[i], mu[i], roll, rolling, rho, x))
         if mu[i] + roll > 0.0:  # what sticks is off by no more than its distance from the cone and its velocity
             sticks = weight * np.sqrt(miss(reaction, zero, mu[i], roll, rolling, 1.0, x))
@@ -164,8 +156,6 @@ def part_energy(start, column, blocks, diagonal, q, mu, mu_r, r, dimension, size
     for p in range(many):
         size = with_terms[p] if counted[p] else with_all[p]
         error = np.sqrt(errors[p] / (size if size > 0.0 else 1.0))
+        # a reaction too large hides what it lacks: against the constants alone it cannot
         grown = min(closing[p] / np.sqrt(constants[p]), 1.0) if constants[p] > 0.0 else 0.0
         errors[p] = error if not error < grown * grown else grown * grown
-
-
-READY = True

@@ -5,6 +5,8 @@ nonbasic variable. Every column is kept as it was after the first `age` pivots, 
 columns that entered. A column is read from M and brought up to date when it enters, one pivot after the other; where
 that would take many of them, the caller does it for several columns at once, by matrix products (`prepare`, GEMM,
 `restore`). Columns that never enter, half of them in most problems, cost nothing.
+
+Reference in plain NumPy: `tests/solvers/references/lemke.py`.
 """
 
 import numpy as np
@@ -67,24 +69,9 @@ def update(columns, factor, C, age, slot, E, rows, end):
     **COMPILED,
 )
 def advance(
-    columns,
-    factor,
-    C,
-    age,
-    E,
-    rows,
-    rhs,
-    basic,
-    nonbasic,
-    where,
-    state,
-    ties,
-    value,
-    far,
-    max_pivots,
-    pivot_tolerance,
-    tie_tolerance,
-):
+    columns, factor, C, age, E, rows, rhs, basic, nonbasic, where, state, ties, value,
+    far, max_pivots, pivot_tolerance, tie_tolerance,
+):  # fmt: skip
     """Pivot until z_0 leaves, or until the caller has work: a column is unknown or lacks more than `far` pivots.
 
     Parameters
@@ -108,9 +95,9 @@ def advance(
             state[4] = s
             return BEHIND
         col = C[s]
-        update(columns, factor, C, age, s, E, rows, k)
+        update(columns, factor, C, age, s, E, rows, k)  # only now: columns that never enter stay as they were in M
         if state[2] == 0:
-            r = state[3]
+            r = state[3]  # the first pivot makes the right-hand side nonnegative
         else:
             count = blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance)
             if count == 0:
@@ -143,7 +130,7 @@ def advance(
             for i in range(n):
                 rhs[i] = max(rhs[i], 0.0)
         rhs[r] = step
-        entered[r] = inverse
+        entered[r] = inverse  # E keeps the reciprocal: later updates multiply
         # the slot now has the leaving variable: its unit column after this pivot
         col[r] = inverse
         age[s] = k + 1
@@ -188,7 +175,7 @@ def solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolera
     basic, nonbasic, where, age = numbers[0, :n], numbers[1, : n + 1], numbers[2], numbers[3, : n + 1]
     rows, ties, state = numbers[4], numbers[5], numbers[6]
     for i in range(n):
-        rhs[i] = q[i] / p
+        rhs[i] = q[i] / p  # size one: tolerances are absolute
         basic[i], where[i] = i, -(i + 1)
         nonbasic[i], where[n + i] = n + i, i
         age[i] = -1
@@ -196,25 +183,8 @@ def solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolera
     nonbasic[n], where[2 * n], age[n] = 2 * n, n, 0
     state[0], state[1], state[2], state[3] = 0, n, 0, first_row(M, q, ties)
     while True:
-        outcome = advance(
-            M.T,
-            -1.0 / m,
-            C,
-            age,
-            E,
-            rows,
-            rhs,
-            basic,
-            nonbasic,
-            where,
-            state,
-            ties,
-            value,
-            E.shape[0],
-            max_pivots,
-            pivot_tolerance,
-            tie_tolerance,
-        )
+        columns, tableau = (M.T, -1.0 / m, C, age, E, rows), (rhs, basic, nonbasic, where, state, ties, value)
+        outcome = advance(*columns, *tableau, E.shape[0], max_pivots, pivot_tolerance, tie_tolerance)
         if outcome != FULL:
             break
         for slot in range(n + 1):
@@ -242,6 +212,3 @@ def lemke(M, q, z, max_pivots, pivot_tolerance, tie_tolerance):
     C, E, reals = np.empty((n + 1, n)), np.empty((n + SPARE, n)), np.empty((2, n))
     numbers = np.empty((7, 2 * n + SPARE), np.int64)
     return solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
-
-
-READY = True

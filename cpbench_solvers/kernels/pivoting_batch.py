@@ -22,6 +22,3 @@ def lemke_batch(M, q, z, codes, max_pivots, pivot_tolerance, tie_tolerance):
     numbers = np.empty((7, 2 * n + SPARE), np.int64)
     for i in range(q.shape[0]):
         codes[i] = solve(M[i], q[i], z[i], C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance)
-
-
-READY = True

@@ -49,7 +49,7 @@ def _swap_names(y, x, swapped, s):
 @njit("void(float64[:,::1], float64[::1], float64[::1], boolean[::1], float64[::1], int64, int64)", **COMPILED)
 def exchange_two(T, y, x, swapped, row, r, s):
     """Make the 2×2 principal pivot on pairs r and s where T_ss = 0: by the two entries off the diagonal."""
-    exchange(T, s, r, row)
+    exchange(T, s, r, row)  # two exchanges off the diagonal make one principal pivot, but for the names
     exchange(T, r, s, row)
     for j in range(T.shape[0]):
         T[r, j], T[s, j] = T[s, j], T[r, j]
@@ -82,7 +82,7 @@ def murty(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
         state[1] = r
         if r < 0:
             return SOLVED
-        if not T[r, r] > pivot_tolerance:
+        if not T[r, r] > pivot_tolerance:  # not positive: M is no P-matrix, for which alone the least index ends
             state[3] = r
             return NOT_IN_CLASS
         if state[0] >= until:
@@ -102,7 +102,7 @@ def _most_negative(y, x, swapped, zero):
     """Return the pair whose basic or nonbasic variable lies lowest, the first of several; -1 where none is negative."""
     least, r = -zero, -1
     for i in range(y.size):
-        lower = min(y[i], x[i])
+        lower = min(y[i], x[i])  # x is not 0 for the pair in hand
         if lower < least:
             least, r = lower, i
     return r
@@ -130,6 +130,7 @@ def keller(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
         if T[r, r] > pivot_tolerance:
             step, s = -y[r] / T[r, r], r
         for i in range(n):
+            # z in the basis must stay ≥ 0; a w may go below and come later
             if swapped[i] and T[i, r] < -pivot_tolerance and y[i] < -step * T[i, r]:
                 step, s = max(y[i], 0.0) / -T[i, r], i
         if s < 0:
@@ -142,7 +143,7 @@ def keller(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
         x[r] += step
         for i in range(n):
             y[i] += T[i, r] * step
-        y[s] = 0.0
+        y[s] = 0.0  # exactly: it is nonbasic from here on
         exchange(T, s, s, row)
         _swap_names(y, x, swapped, s)
         state[0] += 1
@@ -182,6 +183,7 @@ def cottle_dantzig(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
             step, s = -y[r] / T[r, r], r
         for i in range(n):
             if i != r and T[i, r] < -pivot_tolerance:
+                # those below zero may fall to λ, and no further
                 room = max(y[i], 0.0) if y[i] >= -zero else y[i] - below
                 if room < -step * T[i, r]:
                     step, s = max(room, 0.0) / -T[i, r], i
@@ -189,6 +191,7 @@ def cottle_dantzig(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
             return RAY if np.isfinite(T[r, r]) else NOT_FINITE
         if not np.isfinite(step):
             return NOT_FINITE
+        # a sufficient matrix has one of the two pivots
         if s >= 0 and not (T[s, s] > pivot_tolerance or (abs(T[s, s]) <= pivot_tolerance < T[r, s])):
             state[3] = s
             return NOT_IN_CLASS
@@ -200,7 +203,7 @@ def cottle_dantzig(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
             state[1] = -1
             state[2] += 1
             continue
-        y[s] = 0.0 if s == r or y[s] > 0.5 * below else below
+        y[s] = 0.0 if s == r or y[s] > 0.5 * below else below  # it stays at the bound that it met
         if T[s, s] > pivot_tolerance:
             exchange(T, s, s, work)
             _swap_names(y, x, swapped, s)
@@ -210,6 +213,3 @@ def cottle_dantzig(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
         if s == r:
             state[1] = -1
             state[2] += 1
-
-
-READY = True

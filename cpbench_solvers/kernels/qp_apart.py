@@ -18,7 +18,7 @@ LEFT = -1
 def members(part, count):
     """Return (start, row): row[start[q]:start[q + 1]] are the members of part q, in their order."""
     start, row = np.zeros(count + 1, np.int64), np.empty(part.size, np.int64)
-    for q in part:
+    for q in part:  # counting sort: members of a part stay in their order
         start[q + 1] += 1
     for q in range(count):
         start[q + 1] += start[q]
@@ -36,7 +36,7 @@ def _dense(M, rows, place, columns):
     for i in range(rows.size):
         for k in range(M[0][rows[i]], M[0][rows[i] + 1]):
             if M[2][k] != 0.0:
-                result[i, place[M[1][k]]] += M[2][k]
+                result[i, place[M[1][k]]] += M[2][k]  # entries that are stored twice add up
     return result
 
 
@@ -44,8 +44,8 @@ def _dense(M, rows, place, columns):
 def _alone(q, p, low, high, z, nu, i):
     """Write the answer of an unknown without rows and neighbours; return whether there is one."""
     at = -p / q if q > 0.0 else (low if p > 0.0 else high if p < 0.0 else 0.0)
-    at = min(max(at, low), high)
-    if q < 0.0 or not abs(at) < np.inf:
+    at = min(max(at, low), high)  # one unknown: the minimum over an interval is the nearest point to the free one
+    if q < 0.0 or not abs(at) < np.inf:  # concave, or falling for ever: for the caller, who looks for a proof
         return False
     force = q * at + p
     z[i], nu[i] = at, force if (force > 0.0 and at == low) or (force < 0.0 and at == high) else 0.0
@@ -79,6 +79,7 @@ def solve_parts(
         unknowns = np.searchsorted(own, n)
         inequalities = np.searchsorted(own, n + m)
         at, first, last = own[:unknowns], own[unknowns:inequalities] - n, own[inequalities:] - n
+        # dense matrices of a large part would cost more than its sparse ones
         if unknowns == 0 or unknowns > most or own.size > 3 * most:
             outcome[q] = LEFT
             continue
@@ -101,6 +102,3 @@ def solve_parts(
         z[at], y[first], y[last], nu[at] = own_z, lam, mu, own_nu
         counts[0] += done[0]
         counts[1] += done[1]
-
-
-READY = True

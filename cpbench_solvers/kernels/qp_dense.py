@@ -41,7 +41,7 @@ def measured(absolute, scale, data):
     is 0; ∞ for what is no number."""
     scale = max(scale, min(data, 1.0))
     value = absolute / scale if scale > 1.0 or data > 0.0 else absolute
-    return value if value >= 0.0 else np.inf
+    return value if value >= 0.0 else np.inf  # also NaN
 
 
 @njit(types.float64(*(types.float64,) * 11), **COMPILED)
@@ -63,6 +63,7 @@ def of_bounds(low, high, x, price):
     no bound allows, and their part of the dual objective."""
     outside = wrong = size = term = 0.0
     if low > -np.inf:
+        # np.maximum keeps NaN, max may lose it
         outside, size, term = np.maximum(outside, low - x), abs(low), low * max(price, 0.0)
     else:
         wrong = np.maximum(wrong, price)
@@ -119,6 +120,7 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
     for i in range(b.size):
         a, value, y = A[i], dot(A[i], z), lam[i]
         primal, side = np.maximum(primal, b[i] - value), max(side, abs(b[i]))
+        # the terms are needed for violated rows only
         primal_scale, summed = max(primal_scale, abs(value)), max(summed, 0.0 if value >= b[i] else sizes(a, z))
         dual = np.maximum(dual, -y)
         dual_scale = max(dual_scale, abs(y))
@@ -132,7 +134,7 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
         primal_scale, summed = max(primal_scale, abs(value)), max(summed, 0.0 if value == d[i] else sizes(c, z))
         dual_scale = max(dual_scale, abs(y))
         constraints += d[i] * y
-        if y != 0.0:
+        if y != 0.0:  # most multipliers are 0, and a row costs n operations
             for j in range(n):
                 Ct[j] += c[j] * y
     stationarity = scale = zQz = pz = price = curvature = 0.0
@@ -148,10 +150,11 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, work):
         primal, side = np.maximum(primal, outside), max(side, bound)
         dual = np.maximum(dual, wrong)
         constraints += term
+    # zᵀQz + pᵀz = bᵀλ + dᵀμ + bounds at a solution
     gap, value = abs(zQz + pz - constraints), max(abs(zQz), abs(pz), abs(constraints))
     sides = max(primal_scale, min(summed, 1.0))
     error = largest(stationarity, scale, price, primal, sides, side, dual, dual_scale, gap, value, curvature)
-    if price == 0.0 and side > 0.0 and stationarity > 0.0:
+    if price == 0.0 and side > 0.0 and stationarity > 0.0:  # no price to compare forces with
         terms = _terms(Q, A, b, C, d, lb, ub, z)
         error = max(error, stationarity / max(terms, scale) if terms > 0.0 else 0.0)
     return error
@@ -177,9 +180,10 @@ def equilibrate(H, G, column, row, passes):
             for j in range(n):
                 a = abs(G[i, j])
                 side = max(side, a)
-                tops[j] = max(tops[j], a)
+                tops[j] = max(tops[j], a)  # columns of [[H, Gᵀ], [G, 0]]: H and G together
             sides[i] = side
         for i in range(n):
+            # powers of two change no digit of the data
             tops[i] = 2.0 ** np.rint(-0.5 * np.log2(tops[i])) if tops[i] > 0.0 else 1.0
             column[i] *= tops[i]
         for i in range(n):
@@ -190,6 +194,3 @@ def equilibrate(H, G, column, row, passes):
             row[i] *= side
             for j in range(n):
                 G[i, j] *= side * tops[j]
-
-
-READY = True

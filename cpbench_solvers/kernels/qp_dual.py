@@ -6,6 +6,8 @@ is updated as rows come and go. One pass goes from y towards the maximiser of th
 allow, and drops the rows whose multiplier reaches 0. When W is optimal the worst violated row joins (Goldfarb and
 Idnani 1983), or several at once: a pass then goes the whole way and drops every row of the wrong sign. Where that did
 not raise the dual function it is taken back.
+
+Reference in plain NumPy: `tests/solvers/references/dual_active_set.py`.
 """
 
 import numpy as np
@@ -88,7 +90,7 @@ def _outside(M, R, W, count, p, work):
     for j in range(count):
         column[j] = dot(M[W[j]], m)
     _forward(R, count, column)
-    square = 1.0 - dot(column, column)
+    square = 1.0 - dot(column, column)  # rows have length 1
     if square > CANCELS:
         return np.sqrt(square)
     rest, change = work[n : 2 * n], work[2 * n : 2 * n + count]
@@ -131,10 +133,10 @@ def _drop(R, W, where, k, count):
             row[j] = row[j + 1]
     for j in range(k, count - 1):
         a, b = R[j, j], R[j + 1, j]
-        h = np.hypot(a, b)
+        h = np.hypot(a, b)  # never 0: R has a positive diagonal
         c, s = a / h, b / h
         first, second = R[j], R[j + 1]
-        first[j] = h
+        first[j] = h  # the rotation makes second[j] 0, where nothing is read
         for i in range(j + 1, count - 1):
             f, g = first[i], second[i]
             first[i] = c * f + s * g
@@ -147,7 +149,7 @@ def _leave(R, W, where, state, most):
     while state[LEFT] > 0:
         if state[OPERATIONS] > most:
             return False
-        state[LEFT] -= 1
+        state[LEFT] -= 1  # from the last: what moves up has been looked at
         k, count = state[LEFT], state[COUNT]
         if where[W[k]] == LEAVING:
             _drop(R, W, where, k, count)
@@ -182,7 +184,7 @@ def _enter(M, p, sign, most, y, R, W, where, side, state, work):
         count = state[COUNT]
         length = _outside(M, R, W, count, p, work)
         state[OPERATIONS] += count * (count + M.shape[1]) + M.shape[1]
-        if length > PARALLEL and count < M.shape[1]:
+        if length > PARALLEL and count < M.shape[1]:  # a full W spans all: what is new then is rounding
             _join(R, W, where, p, length, work, count)
             state[COUNT] = count + 1
             return JOINED
@@ -197,7 +199,7 @@ def _enter(M, p, sign, most, y, R, W, where, side, state, work):
             # an entry of the size of rounding would block by a step of any length
             if side[i] * sign * r[j] > 1e-11 * top and abs(y[i]) < step * abs(r[j]):
                 step, leaving = abs(y[i] / r[j]), j
-        if step == np.inf:
+        if step == np.inf:  # no multiplier falls: y grows along r for ever, and the constraints contradict each other
             y[:] = 0.0
             y[p] = sign
             for j in range(count):
@@ -208,7 +210,7 @@ def _enter(M, p, sign, most, y, R, W, where, side, state, work):
         if leaving < 0:
             y[p] = 0.0
             return GONE
-        most -= step
+        most -= step  # one row has left: the rest of the way goes with a smaller W
         y[p] += sign * step
         y[W[leaving]] = 0.0
         _drop(R, W, where, leaving, count)
@@ -234,10 +236,7 @@ def begin(M, v0, v, y, where, state):
 
 
 @njit(
-    types.boolean(
-        *(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT),
-        types.int64,
-    ),
+    types.boolean(*(_MATRIX, _VECTOR, _VECTOR, _VECTOR, _OUT, _OUT, _OUT2, _INT, _INT, _INT, _INT, _OUT), types.int64),
     **COMPILED,
 )
 def _build(M, lower, upper, v0, v, y, R, W, where, side, state, work, most):
@@ -248,7 +247,7 @@ def _build(M, lower, upper, v0, v, y, R, W, where, side, state, work, most):
             return False
         p = state[BUILT]
         equal = lower[p] == upper[p]
-        if equal or y[p] != 0.0:
+        if equal or y[p] != 0.0:  # equations always hold, whatever their multiplier
             side[p] = 0 if equal else (1 if y[p] > 0.0 else -1)
             _enter(M, p, -1.0 if y[p] > 0.0 else 1.0, abs(y[p]), y, R, W, where, side, state, work)
         state[BUILT] = p + 1
@@ -266,12 +265,14 @@ def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work
     change = work
     for j in range(count):
         i = W[j]
+        # what v misses of the bounds of W, as if all were equations
         change[j] = (upper[i] if side[i] < 0 else lower[i]) - dot(M[i], v)
     _forward(R, count, change)
     _backward(R, count, change)
     step = 1.0
     for j in range(count):
         i = W[j]
+        # the first multiplier that reaches 0 ends the step; equations have side 0
         if not state[TOGETHER] and side[i] * (y[i] + change[j]) < 0.0:
             step = min(step, -y[i] / change[j])
     state[INNER], state[LEFT] = 0, count
@@ -288,9 +289,7 @@ def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work
 
 
 @njit(
-    types.boolean(
-        *(_MATRIX, types.float64, _OUT, _VECTOR, _VECTOR, _OUT2, _INT, _INT, _INT, _INT, _OUT, types.int64),
-    ),
+    types.boolean(*(_MATRIX, types.float64, _OUT, _VECTOR, _VECTOR, _OUT2, _INT, _INT, _INT, _INT, _OUT, types.int64)),
     **COMPILED,
 )
 def _join_others(M, least, violation, lower, upper, R, W, where, side, state, work, most):
@@ -309,7 +308,7 @@ def _join_others(M, least, violation, lower, upper, R, W, where, side, state, wo
         count = state[COUNT]
         length = _outside(M, R, W, count, p, work)
         state[OPERATIONS] += count * (count + M.shape[1]) + violation.size
-        if length > APART:
+        if length > APART:  # nearly dependent rows that join at once would make R useless
             side[p] = 0 if lower[p] == upper[p] else (1 if violation[p] > 0.0 else -1)
             _join(R, W, where, p, length, work, count)
             state[COUNT] = count + 1
@@ -386,7 +385,7 @@ def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before,
             return LIMIT
         value = 0.0
         for k in range(n):
-            value += (v[k] - v0[k]) ** 2
+            value += (v[k] - v0[k]) ** 2  # the dual function at its maximum over W, twice
         if not value > gained[0] * (1.0 + 1e-14):
             if state[TOGETHER]:  # rows that joined at once went too far: back to before, and half as many from then on
                 put(y, before)
@@ -407,10 +406,7 @@ def advance(M, lower, upper, v0, v, y, R, W, where, side, state, gained, before,
             return INFEASIBLE
         if y[p] != 0.0:
             _primal(M, v0, y, W, state[COUNT], v)
-        elif not state[ALONE]:
+        elif not state[ALONE]:  # the worst joins first; others of its size may be right too
             violation[p] = 0.0
             gained[1], state[ROOM] = SHARE * worst, (n - state[COUNT]) // state[PART]
         state[ALONE] = 0
-
-
-READY = True

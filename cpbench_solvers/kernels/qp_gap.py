@@ -19,7 +19,7 @@ def without(f, noise):
 def product(low, high, x, w, reach):
     """Return x w, with x counted from the bound to which w pushes, at most `reach`, and less by rounding."""
     bound = low if w > 0.0 else high
-    room = x - bound if abs(bound) < np.inf else x
+    room = x - bound if abs(bound) < np.inf else x  # without a bound on that side w should be 0, and x is what it costs
     return w * np.copysign(max(min(abs(room), reach) - NOISE * reach, 0.0), room) if room != 0.0 else 0.0
 
 
@@ -33,7 +33,7 @@ def gaps(program, x, f, sums, needed, known, unit, effect, products, objective):
     side, price, given = np.zeros(count), np.zeros(count), np.zeros(count)
     for i in range(x.size):
         q, size = part[i], 1.0 / unit[i] if unit[i] > 0.0 else 0.0
-        w = without(f[i], NOISE * max(sums[i] + abs(c[i]), size))
+        w = without(f[i], NOISE * max(sums[i] + abs(c[i]), size))  # otherwise a gap of pure rounding would be an error
         reach = 1.0 / effect[i] if effect[i] > 0.0 else 0.0
         products[i] = product(low[i], high[i], x[i], w, reach) if kind[q] > 0.0 else 0.0
         quadratic[q] += x[i] * (w - c[i])
@@ -47,6 +47,7 @@ def gaps(program, x, f, sums, needed, known, unit, effect, products, objective):
             side[q] = max(side[q], own)
     for q in range(count):
         half = 0.5 * quadratic[q]
+        # ½zᵀQz alone where prices cancel it
         objective[q] = max(max(abs(half + prices[q]), abs(half)), min(straight[q], sides[q]))
         z = max(side[q], price[q] if kind[q] == 2.0 else 0.0)
         given[q] = z * max(price[q], z if kind[q] == 2.0 else 0.0)
@@ -63,8 +64,9 @@ def row_products(program, f, sums, unit, products, gap):
     for k in range(rows.size):
         i = rows[k]
         size = 1.0 / unit[i] if unit[i] > 0.0 else 0.0
+        # rows that are given twice have the same value to rounding, and share a multiplier
         value[k] = without(abs(f[i]), NOISE * max(sums[i] + abs(c[i]), size))
-    order, total = np.argsort(value, kind="mergesort"), np.zeros(gap.size)
+    order, total = np.argsort(value, kind="mergesort"), np.zeros(gap.size)  # stable: the same sums on every machine
     k = 0
     while k < rows.size:
         last = k
@@ -88,7 +90,7 @@ def gap_errors(known, gap, given, alone, objective):
     for q in range(gap.size):
         size = max(objective[q], gap[q])
         error = gap[q] / size if gap[q] > 0.0 else 0.0
-        of_zero = np.sqrt(size / given[q]) if size < given[q] else 1.0
+        of_zero = np.sqrt(size / given[q]) if size < given[q] else 1.0  # an objective near 0 has half of the digits
         if of_zero < error:
             error, objective[q] = of_zero, given[q]
         if known[q] > 0.0:
@@ -99,6 +101,3 @@ def gap_errors(known, gap, given, alone, objective):
             objective[q] = total
         objective[q] = max(objective[q], gap[q])
     return worst
-
-
-READY = True

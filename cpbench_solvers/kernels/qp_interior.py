@@ -66,7 +66,7 @@ def _gather(H, G, g, lower, upper, scale, iterate, sizes):
     add_transposed(G, -1.0, y[n:], left)
     for i in range(n):
         if lower[i] == upper[i]:
-            y[i] = left[i]
+            y[i] = left[i]  # the multiplier of a fixed unknown is whatever stationarity needs
             left[i] = 0.0
         else:
             left[i] -= y[i]
@@ -83,8 +83,9 @@ def begin(H, G, g, lower, upper, scale, system, iterate, sizes):
     v = v[: N - n]
     for i in range(N):
         equal = lower[i] == upper[i]
-        near = lower[i] if equal else min(max(0.0, lower[i]), upper[i])
+        near = lower[i] if equal else min(max(0.0, lower[i]), upper[i])  # the point of the bounds that is next to 0
         if i < n:
+            # unknowns without bounds are held by nothing but the objective
             w[i] = FIXED if equal else (1.0 if lower[i] > -np.inf or upper[i] < np.inf else 0.0)
             a[i] = w[i] * near - g[i]
         else:
@@ -115,6 +116,7 @@ def begin(H, G, g, lower, upper, scale, system, iterate, sizes):
     for i in range(N):
         for k in (i, N + i):
             has = has_lower(lower[i], upper[i]) if k == i else has_upper(lower[i], upper[i])
+            # all by the same: near the boundary the first steps would be short
             t[k] = max(t[k], 0.0) + max(INSIDE, 0.5 * short) if has else 0.0
             z[k] = max(z[k], 0.0) + max(INSIDE, 0.5 * wrong) if has else 0.0
     _gather(H, G, g, lower, upper, scale, iterate, sizes)
@@ -146,16 +148,18 @@ def advance(H, G, g, lower, upper, scale, system, iterate, share, near, enough, 
         least, best = np.inf, sizes[DELTA]
         while True:
             error = take_step(H, G, g, lower, upper, system, iterate, sizes[DELTA], share, enough * sizes[SIZE], sizes)
-            if error < sizes[LEFT]:
+            if error < sizes[LEFT]:  # the step was taken
                 break
             if error < least:
                 least, best = error, sizes[DELTA]
             if sizes[DAMPING] == 0.0 and equations:
+                # first remedy: dependent equations, where exact multipliers are not unique
                 sizes[DAMPING], sizes[DELTA] = PROXIMAL, min(sizes[DELTA], FINE)
                 least = np.inf
             elif sizes[DELTA] < COARSEST and (least == error or least == np.inf):
-                sizes[DELTA] *= COARSER
+                sizes[DELTA] *= COARSER  # second: more regularization, as long as refinement then leaves less
             elif least < USEFUL:
+                # third: take what there is, for the right side may be rounding
                 sizes[DELTA], sizes[LEFT] = best, USEFUL
             else:
                 return BROKEN
@@ -164,14 +168,11 @@ def advance(H, G, g, lower, upper, scale, system, iterate, share, near, enough, 
         gap = products(t, z, lower, upper) / sizes[SIZE]
         if gap < GAIN * sizes[BEST]:
             sizes[BEST], counts[SINCE] = gap, counts[DONE]
-        if not gap > near:
+        if not gap > near:  # also NaN: the caller measures and sees
             return NEAR
         if not gap < BLOWN_UP:
             return STALLED
-        if counts[DONE] - counts[SINCE] > max(WINDOW, counts[DONE] // 2):
+        if counts[DONE] - counts[SINCE] > max(WINDOW, counts[DONE] // 2):  # long runs have the right to long pauses
             return STALLED
-        if max(largest(x), largest(y)) > sizes[BAR]:
+        if max(largest(x), largest(y)) > sizes[BAR]:  # perhaps along a ray that proves something
             return LARGE
-
-
-READY = True

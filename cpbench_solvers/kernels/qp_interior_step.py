@@ -3,6 +3,8 @@
 s = (x, Gx). Every finite side of an s that is no equation has a slack t > 0 and a multiplier z > 0. With the linear
 system factored once, the predictor aims at tz = 0; it says how far tᵀz can fall, hence the centring σ, and the products
 dt dz that the corrector takes off.
+
+Reference in plain NumPy: `tests/solvers/references/interior_point_qp.py`.
 """
 
 from typing import Any, NamedTuple
@@ -46,6 +48,7 @@ def _reach(value, change, lower, upper, most):
     N, fastest = lower.size, 0.0
     for i in range(N):
         if has_lower(lower[i], upper[i]):
+            # a maximum of quotients: one division for the step, none inside
             fastest = max(fastest, -change[i] / value[i])
         if has_upper(lower[i], upper[i]):
             fastest = max(fastest, -change[N + i] / value[N + i])
@@ -130,8 +133,9 @@ def _scale(t, z, lower, upper, damping, step):
             count += 1
         equal = lower[i] == upper[i]
         if i < n:
-            w[i] = FIXED if equal else total
+            w[i] = FIXED if equal else total  # so heavy that dx is 0 to rounding, in the same system
         else:
+            # 0 for an exact equation: the system stays quasi-definite by δ
             theta[i - n] = damping if equal else 1.0 / total
     return count
 
@@ -145,6 +149,7 @@ def _right_side(t, z, left, lower, upper, aim, second, step):
         total = 0.0
         if has_lower(lower[i], upper[i]):
             c = t[i] * z[i] + second * dt[i] * dz[i] - aim
+            # dz eliminated: its equation, with dt from that of the slack
             total -= (c + z[i] * (s[i] - lower[i] - t[i])) / t[i]
         if has_upper(lower[i], upper[i]):
             k = N + i
@@ -237,6 +242,7 @@ def take_step(H, G, g, lower, upper, system, iterate, delta, share, enough, size
         _directions(G, t, z, lower, upper, aim, second, step)
         alpha = min(_reach(t, step.dt, lower, upper, 1.0), _reach(z, step.dz, lower, upper, 1.0))
         after = _products_after(t, z, step.dt, step.dz, alpha, lower, upper) / count
+        # Mehrotra's heuristic: the further the predictor gets, the less centring
         sigma = min((after / mu) ** 3, 1.0) if mu > 0.0 else 0.0
         aim, second, alpha = max(sigma * mu, enough / count), 1.0, 0.0
     for _ in range(2 if count else 1):
@@ -254,6 +260,3 @@ def take_step(H, G, g, lower, upper, system, iterate, delta, share, enough, size
         aim, second = max(aim, 0.5 * mu), 0.0
     _move(x, y, t, z, lower, upper, alpha, step)
     return error
-
-
-READY = True

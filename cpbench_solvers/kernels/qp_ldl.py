@@ -33,7 +33,7 @@ def adjacency(H, G, starts, indptr, indices):
     starts[:] = 0
     for i in range(n):
         for q in range(H[0][i], H[0][i + 1]):
-            starts[i] += H[1][q] != i
+            starts[i] += H[1][q] != i  # the diagonal is apart
     for i in range(r):
         for q in range(G[0][i], G[0][i + 1]):
             starts[G[1][q]] += 1
@@ -74,7 +74,7 @@ def permuted(H, G, place, starts, ends, indptr, indices, data, diagonal):
                     if fill == 0 and j == i:
                         diagonal[place[i]] += here[2][q]
                     continue
-                a, b = place[i], place[j]
+                a, b = place[i], place[j]  # an entry goes to the column of whichever is eliminated later
                 column, at = max(a, b), min(a, b)
                 if fill == 0:
                     starts[column] += 1
@@ -97,7 +97,7 @@ def tree(indptr, indices, parent, count):
         parent[k], count[k], seen[k] = -1, 0, k
         for q in range(indptr[k], indptr[k + 1]):
             i = np.int64(indices[q])
-            while i < k and seen[i] != k:
+            while i < k and seen[i] != k:  # up the tree as far as row k has not been: each entry of L once
                 if parent[i] < 0:
                     parent[i] = k
                 count[i] += 1
@@ -125,7 +125,7 @@ def factor(indptr, indices, data, diagonals, parent, starts, rows, L, D, S, tail
             i = np.int64(indices[q])
             y[i] += data[q]
             length = 0
-            while i < min(k, tail) and seen[i] != k:
+            while i < min(k, tail) and seen[i] != k:  # the pattern of row k of L: reach of its entries in the tree
                 path[length] = i
                 length += 1
                 seen[i] = k
@@ -133,17 +133,18 @@ def factor(indptr, indices, data, diagonals, parent, starts, rows, L, D, S, tail
             while length > 0:
                 length -= 1
                 top -= 1
+                # paths in front of each other: descendants come first, as substitution needs
                 pattern[top] = path[length]
         for t in range(top, tail):
             c = pattern[t]
             value = y[c]
             y[c] = 0.0
             last = end[c]
-            for q in range(np.uint64(starts[c]), np.uint64(last)):
+            for q in range(np.uint64(starts[c]), np.uint64(last)):  # unsigned: no test for negative indices in the loop
                 y[rows[q]] -= L[q] * value
             scaled = value / D[c]
             diagonal -= value * scaled
-            rows[last], L[last] = np.uint32(k), scaled
+            rows[last], L[last] = np.uint32(k), scaled  # columns grow by one entry a row: no sorting
             end[c] = last + 1
         if k < tail:
             # a pivot has the sign of its diagonal entry; one that rounding has turned is what it was
@@ -153,7 +154,7 @@ def factor(indptr, indices, data, diagonals, parent, starts, rows, L, D, S, tail
         else:
             for i in range(tail, k):
                 S[k - tail, i - tail] = y[i]
-                y[i] = 0.0
+                y[i] = 0.0  # the work is clean again for the next row
             S[k - tail, k - tail] = diagonal
     return True
 
@@ -185,13 +186,14 @@ def dense_factor(S, diagonals):
                     return False
         if end == N:
             return True
+        # copies that lie together, for one product of matrices
         scaled, plain = np.empty((N - end, width)), np.empty((N - end, width))
         for i in range(N - end):
             for c in range(width):
                 scaled[i, c] = S[end + i, begin + c]
                 plain[i, c] = scaled[i, c] / S[begin + c, begin + c]
                 S[end + i, begin + c] = plain[i, c]
-        for left in range(end, N, 4 * BLOCK):
+        for left in range(end, N, 4 * BLOCK):  # only the lower triangle, by strips: half of the products
             right = min(left + 4 * BLOCK, N)
             change = np.dot(plain[left - end :], scaled[left - end : right - end].T)
             for i in range(left, N):
@@ -231,6 +233,3 @@ def backward(starts, rows, L, D, x, tail):
         for q in range(np.uint64(starts[c]), np.uint64(starts[c + 1])):
             value -= L[q] * x[rows[q]]
         x[c] = value
-
-
-READY = True

@@ -31,7 +31,7 @@ def conditions(Q, G):
     start = np.zeros(n + r + 1, np.int64)
     for i in range(n):
         for q in range(Q[0][i], Q[0][i + 1]):
-            start[i + 1] += Q[2][q] != 0.0
+            start[i + 1] += Q[2][q] != 0.0  # stored zeros join nothing
     for i in range(r):
         for q in range(G[0][i], G[0][i + 1]):
             if G[2][q] != 0.0:
@@ -50,7 +50,7 @@ def conditions(Q, G):
             if G[2][q] != 0.0:
                 j = G[1][q]
                 column[at[n + i]], value[at[n + i]] = j, G[2][q]
-                column[at[j]], value[at[j]] = n + i, -G[2][q]
+                column[at[j]], value[at[j]] = n + i, -G[2][q]  # stationarity has −Gᵀy
                 at[n + i] += 1
                 at[j] += 1
     return start, column, value
@@ -65,7 +65,7 @@ def numbered(part):
             part[i] = count
             count += 1
         else:
-            part[i] = part[part[i]]
+            part[i] = part[part[i]]  # the least row of a part comes first, and has its number already
 
 
 @njit(types.int64[::1](CSR, CSR), **COMPILED)
@@ -86,7 +86,7 @@ def boxed(p, h, m, lb, ub):
     for i in range(N):
         if i < n:
             c[i] = p[i]
-            low[i] = lb[i] if lb[i] > -ENDLESS else -np.inf
+            low[i] = lb[i] if lb[i] > -ENDLESS else -np.inf  # files write 1e20 for no bound
             high[i] = ub[i] if ub[i] < ENDLESS else np.inf
         else:
             c[i], low[i] = -h[i - n], 0.0 if i < n + m else -np.inf
@@ -115,8 +115,5 @@ def program(Q, G, p, h, m, lb, ub):
                 objective[part[i]] = max(objective[part[i]], 1.0)
             for k in range(start[i], start[i + 1]):
                 if column[k] < n:
-                    objective[part[i]] = 2.0
+                    objective[part[i]] = 2.0  # curvature: the objective has the unit of z squared
     return n, start, column, value, c, low, high, part, D, constants, objective
-
-
-READY = True

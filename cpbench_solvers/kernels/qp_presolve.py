@@ -67,13 +67,15 @@ def _duplicates(G, left, m, b, rows, columns, key, ops, numbers, count):
                 j = G[1][q]
                 if columns[j]:
                     first = G[2][q] if first == 0.0 else first
+                    # a hash of pattern and ratios: golden-ratio weights collide by chance only
                     total += (1.0 + (np.float64(j) * 0.6180339887498949) % 1.0) * (G[2][q] / first)
             key[i] = total
-    order = np.argsort(key)
+    order = np.argsort(key)  # multiples of each other are neighbours then
     for k in range(1, r):
         i, j = order[k - 1], order[k]
         if not key[j] < np.inf:
             break
+        # an inequality and an equation are never the same
         if not rows[i] or _apart(key[i], key[j]) or left[i] != left[j] or (i < m) != (j < m):
             continue
         p, q, ratio, same = G[0][i], G[0][j], 0.0, True
@@ -88,7 +90,7 @@ def _duplicates(G, left, m, b, rows, columns, key, ops, numbers, count):
                 break
             p += 1
             q += 1
-        if not same or not abs(ratio) > 0.0 or (i < m and ratio < 0.0):
+        if not same or not abs(ratio) > 0.0 or (i < m and ratio < 0.0):  # −row ≥ b is another side of it
             continue
         # row j is ratio times row i: row j stays, for the next one is compared with it
         if i >= m and _apart(ratio * b[i], b[j]):
@@ -128,7 +130,7 @@ def reduce(Q, G, Gt, m, p, b, lb, ub, rows, columns, z, y, ops, numbers):
                 continue
             if left[i] == 0:
                 size = max(1.0, abs(b[i]))
-                if (b[i] if i < m else abs(b[i])) > 1e-9 * size:
+                if (b[i] if i < m else abs(b[i])) > 1e-9 * size:  # 0 ≥ b or 0 = b
                     return -1
                 rows[i] = False
             elif left[i] == 1:
@@ -136,9 +138,9 @@ def reduce(Q, G, Gt, m, p, b, lb, ub, rows, columns, z, y, ops, numbers):
                 for q in range(G[0][i], G[0][i + 1]):
                     if columns[G[1][q]]:
                         j, a = G[1][q], G[2][q]
-                if a == 0.0:
+                if a == 0.0:  # a stored zero: it bounds nothing
                     continue
-                bound, side = b[i] / a, 0
+                bound, side = b[i] / a, 0  # which bound came from the row decides whose multiplier it is later
                 if (i >= m or a > 0.0) and bound > lb[j]:
                     lb[j], side = bound, 1
                 if (i >= m or a < 0.0) and bound < ub[j]:
@@ -146,7 +148,7 @@ def reduce(Q, G, Gt, m, p, b, lb, ub, rows, columns, z, y, ops, numbers):
                 if lb[j] > ub[j]:
                     if _apart(lb[j], ub[j]):
                         return -1
-                    lb[j] = ub[j] = bound
+                    lb[j] = ub[j] = bound  # they cross by rounding only
                 ops[count, 0], ops[count, 1], ops[count, 2], ops[count, 3] = SINGLETON, i, j, side
                 numbers[count, 0] = a
                 count += 1
@@ -158,8 +160,9 @@ def reduce(Q, G, Gt, m, p, b, lb, ub, rows, columns, z, y, ops, numbers):
             if lb[j] == ub[j] or (uses[j] == 0 and products[j] == 0):
                 value = lb[j]
                 if lb[j] < ub[j]:
+                    # without products and rows its cost alone decides; 0 or the next point where it is free
                     value = lb[j] if p[j] > 0.0 else ub[j] if p[j] < 0.0 else min(max(0.0, lb[j]), ub[j])
-                if not abs(value) < np.inf:
+                if not abs(value) < np.inf:  # unbounded, or infeasible: the caller looks at the whole
                     return -1
                 z[j] = value
                 columns[j] = False
@@ -179,15 +182,16 @@ def reduce(Q, G, Gt, m, p, b, lb, ub, rows, columns, z, y, ops, numbers):
                 for q in range(G[0][i], G[0][i + 1]):
                     if columns[G[1][q]]:
                         top = max(top, abs(G[2][q]))
+                # a small pivot would enlarge the errors of the others in z_j
                 if i < 0 or abs(a) < STABLE * top or left[i] < 2:
                     continue
                 y[i] = p[j] / a
-                if i < m and y[i] < 0.0:
+                if i < m and y[i] < 0.0:  # stationarity fixes y_i, and its sign forbids it: no solution
                     return -1
                 for q in range(G[0][i], G[0][i + 1]):
                     k = G[1][q]
                     if columns[k]:
-                        p[k] -= G[2][q] * y[i]
+                        p[k] -= G[2][q] * y[i]  # the cost of z_j, moved to the unknowns that it is made of
                         uses[k] -= 1
                 rows[i], columns[j] = False, False
                 ops[count, 0], ops[count, 1], ops[count, 2] = FREE, i, j
@@ -201,7 +205,7 @@ def reduce(Q, G, Gt, m, p, b, lb, ub, rows, columns, z, y, ops, numbers):
 @njit(types.void(CSR, CSR, CSR, types.int64, DATA, DATA, OUT, OUT, OUT, _OPS, OUT2, types.int64), **COMPILED)
 def restore(Q, G, Gt, m, p, b, z, y, nu, ops, numbers, count):
     """Complete z, y and ν of what is left, z and y of what `reduce` has written. p, b : as they were asked."""
-    for k in range(count - 1, -1, -1):
+    for k in range(count - 1, -1, -1):  # backwards: what went first needs all the others
         kind, i, j = ops[k, 0], ops[k, 1], ops[k, 2]
         if kind == FIX:
             value = p[j]
@@ -212,7 +216,7 @@ def restore(Q, G, Gt, m, p, b, z, y, nu, ops, numbers, count):
             nu[j] = value
         elif kind == SINGLETON:
             side = ops[k, 3]
-            if (nu[j] > 0.0 and side & 1) or (nu[j] < 0.0 and side & 2):
+            if (nu[j] > 0.0 and side & 1) or (nu[j] < 0.0 and side & 2):  # the bound that is active came from this row
                 y[i] = nu[j] / numbers[k, 0]
                 nu[j] = 0.0
         elif kind == FREE:
@@ -221,7 +225,7 @@ def restore(Q, G, Gt, m, p, b, z, y, nu, ops, numbers, count):
                 if G[1][q] != j:
                     value -= G[2][q] * z[G[1][q]]
             z[j], nu[j] = value / numbers[k, 0], 0.0
-        elif ops[k, 3] and y[j] > 0.0:
+        elif ops[k, 3] and y[j] > 0.0:  # the side of row i was the tighter one
             y[i] = y[j] * numbers[k, 0]
             y[j] = 0.0
 
@@ -247,6 +251,3 @@ def left_of(M, rows, columns):
         row += 1
         indptr[row] = at
     return indptr, indices[:at].copy(), data[:at].copy()
-
-
-READY = True

@@ -56,6 +56,7 @@ def row_terms(program, x, f, sizes, sums, own, taken):
     as rows take."""
     n, start, column, value, c, low, high = program[:7]
     for i in range(x.size):
+        # outside of its bounds an unknown counts with where it should be, too
         sizes[i] = max(abs(x[i]), abs(min(max(x[i], low[i]), high[i])))
     taken[:] = 0.0
     for i in range(x.size):
@@ -70,9 +71,10 @@ def row_terms(program, x, f, sizes, sums, own, taken):
         f[i], sums[i], own[i] = total, terms, of_z
         if i >= n:
             if start[i + 1] - start[i] == 1:
+                # a row of one unknown is a bound: its multiplier belongs to no size
                 taken[column[start[i]]] += abs(value[start[i]]) * sizes[i]
             if low[i] == high[i]:  # a row without a side
-                f[i] = 0.0
+                f[i] = 0.0  # nothing can be wrong with it
 
 
 @njit(**COMPILED)
@@ -101,7 +103,7 @@ def _counted(program, x, f, sizes, sums, own, taken, needed, beside):
         if i < n and is_fixed(low[i], high[i], x[i]):
             known[part[i]] = 1.0
     for q in range(count):
-        known[q] = max(known[q], sized[count + q])
+        known[q] = max(known[q], sized[count + q])  # rows beside y measure z
         sized[count + q] = known[q]
     return sized, some, known
 
@@ -120,7 +122,7 @@ def _units(program, sizes, sums, taken, needed, sized, some, known, unit, effect
         counts = needed[i] > 0.0 or some[group] == 0.0
         own = D[i] * (max(terms, abs(c[i])) if counts else terms)
         if i >= n and known[part[i]] > 0.0:
-            own = max(own, reach[part[i]])
+            own = max(own, reach[part[i]])  # a row of constants 0 must not make a unit of rounding
         size[group] = max(size[group], own)
     effect[:] = 0.0
     for i in range(unit.size):
@@ -136,7 +138,7 @@ def _units(program, sizes, sums, taken, needed, sized, some, known, unit, effect
             alone = max(alone, total)
             unit[i] = 1.0 / alone if alone > 0.0 else 1.0
         if taken[i] > 0.0:
-            unit[i] = min(unit[i], 1.0 / taken[i])
+            unit[i] = min(unit[i], 1.0 / taken[i])  # what a bound takes may be large: its rounding is no error
         if sized[group] > 0.0:
             for k in range(start[i], start[i + 1]):
                 effect[column[k]] = max(effect[column[k]], abs(value[k]) * unit[i])
@@ -193,6 +195,7 @@ def largest_error(program, x, nu):
     growth = 0.0
     for i in range(N):
         w = f[i] * unit[i]
+        # complementarity by its two distances, each in its own unit
         below = (low[i] - x[i]) * effect[i] if low[i] > -np.inf else w
         above = (x[i] - high[i]) * effect[i] if high[i] < np.inf else -w
         error = max(error, max(below, above))
@@ -207,10 +210,7 @@ def largest_error(program, x, nu):
     return max(error, growth * growth)
 
 
-@njit(
-    boolean(DATA_2D, DATA, DATA_2D, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, DATA, DATA),
-    **COMPILED,
-)
+@njit(boolean(DATA_2D, DATA, DATA_2D, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, DATA, DATA), **COMPILED)
 def exact(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
     """Return whether an answer, λ ≥ 0 and z within its bounds, is exact to rounding: every row that does not hold its
     unknown where it is, is 0. No part has an error of more than a few times that then, and that takes no units."""
@@ -230,10 +230,8 @@ def exact(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
         for j in range(n):
             f[i] += Q[i, j] * z[j]
             terms[i] += abs(Q[i, j] * z[j])
+        # exactly: `exact` promises no error at all
         held = (f[i] > 0.0 and z[i] == lb[i]) or (f[i] < 0.0 and z[i] == ub[i])
         if not ((held or abs(f[i]) <= NOISE * terms[i]) and abs(f[i] - nu[i]) <= NOISE * terms[i]):
             return False
     return True
-
-
-READY = True

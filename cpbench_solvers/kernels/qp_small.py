@@ -61,13 +61,13 @@ def _cholesky(H, L, shift, unit):
             for j in range(H.shape[0]):
                 if H[i, j] != 0.0:
                     return 0.0
-            row[i] = 1.0
+            row[i] = 1.0  # an unknown without curvature: semidefinite, if nothing else is in its row
             continue
         whole = H[i, i] + (shift * H[i, i] if unit else shift)
         pivot = whole - dot(row[:i], row[:i])
         if not pivot > 0.0:
             return 0.0
-        least = min(least, pivot / whole)
+        least = min(least, pivot / whole)  # the share that is left says how near to singular H is
         row[i] = np.sqrt(pivot)
     return least
 
@@ -76,7 +76,7 @@ def _cholesky(H, L, shift, unit):
 def _forward(L, x, first):
     """Set x ← L⁻¹x, whose numbers before `first` are 0."""
     for i in range(first, x.size):
-        x[i] = (x[i] - dot(L[i, first:i], x[first:i])) / L[i, i]
+        x[i] = (x[i] - dot(L[i, first:i], x[first:i])) / L[i, i]  # column by column would be strided: L lies by rows
 
 
 @njit(types.void(_OUT2, _OUT), **COMPILED)
@@ -87,7 +87,7 @@ def _backward(L, x):
         x[i] = value
         row = L[i]
         for j in range(i):
-            x[j] -= row[j] * value
+            x[j] -= row[j] * value  # L by its rows, used as columns of Lᵀ
 
 
 @njit(types.float64(_OUT2, _OUT, types.float64, types.float64, _OUT2), **COMPILED)
@@ -119,7 +119,7 @@ def _write_sides(G, b, d, lb, ub, L, D, E, M, place, lower, upper, norms):
         if lb[i] > -np.inf or ub[i] < np.inf:
             M[at, i], place[at] = 1.0, i
             lower[at], upper[at] = lb[i] / D[i], ub[i] / D[i]
-            _forward(L, M[at], i)
+            _forward(L, M[at], i)  # e_i has zeros before i, and L⁻¹e_i too
             at += 1
     for i in range(E.size):
         put(M[at], G[i])
@@ -134,7 +134,7 @@ def _write_sides(G, b, d, lb, ub, L, D, E, M, place, lower, upper, norms):
             lower[k] /= norms[k]
             upper[k] /= norms[k]
         else:
-            norms[k] = 1.0
+            norms[k] = 1.0  # a row of zeros: nothing divides by it
 
 
 @njit(types.float64(*(_OUT, _OUT, INDEX, _OUT, _OUT, _OUT, VECTOR, VECTOR), *(_OUT, _OUT, _OUT, _OUT)), **COMPILED)
@@ -142,7 +142,7 @@ def _write_answer(x, y, place, norms, D, E, lb, ub, z, lam, mu, nu):
     """Write z, λ, μ and ν of x and the multipliers y of its sides; return the largest size of an x."""
     n, m, top = x.size, lam.size, 0.0
     for i in range(n):
-        z[i], nu[i] = min(max(D[i] * x[i], lb[i]), ub[i]), 0.0
+        z[i], nu[i] = min(max(D[i] * x[i], lb[i]), ub[i]), 0.0  # rounding of D x may leave the bounds
         top = max(top, abs(x[i]))
     lam[:] = 0.0
     mu[:] = 0.0
@@ -151,6 +151,7 @@ def _write_answer(x, y, place, norms, D, E, lb, ub, z, lam, mu, nu):
         if value == 0.0:
             continue
         if i < n:
+            # complementary exactly, as a verdict on every pair wants it
             nu[i], z[i] = value / D[i], lb[i] if value > 0.0 else ub[i]
         elif i < n + m:
             lam[i - n] = value * E[i - n]
@@ -163,6 +164,7 @@ def _write_answer(x, y, place, norms, D, E, lb, ub, z, lam, mu, nu):
 def _error_of(Q, p, A, b, C, d, lb, ub, tolerance, z, lam, mu, nu, judge):
     """Return the error of an answer by norms and, where that is within the tolerance, by connected parts."""
     error = judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, judge)
+    # the measure by parts takes as long as a solve: last, and only if needed
     if error <= tolerance and not exact(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
         conditions = program(rows_of(Q), stacked(rows_of(A), rows_of(C)), p, np.concatenate((b, d)), b.size, lb, ub)
         error = max(error, largest_error(conditions, np.concatenate((z, lam, mu)), nu))
@@ -236,9 +238,9 @@ def solve(
         _forward(L, v0, 0)
         passes = state[PASSES]
         state[:] = 0
-        state[PASSES], state[PART] = passes, FIRST_PART
+        state[PASSES], state[PART] = passes, FIRST_PART  # passes count over all proximal steps
         gained[0] = -1.0
-        begin(M, v0, v, y, where, state)
+        begin(M, v0, v, y, where, state)  # warm: the multipliers of the step before
         how = gained, before, work, most, operations - counts[2], feasible
         outcome = advance(M, lower, upper, v0, v, y, R, W, where, side, state, *how)
         counts[0] = state[PASSES]
@@ -256,14 +258,12 @@ def solve(
             _keep(best, z, nu, lam, mu)
         if now <= tolerance:
             return SOLVED
+        # one step is exact where ε is 0: another one changes nothing
         if outcome != SOLVED or epsilon == 0.0 or not top < RAY or counts[1] - since > WINDOW:
             break
     if error[0] < np.inf:
-        put(z, best[:n])
+        put(z, best[:n])  # not the last, which may be worse
         put(nu, best[n : 2 * n])
         put(lam, best[2 * n : 2 * n + m])
         put(mu, best[2 * n + m :])
     return LIMIT if outcome == SOLVED else outcome
-
-
-READY = True

@@ -73,7 +73,7 @@ def equilibrate(H, G, column, row, passes):
             for q in range(G[0][i], G[0][i + 1]):
                 size = abs(G[2][q])
                 sides[i] = max(sides[i], size)
-                tops[G[1][q]] = max(tops[G[1][q]], size)
+                tops[G[1][q]] = max(tops[G[1][q]], size)  # columns of G share the scale of H's
         _roots(tops)
         _roots(sides)
         for i in range(n):
@@ -145,7 +145,7 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
         Qz = 0.0
         for q in range(Q[0][i], Q[0][i + 1]):
             Qz += Q[2][q] * z[Q[1][q]]
-            curvature = max(curvature, abs(Q[2][q]))
+            curvature = max(curvature, abs(Q[2][q]))  # of a semidefinite Q the largest entry is on the diagonal
         stationarity = np.maximum(stationarity, abs(Qz + p[i] - At[i] - Ct[i] - nu[i]))
         scale, price = max(scale, abs(Qz), abs(At[i]), abs(Ct[i]), abs(nu[i])), max(price, abs(p[i]))
         zQz += z[i] * Qz
@@ -162,6 +162,3 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
         terms = _terms(Q, A, b, C, d, lb, ub, z)
         error = max(error, stationarity / max(terms, scale) if terms > 0.0 else 0.0)
     return error
-
-
-READY = True

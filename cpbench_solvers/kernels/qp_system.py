@@ -59,7 +59,7 @@ def largest(x):
     """Return the ∞-norm; NaN where a number is."""
     top = 0.0
     for value in x:
-        top = np.maximum(top, abs(value))
+        top = np.maximum(top, abs(value))  # max would lose a NaN
     return top
 
 
@@ -75,19 +75,19 @@ def factor_system(H, G, system, w, theta, delta):
                 by[i] = 1.0 / (theta[rest[i]] + delta)
                 root = np.sqrt(by[i])
                 for j in range(n):
-                    scaled[i, j] = root * A[i, j]
+                    scaled[i, j] = root * A[i, j]  # AᵀΘ⁻¹A as a product with itself: symmetric, by BLAS
             product = np.dot(scaled.T, scaled)
             for i in range(n):
                 for j in range(i + 1):
                     S[i, j] = product[i, j]
         else:
             S[:] = 0.0
-        own = work[: n + equal.size]
+        own = work[: n + equal.size]  # what the diagonal was, by which a pivot of the wrong sign is known
         for i in range(n):
             S[i, i] += w[i] + delta
             own[i] = w[i] + delta
             for q in range(H[0][i], H[0][i + 1]):
-                if H[1][q] <= i:
+                if H[1][q] <= i:  # only the lower triangle is read
                     S[i, H[1][q]] += H[2][q]
                 if H[1][q] == i:
                     own[i] += H[2][q]
@@ -95,7 +95,7 @@ def factor_system(H, G, system, w, theta, delta):
             row = S[n + k]
             for j in range(n + k):
                 row[j] = 0.0
-            row[n + k] = own[n + k] = -theta[equal[k]] - delta
+            row[n + k] = own[n + k] = -theta[equal[k]] - delta  # negative: quasi-definite, so that no pivot is needed
             for q in range(G[0][equal[k]], G[0][equal[k] + 1]):
                 row[G[1][q]] += G[2][q]
         return dense_factor(S, own)
@@ -184,7 +184,7 @@ def solve_system(H, G, system, w, theta, a, b, x, v):
         for i in range(b.size):
             dv[i] += v[i]
         now = _left(H, G, w, theta, a, b, dx, dv, e, f)
-        if not now < error:
+        if not now < error:  # rounding is reached: a further step could only lose
             break
         put(x, dx)
         put(v, dv)
@@ -192,6 +192,3 @@ def solve_system(H, G, system, w, theta, a, b, x, v):
         put(d, f)
         error = now
     return error / size if size > 0.0 else error
-
-
-READY = True

@@ -6,7 +6,7 @@ Moments are in units of a length of the contact: r and u are (N, T, M/ℓ) and (
 import numpy as np
 from numba import boolean, float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, START, VECTOR
+from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, KEPT, START, VECTOR
 from cpbench_solvers.kernels.contact_law import defect, velocity
 from cpbench_solvers.kernels.rolling_local import natural_step, one_contact
 from cpbench_solvers.kernels.sweep_progress import ITERATION, NEXT_CHECK, shuffled
@@ -35,7 +35,7 @@ def _add_own(diagonal, c, own, v, u):
 _LAW = (START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA)
 
 
-@njit(float64(*_LAW, DATA), cache=True, error_model="numpy")
+@njit(float64(*_LAW, DATA), **KEPT)
 def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r):
     """Return max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`; NaN when anything
     is."""
@@ -73,8 +73,7 @@ def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r):
         *_LAW, DATA_2D, DATA_2D, DATA_2D, DATA_2D, VECTOR, VECTOR, float64[:, ::1], int64[::1], float64, boolean,
         float64, int64, int64[::1], VECTOR, boolean,
     ),
-    cache=True,
-    error_model="numpy",
+    **KEPT,
 )  # fmt: skip
 def sweeps(
     start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, schur, to_tangent, to_normal, scalars,
@@ -112,7 +111,7 @@ def sweeps(
             velocity(start, column, blocks, q, r, c, v)
             found, easy, rn = False, False, 0.0
             inverse = scalars[c, 1]
-            if v[0] >= 0.0:
+            if v[0] >= 0.0:  # the others push it off: no force
                 found = easy = True
                 x[:] = 0.0
             elif inverse > 0.0:
@@ -121,7 +120,7 @@ def sweeps(
                 block = (schur[c], to_normal[c], scalars[c, 0], scalars[c, 2] > 0.0)
                 free = -v[0] * inverse
                 found, easy, rn = one_contact(*block, free, b, mu[c], mu_r[c], warm[c], x, dx, A, pivots)
-            if not easy:
+            if not easy:  # bracketed: about 1 ms, see HARD_A_CALL
                 hard += 1
             if not found:
                 _add_own(diagonal, c, own, v, u)
@@ -142,8 +141,5 @@ def sweeps(
                 put(best, r)
             if watched or error <= tolerance or not np.isfinite(error):
                 return
-        if state[RISKED] >= HARD_A_CALL:
+        if state[RISKED] >= HARD_A_CALL:  # after a whole sweep, so that it can go on at the first contact
             return
-
-
-READY = True

@@ -29,7 +29,7 @@ def _least(S, work):
         for i in range(k + 1, n):
             if abs(work[i, k]) > abs(work[best, k]):
                 best = i
-        if work[best, k] == 0.0:
+        if work[best, k] == 0.0:  # exactly singular: no pivot is left in the column
             return 0.0
         for j in range(2 * n):
             work[k, j], work[best, j] = work[best, j], work[k, j]
@@ -54,10 +54,10 @@ def _monotone(D, shift, work):
     d = D.shape[0]
     for i in range(d):
         for j in range(d):
-            work[i, j] = D[i, j] + D[j, i]
+            work[i, j] = D[i, j] + D[j, i]  # only the symmetric part decides
         work[i, i] += shift
     for k in range(d):
-        if not work[k, k] > 0.0:
+        if not work[k, k] > 0.0:  # Sylvester: pivots have the signs of the eigenvalues
             return False
         for i in range(k + 1, d):
             factor = work[i, k] / work[k, k]
@@ -94,6 +94,7 @@ def from_rows(
         for a in range(k):
             slides += D[1 + a, 1 + a]
             rolls += D[1 + k + a, 1 + k + a]
+        # sliding and rolling are then equally mobile: one ρ suits both
         length = np.sqrt(slides / rolls) if slides > 0.0 and rolls > 0.0 else 1.0
         for a in range(d):
             lengths[i, a] = length if a > k else 1.0
@@ -110,15 +111,14 @@ def from_rows(
                 D[a, c] *= lengths[i, a] * lengths[i, c]
                 top = max(top, abs(D[a, c]))
         rho[i] = natural_rho(diagonal, i)
+        # 0 marks a contact that takes a step of the natural map
         inverse = 1.0 / D[0, 0] if D[0, 0] > SINGULAR * top else 0.0
         for a in range(n):
             to_tangent[i, a], to_normal[i, a] = D[1 + a, 0] * inverse, D[0, 1 + a] * inverse
         for a in range(n):
             for c in range(n):
                 S[a, c] = schur[i, n * a + c] = D[1 + a, 1 + c] - D[1 + a, 0] * to_normal[i, c]
+        # larger than SINGULAR: refinement takes the shift out again
         scalars[i, 0] = SHIFT * top if _least(S, work) <= SINGULAR * top else 0.0
         scalars[i, 1] = inverse
         scalars[i, 2] = _monotone(D, SINGULAR * top, work)
-
-
-READY = True

@@ -78,6 +78,7 @@ def _at(S, h, shift, free, b, mu, mu_r, lam, kap, x, dx, A, pivots):
     for i in range(n):
         still = mu == 0.0 if i < k else mu_r == 0.0
         for j in range(n):
+            # without friction x_i = 0: a row of the identity keeps the size of the system
             A[i, j] = 0.0 if still else S[n * i + j]
         A[i, i] += 1.0 if still else (lam if i < k else kap) + shift
         x[i] = 0.0 if still else -b[i]
@@ -159,6 +160,7 @@ def _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots):
                     dt += x[i] * dx[i] / t
                 else:
                     dm += x[i] * dx[i] / m
+            # reciprocals are nearly linear in λ; beyond r_N = 0 they have a pole
             first = dt / (t * t) - drn / (mu * rn * rn) if rn > 0.0 else mu * drn - dt
             second = dm / (m * m) - drn / (mu_r * rn * rn) if rn > 0.0 else mu_r * drn - dm
             if column == 0:
@@ -175,8 +177,9 @@ def _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots):
         new_kap = kap - (J11 * g2 - J21 * g1) / determinant
         if not (np.isfinite(new_lam) and np.isfinite(new_kap)):
             return False, 0.0, 0.0, 0.0
-        new_lam = min(max(new_lam, 0.0), GROWTH * (lam + size))
+        new_lam = min(max(new_lam, 0.0), GROWTH * (lam + size))  # far steps come from a derivative that vanishes
         new_kap = min(max(new_kap, 0.0), GROWTH * (kap + size))
+        # no step is left: what rounding allows
         if abs(new_lam - lam) <= 1e-16 * lam and abs(new_kap - kap) <= 1e-16 * kap:
             return rn >= 0.0 and worst <= ACCEPTED, rn, lam, kap
         lam, kap = new_lam, new_kap
@@ -270,10 +273,11 @@ def natural_step(r, u, mu, mu_r, rho, x):
     for i in range(n):
         x[i] = r[1 + i] - rho * u[1 + i]
     t, m = norms(x, k)
-    kink_t = t / mu if mu > 0.0 else np.inf
+    kink_t = t / mu if mu > 0.0 else np.inf  # the height from which each cone contains its part
     kink_m = m / mu_r if mu_r > 0.0 else np.inf
     first, second = min(kink_t, kink_m), max(kink_t, kink_m)
     c, size = (mu, t) if kink_m < kink_t else (mu_r, m)
+    # the derivative of the distance at the first kink decides the piece
     rest = c * (size - c * first) if c > 0.0 else 0.0
     if first - xn - rest >= 0.0:
         rn = (xn + mu * t + mu_r * m) / (1.0 + mu * mu + mu_r * mu_r)
@@ -287,6 +291,3 @@ def natural_step(r, u, mu, mu_r, rho, x):
         if length > bound:
             x[i] *= bound / length
     return rn
-
-
-READY = True

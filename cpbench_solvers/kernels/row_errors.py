@@ -26,7 +26,7 @@ SMALL = 1e-3
 def root(part, i):
     """Return the last of the chain of part[i], made shorter on the way."""
     while part[i] != i:
-        part[i] = part[part[i]]
+        part[i] = part[part[i]]  # path halving: chains stay short without ranks
         i = part[i]
     return i
 
@@ -35,7 +35,7 @@ def root(part, i):
 def joined(part, i, j):
     """Join the parts of i and j; return 1 where they were two."""
     a, b = root(part, i), root(part, j)
-    part[max(a, b)] = min(a, b)
+    part[max(a, b)] = min(a, b)  # the least number stands for the part, in any order of the joins
     return a != b
 
 
@@ -49,7 +49,7 @@ def label_dense(K, part):
         for j in range(n):
             if K[i, j] != 0.0 and left > 1:
                 left -= joined(part, i, j)
-        if left == 1:
+        if left == 1:  # most matrices are one part: the first rows say so
             break
     for i in range(n):
         part[i] = root(part, i)
@@ -75,7 +75,7 @@ def shares_dense(K, share):
     share[:] = 0.0
     for i in range(share.size):
         for j in range(share.size):
-            share[j] += K[i, j] * K[i, j]
+            share[j] += K[i, j] * K[i, j]  # row by row, as K lies
     for j in range(share.size):
         share[j] = 1.0 / math.sqrt(share[j]) if share[j] > 0.0 else 1.0
 
@@ -96,7 +96,7 @@ def _sizes(k, free, part, x, w, R, size):
     top = np.zeros(k.size)
     for i in range(k.size):
         if R[i] > 0.0:
-            idle = i >= free and x[i] == 0.0 and w[i] > 0.0
+            idle = i >= free and x[i] == 0.0 and w[i] > 0.0  # its constant says nothing of the sizes of others
             top[part[i]] = max(top[part[i]], (size[i] if idle else max(size[i], abs(k[i]))) / R[i])
     for i in range(k.size):
         size[i] = max(max(size[i], abs(k[i])), SMALL * R[i] * top[part[i]])
@@ -123,9 +123,7 @@ def rows_dense(K, k, x, free, part, share, w, size):
 
 
 @njit(
-    [void(*index, DATA, DATA, DATA, int64, INDEX, DATA, VECTOR, VECTOR) for index in INDICES],
-    fastmath=FAST,
-    **COMPILED,
+    [void(*index, DATA, DATA, DATA, int64, INDEX, DATA, VECTOR, VECTOR) for index in INDICES], fastmath=FAST, **COMPILED
 )
 def rows_sparse(start, columns, values, k, x, free, part, share, w, size):
     """Write as `rows_dense` does."""
@@ -150,10 +148,10 @@ def largest_dense(K, k, x, free, w, size, error):
     w, size : of `rows_dense`.
     """
     for i in range(k.size):
-        if k[i] != 0.0 and (i < free or x[i] > 0.0 or w[i] < 0.0):
+        if k[i] != 0.0 and (i < free or x[i] > 0.0 or w[i] < 0.0):  # rows without a constant have no size of their own
             miss = abs(w[i]) / size[i]
             if miss > error:
-                if i >= free and w[i] > 0.0:
+                if i >= free and w[i] > 0.0:  # the pair may be wrong by x_i instead: the smaller one counts
                     effect = 0.0
                     for d in range(k.size):
                         if K[d, i] != 0.0:
@@ -188,6 +186,3 @@ def largest_sparse(start, columns, values, k, x, free, w, size, error):
                     miss = min(miss, effect[i] * x[i])
                 error = max(error, miss)
     return error
-
-
-READY = True

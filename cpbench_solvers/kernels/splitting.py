@@ -2,21 +2,18 @@
 
 A component that stays where it is costs nothing; one that moves costs an axpy with its column of M. Only
 reassociation and contraction are allowed to the compiler, so NaN and infinity keep their meaning.
+
+Reference in plain NumPy: `tests/solvers/references/psor.py`.
 """
 
 from numba import boolean, float64, int64, njit
 
-from cpbench_solvers.kernels.array_types import DATA, DATA_2D, INDEX, VECTOR
+from cpbench_solvers.kernels.array_types import DATA, DATA_2D, INDEX, KEPT, VECTOR
 from cpbench_solvers.kernels.lcp_error import FAST, judged
 from cpbench_solvers.kernels.vectors import put
 
 
-@njit(
-    int64(DATA_2D, DATA, DATA, VECTOR, VECTOR, float64, float64, boolean, float64, VECTOR),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(int64(DATA_2D, DATA, DATA, VECTOR, VECTOR, float64, float64, boolean, float64, VECTOR), fastmath=FAST, **KEPT)
 def sweeps_dense(columns, diagonal, q, z, w, z_unit, omega, symmetric, tolerance, errors):
     """Make at most `errors.size` sweeps, in place on z and w; returns how many were done.
 
@@ -44,9 +41,8 @@ def sweeps_dense(columns, diagonal, q, z, w, z_unit, omega, symmetric, tolerance
 
 @njit(
     int64(INDEX, INDEX, DATA, DATA, DATA, VECTOR, VECTOR, float64, float64, boolean, float64, VECTOR),
-    cache=True,
     fastmath=FAST,
-    error_model="numpy",
+    **KEPT,
 )
 def sweeps_sparse(start, rows, values, diagonal, q, z, w, z_unit, omega, symmetric, tolerance, errors):
     """Sweep as `sweeps_dense` does; column j of M has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
@@ -55,7 +51,7 @@ def sweeps_sparse(start, rows, values, diagonal, q, z, w, z_unit, omega, symmetr
         for k in range(2 * n if symmetric else n):
             i = k if k < n else 2 * n - 1 - k
             moved = z[i] - omega * w[i] / diagonal[i]
-            new = moved if moved > 0.0 else 0.0
+            new = moved if moved > 0.0 else 0.0  # a NaN becomes 0 here and shows in w
             change = new - z[i]
             if change != 0.0:
                 z[i] = new
@@ -67,7 +63,7 @@ def sweeps_sparse(start, rows, values, diagonal, q, z, w, z_unit, omega, symmetr
     return errors.size
 
 
-@njit(float64(DATA_2D, DATA, DATA, float64, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
+@njit(float64(DATA_2D, DATA, DATA, float64, VECTOR), fastmath=FAST, **KEPT)
 def afresh_dense(columns, q, z, z_unit, w):
     """Return w = Mz + q without what sweeps have left in it, from the columns that z needs; returns the judged
     error."""
@@ -79,7 +75,7 @@ def afresh_dense(columns, q, z, z_unit, w):
     return judged(q, z, w, z_unit)
 
 
-@njit(float64(INDEX, INDEX, DATA, DATA, DATA, float64, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
+@njit(float64(INDEX, INDEX, DATA, DATA, DATA, float64, VECTOR), fastmath=FAST, **KEPT)
 def afresh_sparse(start, rows, values, q, z, z_unit, w):
     """Compute as `afresh_dense` does."""
     put(w, q)
@@ -88,6 +84,3 @@ def afresh_sparse(start, rows, values, q, z, z_unit, w):
             for e in range(start[i], start[i + 1]):
                 w[rows[e]] += values[e] * z[i]
     return judged(q, z, w, z_unit)
-
-
-READY = True

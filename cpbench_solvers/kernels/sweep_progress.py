@@ -22,6 +22,7 @@ def due(state, until, change, tolerance, measured):
     """Return whether the error is to be looked at: it is time, or the change in this sweep says that it may be small
     enough, or is no number."""
     it = state[ITERATION]
+    # not >: a NaN is looked at, and ends the sweeps
     foretold = not measured[PACE] * change > tolerance * tolerance and measured[PACE] < np.inf
     return it >= state[NEXT_CHECK] or it == until or foretold
 
@@ -42,6 +43,7 @@ def checked(state, error, change, tolerance, measured, r, best):
     step = max(it // 4, min(it, 4), 1)
     if error < last < np.inf and it > state[LAST_CHECK]:
         rate = np.log(error / last) / (it - state[LAST_CHECK])
+        # a tenth earlier than foretold
         step = min(step, max(1.0, 0.9 * np.log(tolerance / error) / rate))
     state[LAST_CHECK] = it
     state[NEXT_CHECK] = it + int(step)

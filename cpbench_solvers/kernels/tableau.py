@@ -42,7 +42,7 @@ def first_row(M, q, ties):
         if M[c, c] > 0.0:
             lift /= M[c, c]
         if lift > best:
-            best, r = lift, c
+            best, r = lift, c  # the first of several, so that the way is the same every time
     return r
 
 
@@ -52,7 +52,7 @@ def blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance):
     n = rhs.size
     best, first = np.inf, -1
     for i in range(n):
-        if col[i] > pivot_tolerance and rhs[i] < best * col[i]:
+        if col[i] > pivot_tolerance and rhs[i] < best * col[i]:  # multiplied, not divided: most rows do not block
             best = rhs[i] / col[i]
             first = i
     if first < 0:
@@ -61,7 +61,7 @@ def blocking(col, rhs, basic, ties, pivot_tolerance, tie_tolerance):
     for i in range(n):
         # best * col may round below rhs by more than the tolerance: the row of the minimum always counts
         if col[i] > pivot_tolerance and (rhs[i] <= best * col[i] + tie_tolerance or i == first):
-            if basic[i] == 2 * n:
+            if basic[i] == 2 * n:  # z_0 may leave: the end, whatever else is tied
                 return -1 - i
             ties[count] = i
             count += 1
@@ -77,12 +77,14 @@ def kept(column, col, ties, count, value, unit, tie_tolerance):
     least = np.inf
     for t in range(count):
         i = ties[t]
+        # a w_j that is basic has a unit vector for its column
         b = column[i] if unit < 0 else (1.0 if unit == i else 0.0)
         value[t] = b / col[i]
         least = min(least, value[t])
     kept = 0
     for t in range(count):
         i = ties[t]
+        # times the pivot: an absolute difference of the row
         if (value[t] - least) * col[i] <= tie_tolerance * max(1.0, abs(least) * col[i]):
             ties[kept] = i
             kept += 1
@@ -138,7 +140,7 @@ def whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_t
         nonbasic[i], where[n + i] = n + i, i
         for j in range(n):
             T[i, j] = factor * M[i, j]
-        T[i, n] = -1.0
+        T[i, n] = -1.0  # the covering vector e
     nonbasic[n], where[2 * n] = 2 * n, n
     last = r = first_row(M, q, ties)
     s = n
@@ -180,7 +182,7 @@ def whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_t
                 for j in range(n + 1):
                     T[i, j] -= a * row[j]
                 rhs[i] -= a * step
-                if rhs[i] < 0.0 and pivots > 0:
+                if rhs[i] < 0.0 and pivots > 0:  # rounding: the ratio test keeps it ≥ 0
                     rhs[i] = 0.0
         for j in range(n + 1):
             T[r, j] = row[j]

@@ -7,11 +7,11 @@ unknowns of the bodies that c touches. Contact c has the unknowns unknown[start[
 import numpy as np
 from numba import float64, int64, njit, void
 
-from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, FAST, START, VECTOR
+from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, QUICK, START, VECTOR
 from cpbench_solvers.kernels.one_contact import PROJECT, natural_step, one_contact_2d, one_contact_3d
 
 
-@njit(void(START, DATA, float64[:, :, ::1]), cache=True, fastmath=FAST, error_model="numpy")
+@njit(void(START, DATA, float64[:, :, ::1]), **QUICK)
 def diagonal_blocks(start, A, D):
     """Set D, shape (nc, d, d), to A_cᵀA_c."""
     d = D.shape[1]
@@ -23,7 +23,7 @@ def diagonal_blocks(start, A, D):
                     D[i, a, b] += A[d * k + a] * A[d * k + b]
 
 
-@njit(void(START, COLUMN, DATA, DATA, int64, VECTOR), cache=True, fastmath=FAST, error_model="numpy")
+@njit(void(START, COLUMN, DATA, DATA, int64, VECTOR), **QUICK)
 def push(start, unknown, A, r, d, y):
     """Add y += Ar."""
     for i in range(start.size - 1):
@@ -34,19 +34,14 @@ def push(start, unknown, A, r, d, y):
             y[unknown[k]] += moved
 
 
-@njit(
-    void(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, VECTOR, int64),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(void(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, VECTOR, int64), **QUICK)
 def sweeps_3d(start, unknown, A, diagonal, local, w, mu, rho, r, lam, y, count):
     """Make `count` sweeps in place on r, y = L⁻¹(f + Hr) and λ; see `gauss_seidel` for diagonal, local and lam."""
     three, one, two = np.uint64(3), np.uint64(1), np.uint64(2)
     for _ in range(count):
         for i in range(mu.size):
             i3 = three * np.uint64(i)
-            u0, u1, u2 = w[i3], w[i3 + one], w[i3 + two]
+            u0, u1, u2 = w[i3], w[i3 + one], w[i3 + two]  # unsigned indices throughout: signed ones are tested
             for k in range(start[i], start[i + 1]):
                 k3, x = three * np.uint64(k), y[np.uint64(unknown[k])]
                 u0 += A[k3] * x
@@ -56,6 +51,7 @@ def sweeps_3d(start, unknown, A, diagonal, local, w, mu, rho, r, lam, y, count):
             found = False
             x0 = x1 = x2 = 0.0
             if local[i, PROJECT] == 0.0:
+                # y has this contact's own reaction in it
                 v0 = u0 - (diagonal[i, 0] * r0 + diagonal[i, 1] * r1 + diagonal[i, 2] * r2)
                 v1 = u1 - (diagonal[i, 3] * r0 + diagonal[i, 4] * r1 + diagonal[i, 5] * r2)
                 v2 = u2 - (diagonal[i, 6] * r0 + diagonal[i, 7] * r1 + diagonal[i, 8] * r2)
@@ -64,18 +60,13 @@ def sweeps_3d(start, unknown, A, diagonal, local, w, mu, rho, r, lam, y, count):
                 x0, x1, x2 = natural_step(r0, r1, r2, u0, u1, u2, mu[i], rho[i])
             r[i3], r[i3 + one], r[i3 + two] = x0, x1, x2
             x0, x1, x2 = x0 - r0, x1 - r1, x2 - r2
-            if x0 != 0.0 or x1 != 0.0 or x2 != 0.0:
+            if x0 != 0.0 or x1 != 0.0 or x2 != 0.0:  # a contact that stays moves no body
                 for k in range(start[i], start[i + 1]):
                     k3 = three * np.uint64(k)
                     y[np.uint64(unknown[k])] += A[k3] * x0 + A[k3 + one] * x1 + A[k3 + two] * x2
 
 
-@njit(
-    void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, int64),
-    cache=True,
-    fastmath=FAST,
-    error_model="numpy",
-)
+@njit(void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, int64), **QUICK)
 def sweeps_2d(start, unknown, A, diagonal, w, mu, rho, r, y, count):
     """Sweep as `sweeps_3d` does; the local problem needs nothing but `diagonal`."""
     two, one = np.uint64(2), np.uint64(1)
@@ -98,6 +89,3 @@ def sweeps_2d(start, unknown, A, diagonal, w, mu, rho, r, y, count):
                 for k in range(start[i], start[i + 1]):
                     k2 = two * np.uint64(k)
                     y[np.uint64(unknown[k])] += A[k2] * x0 + A[k2 + one] * x1
-
-
-READY = True

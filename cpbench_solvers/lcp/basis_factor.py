@@ -26,11 +26,7 @@ class BasisFactor:
     """
 
     def __init__(
-        self,
-        M: np.ndarray[Any, Any],
-        columns: np.ndarray[Any, Any],
-        symmetric: bool,
-        inside: np.ndarray[Any, Any],
+        self, M: np.ndarray[Any, Any], columns: np.ndarray[Any, Any], symmetric: bool, inside: np.ndarray[Any, Any]
     ) -> None:
         self.inside, self.B = inside.copy(), np.flatnonzero(inside)
         self._M, self._columns = M, columns

@@ -10,9 +10,10 @@ import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.lcp.claims import dense_obstacle
 from cpbench_solvers.lcp.pgs import MatrixColumns, PGSOptions, SplittingSolver, Sweeps
+from cpbench_solvers.traits import ITERATIVE
 
 LARGEST = 64
 """The largest block: its tableau should stay in the fastest memory."""
@@ -51,7 +52,7 @@ class BlockGS(SplittingSolver):
         summary="block Gauss-Seidel, blocks solved by Lemke's method",
         method="splitting",
         citation="Cottle, Golub and Sacher 1978, Appl. Math. Optim. 4:347; Cottle, Pang and Stone 1992, section 5.2",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=BlockGSOptions,
         by_default=False,
     )

@@ -96,15 +96,7 @@ def _block(M: Matrix, sign: Vector, rows: Any, columns: Any) -> Matrix:
 
 
 def _mixed(
-    A: Matrix,
-    B: Matrix,
-    C: Matrix,
-    D: Matrix,
-    a: Vector,
-    b: Vector,
-    v: Vector,
-    solver: Solver,
-    budget: Budget,
+    A: Matrix, B: Matrix, C: Matrix, D: Matrix, a: Vector, b: Vector, v: Vector, solver: Solver, budget: Budget
 ) -> tuple[Vector, Vector] | None:
     """Return u and v of the MLCP, by the solver or, where it is one for LCPs, by the Schur complement."""
     if solver.spec.node == "mlcp":

@@ -14,14 +14,7 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.lcp.changing_basis import ChangingBasis
-from cpbench_solvers.lcp.claims import (
-    conclude,
-    dense_obstacle,
-    ended_in_basis,
-    error_of,
-    recorded,
-    settled,
-)
+from cpbench_solvers.lcp.claims import conclude, dense_obstacle, ended_in_basis, error_of, recorded, settled
 from cpbench_solvers.lcp.first_basis import DenseLCP, dense_lcp, swept
 from cpbench_solvers.lcp.lemke import Lemke
 from cpbench_solvers.lcp.lemke_run import LemkeOptions
@@ -75,12 +68,7 @@ class BlockPrincipalPivoting(Solver):
         Lemke().warmup()
 
     def solve(
-        self,
-        prepared: DenseLCP,
-        budget: Budget,
-        options: BPPOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: DenseLCP, budget: Budget, options: BPPOptions, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
         problem, q = prepared.problem, prepared.problem.q
         n = q.size

@@ -12,16 +12,7 @@ from cpbench.formulations.lcp import LCP
 from cpbench.foundation.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers import linear_program
-from cpbench_solvers.lcp.claims import (
-    ScaledLCP,
-    conclude,
-    error_of,
-    farkas,
-    principal,
-    refined,
-    scale,
-    solve_linear,
-)
+from cpbench_solvers.lcp.claims import ScaledLCP, conclude, error_of, farkas, principal, refined, scale, solve_linear
 
 LARGEST = 20
 """Unknowns: 2²⁰ bases take seconds."""
@@ -107,7 +98,7 @@ class LCPEnumeration(Solver):
         prepared: ScaledLCP,
         budget: Budget,
         options: EnumerationOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         problem, n = prepared.problem, prepared.q.size

@@ -23,7 +23,7 @@ from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.formulations.ncp_functions import fischer_burmeister, minimum
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector, max_abs
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.lcp.claims import CLOSE, conclude, recorded
 from cpbench_solvers.lcp.interior_point_system import ShiftedSystem
@@ -31,6 +31,7 @@ from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, mixed, scale
 from cpbench_solvers.mlcp.newton import LinearBox
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, run
 from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
+from cpbench_solvers.traits import ITERATIVE
 
 STALL = 10
 """Steps without gain that end a run."""
@@ -200,7 +201,7 @@ def _spec(name: str, node: str, summary: str) -> SolverSpec:
         summary=summary,
         method="interior point",
         citation="Mehrotra 1992, doi:10.1137/0802028; Wright 1997, Primal-Dual Interior-Point Methods, chapter 8",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=LCPInteriorPointOptions,
     )
 
@@ -222,7 +223,7 @@ class _InteriorPoint(Solver):
         prepared: ScaledMLCP,
         budget: Budget,
         options: LCPInteriorPointOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         if self.spec.node == "mlcp":

@@ -73,7 +73,7 @@ class Lemke(Solver):
         prepared: DenseLCP | EvenLCP,
         budget: Budget,
         options: LemkeOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         if isinstance(prepared, EvenLCP):

@@ -82,24 +82,9 @@ class PivotingState:
         return w
 
     def advance(self, limit: int, pivot_tolerance: float, tie_tolerance: float) -> int:
-        return self._kernel.advance(
-            self._columns,
-            self._factor,
-            self._C,
-            self._age,
-            self._E,
-            self._rows,
-            self._rhs,
-            self._basic,
-            self._nonbasic,
-            self._where,
-            self._state,
-            *self._workspace,
-            FAR * self._block,
-            limit,
-            pivot_tolerance,
-            tie_tolerance,
-        )
+        columns = self._columns, self._factor, self._C, self._age, self._E, self._rows
+        tableau = self._rhs, self._basic, self._nonbasic, self._where, self._state, *self._workspace
+        return self._kernel.advance(*columns, *tableau, FAR * self._block, limit, pivot_tolerance, tie_tolerance)
 
     def bring_likely(self) -> None:
         """Bring the column that is asked for and those that will probably enter next, to the last whole block of

@@ -17,10 +17,11 @@ import scipy.sparse as sp
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench_solvers import linear_program
 from cpbench_solvers.lcp.claims import CLOSE, conclude, dense_obstacle, error_of, farkas, recorded
+from cpbench_solvers.traits import ITERATIVE
 
 CHUNK = 256
 """The most steps between two measurements in full, and with one gradient."""
@@ -189,7 +190,7 @@ class _OnLCP(Solver):
         prepared: ScaledBox,
         budget: Budget,
         options: MPRGPOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         problem: LCP = prepared.problem
@@ -214,9 +215,6 @@ class _OnLCP(Solver):
         return recorded(output, ended.z, problem, record, ended.counters["iterations"] + 1)
 
 
-_TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
-
-
 @register
 class MPRGP(_OnLCP):
     """A face is expanded by a step of fixed length along the free gradient: the rate of convergence depends on the
@@ -229,7 +227,7 @@ class MPRGP(_OnLCP):
         summary="modified proportioning with reduced gradient projections, M symmetric positive semidefinite",
         method="projection",
         citation="Dostál and Schöberl 2005, Comput. Optim. Appl. 30:23",
-        traits=_TRAITS,
+        traits=ITERATIVE,
         options=MPRGPOptions,
     )
 
@@ -245,7 +243,7 @@ class ProjectedCG(_OnLCP):
         summary="projected conjugate gradients with proportioning, M symmetric positive semidefinite",
         method="projection",
         citation="Polyak 1969; Kružík, Horák, Čermák, Pospíšil and Pecha 2020, Adv. Eng. Softw. 149:102895",
-        traits=_TRAITS,
+        traits=ITERATIVE,
         options=MPRGPOptions,
         by_default=False,
     )

@@ -13,9 +13,10 @@ import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of, recorded
+from cpbench_solvers.traits import ITERATIVE
 
 CHUNK = 256
 """The most sweeps with one w, and without a look at the progress."""
@@ -83,7 +84,7 @@ class SplittingSolver(Solver):
         prepared: MatrixColumns,
         budget: Budget,
         options: PGSOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         from cpbench.foundation.kernel_cache import load
@@ -129,9 +130,6 @@ class SplittingSolver(Solver):
         return recorded(output, z, problem, record, sweeps + 1)
 
 
-_TRAITS = frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
-
-
 class _Pointwise(SplittingSolver):
     """One component after the other."""
 
@@ -172,7 +170,7 @@ class PGS(_Pointwise):
         summary="projected Gauss-Seidel",
         method="splitting",
         citation="Cryer 1971; Cottle, Pang and Stone 1992, section 5.2",
-        traits=_TRAITS,
+        traits=ITERATIVE,
         options=PGSOptions,
     )
 
@@ -187,7 +185,7 @@ class PSOR(_Pointwise):
         summary="projected successive over-relaxation",
         method="splitting",
         citation="Cryer 1971; Mangasarian 1977",
-        traits=_TRAITS,
+        traits=ITERATIVE,
         options=PSOROptions,
     )
 
@@ -203,7 +201,7 @@ class SSOR(_Pointwise):
         summary="projected symmetric successive over-relaxation",
         method="splitting",
         citation="Mangasarian 1977, J. Optim. Theory Appl. 22:465; Cottle, Pang and Stone 1992, section 5.2",
-        traits=_TRAITS,
+        traits=ITERATIVE,
         options=PSOROptions,
         by_default=False,
     )

@@ -121,7 +121,7 @@ class PrincipalPivoting(Solver):
         prepared: ScaledLCP,
         budget: Budget,
         options: PrincipalPivotingOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         from cpbench.foundation.kernel_cache import load

@@ -3,11 +3,14 @@
 The steps, the line search and what is done where a Jacobian is singular (Levenberg and Marquardt's regularization, the
 gradient of the merit, in the end other starts) are those of the nonlinear problems; the matrix is dense (LAPACK) or
 sparse (SuperLU). `regularized` counts the steps that were not Newton's.
+
+Reference in plain NumPy: `tests/solvers/references/newton_min.py`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -17,7 +20,7 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.formulations.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector, identity
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench_solvers.lcp.claims import (
     ScaledLCP,
     conclude,
@@ -32,6 +35,7 @@ from cpbench_solvers.lcp.claims import (
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run
 from cpbench_solvers.nonlinear.reformulation import Reformulation
 from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
+from cpbench_solvers.traits import ITERATIVE
 
 SHIFT = 1e-10
 """Added to the diagonal of a singular Jacobian; the largest entry of M is 1."""
@@ -105,7 +109,7 @@ class _NewtonLCP(Solver):
         prepared: ScaledLCP,
         budget: Budget,
         options: NewtonLCPOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         method = SemismoothMethod(LCPBox(prepared), type(self).psi, type(self).merit, options)
@@ -121,18 +125,7 @@ class _NewtonLCP(Solver):
         return recorded(concluded, z, prepared.problem, record, counters["iterations"] + 1)
 
 
-def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, quick: bool = False) -> SolverSpec:
-    return SolverSpec(
-        name=f"newton-{name}",
-        node="lcp",
-        summary=f"semismooth Newton on {summary}, nonmonotone line search",
-        method="semismooth Newton",
-        citation=citation,
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=NewtonLCPOptions,
-        by_default=by_default,
-        quick=quick,
-    )
+_spec = partial(SolverSpec, node="lcp", method="semismooth Newton", traits=ITERATIVE, options=NewtonLCPOptions)
 
 
 @register
@@ -143,9 +136,9 @@ class NewtonMin(_NewtonLCP):
     psi = staticmethod(minimum)
     merit = staticmethod(fischer_burmeister)
     spec: ClassVar[SolverSpec] = _spec(
-        "min",
-        "min(z, w), merit of Fischer-Burmeister",
-        "Kummer 1988; Harker and Pang 1990; De Luca, Facchinei and Kanzow 2000, Comput. Optim. Appl. 16:173",
+        name="newton-min",
+        summary="semismooth Newton on min(z, w), merit of Fischer-Burmeister, nonmonotone line search",
+        citation="Kummer 1988; Harker and Pang 1990; De Luca, Facchinei and Kanzow 2000, Comput. Optim. Appl. 16:173",
         quick=True,
     )
 
@@ -157,7 +150,9 @@ class NewtonFB(_NewtonLCP):
 
     psi = merit = staticmethod(fischer_burmeister)
     spec: ClassVar[SolverSpec] = _spec(
-        "fb", "the Fischer-Burmeister equation", "De Luca, Facchinei and Kanzow 1996, Math. Program. 75:407"
+        name="newton-fb",
+        summary="semismooth Newton on the Fischer-Burmeister equation, nonmonotone line search",
+        citation="De Luca, Facchinei and Kanzow 1996, Math. Program. 75:407",
     )
 
 
@@ -168,9 +163,9 @@ class NewtonPFB(_NewtonLCP):
 
     psi = merit = staticmethod(penalized)
     spec: ClassVar[SolverSpec] = _spec(
-        "pfb",
-        "the penalized Fischer-Burmeister equation",
-        "Chen, Chen and Kanzow 2000, Math. Program. 88:211",
+        name="newton-pfb",
+        summary="semismooth Newton on the penalized Fischer-Burmeister equation, nonmonotone line search",
+        citation="Chen, Chen and Kanzow 2000, Math. Program. 88:211",
         by_default=False,
     )
 
@@ -182,8 +177,8 @@ class NewtonEP(_NewtonLCP):
 
     psi = merit = staticmethod(evtushenko_purtov)
     spec: ClassVar[SolverSpec] = _spec(
-        "ep",
-        "the differentiable function of Evtushenko and Purtov",
-        "Evtushenko and Purtov 1984, Soviet Math. Dokl.",
+        name="newton-ep",
+        summary="semismooth Newton on the differentiable function of Evtushenko and Purtov, nonmonotone line search",
+        citation="Evtushenko and Purtov 1984, Soviet Math. Dokl.",
         by_default=False,
     )

@@ -50,7 +50,7 @@ class MLCPEnumeration(Solver):
         prepared: ScaledMLCP,
         budget: Budget,
         options: EnumerationOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         reduction = Reduction(prepared)

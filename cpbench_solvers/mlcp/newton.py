@@ -11,11 +11,12 @@ import numpy as np
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.formulations.ncp_functions import NCPFunction, fischer_burmeister, minimum
 from cpbench.foundation.matrices import Matrix, Vector
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, scale, settled
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run
 from cpbench_solvers.nonlinear.reformulation import Reformulation
 from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
+from cpbench_solvers.traits import ITERATIVE
 
 
 class LinearBox(CountedBox):
@@ -69,7 +70,7 @@ class _NewtonMLCP(Solver):
         prepared: ScaledMLCP,
         budget: Budget,
         options: SemismoothOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         method = SemismoothMethod(LinearBox(prepared), type(self).psi, fischer_burmeister, options)
@@ -88,16 +89,7 @@ class _NewtonMLCP(Solver):
         return replace(output, point=prepared.point(better))
 
 
-def _spec(name: str, summary: str, citation: str) -> SolverSpec:
-    return SolverSpec(
-        name=f"newton-{name}-mlcp",
-        node="mlcp",
-        summary=f"semismooth Newton on {summary}, nonmonotone line search",
-        method="semismooth Newton",
-        citation=citation,
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=SemismoothOptions,
-    )
+_spec = partial(SolverSpec, node="mlcp", method="semismooth Newton", traits=ITERATIVE, options=SemismoothOptions)
 
 
 @register
@@ -107,7 +99,9 @@ class NewtonMinMLCP(_NewtonMLCP):
 
     psi = staticmethod(minimum)
     spec: ClassVar[SolverSpec] = _spec(
-        "min", "min(v, w), merit of Fischer-Burmeister", "De Luca, Facchinei and Kanzow 2000, Comput. Optim. Appl. 16"
+        name="newton-min-mlcp",
+        summary="semismooth Newton on min(v, w), merit of Fischer-Burmeister, nonmonotone line search",
+        citation="De Luca, Facchinei and Kanzow 2000, Comput. Optim. Appl. 16",
     )
 
 
@@ -117,5 +111,7 @@ class NewtonFBMLCP(_NewtonMLCP):
 
     psi = staticmethod(fischer_burmeister)
     spec: ClassVar[SolverSpec] = _spec(
-        "fb", "the Fischer-Burmeister equation", "De Luca, Facchinei and Kanzow 1996, Math. Program. 75; Billups 1995"
+        name="newton-fb-mlcp",
+        summary="semismooth Newton on the Fischer-Burmeister equation, nonmonotone line search",
+        citation="De Luca, Facchinei and Kanzow 1996, Math. Program. 75; Billups 1995",
     )

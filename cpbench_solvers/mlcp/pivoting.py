@@ -105,7 +105,7 @@ class LemkeMLCP(Solver):
         prepared: PivotingData,
         budget: Budget,
         options: LemkeMLCPOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         kernel, scaled, data = prepared.kernel, prepared.scaled, prepared.data

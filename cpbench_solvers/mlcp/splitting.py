@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,9 +19,10 @@ from cpbench.formulations.mlcp import MLCP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector, sparse
 from cpbench.foundation.transversal import has_full_structural_rank
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale
+from cpbench_solvers.traits import ITERATIVE
 
 CHUNK = 256
 """The most sweeps with the same Kx, which drifts by rounding, and without a look at clock and progress."""
@@ -102,7 +104,7 @@ class _Splitting(Solver):
         prepared: BasisColumns,
         budget: Budget,
         options: PGSMLCPOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         from cpbench.foundation.kernel_cache import load
@@ -175,17 +177,7 @@ def _ordered(scaled: ScaledMLCP) -> ScaledMLCP:
     return replace(scaled, K=K[order], k=scaled.k[order], row_unit=scaled.row_unit[order])
 
 
-def _spec(name: str, summary: str, citation: str, options: type, *, by_default: bool = True) -> SolverSpec:
-    return SolverSpec(
-        name=name,
-        node="mlcp",
-        summary=summary,
-        method="splitting",
-        citation=citation,
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=options,
-        by_default=by_default,
-    )
+_spec = partial(SolverSpec, node="mlcp", method="splitting", traits=ITERATIVE)
 
 
 @register
@@ -194,10 +186,10 @@ class PGSMLCP(_Splitting):
     diagonal."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "pgs-mlcp",
-        "projected Gauss-Seidel over equalities and pairs",
-        "Cryer 1971; Cottle, Pang and Stone 1992, section 5.2",
-        PGSMLCPOptions,
+        name="pgs-mlcp",
+        summary="projected Gauss-Seidel over equalities and pairs",
+        citation="Cryer 1971; Cottle, Pang and Stone 1992, section 5.2",
+        options=PGSMLCPOptions,
     )
 
 
@@ -206,10 +198,10 @@ class PSORMLCP(_Splitting):
     """Over-relaxed by ω: faster on some problems, divergent on others."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "psor-mlcp",
-        "projected successive over-relaxation over equalities and pairs",
-        "Cryer 1971; Mangasarian 1977, J. Optim. Theory Appl. 22:465",
-        PSORMLCPOptions,
+        name="psor-mlcp",
+        summary="projected successive over-relaxation over equalities and pairs",
+        citation="Cryer 1971; Mangasarian 1977, J. Optim. Theory Appl. 22:465",
+        options=PSORMLCPOptions,
         by_default=False,
     )
 
@@ -220,9 +212,9 @@ class RPGSMLCP(_Splitting):
 
     regularised = True
     spec: ClassVar[SolverSpec] = _spec(
-        "rpgs-mlcp",
-        "projected Gauss-Seidel with regularised steps, zeros on the diagonal allowed",
-        "Cottle, Pang and Stone 1992, section 5.2; Rockafellar 1976, SIAM J. Control Optim. 14:877",
-        RPGSMLCPOptions,
+        name="rpgs-mlcp",
+        summary="projected Gauss-Seidel with regularised steps, zeros on the diagonal allowed",
+        citation="Cottle, Pang and Stone 1992, section 5.2; Rockafellar 1976, SIAM J. Control Optim. 14:877",
+        options=RPGSMLCPOptions,
         by_default=False,
     )

@@ -135,7 +135,7 @@ class BoxNewton(Solver):
         self.run(_small_problem())
 
     def solve(
-        self, prepared: MiCP, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+        self, prepared: MiCP, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
         method = self.method(CountedBox(prepared), options, budget)
         limit = budget.iterations or options.max_iterations

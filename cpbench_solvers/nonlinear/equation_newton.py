@@ -7,9 +7,10 @@ from typing import Any, ClassVar
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.vi import VI
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench_solvers.nonlinear.natural_newton import NaturalNewton, NaturalNewtonOptions, VIConditions
 from cpbench_solvers.nonlinear.projection_run import exponential, run
+from cpbench_solvers.traits import ITERATIVE
 
 
 class _System(VIConditions):
@@ -29,7 +30,7 @@ class EquationNewton(Solver):
         summary="damped Newton, regularized where the Jacobian is singular",
         method="Newton",
         citation="Dennis and Schnabel 1983, Numerical Methods for Unconstrained Optimization and Nonlinear Equations",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=NaturalNewtonOptions,
     )
 
@@ -48,7 +49,7 @@ class EquationNewton(Solver):
         prepared: VI,
         budget: Budget,
         options: NaturalNewtonOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         field = _System(prepared)

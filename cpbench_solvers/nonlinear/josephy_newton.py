@@ -17,6 +17,7 @@ from cpbench.solvers.base import Budget, Solver, SolverSpec, Trait, register, so
 from cpbench_solvers.lcp.box_linear import NODES, BoxLinear
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, BoxMethod, BoxNewton, CountedBox
 from cpbench_solvers.nonlinear.merit_search import Descent, MeritPoint, fall_back
+from cpbench_solvers.traits import ITERATIVE
 
 SMALL_ENOUGH = 0.5
 """A solution of the linear problem is used when its natural residual is below this share of that of F at z."""
@@ -54,7 +55,7 @@ class JosephyNewton(BoxNewton):
         summary="Newton's method for generalized equations, linear problems by a registered LCP, MLCP or AVI solver",
         method="Josephy-Newton",
         citation="Josephy 1979, MRC report 1965; Facchinei and Pang 2003, section 7.3",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=JosephyNewtonOptions,
     )
 

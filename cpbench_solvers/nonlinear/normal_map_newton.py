@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from cpbench.formulations.ncp_functions import fischer_burmeister
 from cpbench.foundation.matrices import Matrix, Vector, identity, max_abs, norm
-from cpbench.solvers.base import Budget, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench_solvers.nonlinear.merit_search import ARMIJO, SHARES, Descent, damped, fall_back
 from cpbench_solvers.nonlinear.normal_path import PERTURBATIONS, cell_matrix, normal_point
+from cpbench_solvers.traits import ITERATIVE
 
 BACKTRACKS = 12
 CONSISTENT = 0.5
@@ -48,7 +49,7 @@ class NormalMapNewton(BoxNewton):
         summary="Newton on the normal map, nonmonotone line search",
         method="semismooth Newton",
         citation="Robinson 1992, Math. Oper. Res. 17:691; 1994, Set-Valued Anal. 2:291",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=NormalMapOptions,
     )
 

@@ -11,11 +11,12 @@ import numpy as np
 from cpbench.formulations.ncp_functions import fischer_burmeister
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Matrix, Vector, norm
-from cpbench.solvers.base import Budget, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.lcp.claims import principal
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench_solvers.nonlinear.merit_search import ACCEPT, Descent, MeritPoint, fall_back
 from cpbench_solvers.nonlinear.normal_path import NormalPath, normal_point
+from cpbench_solvers.traits import ITERATIVE
 
 HALVINGS = 6
 """How often a path is cut in half before another direction is looked for."""
@@ -58,7 +59,7 @@ class PathSearch(BoxNewton):
         method="Newton with pivoting",
         citation="Ralph 1994, Math. Oper. Res. 19:352; Dirkse and Ferris 1995, Optim. Methods Softw. 5:123; Ferris, "
         "Kanzow and Munson 1999, Math. Program. 86:475",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         quick=True,
         options=PathSearchOptions,
     )

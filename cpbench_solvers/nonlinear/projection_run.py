@@ -24,10 +24,11 @@ from cpbench.formulations.qvi import QVI, QVIPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.foundation.matrices import Sparse, Vector, norm
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec
 from cpbench.solvers.shared.progress import Progress
 from cpbench.solvers.shared.row_error import row_error
 from cpbench_solvers.lcp.claims import CLOSE
+from cpbench_solvers.traits import ITERATIVE
 
 STALL = 2000
 """Least number of iterations without gain that ends a run."""
@@ -161,7 +162,7 @@ class ProjectionSolver(Solver):
         prepared: VI | QVI,
         budget: Budget,
         options: VIProjectionOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         field = Field(prepared)
@@ -268,11 +269,5 @@ def projection_spec(
 ) -> SolverSpec:
     """Return the spec of one of them, with what all share."""
     return SolverSpec(
-        name=name,
-        node=node,
-        summary=summary,
-        method="projection",
-        citation=citation,
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=options,
+        name=name, node=node, summary=summary, method="projection", citation=citation, traits=ITERATIVE, options=options
     )

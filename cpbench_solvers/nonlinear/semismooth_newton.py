@@ -1,18 +1,23 @@
-"""Semismooth Newton on Φ(z) = 0, Φ made of one of four NCP functions, made global by the merit ½‖Φ‖²."""
+"""Semismooth Newton on Φ(z) = 0, Φ made of one of four NCP functions, made global by the merit ½‖Φ‖².
+
+Reference in plain NumPy: `tests/solvers/references/semismooth_newton.py`.
+"""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
 from cpbench.formulations.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
 from cpbench.foundation.matrices import Vector, norm
-from cpbench.solvers.base import Budget, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench_solvers.nonlinear.merit_search import Descent, MeritPoint, fall_back
+from cpbench_solvers.traits import ITERATIVE
 
 STEEP, POWER = 1e-8, 2.1
 """A Newton direction d must have ∇θᵀd ≤ −STEEP ‖d‖^POWER (De Luca, Facchinei and Kanzow 1996)."""
@@ -90,18 +95,7 @@ class SemismoothMethod(BoxMethod):
         return self._descent.search(at, d, slope if steep else 0.0)
 
 
-def _spec(name: str, summary: str, citation: str, *, by_default: bool = True, quick: bool = False) -> SolverSpec:
-    return SolverSpec(
-        name=f"newton-{name}-micp",
-        node="micp",
-        summary=f"semismooth Newton on {summary}, nonmonotone line search",
-        method="semismooth Newton",
-        citation=citation,
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=SemismoothOptions,
-        by_default=by_default,
-        quick=quick,
-    )
+_spec = partial(SolverSpec, node="micp", method="semismooth Newton", traits=ITERATIVE, options=SemismoothOptions)
 
 
 @register
@@ -112,7 +106,9 @@ class SemismoothNewtonMin(SemismoothNewton):
     psi = staticmethod(minimum)
     merit = staticmethod(fischer_burmeister)
     spec: ClassVar[SolverSpec] = _spec(
-        "min", "min(z, F), merit of Fischer-Burmeister", "De Luca, Facchinei and Kanzow 2000, Comput. Optim. Appl. 16"
+        name="newton-min-micp",
+        summary="semismooth Newton on min(z, F), merit of Fischer-Burmeister, nonmonotone line search",
+        citation="De Luca, Facchinei and Kanzow 2000, Comput. Optim. Appl. 16",
     )
 
 
@@ -122,9 +118,9 @@ class SemismoothNewtonFB(SemismoothNewton):
 
     psi = merit = staticmethod(fischer_burmeister)
     spec: ClassVar[SolverSpec] = _spec(
-        "fb",
-        "the Fischer-Burmeister equation",
-        "De Luca, Facchinei and Kanzow 1996, Math. Program. 75; Billups 1995",
+        name="newton-fb-micp",
+        summary="semismooth Newton on the Fischer-Burmeister equation, nonmonotone line search",
+        citation="De Luca, Facchinei and Kanzow 1996, Math. Program. 75; Billups 1995",
         quick=True,
     )
 
@@ -135,7 +131,9 @@ class SemismoothNewtonPFB(SemismoothNewton):
 
     psi = merit = staticmethod(penalized)
     spec: ClassVar[SolverSpec] = _spec(
-        "pfb", "the penalized Fischer-Burmeister equation", "Chen, Chen and Kanzow 2000, Math. Program. 88"
+        name="newton-pfb-micp",
+        summary="semismooth Newton on the penalized Fischer-Burmeister equation, nonmonotone line search",
+        citation="Chen, Chen and Kanzow 2000, Math. Program. 88",
     )
 
 
@@ -146,5 +144,7 @@ class SemismoothNewtonEP(SemismoothNewton):
 
     psi = merit = staticmethod(evtushenko_purtov)
     spec: ClassVar[SolverSpec] = _spec(
-        "ep", "the differentiable function of Evtushenko and Purtov", "Evtushenko and Purtov 1984, Soviet Math. Dokl."
+        name="newton-ep-micp",
+        summary="semismooth Newton on the differentiable function of Evtushenko and Purtov, nonmonotone line search",
+        citation="Evtushenko and Purtov 1984, Soviet Math. Dokl.",
     )

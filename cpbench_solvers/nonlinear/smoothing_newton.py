@@ -11,9 +11,10 @@ import numpy as np
 
 from cpbench.formulations.ncp_functions import fischer_burmeister
 from cpbench.foundation.matrices import Vector, norm
-from cpbench.solvers.base import Budget, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
 from cpbench_solvers.nonlinear.merit_search import ARMIJO, Descent, MeritPoint, fall_back
+from cpbench_solvers.traits import ITERATIVE
 
 BACKTRACKS = 25
 LEAST = 1e-14
@@ -47,7 +48,7 @@ class SmoothingNewton(BoxNewton):
         summary="Newton on the smoothed Fischer-Burmeister equation, the smoothing an unknown",
         method="smoothing Newton",
         citation="Kanzow 1996, SIAM J. Matrix Anal. Appl. 17:851; Qi, Sun and Zhou 2000, Math. Program. 87:1",
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+        traits=ITERATIVE,
         options=SmoothingOptions,
     )
 

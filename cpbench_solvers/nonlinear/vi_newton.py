@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 
 from cpbench.formulations.qvi import QVI
 from cpbench.formulations.vi import VI
-from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.nonlinear.natural_newton import NaturalNewton, NaturalNewtonOptions, VIConditions
 from cpbench_solvers.nonlinear.projection_run import ProjectionSolver, run
+from cpbench_solvers.traits import ITERATIVE
 
 
 class NaturalMapSolver(ProjectionSolver):
@@ -30,12 +32,7 @@ class NaturalMapSolver(ProjectionSolver):
         return problem
 
     def solve(
-        self,
-        prepared: VI | QVI,
-        budget: Budget,
-        options: Any,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: VI | QVI, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
         field = VIConditions(prepared)
         first = np.concatenate([prepared.start, np.zeros(field.size - field.n)])
@@ -45,17 +42,7 @@ class NaturalMapSolver(ProjectionSolver):
         return run(field, NaturalNewton(field, options, budget.seed), budget, limit, first, record)
 
 
-def _spec(name: str, node: str, summary: str, citation: str, *, quick: bool = False) -> SolverSpec:
-    return SolverSpec(
-        name=name,
-        node=node,
-        summary=summary,
-        method="semismooth Newton",
-        citation=citation,
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=NaturalNewtonOptions,
-        quick=quick,
-    )
+_spec = partial(SolverSpec, method="semismooth Newton", traits=ITERATIVE, options=NaturalNewtonOptions)
 
 
 @register
@@ -63,10 +50,10 @@ class VINewton(NaturalMapSolver):
     """Newton's method for inequalities over any set that the node has; converges globally where F is monotone."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "newton-vi",
-        "vi",
-        "semismooth Newton on the natural map, extragradient steps where it does not descend",
-        "Facchinei and Pang 2003, sections 9.1 and 12.1",
+        name="newton-vi",
+        node="vi",
+        summary="semismooth Newton on the natural map, extragradient steps where it does not descend",
+        citation="Facchinei and Pang 2003, sections 9.1 and 12.1",
         quick=True,
     )
 
@@ -76,10 +63,12 @@ class QVINewton(NaturalMapSolver):
     """Newton's method for sets that move: bounds, disks whose radius is a reaction, g(y, z) ≥ 0."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "newton-qvi",
-        "qvi",
-        "semismooth Newton on the natural map of the moving set, extragradient steps where it does not descend",
-        "Alart and Curnier 1991, Comput. Methods Appl. Mech. Eng. 92; Facchinei, Kanzow and Sagratella 2014, "
-        "Math. Program. 144",
+        name="newton-qvi",
+        node="qvi",
+        summary="semismooth Newton on the natural map of the moving set, extragradient steps where it does not descend",
+        citation=(
+            "Alart and Curnier 1991, Comput. Methods Appl. Mech. Eng. 92; Facchinei, Kanzow and Sagratella 2014, "
+            "Math. Program. 144"
+        ),
         quick=True,
     )

@@ -60,18 +60,8 @@ def solve_apart(
     kernel, own = load(KERNEL), ProximalActiveSetOptions()
     how = budget.tolerance, matrices.PSD_TOLERANCE, own.proximal, own.feasibility_tolerance, PASSES, OPERATIONS
     sides = np.concatenate([P.b, P.d])
-    data = (
-        parts.Q,
-        parts.G,
-        P.p,
-        sides,
-        P.b.size,
-        P.lb,
-        P.ub,
-        parts.part,
-        parts.count,
-        MOST if budget.iterations is None else 0,
-    )
+    most = MOST if budget.iterations is None else 0
+    data = parts.Q, parts.G, P.p, sides, P.b.size, P.lb, P.ub, parts.part, parts.count, most
     kernel.solve_parts(*data, *how, whole.z, whole.y, whole.nu, outcome, counts)
     whole.count({"iterations": int(counts.sum()), "proximal_steps": int(counts[1])})
     for q, at in _members(parts, np.flatnonzero(outcome != 0)):
@@ -140,7 +130,7 @@ class _Answer:
             self.y[rows], self.y[self._problem.b.size + equalities] = output.point.lam, output.point.mu
         if output.claim is not Claim.SOLVED:
             self._claim = output.claim
-            self._missed.append(f"part {q + 1} ({at.size} unknowns and rows): {output.message or output.claim}")
+            self._missed.append(missed(output, q, at))
 
     def without_solution(self, output: SolverOutput, q: int, at: NDArray[np.int64]) -> SolverOutput:
         """Return the claim of a part that has no solution as that of the whole."""
@@ -159,11 +149,22 @@ class _Answer:
         """Return the answer with a claim."""
         m = self._problem.b.size
         answer = self.z, self.y[:m], self.y[m:], self.nu
-        point, error = QPPoint(*answer), ErrorMeasure(self._problem).of_parts(answer)
-        if error <= budget.tolerance:
-            return SolverOutput(claim=Claim.SOLVED, point=point, counters=self.counters)
-        claim = self._claim
-        if claim is Claim.FAILED and error <= CLOSE * budget.tolerance:
-            claim = Claim.INACCURATE
-        message = "; ".join([*self._missed[:SHOWN], f"error {error:.1e}"])
-        return SolverOutput(claim=claim, point=point, counters=self.counters, message=message)
+        error = ErrorMeasure(self._problem).of_parts(answer)
+        return claimed(QPPoint(*answer), error, budget, self._claim, self._missed, self.counters)
+
+
+def missed(output: SolverOutput, q: int, at: NDArray[np.int64]) -> str:
+    """Return what a message says of part q, which is not solved."""
+    return f"part {q + 1} ({at.size} unknowns and rows): {output.message or output.claim}"
+
+
+def claimed(
+    point: Any, error: float, budget: Budget, claim: Claim, messages: list[str], counters: dict[str, int]
+) -> SolverOutput:
+    """Return the answer of all parts with a claim by its error; `claim` : of the last part that is not solved."""
+    if error <= budget.tolerance:
+        return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
+    if claim is Claim.FAILED and error <= CLOSE * budget.tolerance:
+        claim = Claim.INACCURATE
+    message = "; ".join([*messages[:SHOWN], f"error {error:.1e}"])
+    return SolverOutput(claim=claim, point=point, counters=counters, message=message)

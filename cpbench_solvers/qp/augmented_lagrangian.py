@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,11 +21,12 @@ from cpbench.formulations.qp import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector, max_abs
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.qp.claims import ErrorMeasure, convex_obstacle, infeasible, unbounded
 from cpbench_solvers.qp.kkt_system import KERNELS, KKT, entries
 from cpbench_solvers.qp.scaling import ScaledQP, scaled
+from cpbench_solvers.traits import ITERATIVE
 
 STALL = 60
 """Least number of Newton steps without gain that ends a run."""
@@ -110,7 +112,7 @@ class _Multipliers(Solver):
         prepared: QP,
         budget: Budget,
         options: AugmentedLagrangianOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         form, measure = scaled(prepared, keep_sparse=True), ErrorMeasure(prepared, record, budget.tolerance)
@@ -175,17 +177,7 @@ class _Multipliers(Solver):
         return found or (unbounded(problem, form.D * dx, counters) if max_abs(dx) > 1.0 else None)
 
 
-def _spec(name: str, summary: str, citation: str, options: type, *, by_default: bool = True) -> SolverSpec:
-    return SolverSpec(
-        name=name,
-        node="qp",
-        summary=summary,
-        method="augmented Lagrangian",
-        citation=citation,
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=options,
-        by_default=by_default,
-    )
+_spec = partial(SolverSpec, node="qp", method="augmented Lagrangian", traits=ITERATIVE)
 
 
 @register
@@ -193,10 +185,10 @@ class AugmentedLagrangian(_Multipliers):
     """Multiplier steps with a falling θ; ρ only keeps the Newton systems regular."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "augmented-lagrangian",
-        "augmented Lagrangian, semismooth Newton with exact line search, dense and sparse",
-        "Hestenes 1969; Powell 1969; Hermans, Themelis and Patrinos 2019, 58th IEEE CDC",
-        AugmentedLagrangianOptions,
+        name="augmented-lagrangian",
+        summary="augmented Lagrangian, semismooth Newton with exact line search, dense and sparse",
+        citation="Hestenes 1969; Powell 1969; Hermans, Themelis and Patrinos 2019, 58th IEEE CDC",
+        options=AugmentedLagrangianOptions,
     )
 
 
@@ -205,9 +197,9 @@ class ProximalPoint(_Multipliers):
     """The proximal method of multipliers: ρ counts, which makes the Newton systems better conditioned."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "proximal-point",
-        "proximal method of multipliers, semismooth Newton with exact line search, dense and sparse",
-        "Rockafellar 1976, Math. Oper. Res. 1:97; Bambade, El-Kazdadi, Taylor and Carpentier 2022, RSS",
-        ProximalPointOptions,
+        name="proximal-point",
+        summary="proximal method of multipliers, semismooth Newton with exact line search, dense and sparse",
+        citation="Rockafellar 1976, Math. Oper. Res. 1:97; Bambade, El-Kazdadi, Taylor and Carpentier 2022, RSS",
+        options=ProximalPointOptions,
         by_default=False,
     )

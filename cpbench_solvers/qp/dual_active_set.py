@@ -84,20 +84,9 @@ class ActiveSet:
         self._kernel.begin(self._rows[0], self._v0, self._v, self._y, self._factors[2], self._state)
 
     def _advance(self, until: int) -> int:
-        return self._kernel.advance(
-            *self._rows,
-            self._v0,
-            self._v,
-            self._y,
-            *self._factors,
-            self._state,
-            self._gained,
-            self._before,
-            self._work,
-            until,
-            CHUNK,
-            self._tolerance,
-        )
+        iterate = *self._rows, self._v0, self._v, self._y, *self._factors
+        kept = self._state, self._gained, self._before, self._work
+        return self._kernel.advance(*iterate, *kept, until, CHUNK, self._tolerance)
 
     def climb(self, limit: int, deadline: float, watch: Callable[[], object] | None) -> int:
         """Return one of the outcomes: LIMIT after `limit` passes in all, or when time is out. Calls `watch` now and
@@ -170,7 +159,7 @@ class DualActiveSet(Solver):
         prepared: QP,
         budget: Budget,
         options: DualActiveSetOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         problem, measure = prepared, ErrorMeasure(prepared, record, budget.tolerance)

@@ -133,7 +133,7 @@ class InteriorPoint(Solver):
         prepared: QP,
         budget: Budget,
         options: QPInteriorPointOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         measure, data = ErrorMeasure(prepared, record, budget.tolerance), sparse_data(prepared)

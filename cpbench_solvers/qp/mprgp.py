@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, ClassVar, cast
 
 import numpy as np
@@ -10,11 +11,12 @@ from cpbench.formulations.qp import QP, QPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Vector, max_abs
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench_solvers import linear_program
 from cpbench_solvers.lcp.claims import CLOSE
 from cpbench_solvers.lcp.mprgp import MPRGPOptions, ScaledBox, definite_obstacle, minimize, scaled_box
 from cpbench_solvers.qp.claims import ErrorMeasure
+from cpbench_solvers.traits import ITERATIVE
 
 FLAT = 1e-12
 """|Qd| of each row, over |Q||d|, up to which Qd is rounding."""
@@ -45,7 +47,7 @@ class _OnBox(Solver):
         prepared: ScaledBox,
         budget: Budget,
         options: MPRGPOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         problem: QP = prepared.problem
@@ -118,17 +120,7 @@ def _falls(problem: QP, d: Vector) -> bool:
     return bool((np.abs(problem.Q @ d) <= rounding).all() and problem.p @ d < -1e-9 * max_abs(problem.p) * max_abs(d))
 
 
-def _spec(name: str, summary: str, citation: str, *, by_default: bool = True) -> SolverSpec:
-    return SolverSpec(
-        name=name,
-        node="qp",
-        summary=f"{summary}, bounds only",
-        method="projection",
-        citation=citation,
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=MPRGPOptions,
-        by_default=by_default,
-    )
+_spec = partial(SolverSpec, node="qp", method="projection", traits=ITERATIVE, options=MPRGPOptions)
 
 
 @register
@@ -138,9 +130,9 @@ class MPRGPOnQP(_OnBox):
 
     projected = False
     spec: ClassVar[SolverSpec] = _spec(
-        "mprgp-qp",
-        "modified proportioning with reduced gradient projections",
-        "Dostál and Schöberl 2005, Comput. Optim. Appl. 30:23",
+        name="mprgp-qp",
+        summary="modified proportioning with reduced gradient projections, bounds only",
+        citation="Dostál and Schöberl 2005, Comput. Optim. Appl. 30:23",
     )
 
 
@@ -150,8 +142,8 @@ class ProjectedCGOnQP(_OnBox):
 
     projected = True
     spec: ClassVar[SolverSpec] = _spec(
-        "projected-cg-qp",
-        "projected conjugate gradients with proportioning",
-        "Polyak 1969; Kružík, Horák, Čermák, Pospíšil and Pecha 2020, Adv. Eng. Softw. 149:102895",
+        name="projected-cg-qp",
+        summary="projected conjugate gradients with proportioning, bounds only",
+        citation="Polyak 1969; Kružík, Horák, Čermák, Pospíšil and Pecha 2020, Adv. Eng. Softw. 149:102895",
         by_default=False,
     )

@@ -123,7 +123,7 @@ class PrimalActiveSet(Solver):
         prepared: QP,
         budget: Budget,
         options: PrimalActiveSetOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         measure, form = ErrorMeasure(prepared, record, budget.tolerance), scaled(prepared)

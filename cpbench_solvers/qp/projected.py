@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,11 +20,12 @@ from cpbench.formulations.qp import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector, norm
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.qp.claims import ErrorMeasure, convex_obstacle, definite_obstacle, infeasible, unbounded
 from cpbench_solvers.qp.kkt_system import KERNELS, KKT, entries
 from cpbench_solvers.qp.scaling import ScaledQP, scaled
+from cpbench_solvers.traits import ITERATIVE
 
 STALL = 3000
 """Least number of iterations without gain that ends a run."""
@@ -148,12 +150,7 @@ class _Projected(Solver):
             self.run(QP.build(E, -np.ones(1), A=E, b=np.zeros(1), lb=np.zeros(1)))
 
     def solve(
-        self,
-        prepared: QP,
-        budget: Budget,
-        options: ProjectedOptions,
-        start: Any | None = None,
-        record: Record | None = None,
+        self, prepared: QP, budget: Budget, options: ProjectedOptions, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
         form, measure = scaled(prepared, keep_sparse=True), ErrorMeasure(prepared, record, budget.tolerance)
         x, y = (np.zeros(form.g.size), np.zeros(form.lower.size)) if start is None else form.start(start)
@@ -199,17 +196,9 @@ class _Projected(Solver):
             u = after
 
 
-def _spec(name: str, summary: str, citation: str) -> SolverSpec:
-    return SolverSpec(
-        name=name,
-        node="qp",
-        summary=summary,
-        method="projected gradient",
-        citation=citation,
-        traits=frozenset({Trait.SPARSE, Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
-        options=ProjectedOptions,
-        by_default=False,
-    )
+_spec = partial(
+    SolverSpec, node="qp", method="projected gradient", traits=ITERATIVE, options=ProjectedOptions, by_default=False
+)
 
 
 @register
@@ -218,9 +207,9 @@ class ProjectedGradient(_Projected):
 
     momentum = False
     spec: ClassVar[SolverSpec] = _spec(
-        "projected-gradient",
-        "projected gradient on the box, Uzawa's method on the dual where there are rows",
-        "Goldstein 1964; Levitin and Polyak 1966; Uzawa 1958",
+        name="projected-gradient",
+        summary="projected gradient on the box, Uzawa's method on the dual where there are rows",
+        citation="Goldstein 1964; Levitin and Polyak 1966; Uzawa 1958",
     )
 
 
@@ -230,7 +219,7 @@ class Nesterov(_Projected):
 
     momentum = True
     spec: ClassVar[SolverSpec] = _spec(
-        "nesterov-qp",
-        "accelerated projected gradient with restart, on the box or on the dual where there are rows",
-        "Nesterov 1983; Beck and Teboulle 2009, SIAM J. Imaging Sci. 2:183; O'Donoghue and Candès 2015",
+        name="nesterov-qp",
+        summary="accelerated projected gradient with restart, on the box or on the dual where there are rows",
+        citation="Nesterov 1983; Beck and Teboulle 2009, SIAM J. Imaging Sci. 2:183; O'Donoghue and Candès 2015",
     )

@@ -128,7 +128,7 @@ class ProximalActiveSet(Solver):
         prepared: QP,
         budget: Budget,
         options: ProximalActiveSetOptions,
-        start: Any | None = None,
+        start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
         if start is None and fits_one_call(prepared.p.size, prepared.b.size + prepared.d.size):

@@ -13,7 +13,6 @@ from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.html.markup import Markup, element, prose, table
 from cpbench.report.participation_sections import publishing
 from cpbench.report.run import Run, group_name_text
-from cpbench.report.text import counted
 from cpbench.verification import Status
 
 
