@@ -18,7 +18,8 @@ def _readonly(kind, ndim=1):
 
 # Neither contraction nor reassociation: terms that cancel must give 0, which is not stored. Offsets are unsigned
 # where a loop should vectorise: a signed one may count from the end. What is called for every row would count
-# references to its arrays, which costs more than the row: the stages of `write` are copied into it (inline="always").
+# references to its arrays, which costs more than the row: `write` has the rows itself, and the
+# stages of a contact are copied into it (inline="always").
 
 
 @njit(
@@ -152,70 +153,6 @@ def _multiply_rows(count, J, S, c, F, chosen, active, width, d, R, column):
     return length, where
 
 
-@njit(inline="always", error_model="numpy")
-def _row_of_k(c, i, k_count, k_place, K, coefficients, chosen, active, base, p, ix, x):
-    """Write row i of a contact where there is nothing but K; return the next place."""
-    for s in range(k_count[i]):
-        m = k_place[i, s]
-        value = 0.0
-        for r in range(K.shape[0]):
-            value += coefficients[c, r] * K[r, i, m]
-        if value != 0.0:
-            ix[p] = base + chosen[active + m]
-            x[p] = value
-            p += 1
-    return p
-
-
-@njit(inline="always", error_model="numpy")
-def _combine_rows(i, e_count, e_place, e_value, R, column, length, p, ix, x):
-    """Write row i of EᵀR from x[p] on, with its zeros; return how many these are."""
-    start, zeros = uint64(p), 0
-    row, e = uint64(e_place[i, 0]), e_value[i, 0]
-    other, f = uint64(e_place[i, 1]), e_value[i, 1]
-    for t in range(uint64(length)):
-        value = e * R[row, t] + f * R[other, t]
-        x[start + t] = value
-        ix[start + t] = column[t]
-        zeros += value == 0.0
-    for s in range(2, e_count[i]):
-        row, e = uint64(e_place[i, s]), e_value[i, s]
-        zeros = 0
-        for t in range(uint64(length)):
-            value = x[start + t] + e * R[row, t]
-            x[start + t] = value
-            zeros += value == 0.0
-    return zeros
-
-
-@njit(inline="always", error_model="numpy")
-def _add_k(c, i, k_count, k_place, K, coefficients, at, x):
-    """Add row i of K to the diagonal block, which begins at x[at]; return by how many zeros there are more."""
-    zeros = 0
-    for s in range(k_count[i]):
-        m = k_place[i, s]
-        value = x[at + m]
-        zeros -= value == 0.0
-        for r in range(K.shape[0]):
-            value += coefficients[c, r] * K[r, i, m]
-        zeros += value == 0.0
-        x[at + m] = value
-    return zeros
-
-
-@njit(inline="always", error_model="numpy")
-def _drop_zeros(p, end, ix, x):
-    """Move the entries from p to `end` that are not 0 together; return the next place."""
-    while x[p] != 0.0:
-        p += 1
-    for t in range(p, end):
-        if x[t] != 0.0:
-            x[p] = x[t]
-            ix[p] = ix[t]
-            p += 1
-    return p
-
-
 @njit(
     [
         int64(
@@ -281,14 +218,51 @@ def write(
             return NOT_FULL
         length, where = _multiply_rows(count, J, S, c, F, chosen, active, width, d, R, column)
         for i in range(height):
-            if e_count[i] == 0:
-                p = _row_of_k(c, i, k_count, k_place, K, coefficients, chosen, active, c * width, p, ix, x)
+            if e_count[i] == 0:  # nothing but K
+                for s in range(k_count[i]):
+                    m = k_place[i, s]
+                    value = 0.0
+                    for r in range(K.shape[0]):
+                        value += coefficients[c, r] * K[r, i, m]
+                    if value != 0.0:
+                        ix[p] = c * width + chosen[active + m]
+                        x[p] = value
+                        p += 1
+                ptr[c * height + i + 1] = p
+                continue
+            start, zeros = uint64(p), 0
+            row, e = uint64(e_place[i, 0]), e_value[i, 0]
+            other, f = uint64(e_place[i, 1]), e_value[i, 1]
+            for t in range(uint64(length)):
+                value = e * R[row, t] + f * R[other, t]
+                x[start + t] = value
+                ix[start + t] = column[t]
+                zeros += value == 0.0
+            for s in range(2, e_count[i]):
+                row, e = uint64(e_place[i, s]), e_value[i, s]
+                zeros = 0
+                for t in range(uint64(length)):
+                    value = x[start + t] + e * R[row, t]
+                    x[start + t] = value
+                    zeros += value == 0.0
+            for s in range(k_count[i]):
+                m = k_place[i, s]
+                value = x[p + where + m]
+                zeros -= value == 0.0
+                for r in range(K.shape[0]):
+                    value += coefficients[c, r] * K[r, i, m]
+                zeros += value == 0.0
+                x[p + where + m] = value
+            end = p + length
+            if zeros == 0:
+                p = end
             else:
-                zeros = _combine_rows(i, e_count, e_place, e_value, R, column, length, p, ix, x)
-                zeros += _add_k(c, i, k_count, k_place, K, coefficients, p + where, x)
-                if zeros == 0:
-                    p += length
-                else:
-                    p = _drop_zeros(p, p + length, ix, x)
+                while x[p] != 0.0:
+                    p += 1
+                for t in range(p, end):
+                    if x[t] != 0.0:
+                        x[p] = x[t]
+                        ix[p] = ix[t]
+                        p += 1
             ptr[c * height + i + 1] = p
     return p

@@ -261,7 +261,7 @@ def _block_row(p, stride, size, q, width, terms):
                     term[c] += x * row[c]
 
 
-@njit(error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _unite(bodies, touch, group, i, n, marked, place, found, position):
     """Record the n groups that more than two bodies touch, increasing, and the places of their pairs in the union."""
     k = 0
@@ -281,7 +281,7 @@ def _unite(bodies, touch, group, i, n, marked, place, found, position):
             k += 1
 
 
-@njit(error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _write_columns(found, n, dq, dp, indices):
     """Write the columns of the dp rows of a group, which are alike."""
     width = n * dq
@@ -300,7 +300,7 @@ def _write_columns(found, n, dq, dp, indices):
             copied[k] = index[k]
 
 
-@njit(error_model="numpy")
+@njit(inline="always", error_model="numpy")
 def _add_blocks(blocks, where, dq, entry, a):
     """Add row a of the blocks of a body to a row of W, at the places `where`."""
     term = blocks[a]
