@@ -95,8 +95,9 @@ def _plain(options: NSGSOptions) -> bool:
 
 def _exact(prepared: BlockRows, options: NSGSOptions, at: SweepState) -> Advance:
     """Return the fast sweeps."""
-    sweeps = compiled(kernel("gauss_seidel").sweeps)
+    problem, gauss_seidel = prepared.problem, kernel("gauss_seidel")
+    sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
     order = prepared.order.copy() if options.shuffle else prepared.order
     iterate = (at.r, at.lam, order)
-    relaxed = (options.omega, options.shuffle, prepared.problem.dimension)
+    relaxed = (options.omega, options.shuffle)
     return lambda tolerance, until, *progress: sweeps(*prepared.law, *iterate, *relaxed, tolerance, until, *progress)

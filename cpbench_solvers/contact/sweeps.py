@@ -113,7 +113,8 @@ class Sweeps:
 
     def __init__(self, rows: BlockRows) -> None:
         self._rows = rows
-        problem, self._sweeps = rows.problem, compiled(kernel("gauss_seidel").sweeps)
+        problem, gauss_seidel = rows.problem, kernel("gauss_seidel")
+        self._sweeps = compiled(gauss_seidel.sweeps_3d if problem.dimension == 3 else gauss_seidel.sweeps_2d)
         self._lam = np.zeros(problem.nc)
         self._log = np.zeros(LOG, np.int64), np.zeros(LOG)
         # no error is below 0: nothing is kept
@@ -126,7 +127,7 @@ class Sweeps:
         `tolerance`."""
         rows, state = self._rows, np.array([0, count, 0, 0, 0, 0])  # the error is evaluated at the end
         iterate, kept = (r, self._lam, rows.order), (self._measured, *self._log, self._best)
-        self._sweeps(*rows.law, *iterate, 1.0, False, rows.problem.dimension, tolerance, count, state, *kept)
+        self._sweeps(*rows.law, *iterate, 1.0, False, tolerance, count, state, *kept)
         self.done += int(state[ITERATION])
         self.evaluations += int(state[LOGGED])
         return float(self._log[1][state[LOGGED] - 1])

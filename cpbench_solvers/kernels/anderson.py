@@ -172,7 +172,7 @@ def accelerated(
 
     Parameters
     ----------
-    As those of `gauss_seidel.sweeps`, and: memory : columns; with 0 the sweeps are plain ones. work : all that is
+    As those of `gauss_seidel.sweeps_3d`, and: memory : columns; with 0 the sweeps are plain ones. work : all that is
     remembered; before the first call its first number is 0, or 1 where a start lies at ANSWER. watched : come back
     after every evaluation of the error.
 

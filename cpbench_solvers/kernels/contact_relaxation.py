@@ -3,8 +3,6 @@
 `gauss_seidel` has the fast sweeps with the exact local solver; here every sweep may be another one.
 """
 
-from typing import Any, NamedTuple
-
 import numpy as np
 from numba import boolean, float64, int64, njit
 
@@ -35,22 +33,6 @@ def _block(diagonal, i, dimension, D):
 
 
 @njit(error_model="numpy")
-def _exact(diagonal, local, i, dimension, w, mu, lam, x):
-    """Write the exact reaction of contact i for the velocity w of the others; return whether there is one."""
-    if dimension == 2:
-        D = diagonal[i]
-        found, y0, y1 = one_contact_2d(D[0], D[1], D[2], D[3], w[0], w[1], mu[i])
-        y2 = 0.0
-    elif local[i, PROJECT] == 0.0:
-        found, y0, y1, y2, lam[i] = one_contact_3d(local, i, w[0], w[1], w[2], mu[i], lam[i])
-    else:
-        return False
-    if found:
-        x[0], x[1], x[2] = y0, y1, y2
-    return found
-
-
-@njit(error_model="numpy")
 def _held(omega, error, measured, r, best):
     """Return the error from which a simultaneous relaxation goes on: where it swings, from the best r, half as far."""
     omega[1] = 0.0 if error < measured[LEAST] else omega[1] + 1.0
@@ -60,39 +42,6 @@ def _held(omega, error, measured, r, best):
         omega[1] = 0.0
         error = measured[LEAST]
     return error
-
-
-class Workspace(NamedTuple):
-    """Arrays of one contact: D, and what Newton's method, projections and the enumeration write."""
-
-    D: Any
-    A: Any
-    B: Any
-    J: Any
-    w: Any
-    x: Any
-    room: Any
-    roots: Any
-    split: Any
-
-
-@njit(error_model="numpy")
-def _solved(method, diagonal, local, i, dimension, mu, rho, step, lam, share, work):
-    """Write x of contact i by the local solver, from the x that is there; return (whether that worked, the share of
-    the change that is to be made)."""
-    D, A, B, J, w, x, room, roots, split = work
-    if method == EXACT:
-        return _exact(diagonal, local, i, dimension, w, mu, lam, x), share
-    _block(diagonal, i, dimension, D)
-    if method == NEWTON:
-        return newton(D, w, mu[i], rho[i], x, room, A, B, J), share
-    if method == PROJECTION:
-        project(D, w, mu[i], share * step[i], x, room[0])
-        return True, 1.0  # ω was in ρ: a share of the change would leave the cone
-    if method == PROJECTIONS:
-        step[i] = project_often(D, w, mu[i], step[i], x, room)
-        return True, share
-    return enumerate_modes(D, w, mu[i], x, room, roots, split), share
 
 
 @njit(
@@ -117,8 +66,8 @@ def relax(
     """
     old = r.copy()
     D, A, B, J = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros((3, 3))
-    w, x, room, roots, split = np.zeros(3), np.zeros(3), np.zeros((5, 5)), np.zeros(4), np.zeros(6)
-    work = Workspace(D, A, B, J, w, x, room, roots, split)
+    w, x, room = np.zeros(3), np.zeros(3), np.zeros((5, 5))
+    roots, split = np.zeros(4), np.zeros(6)
     d = dimension
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
@@ -136,7 +85,30 @@ def relax(
                 w[0], w[1] = velocity_2d(start, column, blocks, q, others, i)
             for k in range(d):
                 x[k] = r[d * i + k]
-            found, share = _solved(method, diagonal, local, i, d, mu, rho, step, lam, omega[0], work)
+            found = True
+            share = omega[0]
+            if method == EXACT:
+                found = False
+                if d == 2:
+                    found, y0, y1 = one_contact_2d(
+                        diagonal[i, 0], diagonal[i, 1], diagonal[i, 2], diagonal[i, 3], w[0], w[1], mu[i]
+                    )
+                    y2 = 0.0
+                elif local[i, PROJECT] == 0.0:
+                    found, y0, y1, y2, lam[i] = one_contact_3d(local, i, w[0], w[1], w[2], mu[i], lam[i])
+                if found:
+                    x[0], x[1], x[2] = y0, y1, y2
+            else:
+                _block(diagonal, i, d, D)
+                if method == NEWTON:
+                    found = newton(D, w, mu[i], rho[i], x, room, A, B, J)
+                elif method == PROJECTION:
+                    project(D, w, mu[i], share * step[i], x, room[0])
+                    share = 1.0  # ω was in ρ: a share of the change would leave the cone
+                elif method == PROJECTIONS:
+                    step[i] = project_often(D, w, mu[i], step[i], x, room)
+                else:
+                    found = enumerate_modes(D, w, mu[i], x, room, roots, split)
             if not found:
                 # from the old reaction: a local solver that fails may have left anything in x
                 _block(diagonal, i, d, D)

@@ -75,37 +75,60 @@ def sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega):
     return change
 
 
-@njit(
-    int64(
-        *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, int64[::1]),
-        *(float64, boolean, int64, float64, int64, int64[::1], VECTOR, int64[::1], VECTOR, VECTOR),
-    ),
-    **QUICK,
+_ARGUMENTS = (
+    *(START, COLUMN, DATA, DATA_2D, DATA_2D, DATA, DATA, DATA, VECTOR, VECTOR, int64[::1]),
+    *(float64, boolean, float64, int64, int64[::1], VECTOR, int64[::1], VECTOR, VECTOR),
 )
-def sweeps(
-    start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega, shuffle, dimension,
+
+
+@njit(int64(*_ARGUMENTS), **QUICK)
+def sweeps_3d(
+    start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega, shuffle,
     tolerance, until, state, measured, log_iteration, log_error, best,
 ):  # fmt: skip
     """Return sweep, in place on r, until the judged error is at most `tolerance` or `until` sweeps are done.
 
     Parameters
     ----------
-    start, column, blocks : block-CSR of W without its diagonal blocks, see `row_product`. diagonal : (nc, d·d).
-    local : (nc, 12), see the names of its columns; in the plane not read. lam : (nc,) last λ. order : (nc,) contacts in
-    sweep order. state : (5,), measured : (3,), see the names of their places. log_iteration, log_error : the errors
-    that were evaluated; `state` tells how many. best : the r with the least of them.
+    start, column, blocks : block-CSR of W without its diagonal blocks, see `row_product`. diagonal : (nc, 9).
+    local : (nc, 12), see the names of its columns. lam : (nc,) last λ. order : (nc,) contacts in sweep order.
+    state : (5,), measured : (3,), see the names of their places. log_iteration, log_error : the errors that were
+    evaluated; `state` tells how many. best : the r with the least of them.
     """
     while state[ITERATION] < until and state[LOGGED] < log_error.size:
         if shuffle:
             shuffled(order, state)
-        if dimension == 3:
-            change = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega)
-        else:
-            change = sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega)
+        change = sweep_3d(start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega)
         state[ITERATION] += 1
         known, error = False, np.inf
         if due(state, until, change, tolerance, measured):
-            law = (start, column, blocks, diagonal, q, mu, rho, r, dimension)
+            law = (start, column, blocks, diagonal, q, mu, rho, r, 3)
+            known, error = looked(*law, state, until, change, tolerance, measured)
+        if known:
+            log_iteration[state[LOGGED]], log_error[state[LOGGED]] = state[ITERATION], error
+            outcome = checked(state, error, change, tolerance, measured, r, best)
+            if outcome != CONTINUE:
+                return outcome
+    return CONTINUE
+
+
+# not one kernel for both: sums are made in any order, and the compiler chooses others where it has a branch
+
+
+@njit(int64(*_ARGUMENTS), **QUICK)
+def sweeps_2d(
+    start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega, shuffle,
+    tolerance, until, state, measured, log_iteration, log_error, best,
+):  # fmt: skip
+    """Sweep as `sweeps_3d` does, 4 numbers a block."""
+    while state[ITERATION] < until and state[LOGGED] < log_error.size:
+        if shuffle:
+            shuffled(order, state)
+        change = sweep_2d(start, column, blocks, diagonal, q, mu, rho, r, order, omega)
+        state[ITERATION] += 1
+        known, error = False, np.inf
+        if due(state, until, change, tolerance, measured):
+            law = (start, column, blocks, diagonal, q, mu, rho, r, 2)
             known, error = looked(*law, state, until, change, tolerance, measured)
         if known:
             log_iteration[state[LOGGED]], log_error[state[LOGGED]] = state[ITERATION], error
