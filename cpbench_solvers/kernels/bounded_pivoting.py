@@ -84,56 +84,6 @@ def largest(col, ties, count):
     return r
 
 
-@njit(inline="always", error_model="numpy")
-def _least(D, C, age, E, rows, kept_pivots, col, first, where, sign, ties, count, value, tie_tolerance):
-    """Return the row that leaves by the lexicographic rule: of the tied the columns of B⁻¹ leave one."""
-    n = col.size
-    # the columns of B⁻¹, in the order of the test, are those of the p_b
-    for place in range(n):
-        if count == 1:
-            break
-        b = first if place == n - 1 else (place if place < first else place + 1)
-        slot = where[b]
-        if slot >= 0:
-            update(D.T, -1.0, C, age, slot, E, rows, kept_pivots)
-        count = kept(C[max(slot, 0)], col, ties, count, value, -slot - 1, sign[b], tie_tolerance)
-    return largest(col, ties, count)
-
-
-@njit(inline="always", error_model="numpy")
-def _cross(C, rhs, upper, where, sign, entering, col):
-    """Take the entering variable from one bound to the other; return the slot of its complement, which drives then."""
-    n = rhs.size
-    pair = entering if entering < n else entering - n
-    slot = where[entering + n if entering < n else entering - n]
-    for i in range(n):
-        rhs[i] = max(rhs[i] - col[i] * upper[entering], 0.0)
-        col[i] = -col[i]
-        C[slot, i] = -C[slot, i]
-    sign[pair] = -sign[pair]
-    return slot
-
-
-@njit(inline="always", error_model="numpy")
-def _eliminate(col, entered, rhs, r, height, first):
-    """Make a pivot in row r: the column that entered is kept, `col` becomes that of the leaving variable, which is
-    `height` above the bound at which it leaves. first : whether no pivot was before."""
-    inverse = 1.0 / col[r]
-    step = height * inverse
-    for i in range(rhs.size):
-        a = col[i]
-        entered[i] = a
-        col[i] = -a * inverse
-        rhs[i] -= a * step
-    if not first:  # before the first pivot what is negative is the problem's, after it rounding
-        for i in range(rhs.size):
-            rhs[i] = max(rhs[i], 0.0)
-    rhs[r] = step
-    entered[r] = inverse
-    # the slot now has the leaving variable: its unit column after this pivot
-    col[r] = inverse
-
-
 @njit(
     "int64(float64[:,::1], float64[:,::1], int64[::1], float64[:,::1], int64[::1], float64[::1], float64[::1],"
     " int64[::1], int64[::1], int64[::1], float64[::1], int64[::1], int64[::1], float64[::1], int64, float64, float64)",
@@ -165,23 +115,56 @@ def follow(
         k, s = state[0], state[1]
         col = C[s]
         update(D.T, -1.0, C, age, s, E, rows, k)
-        entering, r = nonbasic[s], state[3]
-        if state[2] > 0:
+        entering = nonbasic[s]
+        if state[2] == 0:
+            r = state[3]
+        else:
             count = blocking(col, rhs, upper, basic, upper[entering], ties, pivot_tolerance, tie_tolerance)
             if count == 0:
                 return RAY if finite(col) and finite(rhs) else NOT_FINITE
             if count < 0:
                 r = -1 - count
             else:
-                r = _least(D, C, age, E, rows, k, col, state[3], where, sign, ties, count, value, tie_tolerance)
+                # the columns of B⁻¹, in the order of the test, are those of the p_b
+                for place in range(n):
+                    if count == 1:
+                        break
+                    b = state[3] if place == n - 1 else (place if place < state[3] else place + 1)
+                    slot = where[b]
+                    if slot >= 0:
+                        update(D.T, -1.0, C, age, slot, E, rows, k)
+                    count = kept(C[max(slot, 0)], col, ties, count, value, -slot - 1, sign[b], tie_tolerance)
+                r = largest(col, ties, count)
         state[2] += 1
         if r == n:
-            state[1] = _cross(C, rhs, upper, where, sign, entering, col)
+            # the entering variable goes from one bound to the other, and its complement drives
+            pair = entering if entering < n else entering - n
+            slot = where[entering + n if entering < n else entering - n]
+            for i in range(n):
+                rhs[i] = max(rhs[i] - col[i] * upper[entering], 0.0)
+                col[i] = -col[i]
+                C[slot, i] = -C[slot, i]
+            sign[pair] = -sign[pair]
+            state[1] = slot
             continue
         leaving = basic[r]
         # it leaves at its upper bound; the row of the first pivot is that of the least rhs, whatever the sign
         turned = col[r] < 0.0 and state[2] > 1
-        _eliminate(col, E[k], rhs, r, rhs[r] - upper[leaving] if turned else rhs[r], state[2] == 1)
+        inverse = 1.0 / col[r]
+        step = (rhs[r] - upper[leaving] if turned else rhs[r]) * inverse
+        entered = E[k]
+        for i in range(n):
+            a = col[i]
+            entered[i] = a
+            col[i] = -a * inverse
+            rhs[i] -= a * step
+        if state[2] > 1:  # before, what is negative is the problem's, after it rounding
+            for i in range(n):
+                rhs[i] = max(rhs[i], 0.0)
+        rhs[r] = step
+        entered[r] = inverse
+        # the slot now has the leaving variable: its unit column after this pivot
+        col[r] = inverse
         age[s] = k + 1
         rows[k] = r
         basic[r], nonbasic[s] = entering, leaving
