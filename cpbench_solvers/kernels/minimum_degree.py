@@ -2,7 +2,9 @@
 
 Eliminated unknowns are kept as elements, lists of the unknowns that they connect. Amestoy, Davis and Duff 1996, SIAM J.
 Matrix Anal. Appl. 17:886: the degree of an unknown is bounded by the sizes of its elements, elements within another one
-are absorbed, and unknowns that only the newest element connects are eliminated with it.
+are absorbed, and unknowns that only the newest element connects are eliminated with it. Unknowns with very many
+neighbours come last, and are left out of the lists, each of which would be looked through in every elimination
+(Amestoy, Davis and Duff 2004, ACM Trans. Math. Softw. 30:381).
 """
 
 import numpy as np
@@ -11,6 +13,8 @@ from numba import njit, types
 from cpbench_solvers.kernels.array_types import COMPILED
 
 _INT = types.int64[::1]
+DENSE, LEAST = 10.0, 16.0
+"""Times √N is the number of neighbours beyond which an unknown comes last, and the least such number: those of 2004."""
 _INDEX = types.Array(types.int32, 1, "C", readonly=True)
 
 
@@ -65,14 +69,19 @@ def minimum_degree(indptr, indices, order):
             near[q] = indices[q]
     head, after, before = np.full(N + 1, -1, np.int64), np.empty(N, np.int64), np.empty(N, np.int64)
     degree = others.copy()
+    gone, rest, last = np.zeros(N, np.bool_), np.empty(N, np.int64), N
     for i in range(N - 1, -1, -1):
-        _put_in(i, degree[i], head, after, before)
+        if degree[i] > max(DENSE * np.sqrt(N), LEAST):
+            last -= 1
+            order[last], gone[i] = i, True
+        else:
+            _put_in(i, degree[i], head, after, before)
+    order[last:] = order[last:][np.argsort(degree[order[last:]], kind="mergesort")]
     store, used = np.empty(2 * indices.size + N + 1, np.int64), 0  # the lists of the elements
     begin, size = np.zeros(N, np.int64), np.full(N, -1, np.int64)  # size < 0 : no element, or absorbed
     seen, outside, stamp = np.full(N, -1, np.int64), np.zeros(N, np.int64), np.full(N, -1, np.int64)
-    gone, rest = np.zeros(N, np.bool_), np.empty(N, np.int64)
     done, least = 0, 0
-    while done < N:
+    while done < last:
         while head[least] < 0:
             least += 1
         p = head[least]

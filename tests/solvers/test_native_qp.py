@@ -434,14 +434,19 @@ def test_the_dense_factor_is_ldl(n: int) -> None:
 
 
 def test_minimum_degree_is_an_order_with_little_fill() -> None:
-    """No fill on a tree; on a square grid of 30² no more than 1.2 times that of SuperLU's multiple minimum degree."""
+    """No fill on a tree and where few rows join all unknowns; on a square grid of 30² no more than 1.2 times that of
+    SuperLU's multiple minimum degree."""
     kernel = load("cpbench_solvers.kernels.minimum_degree")
     line = sp.diags_array([1.0, 1.0], offsets=[-1, 1], shape=(30, 30))
     rng = np.random.default_rng(0)
     parents = [int(rng.integers(0, i)) for i in range(1, 200)]
     tree = sp.coo_array((np.ones(199), (np.arange(1, 200), parents)), shape=(200, 200))
     grid = sp.kron(line, sp.eye_array(30)) + sp.kron(sp.eye_array(30), line)
-    for pattern, most in ((sp.csr_array(tree + tree.T), 199), (sp.csr_array(grid), 1.2 * 10_200)):
+    joined = sp.csr_array(np.ones((8, 400)))  # 8 rows that all of 400 unknowns are in: these first, without fill
+    joined = sp.block_array([[None, joined.T], [joined, None]])
+    full = sp.csr_array(np.ones((40, 40)) - np.eye(40))
+    cases = (tree + tree.T, 199), (grid, 1.2 * 10_200), (joined, 8 * 400 + 28), (full, 40 * 39 // 2)
+    for pattern, most in [(sp.csr_array(matrix), most) for matrix, most in cases]:
         order = np.empty(pattern.shape[0], dtype=np.int64)
         kernel.minimum_degree(pattern.indptr.astype(np.int32), pattern.indices.astype(np.int32), order)
         assert (np.sort(order) == np.arange(order.size)).all()
