@@ -55,28 +55,33 @@ def _room(need, store, begin, size):
     return grown, at
 
 
+@njit(types.int64(_INT, _INT, types.boolean[::1]), **COMPILED)
+def _full_ones(degree, order, gone):
+    """Write the unknowns with very many neighbours at the end of the order; return where they begin there."""
+    N = last = order.size
+    for i in range(N):
+        if degree[i] > max(DENSE * np.sqrt(N), LEAST):
+            last -= 1
+            order[last], gone[i] = i, True
+    order[last:] = order[last:][np.argsort(degree[order[last:]], kind="mergesort")]
+    return last
+
+
 @njit(types.void(_INDEX, _INDEX, _INT), **COMPILED)
 def minimum_degree(indptr, indices, order):
     """Write the order of a matrix whose pattern, without its diagonal, is symmetric. order : (N,)."""
     N = order.size
     near = np.empty(max(indices.size, 1), np.int64)  # of every unknown: its elements, then its other neighbours
-    start = np.empty(N, np.int64)
-    elements, others = np.zeros(N, np.int64), np.empty(N, np.int64)
-    for i in range(N):
-        start[i] = indptr[i]
-        others[i] = indptr[i + 1] - indptr[i]
-        for q in range(indptr[i], indptr[i + 1]):
-            near[q] = indices[q]
+    near[: indices.size] = indices
+    start, others = indptr[:N].astype(np.int64), (indptr[1:] - indptr[:N]).astype(np.int64)
+    elements = np.zeros(N, np.int64)
     head, after, before = np.full(N + 1, -1, np.int64), np.empty(N, np.int64), np.empty(N, np.int64)
     degree = others.copy()
-    gone, rest, last = np.zeros(N, np.bool_), np.empty(N, np.int64), N
+    gone, rest = np.zeros(N, np.bool_), np.empty(N, np.int64)
+    last = _full_ones(degree, order, gone)
     for i in range(N - 1, -1, -1):
-        if degree[i] > max(DENSE * np.sqrt(N), LEAST):
-            last -= 1
-            order[last], gone[i] = i, True
-        else:
+        if not gone[i]:
             _put_in(i, degree[i], head, after, before)
-    order[last:] = order[last:][np.argsort(degree[order[last:]], kind="mergesort")]
     store, used = np.empty(2 * indices.size + N + 1, np.int64), 0  # the lists of the elements
     begin, size = np.zeros(N, np.int64), np.full(N, -1, np.int64)  # size < 0 : no element, or absorbed
     seen, outside, stamp = np.full(N, -1, np.int64), np.zeros(N, np.int64), np.full(N, -1, np.int64)

@@ -140,4 +140,4 @@ def test_reports_in_the_repository_are_small() -> None:
     listed = subprocess.run(["git", "ls-files", "-z", "reports"], cwd=ROOT, capture_output=True, text=True)
     if listed.returncode:
         pytest.skip("does not apply: no clone")
-    assert sum((ROOT / name).stat().st_size for name in listed.stdout.split("\0") if name) < 3_000_000
+    assert sum((ROOT / name).stat().st_size for name in listed.stdout.split("\0") if name) < 2_000_000
