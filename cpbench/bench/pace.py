@@ -37,7 +37,8 @@ class Expected:
     high: float
 
     def __str__(self) -> str:
-        return f"about {duration(self.mean)}, {duration(self.low)} to {duration(self.high)}"
+        low, high = duration(self.low), duration(self.high)
+        return f"about {duration(self.mean)}" + (f", {low} to {high}" if low != high else "")
 
 
 def expected(seconds: Sequence[float], left: int) -> Expected | None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cpbench.bench.events import Done, Solving, Starting
-from cpbench.bench.pace import FEWEST, Pace, expected, recent
+from cpbench.bench.pace import FEWEST, Expected, Pace, expected, recent
 from cpbench.bench.pilot import EACH, draw
 from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
 from cpbench.bench.results.rows import Outcome
@@ -49,6 +49,11 @@ def test_the_mean_is_that_of_the_sample() -> None:
     even = expected([2.0] * FEWEST, 10)
     assert even is not None
     assert (even.mean, even.low, even.high) == (20.0, 20.0, 20.0)
+
+
+def test_both_ends_are_said_where_they_differ() -> None:
+    assert str(Expected(170.0, 165.0, 175.0)) == "about 3 min"
+    assert str(Expected(170.0, 165.0, 235.0)) == "about 3 min, 3 min to 4 min"
 
 
 def test_what_a_solver_takes_to_start_is_no_part_of_the_pace() -> None:
