@@ -18,11 +18,7 @@ from cpbench.foundation.plain_text import printable
 from cpbench.verification import CONTRADICTION, PROVEN, VERIFIED, Status
 
 WHOLE = ("regression", "inconclusive")
-FAILURES = (
-    *WHOLE,
-    CONTRADICTION,
-    *(str(s) for s in Status if s not in (*VERIFIED, *PROVEN, Status.NOT_RUN)),
-)
+FAILURES = (*WHOLE, CONTRADICTION, *(str(s) for s in Status if s not in (*VERIFIED, *PROVEN, Status.NOT_RUN)))
 """Values of --fail-on: verdicts on the whole, new contradictions, and statuses that a pair has now and had not
 before."""
 NOT_NEGATIVE = click.FloatRange(min=0)
@@ -118,11 +114,7 @@ def command(
 
 
 def _require_sense(
-    base: Path,
-    new: Path | None,
-    first: str | None,
-    second: str | None,
-    fail_on: tuple[str, ...],
+    base: Path, new: Path | None, first: str | None, second: str | None, fail_on: tuple[str, ...]
 ) -> None:
     """Raise UsageError, CpbenchError on options that do not go together, before any file is read."""
     if new is None and (first is None or second is None):

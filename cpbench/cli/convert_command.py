@@ -56,9 +56,7 @@ from cpbench.storage.base import require_new
     help="Carry an answer there and back, and show its errors, their amplification and the times.",
 )
 @click.option(
-    "--memory",
-    type=MEMORY,
-    help="Largest converted problem, such as 8G; 0: no limit; default: the available memory.",
+    "--memory", type=MEMORY, help="Largest converted problem, such as 8G; 0: no limit; default: the available memory."
 )
 @kinds_option()
 @tolerance_option

@@ -22,11 +22,7 @@ from cpbench.storage.base import require_new
 @click.command(cls=Command)
 @click.argument("folder", required=False, type=click.Path(path_type=Path, file_okay=False))
 @click.option(
-    "--collection",
-    "names",
-    cls=ListOption,
-    metavar="NAME",
-    help="Collection to write; needs FOLDER. Repeatable.",
+    "--collection", "names", cls=ListOption, metavar="NAME", help="Collection to write; needs FOLDER. Repeatable."
 )
 @click.option(
     "--tier",

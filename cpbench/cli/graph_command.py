@@ -25,12 +25,7 @@ from cpbench.report.graph_drawing import FORMATS, draw
 )
 @click.option("--node", "nodes", cls=ListOption, metavar="NODE", help="Formulations to --check. Repeatable.")
 @click.option(
-    "--tolerance",
-    "-t",
-    type=POSITIVE,
-    default=1e-9,
-    show_default=True,
-    help="Largest error on a source, for --check.",
+    "--tolerance", "-t", type=POSITIVE, default=1e-9, show_default=True, help="Largest error on a source, for --check."
 )
 @kinds_option("all")
 def command(

@@ -22,13 +22,7 @@ from cpbench.cli.terminal import print_lines
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the solvers as JSON.")
 def command(
-    what: str,
-    names: tuple[str, ...],
-    every: bool,
-    available: bool,
-    node: str | None,
-    check: bool,
-    as_json: bool,
+    what: str, names: tuple[str, ...], every: bool, available: bool, node: str | None, check: bool, as_json: bool
 ) -> None:
     """List formulations, conversions, solvers, formats or the built-in problems.
 

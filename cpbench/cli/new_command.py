@@ -38,14 +38,7 @@ CI = "ci"
 @click.option("-o", "--output", type=FOLDER, help="Output folder; default: NAME, for ci this one.")
 @click.option("--force", is_flag=True, help="Replace existing files.")
 def command(
-    kind: str,
-    name: str | None,
-    lang: str,
-    node: str,
-    host: str,
-    build: str,
-    output: Path | None,
-    force: bool,
+    kind: str, name: str | None, lang: str, node: str, host: str, build: str, output: Path | None, force: bool
 ) -> None:
     """Write a plugin that works: a solver, a conversion or a collection of problems, for you to change.
 

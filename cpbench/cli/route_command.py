@@ -28,12 +28,7 @@ from cpbench.report.graph_drawing import solvers_of
 @kinds_option()
 @format_option
 def command(
-    problem: str,
-    nodes: tuple[str, ...],
-    every: bool,
-    explain: bool,
-    kinds: frozenset[Kind],
-    file_format: str | None,
+    problem: str, nodes: tuple[str, ...], every: bool, explain: bool, kinds: frozenset[Kind], file_format: str | None
 ) -> None:
     """Show how a problem reaches each formulation, which solvers work there, and why other formulations cannot be
     reached.

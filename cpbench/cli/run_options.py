@@ -107,13 +107,7 @@ run_options = chained(
     measure_option,
     click.option("--history/--no-history", help="Solve once more to keep the iterates, where a solver can."),
     limit_options,
-    click.option(
-        "--repeats",
-        type=COUNT,
-        default=3,
-        show_default=True,
-        help="Number of solves of a pair below 1 s.",
-    ),
+    click.option("--repeats", type=COUNT, default=3, show_default=True, help="Number of solves of a pair below 1 s."),
     click.option(
         "--throughput/--no-throughput",
         help="Solve small problems of one size by one call, where a solver can; reports problems per second.",
