@@ -18,7 +18,7 @@ from cpbench.formulations.applications.least_squares import least_squares_proble
 from cpbench.formulations.base import Info, Problem, formulations
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.contact import ContactProblem
-from cpbench.foundation import matrices
+from cpbench.foundation import matrices, plurals
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.storage import dialects
 from cpbench.storage.arrays import sparse_from_parts
@@ -27,7 +27,7 @@ from cpbench.storage.dialects import Dialect
 from cpbench.storage.half_stored import whole
 from cpbench.storage.named_arrays import SPARSE, NamedArrays, Shape, absent, counted, require_shapes, shapes_of
 from cpbench.storage.program_properties import OFFSET
-from cpbench.storage.two_sided import infinite, rows_and_bounds
+from cpbench.storage.two_sided import INFINITE, infinite, rows_and_bounds
 
 FORM = "form"
 """Property of a problem that says in which form its arrays were."""
@@ -140,7 +140,14 @@ def _below(arrays: NamedArrays, dialect: Dialect) -> Made:
         "lb": infinite(arrays.vector("lb", n, -np.inf)),
         "ub": infinite(arrays.vector("ub", n, np.inf)),
     }
-    return QP, parts, {}
+    return QP, parts, _left_out(side.size - int(kept.sum()))
+
+
+def _left_out(count: int) -> dict[str, Any]:
+    """Return the property that says how many rows are left out, where there are some."""
+    return (
+        {"left_out": f"{plurals.counted(count, 'row')} without a side (none, or beyond {INFINITE:g})"} if count else {}
+    )
 
 
 def _cvxopt(arrays: NamedArrays, dialect: Dialect) -> Made:
@@ -173,9 +180,11 @@ def _osqp(arrays: NamedArrays, dialect: Dialect) -> Made:
     for name, size in (("n", A.shape[1]), ("m", A.shape[0])):
         if arrays.number(name, size) != size:
             raise arrays.error(name, f"is {arrays.number(name, size):g}, expected {size} as A has")
-    rows = rows_and_bounds(arrays.path, matrices.sparse(A), arrays.vector("l"), arrays.vector("u"))
+    lower, upper = arrays.vector("l"), arrays.vector("u")
+    rows = rows_and_bounds(arrays.path, matrices.sparse(A), lower, upper)
     offset = arrays.number("r", 0.0)
-    properties = {OFFSET: offset} if offset else {}
+    sideless = np.isinf(infinite(lower)) & np.isinf(infinite(upper))
+    properties = ({OFFSET: offset} if offset else {}) | _left_out(int(sideless.sum()))
     return QP, {"Q": sp.csr_array(arrays.symmetric("P")), "p": arrays.vector("q"), **rows}, properties
 
 

@@ -22,6 +22,7 @@ from cpbench import storage
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
+from cpbench.storage.two_sided import INFINITE
 
 READERS = ("arrays", "mps", "lp", "nl", "gams", "mof", "text", "own")
 RANGED = MPS.replace("BOUNDS", "RANGES\n    RNG  LOW  2.5  UP  1.5\nBOUNDS").replace(" UP BND", " MI BND  Y\n UP BND")
@@ -135,9 +136,9 @@ class ArrayMutant:
                 del arrays[name]
             case 2:
                 arrays[draw.choice(NAMES)] = value.copy()
-            case 3:
+            case 3 if value.ndim:
                 arrays[name] = value.T if value.ndim > 1 else value[:, None] if draw.random() < 0.5 else value[None, :]
-            case 4:
+            case 4 if value.ndim:
                 arrays[name] = value[draw.choice((slice(1, None), slice(0), slice(None, None, 2)))]
             case 5:
                 with np.errstate(invalid="ignore"):
@@ -173,7 +174,7 @@ class ArrayMutant:
     def require_every_array(self, problem: Problem, path: Path) -> None:
         """Raise AssertionError where an array may have another entry and the problem is the same."""
         sides = [np.asarray(value) for name, value in self.arrays.items() if name in SIDES]
-        if any(np.isinf(side).any() for side in sides if side.dtype.kind == "f"):
+        if any((abs(side) >= INFINITE).any() for side in sides if side.dtype.kind == "f"):
             return
         for name, value in self.arrays.items():
             other = np.array(value, copy=True)

@@ -240,6 +240,20 @@ def test_forms_of_packages_are_the_program_that_they_say(tmp_path: Path) -> None
         storage.load(npz(tmp_path, FORMS["cvxopt"] | {"dims.l": np.array([2.0])}))
 
 
+@pytest.mark.parametrize("form", ["quadprog", "OSQP"])
+def test_rows_without_a_side_are_left_out_aloud(form: str, tmp_path: Path) -> None:
+    """1e20 stands for no side, as infinity does; the last row keeps its own."""
+    arrays = dict(FORMS[form])
+    none = np.array([1e20, np.inf, 1.0])
+    arrays |= {"b": none} if form == "quadprog" else {"l": -none, "u": none}
+    np.savez(tmp_path / "p.npz", **arrays)
+    problem = storage.load(tmp_path / "p.npz")
+    assert problem.info.properties["left_out"] == "2 rows without a side (none, or beyond 1e+19)"
+    assert problem.A.shape[0] == (1 if form == "quadprog" else 2)
+    np.savez(tmp_path / "p.npz", **FORMS[form])
+    assert "left_out" not in storage.load(tmp_path / "p.npz").info.properties
+
+
 def test_absent_parts_and_starting_points(tmp_path: Path) -> None:
     """MATLAB's [] and NumPy's None stand for no rows; what is no part of the problem is said to be none."""
     empty = np.zeros((0, 0))
