@@ -193,6 +193,8 @@ class ArrayMutant:
 
 def require_highs(problem: Any, path: Path) -> None:
     """Raise AssertionError where HiGHS reads another problem in the file, and warns of nothing."""
+    if "free_rows" in problem.info.properties:  # HiGHS takes the right side of one for a constant of the objective
+        return
     log = path.with_name("highs.log")
     log.unlink(missing_ok=True)
     reader = highspy.Highs()
