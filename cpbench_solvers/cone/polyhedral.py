@@ -9,6 +9,8 @@ from cpbench.formulations.qp import QP
 from cpbench.foundation.product_cones import Cone
 from cpbench_solvers.qp.claims import ErrorMeasure
 
+KERNELS = ("qp_dense", "qp_sparse", "qp_parts", "qp_rows")
+"""Compiled loops of the measure, which a warm-up loads: a solve that compiled them would run out of time."""
 FLAT = (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE)
 
 

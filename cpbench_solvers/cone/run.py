@@ -12,10 +12,12 @@ import numpy as np
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP
+from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector, least_eigenvalue
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.shared.progress import SHARE, Progress
+from cpbench_solvers.cone import polyhedral
 from cpbench_solvers.cone.scaled_form import ConicForm, conic_form
 from cpbench_solvers.lcp.claims import CLOSE
 
@@ -55,6 +57,7 @@ class ConicSolver(Solver):
     def warmup(self) -> None:
         K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))
         if self.spec.node == "coneqp":
+            load_all("cpbench_solvers.kernels", polyhedral.KERNELS)
             self.run(ConeQP.over(np.eye(3), -np.ones(3), K))
         else:
             self.run(SOCLCP(M=np.eye(3), q=-np.ones(3), **cone_fields(K)))  # pyright: ignore[reportArgumentType]
