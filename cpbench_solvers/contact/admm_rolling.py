@@ -52,6 +52,11 @@ class RollingADMM(SolverByParts):
         options=ConicADMMOptions,
     )
 
+    def warmup(self) -> None:
+        for d in (3, 5):
+            q = -np.eye(d)[0]
+            self.run(RollingFrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), mu_r=np.array([0.1]), dimension=d))
+
     def prepare(self, problem: RollingFrictionContact, budget: Budget, options: ConicADMMOptions) -> _Local:
         return _Local(problem)
 

@@ -61,6 +61,7 @@ class Lemke(Solver):
 
     def warmup(self) -> None:
         linear_program.load()
+        load("cpbench_solvers.kernels.splitting")  # for the first basis of a large sparse problem
         self.warmup_quickly()
 
     def warmup_quickly(self) -> None:

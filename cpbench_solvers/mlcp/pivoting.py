@@ -12,6 +12,7 @@ from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Vector, dense
+from cpbench.solvers import warming
 from cpbench.solvers.base import (
     Budget,
     Claim,
@@ -24,7 +25,6 @@ from cpbench.solvers.base import (
     solved,
     solvers,
 )
-from cpbench_solvers import linear_program
 from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale
 
 SMALL = 64
@@ -93,7 +93,7 @@ class LemkeMLCP(Solver):
         return PivotingData(scaled, limit, data, kernel, compiled(kernel.lemke_mixed))
 
     def warmup(self) -> None:
-        linear_program.load()
+        warming.warm_up(solvers.get("lemke"))  # which many pairs go to
         self.warmup_quickly()
 
     def warmup_quickly(self) -> None:
