@@ -95,7 +95,7 @@ class AutomaticChoice(Solver):
     def solve(
         self, prepared: Plan, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
-        begun, phases, solver = clock.now(), prepared.phases, prepared.solver
+        deadline, phases, solver = budget.deadline(), prepared.phases, prepared.solver
         # most problems end with the first solver, many in less time than it takes to prepare for more
         if solver is not None and start is None and record is None and budget.seconds > 0 and budget.iterations != 0:
             output = solver.collect(solver.solve(prepared.first, budget, prepared.options))
@@ -103,11 +103,11 @@ class AutomaticChoice(Solver):
                 counters = output.counters
                 counters = {"iterations": 0, **counters, "solvers": counters.get("solvers", 0) + 1}
                 return solved(output.point, counters, f"{phases[0].solver}: solved")
-            run = _Run(prepared, self.error, budget, start, record, begun)
+            run = _Run(prepared, self.error, budget, start, record, deadline)
             run.take(phases[0], solver, output)
             phases = phases[1:]
         else:
-            run = _Run(prepared, self.error, budget, start, record, begun)
+            run = _Run(prepared, self.error, budget, start, record, deadline)
         for phase in phases:
             if run.over:
                 break
@@ -144,13 +144,13 @@ class _Run:
         budget: Budget,
         start: Any | None,
         record: Record | None,
-        begun: float,
+        deadline: float,
     ) -> None:
         problem, self._error_of = plan.problem, error
         self._plan, self._problem, self._budget, self._record = plan, problem, budget, record
         if start is None and not any(problem.point_sizes.values()):
             start = problem.zero_point()  # nothing is to be found, which some solvers do not take
-        self._deadline = begun + budget.seconds
+        self._deadline = deadline
         self._best, self._error = start, math.inf if start is None else self._measured(start)
         self._iterations, self._recorded = 0, -1
         self._messages: list[str] = []
@@ -222,7 +222,7 @@ class _Run:
             most = left if most is None else min(most, left)
         if most == budget.iterations and math.isinf(budget.seconds):
             return budget
-        return replace(budget, iterations=most, seconds=max(self._deadline - clock.now(), 0.0))
+        return replace(budget.left(self._deadline), iterations=most)
 
     def _count(self, output: SolverOutput) -> None:
         self._iterations += max(output.counters.get("iterations", 1), 1)

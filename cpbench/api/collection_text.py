@@ -1,4 +1,4 @@
-"""What the collection of cpbench contains, in counts: rows of tables and lines for a reader."""
+"""Counts of the problems in the collection of cpbench: rows of tables and lines for a reader."""
 
 from __future__ import annotations
 

@@ -13,6 +13,7 @@ from cpbench.foundation.matrices import Vector, identity, scaled_both
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
 from cpbench_solvers.contact.by_parts import SolverByParts
+from cpbench_solvers.contact.rolling_blocks import single_contacts
 from cpbench_solvers.contact.run import iterate_on
 from cpbench_solvers.traits import ITERATIVE
 
@@ -53,9 +54,8 @@ class RollingADMM(SolverByParts):
     )
 
     def warmup(self) -> None:
-        for d in (3, 5):
-            q = -np.eye(d)[0]
-            self.run(RollingFrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), mu_r=np.array([0.1]), dimension=d))
+        for problem in single_contacts():
+            self.run(problem)
 
     def prepare(self, problem: RollingFrictionContact, budget: Budget, options: ConicADMMOptions) -> _Local:
         return _Local(problem)

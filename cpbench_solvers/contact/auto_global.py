@@ -12,7 +12,6 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import EPS
-from cpbench.solvers import clock
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
 from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
@@ -106,12 +105,8 @@ class AutoGlobal(AutomaticChoice):
 
 def _left(finer: Budget, counters: Mapping[str, int], budget: Budget, end: float) -> Budget | None:
     """Return what is left of a budget, with the tolerance of `finer`; None where that is nothing."""
-    seconds = end - clock.now()
-    spent = counters.get("iterations", 0)
-    iterations = None if budget.iterations is None else budget.iterations - spent
-    if seconds <= 0.0 or (iterations is not None and iterations <= 0):
-        return None
-    return replace(finer, seconds=seconds, iterations=iterations)
+    left = budget.left(end, counters.get("iterations", 0))
+    return None if left.seconds <= 0.0 or left.iterations == 0 else replace(left, tolerance=finer.tolerance)
 
 
 def _locally(

@@ -14,7 +14,7 @@ from cpbench.foundation.kernel_cache import compiled
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
-from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
+from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks, single_contacts
 from cpbench_solvers.contact.sweeps import conclude, kernel
 from cpbench_solvers.traits import ITERATIVE
 
@@ -54,9 +54,8 @@ class NSGSRolling(SolverByParts):
         return rolling_blocks(problem)
 
     def warmup(self) -> None:
-        for d in (3, 5):
-            q = -np.eye(d)[0]
-            self.run(RollingFrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), mu_r=np.array([0.1]), dimension=d))
+        for problem in single_contacts():
+            self.run(problem)
 
     def solve_part(
         self, prepared: RollingBlocks, budget: Budget, options: NSGSRollingOptions, start: Any, record: Record | None

@@ -22,13 +22,17 @@ FINEST = 1e-15
 """The tightest tolerance that is asked for."""
 
 
-def infeasible(case: FailedTrial) -> Cause | None:
-    """Look for multipliers that contradict the problem's linear conditions, in rational arithmetic (Farkas)."""
+def _proof(case: FailedTrial, kind: str) -> Infeasible | Unbounded | None:
+    """Return the proof that a problem has no solution, where no answer is right and there is one."""
     if case.failed.solved:
         return None
-    trial = case.trial
-    seconds = min(SECONDS, trial.seconds)
-    proof = verification.prove(case.problem, Infeasible.kind, seconds=seconds, tolerance=trial.tolerance).proof
+    seconds = min(SECONDS, case.trial.seconds)
+    return verification.prove(case.problem, kind, seconds=seconds, tolerance=case.trial.tolerance).proof
+
+
+def infeasible(case: FailedTrial) -> Cause | None:
+    """Look for multipliers that contradict the problem's linear conditions, in rational arithmetic (Farkas)."""
+    proof = _proof(case, Infeasible.kind)
     if not isinstance(proof, Infeasible):
         return None
     rows = np.flatnonzero([v != 0 for v in proof.multipliers])
@@ -44,11 +48,7 @@ def infeasible(case: FailedTrial) -> Cause | None:
 
 def unbounded(case: FailedTrial) -> Cause | None:
     """Look for a feasible point and a ray along which the objective falls for ever, in rational arithmetic."""
-    if case.failed.solved:
-        return None
-    trial = case.trial
-    seconds = min(SECONDS, trial.seconds)
-    proof = verification.prove(case.problem, Unbounded.kind, seconds=seconds, tolerance=trial.tolerance).proof
+    proof = _proof(case, Unbounded.kind)
     if not isinstance(proof, Unbounded):
         return None
     moving = int(np.count_nonzero([v != 0 for v in proof.ray]))
