@@ -182,7 +182,7 @@ def test_a_heavy_rope_needs_more_pull_than_one_without_mass() -> None:
 
 def test_the_first_force_is_that_of_riccati_where_no_limit_is_active() -> None:
     masses, horizon = 3, 12
-    problem = control.chain(masses, horizon, push=0.0625, limit=64.0).problem
+    problem = control.program(masses, horizon, control.drawn_state(masses), "", limit=64.0)
     A, B = control.dynamics(masses)
     Q, C = matrices.dense(problem.Q), matrices.dense(problem.C)
     n, k = problem.p.size, problem.d.size
@@ -194,6 +194,20 @@ def test_the_first_force_is_that_of_riccati_where_no_limit_is_active() -> None:
         K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
         P = np.eye(2 * masses) + A.T @ P @ (A - B @ K)
     assert z[:masses] == pytest.approx(-K @ start, abs=1e-12)
+
+
+def test_the_plan_of_a_period_is_feasible_and_the_next_state_is_near_its_first() -> None:
+    masses, horizon = 3, 12
+    first, second = control.periods(masses, horizon, 2)
+    A, _ = control.dynamics(masses)
+    for instance in (first, second):
+        problem, plan = instance.problem, instance.starts[0].z
+        assert np.abs(problem.C @ plan - problem.d).max() < 1e-12
+        assert (np.abs(plan) <= problem.ub).all()
+        assert (np.abs(plan) == problem.ub).any(), "a force is at its limit"
+    planned = first.starts[0].z[masses : 3 * masses]
+    state = np.linalg.solve(A, second.problem.d[: 2 * masses])
+    assert 0 < np.abs(state - planned).max() <= control.STEP / 16
 
 
 def test_the_dual_of_a_machine_has_no_gap_to_the_primal() -> None:
@@ -219,6 +233,20 @@ def test_sources_of_a_circuit_supply_what_resistors_and_diodes_take(side: int) -
     assert (C.sum(axis=0) == 0).all()
     assert ((C.T @ u) >= 0).all(), "current flows through a diode from the higher voltage"
     assert np.linalg.eigvalsh(G)[0] > 0
+
+
+def test_closed_switches_join_nodes_and_carry_what_the_nodes_need() -> None:
+    instance = circuits.grid(9, switched=True)
+    problem, u, v = instance.problem, instance.solution.u, instance.solution.v
+    nodes, switches = 81, instance.properties["switches"]
+    A, C = matrices.dense(problem.A), matrices.dense(problem.C)
+    S, voltages, currents = A[:nodes, nodes:], u[:nodes], u[nodes:]
+    assert (np.abs(S).sum(axis=0) == 2).all()
+    assert (np.abs(S).sum(axis=1) <= 1).all(), "no node has two switches"
+    assert switches == currents.size == 9
+    assert (S.T @ voltages == 0).all()
+    assert np.array_equal(-problem.a[:nodes], A[:nodes, :nodes] @ voltages + S @ currents + C[:nodes] @ v)
+    assert np.linalg.matrix_rank(A) == len(A)
 
 
 def test_a_truss_is_no_mechanism_and_its_matrix_is_positive_definite() -> None:
