@@ -41,7 +41,7 @@ def _evened(start, column, value, D, group):
             beside[at[j]], size[at[j]] = i, abs(value[k])  # of column j
             at[j] += 1
     both, label = np.empty(2 * N), np.empty(2 * N, np.int64)
-    equilibrate(begin, beside, size, both)  # rows and columns by themselves: M need not be symmetric
+    equilibrate(begin, beside, size, N, both)  # rows and columns by themselves: M need not be symmetric
     label_sparse(begin, beside, size, label)
     # D times a number and C over it are as good: let the logarithms of C bear the size of K, as alternate scalings do
     total, count = np.zeros(2 * N), np.zeros(2 * N)

@@ -17,52 +17,81 @@ INEXACT = 0.1
 """Conjugate gradients leave this share of the right side of a Newton step."""
 FARTHEST = 3.0
 """A Newton step changes no log D_i by more: it is right near 0 only."""
+LEAST = 1e-3
+"""Of a diagonal entry, what elimination leaves of it at least: rounding may leave none."""
 LARGEST = 80.0
 """Logarithms of entries that the guess leaves are cut off here, so that sums of them are numbers."""
 
 
-@njit(void(INDEX, INDEX, DATA, DATA, DATA, VECTOR), fastmath=FAST, **COMPILED)
-def _product(start, column, weight, diagonal, x, y):
-    """Write diag(diagonal) x + Wx."""
-    for i in range(x.size):
+@njit(void(INDEX, INDEX, DATA, DATA, int64, VECTOR), fastmath=FAST, **COMPILED)
+def _eliminate(start, column, weight, diagonal, head, x):
+    """Write the rows from `head` on of x, so that these rows of (diag(diagonal) + W) x are 0."""
+    for i in range(head, x.size):
+        total = 0.0
+        for k in range(start[i], start[i + 1]):
+            total += weight[k] * x[column[k]]
+        x[i] = -total / diagonal[i] if diagonal[i] > 0.0 else 0.0
+
+
+@njit(void(INDEX, INDEX, DATA, DATA, int64, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
+def _product(start, column, weight, diagonal, head, x, y):
+    """Write the rows before `head` of diag(diagonal) x + Wx."""
+    for i in range(head):
         total = diagonal[i] * x[i]
         for k in range(start[i], start[i + 1]):
             total += weight[k] * x[column[k]]
         y[i] = total
 
 
-@njit(void(INDEX, INDEX, DATA, DATA, VECTOR, VECTOR, float64, int64), **COMPILED)
-def _solve(start, column, weight, diagonal, r, x, enough, steps):
-    """Write the x of (diag(diagonal) + W) x = r, as far as Σ r²/diagonal is more than `enough`; r is what is left."""
+@njit(void(INDEX, INDEX, DATA, DATA, int64, VECTOR, VECTOR, float64, int64), **COMPILED)
+def _solve(start, column, weight, diagonal, head, r, x, enough, steps):
+    """Write the x of (diag(diagonal) + W) x = r, as far as what is left of r, squared and over the diagonal of the
+    matrix without the rows from `head` on, is more than `enough`. Those rows are eliminated; r is overwritten."""
     n = x.size
-    p, Ap, old = np.zeros(n), np.empty(n), 1.0
+    p, Ap, pivot, old = np.zeros(n), np.empty(head), np.empty(head), 1.0
     x[:] = 0.0
+    for i in range(head):
+        pivot[i] = diagonal[i]
+        for k in range(start[i], start[i + 1]):
+            j = column[k]
+            if j == i:
+                pivot[i] += weight[k]
+            elif j >= head and diagonal[j] > 0.0:
+                pivot[i] -= weight[k] * weight[k] / diagonal[j]
+                r[i] -= weight[k] * r[j] / diagonal[j]
+        pivot[i] = max(pivot[i], LEAST * diagonal[i])
     for step in range(steps):
         new = 0.0
-        for i in range(n):
-            if diagonal[i] > 0.0:
-                new += r[i] * r[i] / diagonal[i]
+        for i in range(head):
+            if pivot[i] > 0.0:
+                new += r[i] * r[i] / pivot[i]
         if not new > enough:
             break
         share = new / old if step else 0.0
-        for i in range(n):
+        for i in range(head):
             # preconditioned by the diagonal; empty rows have none
-            p[i] = share * p[i] + (r[i] / diagonal[i] if diagonal[i] > 0.0 else 0.0)
-        _product(start, column, weight, diagonal, p, Ap)
+            p[i] = share * p[i] + (r[i] / pivot[i] if pivot[i] > 0.0 else 0.0)
+        _eliminate(start, column, weight, diagonal, head, p)
+        _product(start, column, weight, diagonal, head, p, Ap)
         curvature = 0.0
-        for i in range(n):
+        for i in range(head):
             curvature += p[i] * Ap[i]
         if not curvature > 0.0:
             break  # else nothing is left but rounding
-        for i in range(n):
+        for i in range(head):
             x[i] += new / curvature * p[i]
             r[i] -= new / curvature * Ap[i]
         old = new
+    _eliminate(start, column, weight, diagonal, head, x)
+    for i in range(head, n):
+        if diagonal[i] > 0.0:
+            x[i] += r[i] / diagonal[i]
 
 
-@njit(void(INDEX, INDEX, DATA, VECTOR), **COMPILED)
-def equilibrate(start, column, size, D):
-    """Write D; 1 for rows that are empty. The matrix is in CSR, with `size` > 0."""
+@njit(void(INDEX, INDEX, DATA, int64, VECTOR), **COMPILED)
+def equilibrate(start, column, size, head, D):
+    """Write D; 1 for rows that are empty. The matrix is in CSR, with `size` > 0; rows from `head` on have entries in
+    columns before it alone."""
     n = D.size
     count, r, x, weight = np.empty(n), np.empty(n), np.empty(n), np.ones(size.size)
     logs, total = np.log(size), float(size.size)
@@ -70,7 +99,7 @@ def equilibrate(start, column, size, D):
         count[i], r[i] = start[i + 1] - start[i], 0.0
         for k in range(start[i], start[i + 1]):
             r[i] -= logs[k]  # Curtis and Reid: least squares of logarithms, whose matrix is the pattern
-    _solve(start, column, weight, count, r, x, GUESSED * GUESSED * total, CG_STEPS)
+    _solve(start, column, weight, count, head, r, x, GUESSED * GUESSED * total, CG_STEPS)
     for i in range(n):
         D[i] = np.exp(x[i])
         for k in range(start[i], start[i + 1]):
@@ -95,7 +124,7 @@ def equilibrate(start, column, size, D):
             square = 0.0
             for i in range(n):
                 square += r[i] * r[i] / sums[i] if count[i] > 0.0 else 0.0
-            _solve(start, column, weight, sums, r, x, INEXACT * INEXACT * square, CG_STEPS)
+            _solve(start, column, weight, sums, head, r, x, INEXACT * INEXACT * square, CG_STEPS)
             for i in range(n):
                 x[i] = np.exp(min(max(x[i], -FARTHEST), FARTHEST))
         for i in range(n):

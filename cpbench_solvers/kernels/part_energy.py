@@ -83,7 +83,7 @@ def weights(start, column, blocks, diagonal, dimension, sizes, own, D, reach):
             total += diagonal[i, e] ** 2
         own[i] = np.sqrt(total)
     begin, beside, both = _both_ways(start, column, sizes, own)
-    equilibrate(begin, beside, both, D)
+    equilibrate(begin, beside, both, nc, D)
     D *= np.sqrt(0.5)  # of ‖W_cb‖ + ‖W_bc‖, twice the matrix that was given
     for i in range(nc):
         reach[i] = D[i] * own[i]

@@ -38,8 +38,9 @@ LARGE = 300
 STEPS = 5
 """Of conjugate gradients on faces, times √n, a product with Q each: on a grid in the plane one face takes about √n."""
 ON_SMALL = SolverPhase("proximal-active-set"), SolverPhase("interior-point-qp"), SolverPhase("augmented-lagrangian")
-SMALL = 100
-"""Unknowns up to which sparse matrices are no reason for the interior point, whose order of pivots takes as long."""
+SMALL, SMALL_SPARSE = 100, 50
+"""Unknowns up to which the active set is first whatever it takes, where matrices are full and where they are sparse: of
+these the interior point takes advantage, once there is more to eliminate than to put in order."""
 TURNS, AHEAD = 40, 2.5
 """Iterations that the interior point takes on programs that are hard for it, too; and the time of an operation of
 these, over that of a factorization."""
@@ -91,7 +92,7 @@ class AutoQP(AutomaticChoice):
         """Return a `Plan`, or a `PartedQP`."""
         if problem.p.size > SMALL and options.members == "native" and (parts := parted(problem)) is not None:
             return parts
-        if 0 < problem.p.size <= SMALL:
+        if 0 < problem.p.size <= (SMALL if _is_full(problem) else SMALL_SPARSE):
             # one compiled call, which finds out by itself whether Q is convex
             plan = Plan(problem, ON_SMALL, problem, ACTIVE_SET, warming.ready("proximal-active-set", quickly=True))
         elif problem.p.size and (phases := tuple(self.phases(problem)))[0].solver == "proximal-active-set":
@@ -159,11 +160,10 @@ class AutoQP(AutomaticChoice):
         return ErrorMeasure(problem, tolerance=tolerance).error((point.z, point.lam, point.mu, point.nu))
 
     def phases(self, problem: QP) -> Sequence[SolverPhase]:
-        n = problem.p.size
-        if n <= SMALL:
+        n, m, k, full = problem.p.size, problem.b.size, problem.d.size, _is_full(problem)
+        if n <= (SMALL if full else SMALL_SPARSE):
             return ON_SMALL
-        m, k = problem.b.size, problem.d.size
-        if fits_one_call(n, m + k) and _entries(problem) >= FULL * n * (n + m + k):
+        if full and fits_one_call(n, m + k):
             return [SolverPhase("proximal-active-set", _passes(n, m, k)), *ON_SMALL[1:], *ACTIVE]
         faces = [SolverPhase("mprgp-qp", int(STEPS * math.sqrt(n)))] if n > LARGE and not m + k else []
         return [*faces, *ON_SMALL[1:], *ACTIVE]
@@ -180,8 +180,10 @@ class _LastNumber:
         self.number = number
 
 
-def _entries(problem: QP) -> int:
-    return sum(map(nnz, (problem.Q, problem.A, problem.C)))
+def _is_full(problem: QP) -> bool:
+    """Return whether sparse factorizations would gain little."""
+    n = problem.p.size
+    return sum(map(nnz, (problem.Q, problem.A, problem.C))) >= FULL * n * (n + problem.b.size + problem.d.size)
 
 
 def _passes(n: int, m: int, k: int) -> int:
