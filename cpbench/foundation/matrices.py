@@ -34,6 +34,8 @@ all that are meant to be semidefinite stay above -2e-14, and all others are belo
 """
 SYMMETRY_TOLERANCE = 1e-12
 """`asymmetry` up to which a matrix counts as symmetric; beside M_ij, what M_ij + M_ji may be where it should be 0."""
+FULL_ROWS, FULL_SHARE = 300, 0.2
+"""A sparse matrix is factorized as an array up to so many rows, and where it has more than this share of all entries."""
 EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
 _MARK = "_cpbench_adopted"
 """Attribute of a CSR that keeps the arrays it was adopted with."""
@@ -324,14 +326,15 @@ def is_psd(M: Matrix, tolerance: float = PSD_TOLERANCE) -> bool:
     M then is positive semidefinite once every diagonal entry has grown by that share of itself. One with a negative
     diagonal entry is not, nor one with a zero there in a row that is not zero. Decided by a factorization of the
     matrix with that much added to its diagonal: Cholesky when dense, SuperLU on diagonal pivots when sparse (all
-    pivots positive means positive definite).
+    pivots positive means positive definite). Empty rows of a sparse matrix are left out first: most objectives of
+    programs are quadratic in few unknowns.
     """
     n, diagonal = M.shape[0], np.asarray(M.diagonal())
     if (diagonal < 0.0).any():
         return False
     if _has_nothing_beside(M, diagonal):
         return True
-    shift = max(tolerance, 4 * n * EPS)
+    M, shift = _without_empty_rows(M), max(tolerance, 4 * n * EPS)
     with np.errstate(over="ignore", invalid="ignore"):
         S = unit_diagonal(M)
     zero = np.asarray(S.diagonal()) == 0.0
@@ -356,10 +359,28 @@ def _has_nothing_beside(M: Matrix, diagonal: Vector) -> bool:
     return is_sparse(M) and nnz(M) == np.count_nonzero(diagonal) and bool(np.isfinite(diagonal).all())
 
 
+def _without_empty_rows(M: Matrix) -> Matrix:
+    """Return a square matrix without the rows that are empty, as columns too: an array where that is the faster one to
+    factorize."""
+    if not is_sparse(M):
+        return M
+    entries = sp.coo_array(M)
+    row, column = entries.row, entries.col
+    used = np.zeros(M.shape[0], dtype=bool)
+    used[row] = used[column] = True
+    count = int(np.count_nonzero(used))
+    full = count <= FULL_ROWS or entries.nnz > FULL_SHARE * count * count
+    if not full and count == used.size:
+        return M
+    place = np.cumsum(used) - 1
+    smaller = sp.coo_array((entries.data, (place[row], place[column])), shape=(count, count))
+    return smaller.toarray() if full else sp.csr_array(smaller)
+
+
 def _has_cholesky(S: Matrix, added: Vector) -> bool:
     """Return whether S + diag(added), S symmetric and not used elsewhere, is positive definite."""
     n = S.shape[0]
-    if is_sparse(S) and n > 300:
+    if is_sparse(S) and n > FULL_ROWS:
         return definite.is_definite(definite.factor_on_diagonal(sp.csc_array(S + sp.diags_array(added))))
     D = dense(S)
     D[np.diag_indices(n)] += added

@@ -33,9 +33,9 @@ FLOOR, GAINED = 2.0, 0.95
 twentieth, it is far above tᵀz over its size, and tᵀz has to be less."""
 NEAR = 10.0
 """The judged error is measured when tᵀz, which is cheap, is within this factor of the tolerance."""
-POLISH = 3
-"""Iterations more, at most, while for some pair it is not decided which of slack and multiplier is 0: the sum of their
-products does not tell that, and a verdict on every pair does."""
+SURE = 0.3
+"""Error, over the tolerance, up to which an answer is good enough at once: units that a verdict finds by itself differ
+a little, and so do those of a problem that this one was made from. Else one more iteration is made, a few digits."""
 CLOSE_BY = 1e-3
 """An answer with an error below this names an active set on which the last digits are looked for."""
 CHUNK, OPERATIONS = 20, 1e8
@@ -66,7 +66,6 @@ class Path:
         self.chunk = max(int(min(CHUNK, OPERATIONS / max(kkt.operations, 1.0))), 1)
         self.x, self.y = np.zeros(n), np.zeros(N)
         sides, work = np.zeros((2, 2 * N)), np.zeros(12 * N)
-        self._sides = sides
         iterate = self.x, self.y, sides[0], sides[1], np.zeros(n), work
         self._data = H, G, scales.g, scales.lower, scales.upper, _least_size(scales, H), kkt.system, iterate
         self.stops: Any = self._kernel
@@ -92,11 +91,6 @@ class Path:
     def gap(self) -> float:
         """The least tᵀz so far, relative to its size."""
         return float(self._sizes[self.stops.BEST])
-
-    def undecided(self) -> float:
-        """Return the largest of the pairs' smaller numbers, in data of size one."""
-        t, z = self._sides
-        return float(np.minimum(t, z).max(initial=0.0))
 
     def grown(self) -> None:
         """Let the iterate grow by LARGE before the next proof is looked for."""
@@ -196,7 +190,7 @@ class _Run:
         """Follow the path of a problem, this one or what presolve has left of it, from its beginning."""
         scales, H, G = sparse_scaled(data)
         path, progress, measure = Path(scales, H, G, self._options), Progress(STALL), self._measure
-        stops, polished, tolerance, earlier = path.stops, 0, self._budget.tolerance, self._done
+        stops, polished, tolerance, earlier = path.stops, False, self._budget.tolerance, self._done
         aim, previous = tolerance, math.inf
         before = path.x.copy(), path.y.copy()
         outcome = stops.LIMIT if path.begin() else stops.BROKEN
@@ -209,10 +203,9 @@ class _Run:
             if near or self._record is not None:
                 error = measure.see(self._done, lift(scales.parts(path.x, path.y)), passing=not near)
             if near and measure.least <= tolerance:
-                enough = last or outcome != stops.NEAR or polished == POLISH or error > measure.least
-                if enough or path.undecided() <= tolerance:
+                if last or polished or outcome != stops.NEAR or measure.least <= SURE * tolerance:
                     return measure.conclude(self._budget, counters)
-                polished += 1
+                polished = True
             ended: tuple[Claim, str] | None = None
             if outcome == stops.BROKEN:
                 message = f"the linear system broke down at error {measure.least:.1e} after {self._done} iterations"
@@ -239,7 +232,7 @@ class _Run:
             if near and error > tolerance and (measure.norms <= tolerance or stuck):
                 aim = reduced(aim, error, tolerance)
             previous = error if near else math.inf
-            outcome = path.advance(aim, next_stop(path.done, until, self._record), polish=polished > 0)
+            outcome = path.advance(aim, next_stop(path.done, until, self._record), polish=polished)
 
 
 def _proved(
