@@ -2,7 +2,8 @@
 
 s = (x, Gx). Every finite side of an s that is no equation has a slack t > 0 and a multiplier z > 0. With the linear
 system factored once, the predictor aims at tz = 0; it says how far tᵀz can fall, hence the centring σ, and the products
-dt dz that the corrector takes off.
+dt dz that the corrector takes off. Where that makes a short step, Gondzio's corrector (1996, Comput. Optim. Appl.
+6:137) brings the products of a longer one nearer to the aim.
 
 Reference in plain NumPy: `tests/solvers/references/interior_point_qp.py`.
 """
@@ -25,9 +26,14 @@ FIXED = 1e12
 """What stands on the diagonal for an unknown whose bounds are equal."""
 SHORT = 0.1
 """A shorter step is tried again, more centrally."""
+LONG, LONGER, FARTHER, NARROW, WIDE = 0.5, 1.5, 0.3, 0.1, 10.0
+"""Up to a step of LONG a corrector looks at one of LONGER times it and FARTHER more, of which it brings the products
+into [NARROW, WIDE] times the aim (Colombo and Gondzio 2008, Comput. Optim. Appl. 41:277)."""
+GAINED = 0.1
+"""Share of the difference of both steps that it must gain."""
 ITERATE = types.Tuple((OUT, OUT, OUT, OUT, OUT, OUT))
 """x (n,), y (n + r,), t and z of the lower and then of the upper sides, each (2, n + r), stationarity (n,), work of
-12 (n + r)."""
+21 (n + r)."""
 
 
 @njit(types.boolean(types.float64, types.float64), inline="always", **COMPILED)
@@ -83,6 +89,8 @@ class PathStep(NamedTuple):
     """A step and its linear system [H + diag w, Gᵀ; G, −diag theta](dx, −v) = (a, b), all of them views of the work.
 
     s : (N,) x and Gx. ds : (N,) their change. dt, dz : (2 N,) of slacks and multipliers. h : (N,) what sides give a.
+    e : (2 N,) what is added to the products tz that the step brings to the aim. change, kept : (7 N,) dx to dz, and
+    such a step that may be better.
     """
 
     w: Any
@@ -96,6 +104,9 @@ class PathStep(NamedTuple):
     dt: Any
     dz: Any
     h: Any
+    e: Any
+    change: Any
+    kept: Any
 
 
 STEP = types.NamedUniTuple(OUT, len(PathStep._fields), PathStep)
@@ -103,7 +114,7 @@ STEP = types.NamedUniTuple(OUT, len(PathStep._fields), PathStep)
 
 @njit(STEP(OUT, types.int64, types.int64), **COMPILED)
 def _views(work, n, N):
-    """Return the parts of a work of 12 N numbers."""
+    """Return the parts of a work of 21 N numbers."""
     return PathStep(
         work[:n],
         work[N : 2 * N - n],
@@ -116,6 +127,9 @@ def _views(work, n, N):
         work[7 * N : 9 * N],
         work[9 * N : 11 * N],
         work[11 * N : 12 * N],
+        work[12 * N : 14 * N],
+        work[4 * N : 11 * N],
+        work[14 * N :],
     )
 
 
@@ -140,20 +154,20 @@ def _scale(t, z, lower, upper, damping, step):
     return count
 
 
-@njit(types.void(OUT, OUT, OUT, DATA, DATA, types.float64, types.float64, STEP), **COMPILED)
-def _right_side(t, z, left, lower, upper, aim, second, step):
-    """Write (a, b) of t z + t dz + z dt + second dt dz = aim, with dt and dz of the step before in the last product."""
-    n, N, s, dt, dz = step.w.size, lower.size, step.s, step.dt, step.dz
+@njit(types.void(OUT, OUT, OUT, DATA, DATA, types.float64, STEP), **COMPILED)
+def _right_side(t, z, left, lower, upper, aim, step):
+    """Write (a, b) of tz + t dz + z dt + e = aim."""
+    n, N, s, e = step.w.size, lower.size, step.s, step.e
     a, b, h, theta = step.a, step.b, step.h, step.theta
     for i in range(N):
         total = 0.0
         if has_lower(lower[i], upper[i]):
-            c = t[i] * z[i] + second * dt[i] * dz[i] - aim
+            c = t[i] * z[i] + e[i] - aim
             # dz eliminated: its equation, with dt from that of the slack
             total -= (c + z[i] * (s[i] - lower[i] - t[i])) / t[i]
         if has_upper(lower[i], upper[i]):
             k = N + i
-            c = t[k] * z[k] + second * dt[k] * dz[k] - aim
+            c = t[k] * z[k] + e[k] - aim
             total += (c + z[k] * (upper[i] - s[i] - t[k])) / t[k]
         h[i] = total
         equal = lower[i] == upper[i]
@@ -163,14 +177,14 @@ def _right_side(t, z, left, lower, upper, aim, second, step):
             b[i - n] = lower[i] - s[i] if equal else theta[i - n] * total
 
 
-@njit(types.void(CSR, OUT, OUT, DATA, DATA, types.float64, types.float64, STEP), **COMPILED)
-def _directions(G, t, z, lower, upper, aim, second, step):
+@njit(types.void(CSR, OUT, OUT, DATA, DATA, types.float64, STEP), **COMPILED)
+def _directions(G, t, z, lower, upper, aim, step):
     """Write ds, dt and dz that belong to dx and v.
 
     Of a row the larger of t and z comes from the other one: what is left of its equation would count z/t times.
     """
     n, N, s, dx, v = step.w.size, lower.size, step.s, step.dx, step.v
-    ds, dt, dz = step.ds, step.dt, step.dz
+    ds, dt, dz, e = step.ds, step.dt, step.dz, step.e
     for i in range(n):
         if lower[i] == upper[i]:
             dx[i] = 0.0
@@ -178,7 +192,7 @@ def _directions(G, t, z, lower, upper, aim, second, step):
     times(G, dx, ds[n:])
     for i in range(N):
         if has_lower(lower[i], upper[i]):
-            c = t[i] * z[i] + second * dt[i] * dz[i] - aim
+            c = t[i] * z[i] + e[i] - aim
             dt[i] = ds[i] + s[i] - lower[i] - t[i]
             if i < n or t[i] > z[i]:
                 dz[i] = -(c + z[i] * dt[i]) / t[i]
@@ -187,7 +201,7 @@ def _directions(G, t, z, lower, upper, aim, second, step):
                 dt[i] = -(c + t[i] * dz[i]) / z[i]
         if has_upper(lower[i], upper[i]):
             k = N + i
-            c = t[k] * z[k] + second * dt[k] * dz[k] - aim
+            c = t[k] * z[k] + e[k] - aim
             dt[k] = -ds[i] + upper[i] - s[i] - t[k]
             if i < n or t[k] > z[k]:
                 dz[k] = -(c + z[k] * dt[k]) / t[k]
@@ -213,6 +227,49 @@ def _move(x, y, t, z, lower, upper, alpha, step):
             y[i] -= alpha * v[i - n]
 
 
+@njit(**COMPILED)
+def _predict(G, system, iterate, lower, upper, mu, count, step):
+    """Return the aim σμ of the corrector; write as e the second order of the predictor, which aims at tz = 0."""
+    t, z, left = iterate[2], iterate[3], iterate[4]
+    N, dt, dz, e = lower.size, step.dt, step.dz, step.e
+    # it only says how far to aim and what the products of its steps are, and is not refined
+    _right_side(t, z, left, lower, upper, 0.0, step)
+    apply(system, step.a, step.b, step.dx, step.v)
+    _directions(G, t, z, lower, upper, 0.0, step)
+    alpha = min(_reach(t, dt, lower, upper, 1.0), _reach(z, dz, lower, upper, 1.0))
+    after = _products_after(t, z, dt, dz, alpha, lower, upper) / count
+    for i in range(N):
+        e[i] = dt[i] * dz[i] if has_lower(lower[i], upper[i]) else 0.0
+        e[N + i] = dt[N + i] * dz[N + i] if has_upper(lower[i], upper[i]) else 0.0
+    # Mehrotra's heuristic: the further the predictor gets, the less centring
+    return min((after / mu) ** 3, 1.0) * mu if mu > 0.0 else 0.0
+
+
+@njit(**COMPILED)
+def _correct(H, G, system, iterate, lower, upper, aim, share, most, step):
+    """Write the step of tz + t dz + z dt + e = aim; return what the linear system leaves and how far it may go, 0 where
+    that is no less than `most`."""
+    t, z, left = iterate[2], iterate[3], iterate[4]
+    _right_side(t, z, left, lower, upper, aim, step)
+    error = solve_system(H, G, system, step.w, step.theta, step.a, step.b, step.dx, step.v)
+    if not error < most:
+        return error if np.isfinite(error) else np.inf, 0.0
+    _directions(G, t, z, lower, upper, aim, step)
+    reach = min(_reach(t, step.dt, lower, upper, np.inf), _reach(z, step.dz, lower, upper, np.inf))
+    return error, min(1.0, share * reach)
+
+
+@njit(**COMPILED)
+def _bring_nearer(t, z, lower, upper, aim, trial, step):
+    """Take from e what products after the step `trial` are too small or too large by, the latter up to WIDE · aim."""
+    N, dt, dz, e = lower.size, step.dt, step.dz, step.e
+    for k in range(2 * N):
+        i = k - N if k >= N else k
+        if has_upper(lower[i], upper[i]) if k >= N else has_lower(lower[i], upper[i]):
+            product = (t[k] + trial * dt[k]) * (z[k] + trial * dz[k])
+            e[k] -= max(min(max(product, NARROW * aim), WIDE * aim) - product, -WIDE * aim)
+
+
 @njit(
     types.float64(CSR, CSR, DATA, DATA, DATA, SYSTEM, ITERATE, types.float64, types.float64, types.float64, OUT),
     **COMPILED,
@@ -220,8 +277,8 @@ def _move(x, y, t, z, lower, upper, alpha, step):
 def take_step(H, G, g, lower, upper, system, iterate, delta, share, enough, sizes):
     """Return the share that the linear system leaves, infinite where it breaks down; take one predictor and corrector
     step where that is less than `sizes[LEFT]`. enough : tᵀz that is small enough."""
-    x, y, t, z, left, work = iterate
-    n, N = x.size, y.size
+    x, y, t, z, _, work = iterate
+    n, N, most = x.size, y.size, sizes[LEFT]
     step = _views(work, n, N)
     put(step.s[:n], x)
     times(G, x, step.s[n:])
@@ -230,33 +287,25 @@ def take_step(H, G, g, lower, upper, system, iterate, delta, share, enough, size
         return np.inf
     if not factor_system(H, G, system, step.w, step.theta, delta):
         return np.inf
-    step.dt[:] = 0.0  # what an attempt before this one has left may be no number
-    step.dz[:] = 0.0
-    error = 0.0
+    step.e[:] = 0.0
     mu = products(t, z, lower, upper) / max(count, 1)
-    aim = second = alpha = 0.0
-    if count:
-        # predictor, at tz = 0: it only says how far to aim and what the products of its steps are, and is not refined
-        _right_side(t, z, left, lower, upper, aim, second, step)
-        apply(system, step.a, step.b, step.dx, step.v)
-        _directions(G, t, z, lower, upper, aim, second, step)
-        alpha = min(_reach(t, step.dt, lower, upper, 1.0), _reach(z, step.dz, lower, upper, 1.0))
-        after = _products_after(t, z, step.dt, step.dz, alpha, lower, upper) / count
-        # Mehrotra's heuristic: the further the predictor gets, the less centring
-        sigma = min((after / mu) ** 3, 1.0) if mu > 0.0 else 0.0
-        aim, second, alpha = max(sigma * mu, enough / count), 1.0, 0.0
-    for _ in range(2 if count else 1):
-        # corrector, at tz = aim less the products of the predictor
-        _right_side(t, z, left, lower, upper, aim, second, step)
-        error = solve_system(H, G, system, step.w, step.theta, step.a, step.b, step.dx, step.v)
-        if not error < sizes[LEFT]:
-            return error if np.isfinite(error) else np.inf
-        _directions(G, t, z, lower, upper, aim, second, step)
-        reach = min(_reach(t, step.dt, lower, upper, np.inf), _reach(z, step.dz, lower, upper, np.inf))
-        alpha = min(1.0, share * reach)
-        if alpha >= SHORT:
-            break
+    aim = max(_predict(G, system, iterate, lower, upper, mu, count, step), enough / count) if count else 0.0
+    error, alpha = _correct(H, G, system, iterate, lower, upper, aim, share, most, step)
+    if count and error < most and alpha < SHORT:
         # what the predictor promised does not come: aim at the middle, without its second order
-        aim, second = max(aim, 0.5 * mu), 0.0
+        aim = max(aim, 0.5 * mu)
+        step.e[:] = 0.0
+        error, alpha = _correct(H, G, system, iterate, lower, upper, aim, share, most, step)
+    if not error < most:
+        return error
+    if count and alpha < LONG:
+        trial = min(1.0, LONGER * alpha + FARTHER)
+        put(step.kept, step.change)
+        _bring_nearer(t, z, lower, upper, aim, trial, step)
+        _, now = _correct(H, G, system, iterate, lower, upper, aim, share, most, step)
+        if now >= alpha + GAINED * (trial - alpha):
+            alpha = now
+        else:
+            put(step.change, step.kept)
     _move(x, y, t, z, lower, upper, alpha, step)
     return error

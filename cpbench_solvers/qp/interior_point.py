@@ -65,7 +65,7 @@ class Path:
         kkt = KKT(H, G, options.regularization, (scales.lower == scales.upper)[n:])
         self.chunk = max(int(min(CHUNK, OPERATIONS / max(kkt.operations, 1.0))), 1)
         self.x, self.y = np.zeros(n), np.zeros(N)
-        sides, work = np.zeros((2, 2 * N)), np.zeros(12 * N)
+        sides, work = np.zeros((2, 2 * N)), np.zeros(21 * N)
         iterate = self.x, self.y, sides[0], sides[1], np.zeros(n), work
         self._data = H, G, scales.g, scales.lower, scales.upper, _least_size(scales, H), kkt.system, iterate
         self.stops: Any = self._kernel

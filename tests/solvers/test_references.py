@@ -189,7 +189,7 @@ def test_interior_points_take_the_steps_of_mehrotra(rng: Rng, n: int) -> None:
     C, c = np.vstack([S[low], -S[high]]), np.r_[lower[low], -upper[high]]
 
     def present() -> list[np.ndarray]:
-        t, z = path._sides[:, np.r_[low, high]]
+        t, z = (sides[np.r_[low, high]] for sides in path._data[-1][2:4])
         return [path.x.copy(), path.y[equal], z, t]
 
     assert path.begin()

@@ -1,6 +1,6 @@
-"""Mehrotra's predictor-corrector (1992, SIAM J. Optim. 2:575) for min ½xᵀHx + gᵀx, Cx − c = t ≥ 0, Ex = f.
-
-Every Newton step solves the whole system in the changes of x, y, z and t, with nothing eliminated.
+"""Mehrotra's predictor-corrector (1992, SIAM J. Optim. 2:575) for min ½xᵀHx + gᵀx, Cx − c = t ≥ 0, Ex = f, with
+Gondzio's corrector (1996, Comput. Optim. Appl. 6:137) where it makes a short step. Every Newton step solves the whole
+system in the changes of x, y, z and t.
 """
 
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-TO_BOUNDARY, SHORT = 0.995, 0.1
+TO_BOUNDARY, SHORT, LONG = 0.995, 0.1, 0.5
 Iterate: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -26,21 +26,27 @@ def interior_point_qp(H, g, E, f, C, c, start: Iterate) -> Iterator[Iterate]:
                 [np.zeros((m, n + k)), np.diag(t), np.diag(z)],
             ]
         )
-        residual = np.r_[H @ x + g - E.T @ y - C.T @ z, E @ x - f, C @ x - c - t]
-        mu = t @ z / m
+        mu, residual = t @ z / m, np.r_[H @ x + g - E.T @ y - C.T @ z, E @ x - f, C @ x - c - t]
 
         def direction(products, newton=newton, residual=residual):
             return np.split(np.linalg.solve(newton, -np.r_[residual, products]), [n, n + k, n + k + m])
 
-        # predictor: tz = 0
-        _, _, dz, dt = direction(t * z)
+        _, _, dz, dt = direction(t * z)  # predictor: tz = 0
         alpha = min(1.0, reach(t, dt), reach(z, dz))
         sigma = min(((t + alpha * dt) @ (z + alpha * dz) / m / mu) ** 3, 1.0)
         # corrector: tz = σμ, less the second order of the predictor
-        step = direction(t * z + dt * dz - sigma * mu)
+        step = direction(t * z + (second := dt * dz) - (aim := sigma * mu))
         if length(z, t, step) < SHORT:  # more central, and without the second order
-            step = direction(t * z - max(sigma * mu, 0.5 * mu))
+            aim, second = max(aim, 0.5 * mu), 0.0
+            step = direction(t * z - aim)
         alpha = length(z, t, step)
+        if alpha < LONG:  # products of a longer step nearer to the aim
+            trial = min(1.0, 1.5 * alpha + 0.3)
+            after = (t + trial * step[3]) * (z + trial * step[2])
+            nearer = np.maximum(np.clip(after, 0.1 * aim, 10.0 * aim) - after, -10.0 * aim)
+            other = direction(t * z + second - nearer - aim)
+            if length(z, t, other) >= alpha + 0.1 * (trial - alpha):
+                step, alpha = other, length(z, t, other)
         x, y, z, t = (value + alpha * change for value, change in zip((x, y, z, t), step, strict=True))
 
 
