@@ -193,3 +193,14 @@ def test_what_cannot_be_solved_is_not_claimed():
     problem = NonlinearFrictionContact(F=F, H=H, w=w, mu=[0.0, 0.0], dimension=2)
     out = solvers.get("newton-nfc").run(problem, Budget(tolerance=1e-8, seconds=2.0))
     assert out.claim is not Claim.SOLVED
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6])
+def test_claims_hold_in_every_connected_part(tolerance):
+    """A link that is hit many times harder than another one: norms over all pass after one step, and the verdict, whose
+    parts are those of the linearized dynamics, does not (3e-3)."""
+    problem = contact_nonlinear.pendulum(30).problem
+    output = solvers.get("newton-nfc").run(problem, Budget(tolerance=tolerance))
+    assert output.claim is Claim.SOLVED
+    assert output.counters["iterations"] > 1
+    assert judge(problem, output.point, tolerance).solved
