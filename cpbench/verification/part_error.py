@@ -230,12 +230,8 @@ def _growth(
     No error grows by more than the units do; where its square would be no larger than what the answer has in any case,
     nothing is measured. (What a large coefficient of friction hides in the distances shows here only.)
     """
-    frame, rows = system.frame, parts.rows
-    data, fixed = parts.constants, system.fixed()
-    if fixed.any():
-        beside = frame.terms.sums(np.where(fixed, system.sizes(), 0.0))
-        data = np.maximum(data, rows.largest(beside * parts.per_row))
-    unit = parts.per_row * rows.spread(inverse(data))
+    frame = system.frame
+    unit = parts.per_row * inverse(_sizes_of_constants(system, parts, noise))
     most = float(np.divide(unit, units.f, out=np.zeros(frame.k), where=units.f > 0).max(initial=0.0))
     hidden = noise * unit
     certain = not (hidden * frame.amplification >= UNKNOWN).any()
@@ -258,3 +254,23 @@ def _growth(
     if certain:
         return grown, None
     return grown, (hidden >= 1.0) | (whole - grown >= UNKNOWN)
+
+
+def _sizes_of_constants(system: System, parts: Parts, noise: Vector) -> Vector:
+    """Return what the constants alone make of the rows of every block, equilibrated.
+
+    Loads move bodies as the drifts of contacts and joints do: of a contact problem all of these are one size. Sides of
+    a program are no size where they are rounding, `noise` (k,), of what their rows add up, and of what prices make of
+    the unknowns: a file has 1e-17 for 0.
+    """
+    whole, rows, sizes, fixed = parts.whole, parts.rows, system.frame.constants, system.fixed()
+    if parts.measure is Measure.ENERGY:
+        return whole.spread(whole.norm(sizes * parts.per_row))
+    if fixed.any():
+        sizes = np.maximum(sizes, system.frame.terms.sums(np.where(fixed, system.sizes(), 0.0)))
+    data = rows.spread(rows.largest(sizes * parts.per_row))
+    if not parts.with_multipliers:
+        return data
+    of_part = (ROUNDINGS * EPS) * whole.spread(np.where(whole.any(parts.curved), whole.largest(data), 0.0))
+    of_rows = rows.spread(rows.largest(noise * parts.per_row))
+    return np.where(data <= np.minimum(of_part, of_rows), 0.0, data)

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from cpbench.foundation.matrices import Vector
+from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.equilibration import equilibrate, equilibrate_apart
 from cpbench.verification.frame import Frame
 
@@ -162,12 +163,6 @@ class Parts:
         """Whether rows beside z and rows beside multipliers are told apart: not of pairs that have none of these."""
         return self.measure is Measure.GAP or self.with_multipliers
 
-    @cached_property
-    def constants(self) -> Vector:
-        """The size of the constants of every group of rows, equilibrated."""
-        sizes = self.frame.constants * self.per_row
-        return self.rows.norm(sizes) if self.measure is Measure.ENERGY else self.rows.largest(sizes)
-
     def scales(self, needed: Any) -> tuple[Vector, Vector]:
         """Return the sizes that the sides and prices that are `needed` give z and the gradient of each part of a
         program.
@@ -183,10 +178,13 @@ class Parts:
 
     @cached_property
     def unpriced(self) -> Any:
-        """Whether no row beside z of a part of a program has a constant, (whole.count,); None where none is so."""
+        """Whether no row beside z of a part of a program has a constant, (whole.count,), but for rounding of what sides
+        make of it; None where none is so."""
         if self.measure is not Measure.GAP:
             return None
-        found = ~self.whole.any(self.beside_z & (self.frame.constants > 0))
+        sizes, curved = self.frame.constants * self.per_row, self.whole.any(self.curved)
+        prices, sides = (self.whole.largest(np.where(at, sizes, 0.0)) for at in (self.beside_z, ~self.beside_z))
+        found = prices <= (ROUNDINGS * EPS) * np.where(curved, sides, 0.0)
         return found if found.any() else None
 
     @cached_property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cpbench.formulations import QP, GFCPoint, GlobalFrictionContact, LCPPoint, QPPoint, Relay
+from cpbench.formulations import AVI, QP, AVIPoint, GFCPoint, GlobalFrictionContact, LCPPoint, QPPoint, Relay
 from cpbench.verification import judge
 
 
@@ -65,3 +65,62 @@ def test_rounding_of_a_fast_contact_is_no_distance_from_its_cone(gap: float, off
     moved = np.array([0.0, off, 0.0])  # of both, so that the dynamics hold: friction that is too small
     verdict = judge(problem, GFCPoint(v=v + moved, r=r + moved), 1e-6)
     assert verdict.solved == solved, verdict.error
+
+
+@pytest.mark.parametrize(("off", "solved"), [(0.0, True), (1e-9, True), (1e-3, False)])
+@pytest.mark.parametrize("drift", [0.0, 1e-17, 1e-16, 1e-10, 1e-3])
+def test_the_drift_of_a_joint_sets_no_size_beside_loads(drift: float, off: float, solved: bool) -> None:
+    """A body of mass 1 at rest on the ground under an impulse of 1 is joined to one that moves at 1: u₂ = u₃, but for
+    a drift as simulators leave it, of rounding or of an earlier step."""
+    v = np.array([0.0, 0.0, 0.0, 1.0, 1.0 + drift])
+    H, G = np.eye(5)[:, :3], np.array([[0.0], [0.0], [0.0], [1.0], [-1.0]])
+    r, lam = np.array([1.0, 0.0, 0.0]), np.array([0.5])
+    problem = GlobalFrictionContact(
+        M=np.eye(5), H=H, G=G, f=v - H @ r - G @ lam, b=np.array([drift]), mu=np.array([0.3])
+    )
+    moved = off * np.array([0.0, 0.0, 0.0, 1.0, -1.0])
+    verdict = judge(problem, GFCPoint(v=v + moved, r=r, lam=lam), 1e-6)
+    assert verdict.solved == solved, (verdict.error, verdict.flags)
+
+
+@pytest.mark.parametrize(("off", "solved"), [(0.0, True), (1e-9, True), (1e-3, False)])
+@pytest.mark.parametrize("side", [0.0, 1e-17, 1e-16])
+def test_sides_that_are_rounding_of_their_rows_set_no_size(side: float, off: float, solved: bool) -> None:
+    """min ½(z₁² + z₂²) − 2z₁ over z₁ − z₂ = 0, the side as a file has it: z = (1, 1), μ = −1."""
+    z, none, mu = np.array([1.0 + off, 1.0 - off]), np.zeros(0), np.array([-1.0])
+    P = QP.build(np.eye(2), [-2.0, 0.0], C=np.array([[1.0, -1.0]]), d=[side])
+    inequality = AVI(M=P.Q, q=P.p, A=P.A, b=P.b, C=P.C, d=P.d, lb=P.lb, ub=P.ub)
+    for problem, point in (
+        (P, QPPoint(z=z, lam=none, mu=mu, nu=np.zeros(2))),
+        (inequality, AVIPoint(z=z, lam=none, mu=mu)),
+    ):
+        verdict = judge(problem, point, 1e-6)
+        assert verdict.solved == solved, (problem.node, verdict.error, verdict.flags)
+
+
+def test_sides_count_where_only_prices_of_others_could_make_them_rounding() -> None:
+    """z₁ − z₂ + z₃ = 1 with a price of 1 on z₃ ≥ 0: a curvature of 10⁻³⁰ would let prices make z₁ 10³⁰.
+
+    z = (t, t, 0) misses the row by all of its side, and by 10⁻⁸ of its terms for t = 10⁸/2.
+    """
+    problem = QP.build(
+        np.diag([1e-30, 0.0, 0.0]), [0.0, 0.0, 1.0], C=np.array([[1.0, -1.0, 1.0]]), d=[1.0], lb=[-np.inf, -np.inf, 0.0]
+    )
+    point = QPPoint(z=np.array([5e7, 5e7, 0.0]), lam=np.zeros(0), mu=np.zeros(1), nu=np.array([0.0, 0.0, 1.0]))
+    assert judge(problem, point, 1e-6).error == pytest.approx(1.0)
+
+
+def test_sides_count_where_only_the_answer_makes_them_rounding() -> None:
+    """min ½(z₁ − z₂ − 1)² over z₁ − z₂ = 1: of z = (2⁶⁰, 2⁶⁰) rounding hides the side, and the answer is none."""
+    Q, rows = np.array([[1.0, -1.0], [-1.0, 1.0]]), {"C": np.array([[1.0, -1.0]]), "d": [1.0]}
+    point = QPPoint(z=np.full(2, 2.0**60), lam=np.zeros(0), mu=np.array([-1.0]), nu=np.zeros(2))
+    assert not judge(QP.build(Q, [-1.0, 1.0], **rows), point, 1e-6).solved
+
+
+@pytest.mark.parametrize("price", [0.0, 1e-17])
+def test_prices_that_are_rounding_of_what_sides_make_are_none(price: float) -> None:
+    """min ½z₁² + price z₁ over z₁ + z₂ = 1: of z = (0, 1), μ = 0 all terms of the gradient are 0, here 10⁻¹⁴."""
+    problem = QP.build(np.diag([1.0, 0.0]), [price, 0.0], C=np.ones((1, 2)), d=[1.0])
+    point = QPPoint(z=np.array([1e-14, 1.0 - 1e-14]), lam=np.zeros(0), mu=np.array([3e-14]), nu=np.zeros(2))
+    verdict = judge(problem, point, 1e-6)
+    assert verdict.solved, verdict.error
