@@ -15,6 +15,7 @@ from cpbench.foundation.matrices import Vector
 from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.equilibration import equilibrate, equilibrate_apart
 from cpbench.verification.frame import Frame
+from cpbench.verification.sets import joined
 
 
 class Measure(Enum):
@@ -146,6 +147,15 @@ class Parts:
         """Whether the unknowns of a block are no multipliers; shape (k,)."""
         multiplier = self.frame.multiplier
         return np.ones(self.frame.k, dtype=bool) if multiplier is None else ~multiplier
+
+    @cached_property
+    def kinds(self) -> Groups | None:
+        """Groups of rows, of pairs without multipliers those of free unknowns, which are equalities, apart from others;
+        None where that makes no difference."""
+        free = self.frame.any(joined(self.frame.sets, self.frame.count, lambda part: part.free, bool))
+        if self.measure is not Measure.PAIRS or self.with_multipliers or not free.any() or free.all():
+            return None
+        return _groups(2 * self.rows.spread(np.arange(self.rows.count)) + free, self.frame.k)
 
     def of_problem(self, values: Vector) -> Vector:
         """Return the sum of the values of parts over the problem of each part; shape (whole.count,)."""

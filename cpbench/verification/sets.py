@@ -70,6 +70,12 @@ class Box:
         return any(((bound != 0) & some).any() for bound, some in zip((self.lb, self.ub), self.bounded, strict=True))
 
     @cached_property
+    def free(self) -> Flags:
+        """Whether a component may be anything."""
+        lower, upper = self.bounded
+        return ~lower & ~upper
+
+    @cached_property
     def has_0(self) -> bool:
         """Whether 0 is in the set, so that the nearest point of it is never larger."""
         return bool((self.lb <= 0).all() and (self.ub >= 0).all())
@@ -169,6 +175,10 @@ class ConeFactors:
     @cached_property
     def moored(self) -> bool:
         return self.kind in (Cone.CYLINDER, Cone.BALL) and not self.rows
+
+    @cached_property
+    def free(self) -> Flags:
+        return np.zeros(self.at.shape, dtype=bool)
 
     @cached_property
     def has_0(self) -> bool:

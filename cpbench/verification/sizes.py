@@ -6,6 +6,8 @@ equilibration. A row is compared in f̂_i = D_i f_i/s, an unknown in x̂_j = x_j
 - A constant counts as far as the answer needs it: where the sign of f holds a pair on its bound (an idle side, price or
   open contact), only if the other terms of the row reach `BALANCED` of it. The multiplier of a row with one entry is no
   such term: the row is a bound.
+- Of pairs without multipliers, equalities (rows of free unknowns) have a size apart from the others, at least √eps of
+  theirs: neither hides the other where units are hard to know, as those of Vandermonde's matrices.
 - A part that no constant sizes has the solution 0. Its unknowns are compared as they are, as if of size 1, and each of
   its rows with its own terms.
 """
@@ -17,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench.foundation.matrices import Vector
+from cpbench.verification.backward_error import EPS
 from cpbench.verification.frame import System, inverse
 from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags
@@ -102,6 +105,8 @@ def _row_units(system: System, parts: Parts, sums: Vector, needed: Flags, sized:
         counted = np.where(known & ~parts.beside_z, np.maximum(counted, parts.whole.spread(reach)), counted)
         by_group = np.where(parts.beside_z, known, sized)
     size = rows.spread(rows.norm(counted) if energy else rows.largest(counted))
+    if parts.kinds is not None:
+        size = np.maximum(parts.kinds.spread(parts.kinds.largest(counted)), np.sqrt(EPS) * size)
     unit = np.divide(D, size, out=np.ones(frame.k), where=size > 0)
     if not by_group.all():
         least = np.where(parts.beside_z, np.where(known, sizes, np.maximum(sizes, 1.0)), 0.0)

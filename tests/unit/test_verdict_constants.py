@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench.formulations import LCP, FrictionContact, Relay
+from cpbench.formulations import LCP, MLCP, FrictionContact, MLCPPoint, Relay
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.verification import Verdict, judge
@@ -97,3 +97,11 @@ def test_means_of_rows_are_right_to_a_twentieth_of_a_percent() -> None:
         off = (D[:, None] * A * C).sum(axis=1) - counts
         worst = max(worst, float(np.sqrt((off**2 / counts).sum() / counts.sum())))
     assert 3e-4 < worst < 6e-4
+
+
+@pytest.mark.parametrize(("v", "solved"), [(1.2e-14, True), (2e-14, False)])
+def test_equalities_have_at_least_root_eps_of_the_size_of_others(v: float, solved: bool) -> None:
+    """u + v ≥ 1 beside −v = 0, of which nothing is left but rounding of v = 0: its size is √eps = 1.5e-8 of u."""
+    one = np.ones((1, 1))
+    problem = MLCP(A=0.0 * one, B=one, C=-one, D=one, a=np.zeros(1), b=-np.ones(1))
+    assert judge(problem, MLCPPoint(u=np.ones(1), v=np.array([v])), 1e-6).solved == solved

@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cpbench.formulations import AVI, QP, AVIPoint, GFCPoint, GlobalFrictionContact, LCPPoint, QPPoint, Relay
+from cpbench.formulations import (
+    AVI,
+    MLCP,
+    QP,
+    AVIPoint,
+    GFCPoint,
+    GlobalFrictionContact,
+    LCPPoint,
+    MLCPPoint,
+    QPPoint,
+    Relay,
+)
 from cpbench.verification import judge
 
 
@@ -124,3 +135,18 @@ def test_prices_that_are_rounding_of_what_sides_make_are_none(price: float) -> N
     point = QPPoint(z=np.array([1e-14, 1.0 - 1e-14]), lam=np.zeros(0), mu=np.array([3e-14]), nu=np.zeros(2))
     verdict = judge(problem, point, 1e-6)
     assert verdict.solved, verdict.error
+
+
+@pytest.mark.parametrize(("share", "solved"), [(1.0, True), (1.0 + 1e-9, True), (0.9, False), (0.0, False)])
+def test_equalities_of_a_mixed_problem_are_not_hidden_by_vandermonde_rows(share: float, solved: bool) -> None:
+    """min ½‖u‖² + pᵀu over Σ tᵢʲ uⱼ ≥ bᵢ as an MLCP, planted, with `share` of the multipliers v.
+
+    Powers of small t bring the units of rows far apart: the gradient was 10⁻⁷ of the size of a constraint.
+    """
+    V = np.vander(np.linspace(1e-3, 1.0, 300), 16, increasing=True)
+    u, v, slack = np.cos(np.arange(16.0)), np.zeros(300), np.full(300, 0.5)
+    v[[100, 299]], slack[[100, 299]] = [1.0, 0.2], 0.0
+    none = np.zeros((300, 300))
+    problem = MLCP(A=np.eye(16), B=none, C=-V.T, D=V, a=V.T @ v - u, b=slack - V @ u)
+    verdict = judge(problem, MLCPPoint(u=u, v=share * v), 1e-6)
+    assert verdict.solved == solved, verdict.error
