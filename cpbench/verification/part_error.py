@@ -231,7 +231,7 @@ def _growth(
     nothing is measured. (What a large coefficient of friction hides in the distances shows here only.)
     """
     frame = system.frame
-    unit = parts.per_row * inverse(_sizes_of_constants(system, parts, noise))
+    unit = parts.per_row * inverse(_sizes_of_constants(system, parts, units, noise))
     most = float(np.divide(unit, units.f, out=np.zeros(frame.k), where=units.f > 0).max(initial=0.0))
     hidden = noise * unit
     certain = not (hidden * frame.amplification >= UNKNOWN).any()
@@ -256,14 +256,14 @@ def _growth(
     return grown, (hidden >= 1.0) | (whole - grown >= UNKNOWN)
 
 
-def _sizes_of_constants(system: System, parts: Parts, noise: Vector) -> Vector:
+def _sizes_of_constants(system: System, parts: Parts, units: AnswerUnits, noise: Vector) -> Vector:
     """Return what the constants alone make of the rows of every block, equilibrated.
 
     Loads move bodies as the drifts of contacts and joints do: of a contact problem all of these are one size. Sides of
     a program are no size where they are rounding, `noise` (k,), of what their rows add up, and of what prices make of
     the unknowns: a file has 1e-17 for 0.
     """
-    whole, rows, sizes, fixed = parts.whole, parts.rows, system.frame.constants, system.fixed()
+    whole, rows, sizes, fixed = parts.whole, parts.rows, units.constants, system.fixed()
     if parts.measure is Measure.ENERGY:
         return whole.spread(whole.norm(sizes * parts.per_row))
     if fixed.any():

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench.foundation.matrices import Vector
-from cpbench.verification.backward_error import EPS
+from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.frame import System, inverse
 from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags
@@ -37,12 +37,14 @@ class AnswerUnits:
     x, f : 1/size of the unknowns and of the rows of each block.
     absolute : whether the block is in a part that no constant sizes.
     needed : whether the constant of the row counts.
+    constants : sizes of the constants of rows; of contact problems 0 where they are rounding of those that are needed.
     """
 
     x: Vector
     f: Vector
     absolute: Flags
     needed: Flags
+    constants: Vector
 
 
 def units_of(system: System, parts: Parts, sums: Vector) -> AnswerUnits:
@@ -54,8 +56,13 @@ def units_of(system: System, parts: Parts, sums: Vector) -> AnswerUnits:
         idle = idle | (frame.norms(system.f) < 0.5 * taken)
     balanced = sums > BALANCED * constants
     needed = (constants > 0) & (balanced | ~idle)
-    sized, known = _sized(system, parts, needed, balanced)
-    unit = _row_units(system, parts, sums, needed, sized, known)
+    if parts.measure is Measure.ENERGY:  # a body at rest has 1e-16 for 0 where others move
+        own, whole = constants * parts.per_row, parts.whole
+        largest = whole.spread(parts.of_problem(whole.norm(np.where(needed, own, 0.0))))
+        constants = np.where(own > ROUNDINGS * EPS * largest, constants, 0.0)
+        needed &= constants > 0
+    sized, known = _sized(system, parts, constants, needed, balanced)
+    unit = _row_units(system, parts, constants, sums, needed, sized, known)
     if taken is not None:  # the force of a bound has digits of its own row only
         unit = np.minimum(unit, inverse(taken), out=unit, where=taken > 0)
     # a set of finite size is data: an unknown beyond it is wrong even where no row depends on it
@@ -64,14 +71,14 @@ def units_of(system: System, parts: Parts, sums: Vector) -> AnswerUnits:
     if parts.indifferent is not None:  # without an objective no multipliers are needed, and any will do
         unit[parts.indifferent & parts.beside_z] = 0.0
         x[parts.indifferent & ~parts.beside_z] = 0.0
-    return AnswerUnits(x, unit, ~known, needed)
+    return AnswerUnits(x, unit, ~known, needed, constants)
 
 
-def _sized(system: System, parts: Parts, needed: Flags, balanced: Flags) -> tuple[Flags, Flags]:
+def _sized(system: System, parts: Parts, constants: Vector, needed: Flags, balanced: Flags) -> tuple[Flags, Flags]:
     """Return whether the rows of each block have a size, and whether its unknowns have one."""
     frame, rows = system.frame, parts.rows
     fixed = system.fixed() & parts.beside_z
-    gives = frame.constants > 0 if parts.measure is Measure.ENERGY else needed
+    gives = constants > 0 if parts.measure is Measure.ENERGY else needed
     if fixed.any():
         gives = gives | (frame.terms.sums(fixed.astype(float)) > 0)
     sized = rows.spread(rows.any(gives))
@@ -88,10 +95,12 @@ def _sized(system: System, parts: Parts, needed: Flags, balanced: Flags) -> tupl
     return sized | (~parts.beside_z & known), known
 
 
-def _row_units(system: System, parts: Parts, sums: Vector, needed: Flags, sized: Flags, known: Flags) -> Vector:
+def _row_units(
+    system: System, parts: Parts, constants: Vector, sums: Vector, needed: Flags, sized: Flags, known: Flags
+) -> Vector:
     """Return 1/size of the rows of every block."""
     frame, rows, D = system.frame, parts.rows, parts.per_row
-    constants, sizes = frame.constants, system.sizes()
+    sizes = system.sizes()
     energy = parts.measure is Measure.ENERGY
     only_idle = ~rows.spread(rows.any(needed))
     counted = np.where(needed | only_idle, np.maximum(sums, constants), sums) * D

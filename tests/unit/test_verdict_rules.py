@@ -10,6 +10,8 @@ from cpbench.formulations import (
     MLCP,
     QP,
     AVIPoint,
+    FCPoint,
+    FrictionContact,
     GFCPoint,
     GlobalFrictionContact,
     LCPPoint,
@@ -150,3 +152,15 @@ def test_equalities_of_a_mixed_problem_are_not_hidden_by_vandermonde_rows(share:
     problem = MLCP(A=np.eye(16), B=none, C=-V.T, D=V, a=V.T @ v - u, b=slack - V @ u)
     verdict = judge(problem, MLCPPoint(u=u, v=share * v), 1e-6)
     assert verdict.solved == solved, verdict.error
+
+
+@pytest.mark.parametrize(("coupling", "r", "solved"), [(0.0, 1e-16, True), (1e-3, 1e-16, True), (0.0, 1e-3, False)])
+def test_free_velocities_that_are_rounding_of_others_set_no_size(coupling: float, r: float, solved: bool) -> None:
+    """A contact opens at 1, one is pressed by 1, one is at rest with 10⁻¹⁶ for 0: a reaction beside its cone of that
+    size is rounding, too, however the contact at rest is coupled to that which opens."""
+    W = np.eye(6)
+    W[0, 4] = W[4, 0] = coupling
+    q = np.array([1.0, 0.0, -1.0, 0.0, 1e-16, -1e-16])
+    problem = FrictionContact(W=W, q=q, mu=np.full(3, 0.5), dimension=2)
+    verdict = judge(problem, FCPoint(r=np.array([0.0, 0.0, 1.0, 0.0, 0.0, r])), 1e-6)
+    assert verdict.solved == solved, (verdict.error, verdict.flags)
