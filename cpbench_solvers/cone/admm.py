@@ -7,7 +7,6 @@ R = ρ·diag(weights), constant on every factor; at rest s = Ax + b and y = −R
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -20,6 +19,7 @@ from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Vector, dense, norm, transpose
 from cpbench.foundation.product_cones import Cone
 from cpbench.solvers.base import SolverSpec, register
+from cpbench_solvers.cone.penalty import TINY, Penalty
 from cpbench_solvers.cone.run import ConicSolver, Iterates
 from cpbench_solvers.cone.scaled_form import ConicForm
 from cpbench_solvers.traits import ITERATIVE
@@ -28,12 +28,8 @@ SIGMA = 1e-9
 """Keeps the system regular where M and A leave some x alone."""
 EQUALITY = 1e3
 """How much heavier rows in {0} weigh, as in OSQP."""
-FIRST_REST, LONGER = 20, 1.3
-"""Iterations with one ρ before it may change, and by how much longer it must stay the next time."""
-UNBALANCED, LARGEST_CHANGE = 3.0, 30.0
-"""ρ changes by a factor between these, or not at all."""
-RHO = (1e-7, 1e7)
-TINY = 1e-300
+RHO, LONGER = (1e-7, 1e7), 1.3
+"""Bounds of ρ, and by how much longer each new ρ must stay than the one before."""
 
 
 @dataclass(frozen=True)
@@ -55,31 +51,32 @@ class ConeSplitting:
         self.counters = {"iterations": 0, "factorizations": 0, "projections": 0}
         zero = np.repeat(form.K.kind == Cone.ZERO, form.K.size.astype(int))
         self._weight = np.where(zero, EQUALITY, 1.0)
-        self._rho = options.rho
+        self._penalty = Penalty(options.rho, *RHO, LONGER, options.balance)
         self._factors: Factorization | None = None
-        self._rest, self._since = float(FIRST_REST), 0
         self.x, self.y = start if start is not None else (np.zeros(form.p.size), np.zeros(form.b.size))
         self.s = form.K.project(form.A @ self.x + form.b)
-        self._xi = -self.y / (self._rho * self._weight)
+        self._xi = -self.y / (options.rho * self._weight)
 
     def step(self) -> str | None:
         form, options = self._form, self._options
-        R = self._rho * self._weight
+        R = self._penalty.rho * self._weight
         right = SIGMA * self.x - form.p + form.A.T @ (R * (self.s - form.b - self._xi))
         x = self._solve(right, R)
         if x is None:
-            return f"the linear system is singular for ρ = {self._rho:.1e}"
+            return f"the linear system is singular for ρ = {self._penalty.rho:.1e}"
         reached = form.A @ x + form.b
         v = options.alpha * reached + (1.0 - options.alpha) * self.s + self._xi
         s = form.K.project(v)
-        self._xi = v - s
-        primal = norm(reached - s) / max(norm(reached), norm(s), TINY)
-        dual = norm(form.A.T @ (R * (s - self.s))) / max(norm(form.A.T @ (R * self._xi)), norm(form.p), TINY)
+        before, self._xi = self.s, v - s
         self.x, self.s, self.y = x, s, -R * self._xi
         self.counters["projections"] += 1
-        self._since += 1
-        if options.balance and self._since >= self._rest:
-            self._balance(primal, dual)
+        if self._penalty.due():
+            primal = norm(reached - s) / max(norm(reached), norm(s), TINY)
+            dual = norm(form.A.T @ (R * (s - before))) / max(norm(form.A.T @ (R * self._xi)), norm(form.p), TINY)
+            change = self._penalty.follow(primal, dual)
+            if change != 1.0:
+                self._xi *= change
+                self._factors = None
         return None
 
     def _solve(self, right: Vector, R: Vector) -> Vector | None:
@@ -101,17 +98,6 @@ class ConeSplitting:
             return np.asarray(self._factors.solve(np.concatenate([right, np.zeros(m)])))[:n]
         except ProblemError:  # exactly singular
             return None
-
-    def _balance(self, primal: float, dual: float) -> None:
-        """Multiply ρ by √(primal/dual), both relative to what they are made of (Wohlberg 2017, arXiv:1704.06209)."""
-        factor = math.sqrt(max(primal, TINY) / max(dual, TINY))
-        factor = min(max(factor, 1.0 / LARGEST_CHANGE), LARGEST_CHANGE)
-        rho = min(max(self._rho * factor, RHO[0]), RHO[1])
-        if max(rho / self._rho, self._rho / rho) < UNBALANCED:
-            return
-        self._xi *= self._rho / rho
-        self._rho, self._factors = rho, None
-        self._rest, self._since = LONGER * self._rest, 0
 
 
 class _ADMM(ConicSolver):

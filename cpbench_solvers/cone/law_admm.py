@@ -9,7 +9,6 @@ with σ(u) = û − u, De Saxcé's term, of the velocities −ρξ of the iterat
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
@@ -20,15 +19,11 @@ from cpbench.errors import ProblemError
 from cpbench.foundation.cones import Law
 from cpbench.foundation.matrices import Dense, Vector, norm
 from cpbench.solvers.base import Budget
+from cpbench_solvers.cone.penalty import TINY, Penalty
 from cpbench_solvers.contact.run import ContactMethod, MethodOptions
 
-FIRST_REST, LONGER = 20, 1.5
-"""Iterations with one ρ before it may change, and by how much longer it must stay the next time."""
-UNBALANCED, LARGEST_CHANGE = 3.0, 30.0
-"""ρ changes by a factor between these, or not at all."""
-RHO = (1e-9, 1e6)
-TINY = 1e-300
-"""Keeps from dividing by nothing."""
+RHO, LONGER = (1e-9, 1e6), 1.5
+"""Bounds of ρ, and by how much longer each new ρ must stay than the one before."""
 
 
 @dataclass(frozen=True)
@@ -75,14 +70,13 @@ class ConicADMM(ContactMethod):
     def __init__(self, contacts: Delassus, options: ConicADMMOptions, start: Vector, budget: Budget) -> None:
         self._contacts, self._options = contacts, options
         self._shape = (-1, contacts.dimension)
-        self.rho, self._factorized = options.rho, False
-        self._rest, self._since = float(FIRST_REST), 0
+        self._penalty, self._factorized = Penalty(options.rho, *RHO, LONGER, options.balance), False
         self._z = start / contacts.s
         self._xi, self._shift = np.zeros_like(start), np.zeros_like(start)
         if start.any():
             hat = contacts.law.shift(self._rows(contacts.velocity(self._z)))
             dual = hat + contacts.law.project(-hat)  # on K*, Moreau
-            self._xi = -dual.ravel() / self.rho
+            self._xi = -dual.ravel() / options.rho
             self._shift = self._term(dual)
         self._size = norm(contacts.velocity(np.zeros_like(start)))
         self.counters = {"factorizations": 0, "projections": 0}
@@ -95,24 +89,28 @@ class ConicADMM(ContactMethod):
         return next((why for _ in range(many) if (why := self._iteration()) is not None), None)
 
     def _iteration(self) -> str | None:
-        contacts, alpha = self._contacts, self._options.alpha
+        contacts, alpha, rho = self._contacts, self._options.alpha, self._penalty.rho
         if not self._factorized:
-            contacts.factorize(self.rho)
+            contacts.factorize(rho)
             self._factorized = True
             self.counters["factorizations"] += 1
         try:
-            x = contacts.resolvent(self.rho * (self._z - self._xi) - self._shift)
+            x = contacts.resolvent(rho * (self._z - self._xi) - self._shift)
         except ProblemError:  # exactly singular, for a W that is not monotone
-            return f"W + ρI is singular for ρ = {self.rho:.1e}"
+            return f"W + ρI is singular for ρ = {rho:.1e}"
         before = self._z
         y = alpha * x + (1.0 - alpha) * before + self._xi
         self._z = contacts.law.project(self._rows(y)).ravel()
         self._xi = y - self._z
-        self._shift = self._term(self._rows(-self.rho * self._xi))
+        self._shift = self._term(self._rows(-rho * self._xi))
         self.counters["projections"] += 1
-        self._since += 1
-        if self._options.balance and self._since >= self._rest:
-            self._balance(norm(x - self._z), norm(self._z - before), norm(x))
+        if self._penalty.due():
+            primal = norm(x - self._z) / max(norm(x), TINY)
+            dual = norm(self._z - before) / max(norm(self._xi), self._size / rho, TINY)
+            change = self._penalty.follow(primal, dual)
+            if change != 1.0:
+                self._xi *= change
+                self._factorized = False
         return None
 
     def _rows(self, x: Vector) -> Dense:
@@ -121,16 +119,3 @@ class ConicADMM(ContactMethod):
     def _term(self, u: Dense) -> Vector:
         """Return σ(u) = û − u, all of it in the normal rows."""
         return (self._contacts.law.shift(u) - u).ravel()
-
-    def _balance(self, apart: float, moved: float, size: float) -> None:
-        """Multiply ρ by √(primal/dual), both relative to what they are made of (Wohlberg 2017, arXiv:1704.06209)."""
-        primal = apart / max(size, TINY)
-        dual = moved / max(norm(self._xi), self._size / self.rho, TINY)
-        factor = math.sqrt(max(primal, TINY) / max(dual, TINY))
-        factor = min(max(factor, 1.0 / LARGEST_CHANGE), LARGEST_CHANGE)
-        if max(factor, 1.0 / factor) < UNBALANCED:
-            return
-        rho = min(max(self.rho * factor, RHO[0]), RHO[1])
-        self._xi *= self.rho / rho
-        self.rho, self._factorized = rho, False
-        self._rest, self._since = LONGER * self._rest, 0

@@ -13,7 +13,6 @@ from cpbench.foundation.matrices import Vector, identity, scaled_both
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
 from cpbench_solvers.contact.by_parts import SolverByParts
-from cpbench_solvers.contact.rolling_blocks import single_contacts
 from cpbench_solvers.contact.run import iterate_on
 from cpbench_solvers.traits import ITERATIVE
 
@@ -52,10 +51,6 @@ class RollingADMM(SolverByParts):
         traits=ITERATIVE,
         options=ConicADMMOptions,
     )
-
-    def warmup(self) -> None:
-        for problem in single_contacts():
-            self.run(problem)
 
     def prepare(self, problem: RollingFrictionContact, budget: Budget, options: ConicADMMOptions) -> _Local:
         return _Local(problem)

@@ -6,8 +6,7 @@ from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.contact.newton_equation import ContactFunction
-from cpbench_solvers.contact.semismooth_newton import ContactNewton, ContactNewtonOptions
-from cpbench_solvers.traits import ITERATIVE
+from cpbench_solvers.contact.semismooth_newton import ContactNewton, newton_spec
 
 
 @register
@@ -19,14 +18,10 @@ class AlartCurnierNewton(ContactNewton):
     """
 
     function = ContactFunction.ALART_CURNIER
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = newton_spec(
         name="newton-alart-curnier",
-        node="fc",
         summary="semismooth Newton on the Alart-Curnier function, from a start by Gauss-Seidel",
-        method="semismooth Newton",
         citation="Alart and Curnier 1991, CMAME 92:353; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        traits=ITERATIVE,
-        options=ContactNewtonOptions,
     )
 
 
@@ -36,13 +31,9 @@ class JeanMoreauNewton(ContactNewton):
     projection."""
 
     function = ContactFunction.JEAN_MOREAU
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = newton_spec(
         name="newton-jean-moreau",
-        node="fc",
         summary="semismooth Newton on the Jean-Moreau function, from a start by Gauss-Seidel",
-        method="semismooth Newton",
         citation="Jean and Moreau 1987; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        traits=ITERATIVE,
-        options=ContactNewtonOptions,
         by_default=False,
     )

@@ -14,8 +14,9 @@ import numpy as np
 
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
+from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.frozen_law import block_csr
-from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
+from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
 
 GAIN, LONGER, LONGEST = 0.9, 2, 500
@@ -76,11 +77,11 @@ class APGDContact(ContactSolver):
     """Nesterov's method over the friction cones, the load q + μ‖u_T‖e_N set anew every few iterations."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "apgd-fc",
-        "accelerated projected gradient descent with restart, De Saxcé's term following",
-        "first order",
-        "Mazhar, Heyn, Negrut and Tasora 2015, ACM Trans. Graph. 34:32; De Saxcé and Feng 1998; "
+        name="apgd-fc",
+        summary="accelerated projected gradient descent with restart, De Saxcé's term following",
+        method="first order",
+        citation="Mazhar, Heyn, Negrut and Tasora 2015, ACM Trans. Graph. 34:32; De Saxcé and Feng 1998; "
         "O'Donoghue and Candès 2015",
-        APGDContactOptions,
+        options=APGDContactOptions,
     )
     method: ClassVar[Any] = _Accelerated

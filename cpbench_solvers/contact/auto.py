@@ -11,11 +11,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, StackCall, register, solved
-from cpbench_solvers.contact.by_parts import SURE, SolverByParts
+from cpbench_solvers.contact.by_parts import SURE, SolverByParts, contact_spec
 from cpbench_solvers.contact.parts import ContactPart
 from cpbench_solvers.contact.phases import Phases, counters
 from cpbench_solvers.contact.sweeps import (
@@ -26,10 +25,8 @@ from cpbench_solvers.contact.sweeps import (
     BlockRows,
     ScaledContacts,
     conclude,
-    scaled_contacts,
 )
 from cpbench_solvers.stacks import CONTACT_SHARES, solve_fc
-from cpbench_solvers.traits import ITERATIVE
 
 KERNELS = (
     "anderson",
@@ -62,18 +59,13 @@ class AutoContact(SolverByParts):
     and on a busy one.
     """
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = contact_spec(
         name="auto-fc",
-        node="fc",
         summary="Gauss-Seidel with acceleration, Newton, interior points or ADMM, whichever promises to be done first",
         method="automatic choice",
-        traits=ITERATIVE,
         options=AutoContactOptions,
     )
     stack_call: ClassVar[StackCall | None] = StackCall(solve_fc, shares=CONTACT_SHARES)
-
-    def prepare(self, problem: FrictionContact, budget: Budget, options: AutoContactOptions) -> ScaledContacts:
-        return scaled_contacts(problem)
 
     def at_once(
         self, blocks: BlockRows, budget: Budget, options: AutoContactOptions

@@ -13,6 +13,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ import numpy as np
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
 from cpbench.foundation.matrices import EPS, Vector
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, solved
 from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.contact.parts import (
     Contact,
@@ -33,23 +34,32 @@ from cpbench_solvers.contact.parts import (
     part_of,
     rows_of,
     rows_of_blocks,
+    single_contacts,
 )
-from cpbench_solvers.contact.sweeps import BlockRows
+from cpbench_solvers.contact.sweeps import BlockRows, scaled_contacts
+from cpbench_solvers.traits import ITERATIVE
 
 SURE = 0.995
 """Share of the tolerance that is claimed: the verdict has an equilibration of its own, to a thousandth."""
+
+contact_spec = partial(SolverSpec, node="fc", traits=ITERATIVE)
+"""The spec of a solver of local contact problems, with what most of them share."""
 
 
 class SolverByParts(Solver):
     """A solver of local contact problems, with or without rolling friction, that solves connected parts by themselves.
 
-    A subclass says what it prepares for one part and how it solves that. The answer claims to be solved where every
-    part does. A limit of iterations is one of each part, that of time is one of all.
+    A subclass says how it solves one part, and what it prepares for that where it is not `ScaledContacts`. The answer
+    claims to be solved where every part does. A limit of iterations is one of each part, that of time is one of all.
     """
 
-    @abstractmethod
     def prepare(self, problem: Any, budget: Budget, options: Any) -> Any:
         """Do what `setup` of a solver does, for one part."""
+        return scaled_contacts(problem)
+
+    def warmup(self) -> None:
+        for problem in single_contacts(self.spec.node):
+            self.run(problem)
 
     @abstractmethod
     def solve_part(

@@ -6,8 +6,7 @@ from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.contact.newton_equation import ContactFunction
-from cpbench_solvers.contact.semismooth_newton import ContactNewton, ContactNewtonOptions
-from cpbench_solvers.traits import ITERATIVE
+from cpbench_solvers.contact.semismooth_newton import ContactNewton, newton_spec
 
 
 @register
@@ -16,14 +15,10 @@ class NaturalMapContact(ContactNewton):
     derivative there is that without the shift."""
 
     function = ContactFunction.NATURAL_MAP
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = newton_spec(
         name="newton-natural-map",
-        node="fc",
         summary="semismooth Newton on the natural map of the friction cone, from a start by Gauss-Seidel",
-        method="semismooth Newton",
         citation="De Saxcé and Feng 1998, Math. Comput. Modelling 28:225; Acary, Brémond and Huber 2018, LNACM 92:205",
-        traits=ITERATIVE,
-        options=ContactNewtonOptions,
         by_default=False,
     )
 
@@ -35,13 +30,9 @@ class FischerBurmeisterContact(ContactNewton):
     Fischer."""
 
     function = ContactFunction.FISCHER_BURMEISTER
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = newton_spec(
         name="newton-fb-fc",
-        node="fc",
         summary="semismooth Newton on the Fischer-Burmeister function of the second-order cone, after Gauss-Seidel",
-        method="semismooth Newton",
         citation="Fukushima, Luo and Tseng 2001, SIAM J. Optim. 12:436; Acary, Brémond and Huber 2018, LNACM 92:205",
-        traits=ITERATIVE,
-        options=ContactNewtonOptions,
         by_default=False,
     )

@@ -26,7 +26,7 @@ from cpbench.formulations.lcp import LCP
 from cpbench.foundation.matrices import Dense, Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.contact.by_parts import SolverByParts
-from cpbench_solvers.contact.sweeps import ScaledContacts, conclude, scaled_contacts
+from cpbench_solvers.contact.sweeps import ScaledContacts, conclude
 from cpbench_solvers.lcp.claims import DENSE_BYTES
 from cpbench_solvers.lcp.lemke import Lemke
 
@@ -70,14 +70,9 @@ class FacetsLemke(SolverByParts):
             return None
         return f"needs a dense {n}x{n} matrix ({size / 1e9:.1f} GB, at most {DENSE_BYTES / 1e9:.0f}): use nsgs"
 
-    def prepare(self, problem: FrictionContact, budget: Budget, options: FacetsOptions) -> ScaledContacts:
-        return scaled_contacts(problem)
-
     def warmup(self) -> None:
         Lemke().warmup()
-        for d in (2, 3):
-            q = -np.eye(d)[0]
-            self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
+        super().warmup()
 
     def solve_part(
         self, prepared: ScaledContacts, budget: Budget, options: FacetsOptions, start: Any, record: Record | None

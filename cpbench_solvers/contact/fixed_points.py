@@ -19,8 +19,9 @@ import numpy as np
 
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
+from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.frozen_law import Frozen
-from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
+from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
 
 GAIN, PATIENCE = 0.9, 20
@@ -113,11 +114,11 @@ class TrescaFixedPoint(ContactSolver):
     """Friction thresholds g = μ r_N frozen: min ½rᵀWr + qᵀr over ℝ₊ × D(g), again and again."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "tresca-fixed-point",
-        "friction thresholds frozen, convex problems on cylinders",
-        "fixed point",
-        "Haslinger 1983, Math. Methods Appl. Sci. 5:422; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        FrozenLawOptions,
+        name="tresca-fixed-point",
+        summary="friction thresholds frozen, convex problems on cylinders",
+        method="fixed point",
+        citation="Haslinger 1983, Math. Methods Appl. Sci. 5:422; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
+        options=FrozenLawOptions,
         by_default=False,
     )
     method: ClassVar[Any] = _Tresca
@@ -128,11 +129,11 @@ class PanagiotopoulosFixedPoint(ContactSolver):
     """Normal contacts with the friction known, then friction with the normal reactions known, in turns."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "panagiotopoulos-fixed-point",
-        "normal contact and friction in turns, both convex",
-        "fixed point",
-        "Panagiotopoulos 1975, Ing.-Arch. 44:421",
-        FrozenLawOptions,
+        name="panagiotopoulos-fixed-point",
+        summary="normal contact and friction in turns, both convex",
+        method="fixed point",
+        citation="Panagiotopoulos 1975, Ing.-Arch. 44:421",
+        options=FrozenLawOptions,
         by_default=False,
     )
     method: ClassVar[Any] = _Panagiotopoulos
@@ -143,10 +144,10 @@ class ACLMFixedPoint(ContactSolver):
     """De Saxcé's term s = μ‖u_T‖ frozen: min ½rᵀWr + (q + s e_N)ᵀr over the friction cones, again and again."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "aclm-fixed-point",
-        "De Saxcé's term frozen, second-order cone programs",
-        "fixed point",
-        "Acary, Cadoux, Lemaréchal and Malick 2011, ZAMM 91:155",
-        FrozenLawOptions,
+        name="aclm-fixed-point",
+        summary="De Saxcé's term frozen, second-order cone programs",
+        method="fixed point",
+        citation="Acary, Cadoux, Lemaréchal and Malick 2011, ZAMM 91:155",
+        options=FrozenLawOptions,
     )
     method: ClassVar[Any] = _ACLM

@@ -30,8 +30,9 @@ from cpbench.foundation.cones import Coulomb
 from cpbench.foundation.factorization import DENSE_LIMIT, sparse_lu
 from cpbench.foundation.matrices import EPS, Dense, Matrix, Vector, dense, max_abs, scaled_both
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
+from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.newton_equation import DENSE_FROM
-from cpbench_solvers.contact.run import ContactMethod, ContactSolver, contact_spec, finish, iterate
+from cpbench_solvers.contact.run import ContactMethod, ContactSolver, finish, iterate
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
 
 SHORTEST = 1e-8
@@ -183,11 +184,11 @@ class InteriorPointContact(ContactSolver):
     and otherwise not used: the middle of the cones is a better place to begin."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "interior-point-fc",
-        "nonconvex primal-dual interior point with De Saxcé's term",
-        "interior point",
-        "Acary, Armand, Nguyen and Shpakovych 2024; Nesterov and Todd 1998; Mehrotra 1992",
-        ContactInteriorPointOptions,
+        name="interior-point-fc",
+        summary="nonconvex primal-dual interior point with De Saxcé's term",
+        method="interior point",
+        citation="Acary, Armand, Nguyen and Shpakovych 2024; Nesterov and Todd 1998; Mehrotra 1992",
+        options=ContactInteriorPointOptions,
     )
     method: ClassVar[Any] = ContactInteriorPoint
 
@@ -197,11 +198,11 @@ class InteriorPointRelaxation(ContactSolver):
     """min ½rᵀWr + qᵀr over the friction cones: sliding contacts open. The claim is about this problem."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "interior-point-relaxation",
-        "primal-dual interior point on the convex relaxation",
-        "interior point",
-        "Anitescu and Tasora 2010, Comput. Optim. Appl. 47:207; Nesterov and Todd 1998; Mehrotra 1992",
-        ContactInteriorPointOptions,
+        name="interior-point-relaxation",
+        summary="primal-dual interior point on the convex relaxation",
+        method="interior point",
+        citation="Anitescu and Tasora 2010, Comput. Optim. Appl. 47:207; Nesterov and Todd 1998; Mehrotra 1992",
+        options=ContactInteriorPointOptions,
         kind=Kind.RELAXATION,
         by_default=False,
     )

@@ -186,13 +186,14 @@ class ADMMMember(Member):
 
     def begin(self, r: Vector) -> None:
         # not at r: from the best point it was caught for 5,000 iterations where it needs 700 from nothing (0131)
-        self._splitting = ContactSplitting(self._contacts, ADMMContactOptions(), None)
+        self._splitting = ContactSplitting(self._contacts, ADMMContactOptions(), np.zeros(r.size))
 
     def advance(self, most: int, deadline: float) -> None:
-        splitting, before = self._splitting, self._splitting.factorizations
-        self.over = not splitting.step()
-        if splitting.factorizations > before:
-            self.factorizations += splitting.factorizations - before
+        splitting = self._splitting
+        before = splitting.counters["factorizations"]
+        self.over = splitting.step() is not None
+        if splitting.counters["factorizations"] > before:
+            self.factorizations += 1
             self.cost = iteration_work(self._contacts.rows.problem.W, splitting.entries)
         self.steps += 1
         self.spent += self.cost

@@ -9,6 +9,7 @@ import numpy as np
 
 from cpbench.foundation.kernel_cache import compiled, load_all
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
+from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.relaxation import AT_FIRST, Advance, Local, Relaxation, Shape, general
 from cpbench_solvers.contact.sweeps import (
     LOGGED,
@@ -20,7 +21,6 @@ from cpbench_solvers.contact.sweeps import (
     kernel,
     work,
 )
-from cpbench_solvers.traits import ITERATIVE
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,11 @@ class NSGS(Relaxation):
     W_NN is not positive takes a step of the natural map instead, and so does one that another local solver fails on.
     """
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = contact_spec(
         name="nsgs",
-        node="fc",
         summary="nonsmooth Gauss-Seidel, exact one-contact solves",
         method="splitting",
         citation="Jean and Moreau 1987; Jourdan, Alart and Jean 1998, CMAME 155:31",
-        traits=ITERATIVE,
         quick=True,
         options=NSGSOptions,
     )

@@ -20,10 +20,9 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
-from cpbench_solvers.contact.by_parts import SolverByParts
+from cpbench_solvers.contact.by_parts import SolverByParts, contact_spec
 from cpbench_solvers.contact.run import ContactMethod, MethodOptions, iterate
 from cpbench_solvers.contact.sweeps import block_rows, conclude, kernel
-from cpbench_solvers.traits import ITERATIVE
 
 
 @dataclass(frozen=True)
@@ -133,13 +132,11 @@ def helpers(threads: int) -> Generator[ThreadPoolExecutor | None]:
 class NSGSColoured(SolverByParts):
     """Block Gauss–Seidel with exact one-contact solves, contacts in the order of their colours."""
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = contact_spec(
         name="nsgs-coloured",
-        node="fc",
         summary="nonsmooth Gauss-Seidel by colours, for several threads",
         method="splitting",
         citation="Jean and Moreau 1987; Adams and Ortega 1982, Int. Conf. Parallel Processing, 53",
-        traits=ITERATIVE,
         options=ColouredOptions,
         by_default=False,
     )
@@ -147,12 +144,6 @@ class NSGSColoured(SolverByParts):
     def prepare(self, problem: FrictionContact, budget: Budget, options: ColouredOptions) -> Coloured:
         kernel("contact_error")
         return Coloured.of(problem)
-
-    def warmup(self) -> None:
-        for d in (2, 3):
-            q = np.zeros(d)
-            q[0] = -1.0
-            self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
 
     def solve_part(
         self, prepared: Coloured, budget: Budget, options: ColouredOptions, start: Any, record: Record | None

@@ -14,7 +14,7 @@ from cpbench.foundation.kernel_cache import compiled
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
-from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks, single_contacts
+from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
 from cpbench_solvers.contact.sweeps import conclude, kernel
 from cpbench_solvers.traits import ITERATIVE
 
@@ -52,10 +52,6 @@ class NSGSRolling(SolverByParts):
 
     def prepare(self, problem: RollingFrictionContact, budget: Budget, options: NSGSRollingOptions) -> RollingBlocks:
         return rolling_blocks(problem)
-
-    def warmup(self) -> None:
-        for problem in single_contacts():
-            self.run(problem)
 
     def solve_part(
         self, prepared: RollingBlocks, budget: Budget, options: NSGSRollingOptions, start: Any, record: Record | None

@@ -119,6 +119,15 @@ def claimed(point: Any, counters: dict[str, int], failed: list[tuple[int, Solver
     return SolverOutput(claim=output.claim, point=point, counters=counters, message=message)
 
 
+def single_contacts(node: str) -> list[Contact]:
+    """Return a contact of each dimension that problems of node fc or rfc have, for warm-ups."""
+    mu = np.array([0.5])
+    if node == "fc":
+        return [FrictionContact(W=np.eye(d), q=np.array([-1.0, 2.0, 0.0])[:d], mu=mu, dimension=d) for d in (2, 3)]
+    mu_r = np.array([0.1])
+    return [RollingFrictionContact(W=np.eye(d), q=-np.eye(d)[0], mu=mu, mu_r=mu_r, dimension=d) for d in (3, 5)]
+
+
 def rows_of_blocks(problem: Contact) -> BlockRows | RollingBlocks:
     """Return W by rows of blocks."""
     return rolling_blocks(problem) if isinstance(problem, RollingFrictionContact) else block_rows(problem)

@@ -14,8 +14,9 @@ import numpy as np
 
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
+from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.frozen_law import block_csr
-from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
+from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
 
 
@@ -68,11 +69,11 @@ class DeSaxceFixedPoint(ContactSolver):
     """r ← P_K(r − ρû), De Saxcé and Feng's Uzawa iteration on the bipotential, with a ρ that adapts itself."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "de-saxce-fixed-point",
-        "projection of the augmented reaction (Uzawa), self-adapting step",
-        "projection",
-        "De Saxcé and Feng 1998, Math. Comput. Model. 28:225; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        ContactProjectionOptions,
+        name="de-saxce-fixed-point",
+        summary="projection of the augmented reaction (Uzawa), self-adapting step",
+        method="projection",
+        citation="De Saxcé and Feng 1998, Math. Comput. Model. 28:225; Acary, Brémond and Huber 2018, LNACM 92:205",
+        options=ContactProjectionOptions,
         by_default=False,
     )
     method: ClassVar[Any] = _FixedPoint
@@ -83,11 +84,11 @@ class ExtragradientContact(ContactSolver):
     """y = P_K(r − ρû(r)), r ← P_K(r − ρû(y))."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "extragradient-fc",
-        "extragradient on the De Saxcé-shifted velocity, self-adapting step",
-        "projection",
-        "Korpelevich 1976; Khobotov 1987; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        ContactProjectionOptions,
+        name="extragradient-fc",
+        summary="extragradient on the De Saxcé-shifted velocity, self-adapting step",
+        method="projection",
+        citation="Korpelevich 1976; Khobotov 1987; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
+        options=ContactProjectionOptions,
         by_default=False,
     )
     method: ClassVar[Any] = _Extragradient

@@ -18,7 +18,8 @@ from typing import Any, ClassVar
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
-from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
+from cpbench_solvers.contact.by_parts import contact_spec
+from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.semismooth_newton import ContactNewtonOptions, NewtonPhase
 from cpbench_solvers.contact.sweeps import AcceleratedSweeps, ScaledContacts
 
@@ -129,12 +130,12 @@ class ProximalNewton(ContactSolver):
     """A few sweeps, then over-relaxed proximal points by Newton's method."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "proximal-newton",
-        "proximal point, inner problems by semismooth Newton, self-adapting α",
-        "proximal point",
-        "Rockafellar 1976, SIAM J. Control Optim. 14:877; Eckstein and Bertsekas 1992, Math. Program. 55:293; Acary, "
-        "Brémond and Huber 2018, Springer LNACM 92:205",
-        ProximalNewtonOptions,
+        name="proximal-newton",
+        summary="proximal point, inner problems by semismooth Newton, self-adapting α",
+        method="proximal point",
+        citation="Rockafellar 1976, SIAM J. Control Optim. 14:877; Eckstein and Bertsekas 1992, Math. Program. 55:293; "
+        "Acary, Brémond and Huber 2018, Springer LNACM 92:205",
+        options=ProximalNewtonOptions,
     )
     method: ClassVar[Any] = _ProximalNewton
 

@@ -21,7 +21,8 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverSpec, register, solvers
-from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions, contact_spec
+from cpbench_solvers.contact.by_parts import contact_spec
+from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.sweeps import ScaledContacts
 
 ALPHA = (1e-10, 1e3)
@@ -117,10 +118,10 @@ class ProximalNSGS(ContactSolver):
     """Proximal points, each by Gauss–Seidel."""
 
     spec: ClassVar[SolverSpec] = contact_spec(
-        "proximal-nsgs",
-        "proximal point, inner problems by Gauss-Seidel, self-adapting α",
-        "proximal point",
-        "Rockafellar 1976, SIAM J. Control Optim. 14:877; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        ProximalNSGSOptions,
+        name="proximal-nsgs",
+        summary="proximal point, inner problems by Gauss-Seidel, self-adapting α",
+        method="proximal point",
+        citation="Rockafellar 1976, SIAM J. Control Optim. 14:877; Acary, Brémond and Huber 2018, LNACM 92:205",
+        options=ProximalNSGSOptions,
     )
     method: ClassVar[Any] = _Proximal

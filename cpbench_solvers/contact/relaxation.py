@@ -92,12 +92,6 @@ class Relaxation(SolverByParts):
     def prepare(self, problem: FrictionContact, budget: Budget, options: Any) -> BlockRows:
         return block_rows(problem)
 
-    def warmup(self) -> None:
-        for d in (2, 3):
-            q = np.zeros(d)
-            q[0] = -1.0
-            self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
-
     def solve_part(
         self, prepared: BlockRows, budget: Budget, options: Any, start: Any, record: Record | None
     ) -> SolverOutput:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
+from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.relaxation import Advance, Local, Relaxation, Shape, general
 from cpbench_solvers.contact.sweeps import BlockRows, SweepState
-from cpbench_solvers.traits import ITERATIVE
 
 
 @dataclass(frozen=True)
@@ -31,13 +31,11 @@ class PSORContact(Relaxation):
     A sweep costs little and does little where normal and tangents of a contact are coupled.
     """
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = contact_spec(
         name="psor-fc",
-        node="fc",
         summary="projected successive over-relaxation: one projection of every contact a sweep",
         method="splitting",
         citation="De Saxcé and Feng 1998, Math. Comput. Modelling 28:225; Cryer 1971, SIAM J. Control 9:385",
-        traits=ITERATIVE,
         options=PSORContactOptions,
         by_default=False,
     )
@@ -66,13 +64,11 @@ class JacobiContact(Relaxation):
     What runs in parallel elsewhere. As ω falls, so does the speed: with many contacts a body it needs many sweeps.
     """
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = contact_spec(
         name="jacobi-fc",
-        node="fc",
         summary="block Jacobi with exact one-contact solves and a relaxation that adapts",
         method="splitting",
         citation="Acary and Brogliato 2008, Springer LNACM 35, chapter 13",
-        traits=ITERATIVE,
         options=JacobiContactOptions,
         by_default=False,
     )

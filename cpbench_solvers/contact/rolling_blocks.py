@@ -30,12 +30,6 @@ class RollingBlocks:
     local: tuple[Any, ...]
 
 
-def single_contacts() -> list[RollingFrictionContact]:
-    """Return a contact of each dimension, for warm-ups."""
-    mu, mu_r = np.array([0.5]), np.array([0.1])
-    return [RollingFrictionContact(W=np.eye(d), q=-np.eye(d)[0], mu=mu, mu_r=mu_r, dimension=d) for d in (3, 5)]
-
-
 def rolling_blocks(problem: RollingFrictionContact) -> RollingBlocks:
     """Return W by rows of blocks."""
     d, nc = problem.dimension, problem.nc

@@ -14,13 +14,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
-from cpbench_solvers.contact.sweeps import ScaledContacts, conclude, scaled_contacts
-from cpbench_solvers.traits import ITERATIVE
+from cpbench_solvers.contact.sweeps import ScaledContacts, conclude
 
 
 class ContactMethod(ABC):
@@ -138,15 +136,6 @@ class ContactSolver(SolverByParts):
 
     method: ClassVar[Callable[[ScaledContacts, Any, Vector, Budget], ContactMethod]]
 
-    def prepare(self, problem: FrictionContact, budget: Budget, options: Any) -> ScaledContacts:
-        return scaled_contacts(problem)
-
-    def warmup(self) -> None:
-        for d in (2, 3):
-            q = np.zeros(d)
-            q[:2] = -1.0, 2.0
-            self.run(FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d))
-
     def solve_part(
         self, prepared: ScaledContacts, budget: Budget, options: Any, start: Any, record: Record | None
     ) -> SolverOutput:
@@ -156,17 +145,3 @@ class ContactSolver(SolverByParts):
         limit = budget.iterations or options.max_iterations
         end = iterate(method, prepared.rows.judged_error, FCPoint, budget, limit, options.stall_window, record)
         return conclude(problem, end.r, end.error, budget, end.claim, end.message, end.counters)
-
-
-def contact_spec(name: str, summary: str, method: str, citation: str, options: type, **more: Any) -> SolverSpec:
-    """Return the spec of a local solver, with what all of them share."""
-    return SolverSpec(
-        name=name,
-        node="fc",
-        summary=summary,
-        method=method,
-        citation=citation,
-        traits=ITERATIVE,
-        options=options,
-        **more,
-    )

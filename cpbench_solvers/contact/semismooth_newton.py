@@ -11,19 +11,20 @@ import time
 from collections import deque
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 
 from cpbench.formulations.contact import FCPoint
-from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench.solvers.shared.progress import Progress
-from cpbench_solvers.contact.by_parts import SolverByParts
+from cpbench_solvers.contact.by_parts import SolverByParts, contact_spec
 from cpbench_solvers.contact.newton_equation import ContactEquation, ContactFunction, NewtonPoint
-from cpbench_solvers.contact.sweeps import ScaledContacts, Sweeps, conclude, scaled_contacts
+from cpbench_solvers.contact.parts import single_contacts
+from cpbench_solvers.contact.sweeps import ScaledContacts, Sweeps, conclude
 
 DESCENT, HALVINGS = 1e-4, 8
 FLATTEST, STEEPEST, TRIALS = 0.1, 0.9, 12
@@ -160,22 +161,20 @@ class NewtonPhase:
         return enough
 
 
+newton_spec = partial(contact_spec, method="semismooth Newton", options=ContactNewtonOptions)
+"""The spec of a `ContactNewton`, with what all of them share."""
+
+
 class ContactNewton(SolverByParts):
     """Sweeps of Gauss–Seidel to come near, then Newton steps with line search; sweeps again where these fail."""
 
     function: ClassVar[ContactFunction]
 
-    def prepare(self, problem: FrictionContact, budget: Budget, options: ContactNewtonOptions) -> ScaledContacts:
-        return scaled_contacts(problem)
-
     def warmup(self) -> None:
         load_all("cpbench_solvers.kernels", ("gauss_seidel", "block_layout", "contact_newton"))
-        for d in (2, 3):
-            q = np.zeros(d)
-            q[0] = -1.0
-            problem = FrictionContact(W=np.eye(d), q=q, mu=np.array([0.5]), dimension=d)
+        for problem in single_contacts(self.spec.node):
             self.run(problem, options=ContactNewtonOptions(sweeps=0))
-            self.run(problem)
+        super().warmup()
 
     def solve_part(
         self, prepared: ScaledContacts, budget: Budget, options: ContactNewtonOptions, start: Any, record: Record | None
