@@ -125,15 +125,6 @@ def _certified(found: Diagnosis, deadline: Deadline, say: Callable[[str], None],
     return f"not run, {why}: cpbench certify {address} looks for a proof of the true answer"
 
 
-def trial_of(
-    problem: Problem, solver: str, *, tolerance: float, seconds: float, via: Sequence[str] = ()
-) -> SolverTrial:
-    """Return what to explain, from what was asked."""
-    from cpbench_lab.diagnosis.attempts import SolverTrial
-
-    return SolverTrial(problem=problem, solver=solver, tolerance=tolerance, seconds=seconds, via=tuple(via))
-
-
 def trial_of_row(
     results: Path, problem: str, label: str, *, tolerance: float | None, seconds: float | None
 ) -> SolverTrial:
@@ -146,6 +137,7 @@ def trial_of_row(
     """
     from cpbench import storage
     from cpbench.solvers.options import written
+    from cpbench_lab.diagnosis.attempts import SolverTrial
 
     with sealed(results) as store:
         rows = list(store.rows())
@@ -167,10 +159,10 @@ def trial_of_row(
         )
     options = ",".join(f"{name}={written(value)}" for name, value in json.loads(row.options).items())
     direct = row.request == "exact" or row.route in (None, "", "direct")
-    return trial_of(
-        loaded,
-        f"{row.solver}[{options}]" if options else row.solver,
+    return SolverTrial(
+        problem=loaded,
+        solver=f"{row.solver}[{options}]" if options else row.solver,
         tolerance=row.tolerance,
         seconds=seconds or row.seconds or SECONDS,
-        via=() if direct else str(row.route).split(" > "),
+        via=() if direct else tuple(str(row.route).split(" > ")),
     )

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from cpbench.bench.results.rows import Row
-from cpbench.report.text import code, plain
+from cpbench.report.text import code, plain, seconds
 
 HEADING = """The plan of this bundle: cpbench reproduce runs it and compares. By hand, in this folder:
 cpbench run --plan plan.toml, with --plugin for each file in plugins/ that is told in REPRODUCE.md."""
@@ -28,8 +28,8 @@ def text(about: Mapping[str, Any], report: bool) -> str:
         f"2. `cpbench reproduce BUNDLE.zip`: checks all files, runs `plan.toml`, compares.{ask}",
         f"3. Or by hand, in the unpacked folder: {code(f'cpbench{plugin} run --plan plan.toml -o again.sqlite')}, then "
         "`cpbench compare results.sqlite again.sqlite`.",
-        f"4. Expect: {about['pairs']} pairs ({statuses or 'none'}), {_duration(about['seconds'])} where it was made. "
-        "Statuses must agree; times are compared, and need not.",
+        f"4. Expect: {about['pairs']} pairs ({statuses or 'none'}), about {seconds(about['seconds'])} where it was "
+        "made. Statuses must agree; times are compared, and need not.",
         "5. A pair that ran into a limit of time or memory may end otherwise on a faster or a slower machine "
         "(`machine.json`).",
         "",
@@ -98,8 +98,3 @@ def _withheld(places: Iterable[Mapping[str, Any]]) -> list[str]:
 
 def _listed(names: list[str]) -> str:
     return ", ".join(map(code, names))
-
-
-def _duration(seconds: float) -> str:
-    """Return a duration for a reader; `seconds` [s]."""
-    return f"about {seconds:.0f} s" if seconds < 600 else f"about {seconds / 60:.0f} min"

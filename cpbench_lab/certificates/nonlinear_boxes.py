@@ -20,7 +20,7 @@ from cpbench_lab.certificates.exact_rows import Index, rational
 from cpbench_lab.certificates.krawczyk import PARTS, Enclosed, balls, digits, enclose, no_box
 from cpbench_lab.certificates.map_balls import exact_values, jacobian, slopes, values
 from cpbench_lab.certificates.mixed import MAPS
-from cpbench_lab.certificates.redundant import reduced
+from cpbench_lab.certificates.redundant import reduced, with_held
 
 LARGEST = 1500
 """Unknowns of the largest system that is enclosed: its inverse is dense, and derivatives are taken in balls."""
@@ -60,10 +60,7 @@ class BasicSystem:
 
     def full(self, x: Sequence[Any]) -> list[Any]:
         """Return all unknowns."""
-        every = [arb(v) for v in self.held.tolist()]
-        for j, value in zip(self.basic.tolist(), x, strict=True):
-            every[j] = value
-        return every
+        return with_held(self.held, self.basic, x)
 
     def residual(self, x: Sequence[Any]) -> list[Any]:
         """F of the basic rows."""

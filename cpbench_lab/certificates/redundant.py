@@ -38,6 +38,14 @@ def _rationals(dense: Dense) -> Any:
     return fmpq_mat(*dense.shape, [rational(v) for v in dense.ravel().tolist()])
 
 
+def with_held(held: Vector, columns: Index, x: Sequence[Any]) -> list[Any]:
+    """Return all unknowns: x of the columns, and the values at which the others are held."""
+    every = [arb(v) for v in held.tolist()]
+    for j, value in zip(columns.tolist(), x, strict=True):
+        every[j] = value
+    return every
+
+
 @dataclass(frozen=True, eq=False)
 class ReducedSystem:
     """A system without some equations, and with some unknowns held.
@@ -55,10 +63,7 @@ class ReducedSystem:
 
     def full(self, x: Sequence[Any]) -> list[Any]:
         """Return all unknowns."""
-        every = [arb(v) for v in self.held.tolist()]
-        for j, value in zip(self.columns.tolist(), x, strict=True):
-            every[j] = value
-        return every
+        return with_held(self.held, self.columns, x)
 
     def residual(self, x: Sequence[Any]) -> list[Any]:
         """Return the rows that are kept."""

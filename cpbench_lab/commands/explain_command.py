@@ -15,7 +15,7 @@ from cpbench.cli.steps import Steps
 from cpbench.cli.terminal import fitted, print_lines
 from cpbench.cli.types import ADDRESS, DURATION, POSITIVE
 from cpbench.generators.collection import address_text
-from cpbench_lab.diagnosing import MINUTES, SECONDS, diagnose_apart, trial_of, trial_of_row
+from cpbench_lab.diagnosing import MINUTES, SECONDS, diagnose_apart, trial_of_row
 
 
 @click.command(cls=Command)
@@ -61,6 +61,8 @@ def command(
     1 when no remedy works.
     """
     with Steps(quiet) as steps:
+        from cpbench_lab.diagnosis.attempts import SolverTrial
+
         steps.say(f"reading {problem}")
         if is_results_file(problem):
             if pair is None or via:
@@ -71,7 +73,8 @@ def command(
             if pair is not None:
                 raise click.UsageError(f"--pair goes with a results file, {problem} is none")
             asked = load(problem, format=file_format)
-            trial = trial_of(asked, solver, tolerance=tolerance or 1e-6, seconds=timeout or SECONDS, via=via)
+            limit = timeout or SECONDS
+            trial = SolverTrial(problem=asked, solver=solver, tolerance=tolerance or 1e-6, seconds=limit, via=via)
             address = address_text(problem)
         limits = Limits(trial.seconds, memory, threads)
         found = diagnose_apart(trial, limits, minutes=minutes, say=steps.say, address=address)

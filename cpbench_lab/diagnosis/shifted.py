@@ -27,10 +27,9 @@ def shifted(trial: SolverTrial, *, definite: bool = False) -> SolverTrial | None
     None for formulations without such a matrix.
     """
     problem: Any = trial.problem
-    name = principal(problem)
-    if not name or not getattr(problem, name).shape[0]:
+    name, K = _matrix(problem)
+    if K is None:
         return None
-    K: Matrix = getattr(problem, name)
     size = float(np.abs(K.diagonal()).mean()) or matrices.max_abs(K) or 1.0
     if definite:
         both: Any = K if problem.node != "mlcp" else matrices.block([[problem.A, problem.C], [problem.D, problem.B]])
@@ -48,13 +47,19 @@ def dominated(trial: SolverTrial) -> SolverTrial | None:
     Sweeps over such a matrix contract, by half each. None for formulations without such a matrix.
     """
     problem: Any = trial.problem
-    name = principal(problem)
-    if not name or not getattr(problem, name).shape[0]:
+    name, K = _matrix(problem)
+    if K is None:
         return None
-    K: Matrix = getattr(problem, name)
     diagonal = np.asarray(K.diagonal(), dtype=float)
     others = np.asarray(abs(sp.csr_array(K)).sum(axis=1), dtype=float).ravel() - np.abs(diagonal)
     return replace(trial, problem=replace(problem, **{name: _plus(K, np.maximum(2.0 * others - diagonal, 0.0))}))
+
+
+def _matrix(problem: Problem) -> tuple[str, Matrix | None]:
+    """Return the matrix that is shifted, by name; None where there is none, or no row of it."""
+    name = principal(problem)
+    K: Matrix | None = getattr(problem, name) if name else None
+    return name, K if K is not None and K.shape[0] else None
 
 
 def _plus(K: Matrix, size: float | Vector) -> Matrix:

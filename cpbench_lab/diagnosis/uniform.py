@@ -19,8 +19,8 @@ import numpy as np
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
 
-MATRIX = {"lcp": ("M", "z"), "relay": ("M", "z"), "fc": ("W", "r")}
-"""Matrix and unknowns of the formulations of one matrix and a vector q."""
+LINEAR = {"lcp": ("M", "q", "z"), "relay": ("M", "q", "z"), "fc": ("W", "q", "r"), "mlcp": ("ABCD", "ab", "uv")}
+"""Matrices, constants and unknowns of the formulations w = Mz + q, a letter each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,40 +41,22 @@ def uniform(problem: Any, known: Any) -> Uniform | None:
     """
     if problem.node == "qp":
         return _qp(problem, known)
-    if problem.node == "mlcp":
-        return _mlcp(problem, known)
-    if problem.node in MATRIX:
-        return _one_matrix(problem, known)
-    return None
+    return _linear(problem, known) if problem.node in LINEAR else None
 
 
-def _one_matrix(P: Any, known: Any) -> Uniform | None:
-    matrix, unknown = MATRIX[P.node]
-    K = getattr(P, matrix)
-    size = _size(known and [getattr(known, unknown)], [K], [P.q])
-    terms = max(_top(K) * size, _top(P.q))
+def _linear(P: Any, known: Any) -> Uniform | None:
+    names, constants, unknowns = LINEAR[P.node]
+    K, k = ({name: getattr(P, name) for name in some} for some in (names, constants))
+    size = _size(known and [getattr(known, name) for name in unknowns], K.values(), k.values())
+    terms = max(max(map(_top, K.values())) * size, *map(_top, k.values()))
     if not (size and terms):
         return None
     t, r = _power(size), 1.0 / _power(terms)
+    data = {name: r * t * M for name, M in K.items()} | {name: r * v for name, v in k.items()}
     bounds = {name: getattr(P, name) / t for name in ("lb", "ub") if hasattr(P, name)}
     return Uniform(
-        replace(P, **{matrix: r * t * K, "q": r * P.q}, **bounds),
-        lambda point: type(point)(**{unknown: t * getattr(point, unknown)}),
-        size,
-        terms,
-    )
-
-
-def _mlcp(P: Any, known: Any) -> Uniform | None:
-    blocks = {name: getattr(P, name) for name in "ABCD"}
-    size = _size(known and [known.u, known.v], blocks.values(), [P.a, P.b])
-    terms = max(max(map(_top, blocks.values())) * size, _top(P.a), _top(P.b))
-    if not (size and terms):
-        return None
-    t, r = _power(size), 1.0 / _power(terms)
-    return Uniform(
-        replace(P, **{name: r * t * block for name, block in blocks.items()}, a=r * P.a, b=r * P.b),
-        lambda point: type(point)(u=t * point.u, v=t * point.v),
+        replace(P, **data, **bounds),
+        lambda point: type(point)(**{name: t * getattr(point, name) for name in unknowns}),
         size,
         terms,
     )

@@ -8,28 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from cpbench_lab.document.escape import text
 from cpbench_lab.document.macros import letters
 
-METHODS = r"""@article{cpbench-DolanMore,
-  author = {Dolan, Elizabeth D. and Mor{\'e}, Jorge J.},
-  title = {Benchmarking optimization software with performance profiles},
-  journal = {Mathematical Programming},
-  volume = {91},
-  pages = {201--213},
-  year = {2002}
-}
-
-@article{cpbench-GouldScott,
-  author = {Gould, Nicholas and Scott, Jennifer},
-  title = {A Note on Performance Profiles for Benchmarking Software},
-  journal = {ACM Transactions on Mathematical Software},
-  volume = {43},
-  number = {2},
-  year = {2016}
-}
-"""
+METHODS = Path(__file__).parent / "methods.bib"
+"""Entries of the methods of this report."""
 
 
 @dataclass
@@ -60,7 +45,7 @@ class Bibliography:
 
     def text(self) -> str:
         """Write the whole file."""
-        return "\n".join([METHODS, *(self._entry(place) for place in self._of)])
+        return "\n".join([METHODS.read_text(encoding="utf-8"), *(self._entry(place) for place in self._of)])
 
     def _entry(self, place: tuple[str, str]) -> str:
         what, citation = place

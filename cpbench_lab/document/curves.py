@@ -3,6 +3,7 @@ r"""Performance profiles as pgfplots: a column wide, each solver with its own co
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 from cpbench.analysis.profiles import Curve, Profile
 from cpbench.report.figures import INEXACT, right_end, shorten
@@ -11,24 +12,16 @@ from cpbench_lab.document.escape import text
 
 CORNERS = 300
 """The most corners of a curve: TeX reads every one."""
-STYLES = (
-    "\n".join(f"\\definecolor{{cpbench{chr(65 + k)}}}{{HTML}}{{{colour[1:]}}}" for k, colour in enumerate(PALETTE))
-    + r"""
-\pgfplotsset{
-  cpbench profile/.style={
-    width=\columnwidth, height=0.72\columnwidth, log basis x=2, xmin=1, ymin=0, ymax=1,
-    xlabel={$\tau$}, ylabel={fraction solved}, label style={font=\footnotesize}, tick label style={font=\scriptsize},
-    axis lines=left, axis line style={-}, grid=major, grid style={black!10}, clip=false,
-    legend columns=2, legend style={at={(0.5,-0.22)}, anchor=north, draw=none, font=\scriptsize, cells={anchor=west},
-      /tikz/every even column/.append style={column sep=2pt}},
-    every axis plot/.append style={const plot, line width=0.8pt, mark size=1.5pt}},
-  cpbench panel/.style={cpbench profile, width=0.34\textwidth, height=0.26\textwidth,
-    title style={font=\scriptsize, yshift=-1ex}}}
-"""
-)
-"""Colours and sizes."""
+PROFILES = Path(__file__).parent / "profiles.tex"
+"""Axes of a profile and of a panel."""
 MARKS = ("*", "square*", "triangle*", "diamond*", "x", "pentagon*", "+", "o", "square", "triangle")
 """Those of the looks; curves of one colour differ in them, and most others, so that grey and a printer's black do."""
+
+
+def styles() -> str:
+    """Write the colours and sizes."""
+    colours = "\n".join(f"\\definecolor{{cpbench{chr(65 + k)}}}{{HTML}}{{{c[1:]}}}" for k, c in enumerate(PALETTE))
+    return f"{colours}\n{PROFILES.read_text(encoding='utf-8')}"
 
 
 def figure(

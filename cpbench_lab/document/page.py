@@ -37,36 +37,8 @@ LOOSER = (1e-2, 1e-4)
 """Tolerances, beside its own, of the panels of a run that was asked for one only."""
 FAMILIES = 12
 """The most families that have a panel: those with most problems."""
-_HEAD = r"""% Made by cpbench. Compile with: pdflatex report; bibtex report; pdflatex report; pdflatex report
-\documentclass[a4paper,twocolumn,10pt]{article}
-\IfFileExists{lmodern.sty}{\usepackage[T1]{fontenc}\usepackage{lmodern}}{}
-\usepackage{textcomp}
-\usepackage{amsmath}
-\usepackage{array}
-\usepackage{booktabs}
-\usepackage[margin=18mm]{geometry}
-\usepackage{pgfplots}
-\usepgfplotslibrary{groupplots}
-\pgfplotsset{compat=1.16}
-\extrafloats{200}
-% many tables and figures, little text: fill pages with them, and pages of nothing else from the top
-\renewcommand{\topfraction}{0.95}
-\renewcommand{\dbltopfraction}{0.95}
-\renewcommand{\bottomfraction}{0.8}
-\renewcommand{\textfraction}{0.04}
-\renewcommand{\floatpagefraction}{0.8}
-\renewcommand{\dblfloatpagefraction}{0.8}
-\setcounter{topnumber}{6}
-\setcounter{dbltopnumber}{4}
-\setcounter{bottomnumber}{4}
-\setcounter{totalnumber}{10}
-\makeatletter
-\setlength{\@fptop}{0pt}
-\setlength{\@dblfptop}{0pt}
-\makeatother
-\setlength{\belowcaptionskip}{4pt}
-\emergencystretch=3em
-"""
+HEAD = Path(__file__).parent / "head.tex"
+"""The packages of the document, and how floats are placed."""
 
 
 def write_document(
@@ -100,7 +72,7 @@ def write_document(
     macros, references = Macros(), Bibliography()
     body = list(_body(run, macros, references, dict(citations or {}), facets))
     parts = [
-        _HEAD + curves.STYLES + "\\input{numbers}\n\\begin{document}",
+        HEAD.read_text(encoding="utf-8") + curves.styles() + "\\input{numbers}\n\\begin{document}",
         f"\\title{{{text(title)}}}\n\\author{{}}\n\\date{{{text(given.meta.get('date', ''))}}}\n\\maketitle",
         *body,
         "\\bibliographystyle{plain}\n\\bibliography{refs}\n\\end{document}",

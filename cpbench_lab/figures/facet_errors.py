@@ -55,11 +55,11 @@ class FacetedSlide:
 
 
 def faceted_slide(
-    side: str, facets: int, mu: float = 0.5, W: Dense | None = None, *, turn: float = 180.0, step: float = STEP
+    side: str, facets: int, mu: float = 0.5, W: Dense | None = None, *, step: float = STEP
 ) -> FacetedSlide:
     """Solve the one-contact problem u = Wr + q, q = W_NN(−1, FAST t), for directions t every `step` degrees.
 
-    `turn` [deg]: half a turn shows all, for the polygons have opposite vertices. W is (3, 3), the identity by default.
+    Half a turn shows all, for the polygons have opposite vertices. W is (3, 3), the identity by default.
     Raises ProblemError where there is no friction or no inertia, NotApplicable for such facets, CpbenchError when
     Lemke's method ends without an answer.
     """
@@ -67,7 +67,7 @@ def faceted_slide(
     if not mu > 0 or not W[0, 0] > 0:
         raise ProblemError("fc", f"mu = {mu:g}, W_NN = {W[0, 0]:g}: a contact slides with friction only where both > 0")
     edge = make(f"fc-lcp-{side}", {"facets": facets})
-    direction = np.arange(0.0, turn, step)
+    direction = np.arange(0.0, 180.0, step)
     tangents = np.column_stack([np.cos(np.radians(direction)), np.sin(np.radians(direction))])
     share, velocity = np.empty_like(tangents), np.empty_like(tangents)
     for k, t in enumerate(tangents):

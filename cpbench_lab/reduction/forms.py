@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -51,24 +51,10 @@ class Form:
         return np.concatenate([np.zeros(0), *(getattr(point, name) for name in self.names)])
 
 
-@dataclass
-class _Rows:
-    """Rows of a form, collected part by part: `data` are K in blocks of columns."""
-
-    data: list[list[Any]] = field(default_factory=list)
-    k: list[Vector] = field(default_factory=list)
-    lo: list[Vector] = field(default_factory=list)
-    hi: list[Vector] = field(default_factory=list)
-
-    def add(self, blocks: list[Any], k: Vector, lo: Any, hi: Any) -> None:
-        self.data.append([dense(B) for B in blocks])
-        self.k.append(np.asarray(k))
-        self.lo.append(np.broadcast_to(lo, k.shape))
-        self.hi.append(np.broadcast_to(hi, k.shape))
-
-    def form(self, names: Mapping[str, int], **more: Any) -> Form:
-        parts = (np.concatenate(part) for part in (self.k, self.lo, self.hi))
-        return Form(np.block(self.data), *parts, names=names, **more)
+def _form(names: Mapping[str, int], *rows: tuple[list[Any], Vector, Any, Any], **more: Any) -> Form:
+    """Return a form from its rows, part by part: blocks of K by columns, k, lo and hi, the last two numbers or (m,)."""
+    k, lo, hi = (np.concatenate([np.broadcast_to(row[i], row[1].shape) for row in rows]) for i in (1, 2, 3))
+    return Form(np.block([[dense(B) for B in row[0]] for row in rows]), k, lo, hi, names=names, **more)
 
 
 INF = np.inf
@@ -84,35 +70,31 @@ def form(problem: Problem) -> Form | None:
 
 @FORMS.of("lcp")
 def _lcp(P: Any) -> Form:
-    rows = _Rows()
-    rows.add([P.M], P.q, 0.0, INF)
-    return rows.form({"z": P.q.size})
+    return _form({"z": P.q.size}, ([P.M], P.q, 0.0, INF))
 
 
 @FORMS.of("relay")
 def _relay(P: Any) -> Form:
-    rows = _Rows()
-    rows.add([P.M], P.q, P.lb, P.ub)
-    return rows.form({"z": P.q.size})
+    return _form({"z": P.q.size}, ([P.M], P.q, P.lb, P.ub))
 
 
 @FORMS.of("mlcp")
 def _mlcp(P: Any) -> Form:
-    rows = _Rows()
-    rows.add([P.A, P.C], P.a, -INF, INF)
-    rows.add([P.D, P.B], P.b, 0.0, INF)
-    return rows.form({"u": P.a.size, "v": P.b.size})
+    sizes = {"u": P.a.size, "v": P.b.size}
+    return _form(sizes, ([P.A, P.C], P.a, -INF, INF), ([P.D, P.B], P.b, 0.0, INF))
 
 
 @FORMS.of("qp", "avi")
 def _program(P: Any) -> Form:
     M, q = (P.Q, P.p) if P.node == "qp" else (P.M, P.q)
     n, m, k = q.size, P.b.size, P.d.size
-    A, C, rows = dense(P.A), dense(P.C), _Rows()
-    rows.add([M, -A.T, -C.T], q, P.lb, P.ub)
-    rows.add([A, np.zeros((m, m)), np.zeros((m, k))], -P.b, 0.0, INF)
-    rows.add([C, np.zeros((k, m)), np.zeros((k, k))], -P.d, -INF, INF)
-    return rows.form({"z": n, "lam": m, "mu": k})
+    A, C = dense(P.A), dense(P.C)
+    return _form(
+        {"z": n, "lam": m, "mu": k},
+        ([M, -A.T, -C.T], q, P.lb, P.ub),
+        ([A, np.zeros((m, m)), np.zeros((m, k))], -P.b, 0.0, INF),
+        ([C, np.zeros((k, m)), np.zeros((k, k))], -P.d, -INF, INF),
+    )
 
 
 def _contacts(P: Any, start: int) -> dict[str, Any]:
@@ -128,27 +110,26 @@ def _contacts(P: Any, start: int) -> dict[str, Any]:
 
 @FORMS.of("fc", "rfc")
 def _local(P: Any) -> Form:
-    rows = _Rows()
-    rows.add([P.W], P.q, -INF, INF)
-    return rows.form({"r": P.q.size}, **_contacts(P, 0))
+    return _form({"r": P.q.size}, ([P.W], P.q, -INF, INF), **_contacts(P, 0))
 
 
 @FORMS.of("fcm")
 def _joined(P: Any) -> Form:
-    rows = _Rows()
-    rows.add([P.W, P.V], P.q, -INF, INF)
-    rows.add([dense(P.V).T, P.R], P.s, -INF, INF)
-    return rows.form({"r": P.q.size, "lam": P.s.size}, **_contacts(P, 0))
+    rows = ([P.W, P.V], P.q, -INF, INF), ([dense(P.V).T, P.R], P.s, -INF, INF)
+    return _form({"r": P.q.size, "lam": P.s.size}, *rows, **_contacts(P, 0))
 
 
 @FORMS.of("gfc", "grfc")
 def _global(P: Any) -> Form:
     n, m, p = P.f.size, P.w.size, P.b.size
-    H, G, rows = dense(P.H), dense(P.G), _Rows()
-    rows.add([P.M, -H, -G], -P.f, -INF, INF)
-    rows.add([H.T, np.zeros((m, m)), np.zeros((m, p))], P.w, -INF, INF)
-    rows.add([G.T, np.zeros((p, m)), np.zeros((p, p))], P.b, -INF, INF)
-    return rows.form({"v": n, "r": m, "lam": p}, **_contacts(P, n))
+    H, G = dense(P.H), dense(P.G)
+    return _form(
+        {"v": n, "r": m, "lam": p},
+        ([P.M, -H, -G], -P.f, -INF, INF),
+        ([H.T, np.zeros((m, m)), np.zeros((m, p))], P.w, -INF, INF),
+        ([G.T, np.zeros((p, m)), np.zeros((p, p))], P.b, -INF, INF),
+        **_contacts(P, n),
+    )
 
 
 @FORMS.of("soclcp")
@@ -157,9 +138,7 @@ def _conic(P: Any) -> Form | None:
     if sets is None:
         return None
     lo, hi, blocks = sets
-    rows = _Rows()
-    rows.add([P.M], P.q, lo, hi)
-    return rows.form({"x": P.q.size}, blocks=blocks)
+    return _form({"x": P.q.size}, ([P.M], P.q, lo, hi), blocks=blocks)
 
 
 @FORMS.of("coneqp")
@@ -169,10 +148,9 @@ def _cone_program(P: Any) -> Form | None:
     if sets is None:
         return None
     lo, hi, blocks = sets
-    A, rows = dense(P.A), _Rows()
-    rows.add([P.Q, -A.T], P.p, -INF, INF)
-    rows.add([A, np.zeros((m, m))], P.b, lo, hi)
-    return rows.form({"x": n, "y": m}, blocks=blocks)
+    A = dense(P.A)
+    rows = ([P.Q, -A.T], P.p, -INF, INF), ([A, np.zeros((m, m))], P.b, lo, hi)
+    return _form({"x": n, "y": m}, *rows, blocks=blocks)
 
 
 def _sets(P: Any, start: int, *, dual: bool) -> tuple[Vector, Vector, tuple[ConeBlock, ...]] | None:

@@ -7,6 +7,7 @@ far each answer is from meeting the conditions, and end with 0 where that is wha
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from string import Template
 from textwrap import indent
 from typing import Any
@@ -16,6 +17,8 @@ import numpy as np
 from cpbench.foundation.matrices import Dense, Vector
 from cpbench_lab.reduction.forms import Form
 
+PROGRAMS = Path(__file__).parent / "programs"
+"""Templates of the programs, named as these are."""
 MET = 1e-6
 """Error of an answer up to which it counts as true: of the order of the tolerances of solvers."""
 
@@ -29,13 +32,12 @@ def snippets(form: Form, title: str, answers: Mapping[str, Any]) -> dict[str, st
     """
     vectors = {name: form.vector(point) for name, point in answers.items()}
     conditions = _CONDITIONS.format(names=_names(form))
-    writers = {"snippet.py": ("", _PYTHON, _python), "snippet.c": ("   ", _C, _c), "snippet.jl": ("# ", _JULIA, _julia)}
+    writers = {"snippet.py": ("", _python), "snippet.c": ("   ", _c), "snippet.jl": ("# ", _julia)}
     found: dict[str, str] = {}
-    for name, (margin, template, write) in writers.items():
+    for name, (margin, write) in writers.items():
+        template = Template(PROGRAMS.joinpath(f"{name}.template").read_text(encoding="utf-8"))
         data = write(form, vectors)
-        found[name] = Template(template).substitute(
-            title=title, met=repr(MET), conditions=indent(conditions, margin), **data
-        )
+        found[name] = template.substitute(title=title, met=repr(MET), conditions=indent(conditions, margin), **data)
     return found
 
 
@@ -111,142 +113,3 @@ Unknowns x: {names}. F = Kx + k. Outside the blocks x is in [lo, hi] with F = 0 
 In a block (start, slides, rolls, mu, mu_r): |x_T| <= mu x_N, |x_M| <= mu_r x_N, and F (with friction
 F + (mu|F_T| + mu_r|F_M|)e_N) is in the dual cone and orthogonal to x."""
 """Explanation at the head of each program."""
-_PYTHON = '''"""$title
-
-$conditions
-"""
-from math import inf, sqrt
-
-K = $K
-k = $k
-lo = $lo
-hi = $hi
-blocks = $blocks
-friction = $friction
-answers = $answers
-
-
-def error(x):
-    """Largest violation of the conditions."""
-    if any(v != v for v in x):
-        return inf
-    F = [k[i] + sum(a * b for a, b in zip(K[i], x)) for i in range(len(k))]
-    inside = {i for s, t, m, _, _ in blocks for i in range(s, s + 1 + t + m)}
-    worst = max([abs(x[i] - min(max(x[i] - F[i], lo[i]), hi[i])) for i in range(len(k)) if i not in inside] or [0.0])
-    for s, t, m, mu, mu_r in blocks:
-        T, M = range(s + 1, s + 1 + t), range(s + 1 + t, s + 1 + t + m)
-        size = lambda v, rows: sqrt(sum(v[i] ** 2 for i in rows))
-        reach = mu * size(F, T) + mu_r * size(F, M)
-        normal = F[s] + (reach if friction else 0.0)
-        work = x[s] * normal + sum(x[i] * F[i] for i in (*T, *M))
-        worst = max(worst, -x[s], size(x, T) - mu * x[s], size(x, M) - mu_r * x[s], reach - normal, abs(work))
-    return worst
-
-
-errors = {name: error(x) for name, x in answers.items()}
-for name, value in errors.items():
-    print(name, "answer: error", value)
-raise SystemExit(errors.get("claimed", inf) <= $met or errors.get("true", 0.0) > $met)
-'''
-
-_C = """/* $title
-
-$conditions
-
-   cc snippet.c -lm && ./a.out */
-#include <math.h>
-#include <stdio.h>
-#include <string.h>
-#define N $n
-#define BLOCKS $count
-#define ANSWERS $number
-
-static const double K[N][N] = $K;
-static const double k[N] = $k;
-static const double lo[N] = $lo;
-static const double hi[N] = $hi;
-static const double blocks[][5] = $blocks;
-static const int friction = $friction;
-static const double answers[][N] = $answers;
-static const char *names[] = $labels;
-
-static double size(const double *v, int from, int to) {
-  double sum = 0.0;
-  for (int i = from; i < to; i++) sum += v[i] * v[i];
-  return sqrt(sum);
-}
-
-/* Largest violation of the conditions. */
-static double error(const double *x) {
-  double F[N], worst = 0.0;
-  int inside[N] = {0};
-  for (int i = 0; i < N; i++) {
-    F[i] = k[i];
-    for (int j = 0; j < N; j++) F[i] += K[i][j] * x[j];
-  }
-  for (int b = 0; b < BLOCKS; b++) {
-    int s = (int)blocks[b][0], t = s + 1 + (int)blocks[b][1], m = t + (int)blocks[b][2];
-    double mu = blocks[b][3], mu_r = blocks[b][4];
-    double reach = mu * size(F, s + 1, t) + mu_r * size(F, t, m);
-    double normal = F[s] + (friction ? reach : 0.0), work = x[s] * normal;
-    for (int i = s; i < m; i++) inside[i] = 1;
-    for (int i = s + 1; i < m; i++) work += x[i] * F[i];
-    worst = fmax(worst, fmax(-x[s], fmax(reach - normal, fabs(work))));
-    worst = fmax(worst, fmax(size(x, s + 1, t) - mu * x[s], size(x, t, m) - mu_r * x[s]));
-  }
-  for (int i = 0; i < N; i++)
-    if (!inside[i]) worst = fmax(worst, fabs(x[i] - fmin(fmax(x[i] - F[i], lo[i]), hi[i])));
-  for (int i = 0; i < N; i++)
-    if (isnan(x[i])) worst = INFINITY;
-  return worst;
-}
-
-int main(void) {
-  int as_found = 1;
-  for (int a = 0; a < ANSWERS; a++) {
-    double value = error(answers[a]);
-    printf("%s answer: error %g\\n", names[a], value);
-    if (!strcmp(names[a], "claimed")) as_found &= value > $met;
-    else as_found &= value <= $met;
-  }
-  return !as_found;
-}
-"""
-
-_JULIA = """# $title
-#
-$conditions
-K = $K
-k = $k
-lo = $lo
-hi = $hi
-blocks = $blocks
-friction = $friction
-answers = $answers
-
-size2(v) = sqrt(sum(abs2, v; init = 0.0))
-
-"Largest violation of the conditions."
-function violation(x)
-    any(isnan, x) && return Inf
-    F = K * x + k
-    outside = trues(length(k))
-    worst = 0.0
-    for (s, t, m, mu, mu_r) in blocks
-        T, M = s+1:s+t, s+t+1:s+t+m
-        outside[s:s+t+m] .= false
-        reach = mu * size2(F[T]) + mu_r * size2(F[M])
-        normal = F[s] + (friction ? reach : 0.0)
-        work = x[s] * normal + sum(x[i] * F[i] for i in s+1:s+t+m; init = 0.0)
-        worst = max(worst, -x[s], size2(x[T]) - mu * x[s], size2(x[M]) - mu_r * x[s], reach - normal, abs(work))
-    end
-    for i in findall(outside)
-        worst = max(worst, abs(x[i] - min(max(x[i] - F[i], lo[i]), hi[i])))
-    end
-    return worst
-end
-
-for (name, x) in answers
-    println(name, " answer: error ", violation(x))
-end
-"""

@@ -119,12 +119,7 @@ class Trials:
         if not self.solvable:
             return None
         _, outcome = self._beside(problem)
-        if outcome is None or outcome.status not in MET_TOLERANCE or outcome.answer is None:
-            return None
-        try:
-            return problem.point_from_vector(answers.unpack(outcome.answer))
-        except PointError:
-            return None
+        return point_of(problem, outcome) if outcome is not None and outcome.status in MET_TOLERANCE else None
 
     def again(self, problem: Problem) -> CandidateOutcome:
         """Try a problem once more, whatever is remembered of it."""
@@ -193,6 +188,14 @@ class Trials:
         if self._journal is not None:
             with self._journal.open("a", encoding="utf-8") as file:
                 file.write(json.dumps([fingerprint, holds]) + "\n")
+
+
+def point_of(problem: Problem, outcome: Outcome) -> Any:
+    """Return the answer of an outcome as a point of the problem; None where there is none."""
+    try:
+        return None if outcome.answer is None else problem.point_from_vector(answers.unpack(outcome.answer))
+    except PointError:
+        return None
 
 
 def _read(journal: Path | None) -> dict[str, bool]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from cpbench.verification.certificates import Infeasible, Unbounded
 from cpbench_lab.diagnosis.attempts import floor_of
 from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 
+Proof = TypeVar("Proof", Infeasible, Unbounded)
+
 SECONDS = 5.0
 ABOVE = 10.0
 """How far above the floor a tolerance is that can be met."""
@@ -22,18 +25,19 @@ FINEST = 1e-15
 """The tightest tolerance that is asked for."""
 
 
-def _proof(case: FailedTrial, kind: str) -> Infeasible | Unbounded | None:
-    """Return the proof that a problem has no solution, where no answer is right and there is one."""
+def _proof(case: FailedTrial, kind: type[Proof]) -> Proof | None:
+    """Return the proof of this kind that a problem has no solution, where no answer is right and there is one."""
     if case.failed.solved:
         return None
     seconds = min(SECONDS, case.trial.seconds)
-    return verification.prove(case.problem, kind, seconds=seconds, tolerance=case.trial.tolerance).proof
+    proof = verification.prove(case.problem, kind.kind, seconds=seconds, tolerance=case.trial.tolerance).proof
+    return proof if isinstance(proof, kind) else None
 
 
 def infeasible(case: FailedTrial) -> Cause | None:
     """Look for multipliers that contradict the problem's linear conditions, in rational arithmetic (Farkas)."""
-    proof = _proof(case, Infeasible.kind)
-    if not isinstance(proof, Infeasible):
+    proof = _proof(case, Infeasible)
+    if proof is None:
         return None
     rows = np.flatnonzero([v != 0 for v in proof.multipliers])
     named = ", ".join(str(i + 1) for i in rows[:6]) + (", …" if rows.size > 6 else "")
@@ -48,8 +52,8 @@ def infeasible(case: FailedTrial) -> Cause | None:
 
 def unbounded(case: FailedTrial) -> Cause | None:
     """Look for a feasible point and a ray along which the objective falls for ever, in rational arithmetic."""
-    proof = _proof(case, Unbounded.kind)
-    if not isinstance(proof, Unbounded):
+    proof = _proof(case, Unbounded)
+    if proof is None:
         return None
     moving = int(np.count_nonzero([v != 0 for v in proof.ray]))
     evidence = f"from a feasible point the objective falls for ever along a ray of {counted(moving, 'unknown')}"

@@ -22,9 +22,8 @@ import numpy as np
 from cpbench import storage
 from cpbench.api.problems import load
 from cpbench.bench.planning import plan
-from cpbench.bench.results import answers
 from cpbench.bench.results.rows import Outcome
-from cpbench.errors import CpbenchError, NoRoute, PointError
+from cpbench.errors import CpbenchError, NoRoute
 from cpbench.formulations.base import Problem
 from cpbench.generators.collection import builtin_folder
 from cpbench.graph import candidates
@@ -37,7 +36,7 @@ from cpbench_lab.reduction.hunting.mutations import mutated
 from cpbench_lab.reduction.numbers import digits
 from cpbench_lab.reduction.predicate import FAILURES, SLOWER, Predicate
 from cpbench_lab.reduction.reduce import NoFailure, unknowns
-from cpbench_lab.reduction.trials import Asked, Trials
+from cpbench_lab.reduction.trials import Asked, Trials, point_of
 
 FACTOR = 100.0
 """How many times slower than the other solver is a failure."""
@@ -201,7 +200,7 @@ def _tried(search: HuntState, trials: Trials, problem: Problem, folder: Path) ->
     except CpbenchError as refused:
         return {"refused": str(refused)}
     solved = reference.status in MET_TOLERANCE
-    solution = _point(problem, reference) if solved else None
+    solution = point_of(problem, reference) if solved else None
     place = cell(problem, solution)
     search.visits[place] = search.visits.get(place, 0) + 1
     score = _score(outcome, reference) if solved else -math.inf
@@ -238,13 +237,6 @@ def _score(outcome: Outcome, reference: Outcome) -> float:
     times = [max(o.solve or 0.0, 1e-5) for o in (outcome, reference)]
     lost = min(math.log10(errors[0]) - math.log10(errors[1]), 16.0) if math.isfinite(errors[0]) else 16.0
     return lost / 8.0 + math.log10(times[0] / times[1])
-
-
-def _point(problem: Problem, outcome: Outcome) -> Any:
-    try:
-        return None if outcome.answer is None else problem.point_from_vector(answers.unpack(outcome.answer))
-    except PointError:
-        return None
 
 
 def _keep(search: HuntState, kind: str, outcome: Outcome, problem: Problem, folder: Path) -> None:

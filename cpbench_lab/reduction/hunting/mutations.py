@@ -159,12 +159,6 @@ def _degenerate(problem: Problem, solution: Any, rng: Rng) -> Problem:
 
 
 MUTATIONS: Mapping[str, Mutation] = {
-    "units": _units,
-    "repeated": _repeated,
-    "fewer": _fewer,
-    "friction": _friction,
-    "ties": _ties,
-    "stiffer": _stiffer,
-    "load": _load,
-    "degenerate": _degenerate,
+    change.__name__.strip("_"): change
+    for change in (_units, _repeated, _fewer, _friction, _ties, _stiffer, _load, _degenerate)
 }
