@@ -7,6 +7,7 @@ It uses nothing of M but its products.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,9 +21,8 @@ from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpe
 from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.nonlinear import projection_run
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
-from cpbench_solvers.nonlinear.projection_run import Field
-from cpbench_solvers.nonlinear.vi_extragradient import Extragradient, ExtragradientOptions
-from cpbench_solvers.traits import ITERATIVE
+from cpbench_solvers.nonlinear.projection_run import Field, projection_spec
+from cpbench_solvers.nonlinear.vi_extragradient import KORPELEVICH, Extragradient, ExtragradientOptions
 
 Affine = Relay | AVI
 
@@ -104,30 +104,24 @@ class _Extragradient(Solver):
         return projection_run.run(field, Extragradient(field, options), budget, limit, first, record)
 
 
-_KORPELEVICH = "Korpelevich 1976, Matecon 12; Khobotov 1987, USSR Comput. Math. Math. Phys. 27; Marcotte 1991, INFOR 29"
-
-
-def _spec(node: str, summary: str) -> SolverSpec:
-    return SolverSpec(
-        name=f"extragradient-{node}",
-        node=node,
-        summary=f"extragradient with self-adaptive steps, {summary}",
-        method="projection",
-        citation=_KORPELEVICH,
-        traits=ITERATIVE,
-        options=ExtragradientOptions,
-    )
+_spec = partial(projection_spec, citation=KORPELEVICH, options=ExtragradientOptions)
 
 
 @register
 class ExtragradientRelay(_Extragradient):
     """A method that converges for monotone M; asks for no diagonal, as Gauss–Seidel does."""
 
-    spec: ClassVar[SolverSpec] = _spec("relay", "on the box")
+    spec: ClassVar[SolverSpec] = _spec(
+        name="extragradient-relay", node="relay", summary="extragradient with self-adaptive steps, on the box"
+    )
 
 
 @register
 class ExtragradientAVI(_Extragradient):
     """A method that converges for monotone M; for bounds alone, whose projection is a formula."""
 
-    spec: ClassVar[SolverSpec] = _spec("avi", "where there are bounds alone")
+    spec: ClassVar[SolverSpec] = _spec(
+        name="extragradient-avi",
+        node="avi",
+        summary="extragradient with self-adaptive steps, where there are bounds alone",
+    )

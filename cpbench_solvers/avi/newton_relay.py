@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,24 +10,22 @@ from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.matrices import Vector, max_abs
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
+from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.shared.jacobians import box_jacobian
 from cpbench_solvers.avi.claims import error_of
-from cpbench_solvers.nonlinear.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run
+from cpbench_solvers.nonlinear.natural_map import (
+    AffineVI,
+    NaturalMapNewton,
+    NewtonOptions,
+    ScaledVI,
+    congruent,
+    equilibrate,
+)
 from cpbench_solvers.traits import ITERATIVE
 
 
-@dataclass(frozen=True)
-class ScaledRelay:
-    """The problem in units of its own, z of the problem is `unit` times that of `vi`."""
-
-    problem: Relay
-    vi: AffineVI
-    unit: Vector
-
-
 @register
-class NewtonRelay(Solver):
+class NewtonRelay(NaturalMapNewton):
     """z ← at its bound where z − w is beyond it, and w_F = 0 for the others F: Newton on z − P(z − w).
 
     This is block principal pivoting for bounds, with a line search; projection and contraction take over where it
@@ -45,7 +42,7 @@ class NewtonRelay(Solver):
         options=NewtonOptions,
     )
 
-    def setup(self, problem: Relay, budget: Budget, options: NewtonOptions) -> ScaledRelay:
+    def setup(self, problem: Relay, budget: Budget, options: NewtonOptions) -> ScaledVI:
         n = problem.q.size
         d = equilibrate(problem.M, np.arange(n))
         # what is fixed takes any force, and a large one must not set a scale
@@ -68,22 +65,7 @@ class NewtonRelay(Solver):
             answer=answer,
             error=lambda z: error_of(problem, answer(z), budget.tolerance),
         )
-        return ScaledRelay(problem, vi, unit)
+        return ScaledVI(vi, unit)
 
     def warmup(self) -> None:
         self.run(Relay(M=np.eye(2), q=np.array([-2.0, 0.5]), lb=-np.ones(2), ub=np.ones(2)))
-
-    def solve(
-        self,
-        prepared: ScaledRelay,
-        budget: Budget,
-        options: NewtonOptions,
-        start: Any = None,
-        record: Record | None = None,
-    ) -> SolverOutput:
-        problem = prepared.problem
-        z = project_box(np.zeros_like(prepared.unit) if start is None else start.z, problem.lb, problem.ub)
-        end = run(prepared.vi, z / prepared.unit, budget, budget.iterations or options.max_iterations, record)
-        message = end.message and f"{end.message}, error {end.error:.1e}"
-        point = prepared.vi.answer(end.x)
-        return SolverOutput(claim=end.claim, point=point, counters=end.counters, message=message)

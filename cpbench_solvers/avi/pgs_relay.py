@@ -16,6 +16,7 @@ from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop
 from cpbench_solvers.avi.claims import error_of
+from cpbench_solvers.lcp.pgs import PGSOptions
 from cpbench_solvers.traits import ITERATIVE
 
 CHUNK = 256
@@ -23,13 +24,10 @@ CHUNK = 256
 
 
 @dataclass(frozen=True)
-class PGSRelayOptions:
-    """Options of pgs-relay. `omega` : over-relaxation, in ]0, 2[. `max_iterations` : sweeps. `stall_window` : sweeps
-    without gain after which it gives up."""
+class PGSRelayOptions(PGSOptions):
+    """Options of pgs-relay. `omega` : over-relaxation, in ]0, 2[."""
 
     omega: float = 1.0
-    max_iterations: int = 100_000
-    stall_window: int = 5000
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ R = ρ·diag(weights), constant on every factor; at rest s = Ax + b and y = −R
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -107,19 +108,19 @@ class _ADMM(ConicSolver):
         return ConeSplitting(form, start, options)
 
 
+_spec = partial(SolverSpec, method="operator splitting", traits=ITERATIVE, options=ADMMOptions)
+
+
 @register
 class ADMMCone(_ADMM):
     """A method that converges for every Q ⪰ 0, with A and K of any kind, linearly in the end where the solution is not
     degenerate."""
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="admm-coneqp",
         node="coneqp",
         summary="ADMM, one factorization for each of few penalties, over-relaxed",
-        method="operator splitting",
         citation="Boyd et al. 2011, Found. Trends Mach. Learn. 3:1; Stellato et al. 2020, Math. Prog. Comp. 12:637",
-        traits=ITERATIVE,
-        options=ADMMOptions,
     )
 
 
@@ -127,12 +128,9 @@ class ADMMCone(_ADMM):
 class ADMMSOCLCP(_ADMM):
     """A method that converges for monotone M, symmetric or not; other M are tried."""
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="admm-soclcp",
         node="soclcp",
         summary="Douglas-Rachford splitting: resolvents of the map and projections on the cone",
-        method="operator splitting",
         citation="Lions and Mercier 1979, SIAM J. Numer. Anal. 16:964; Eckstein and Bertsekas 1992, Math. Prog. 55:293",
-        traits=ITERATIVE,
-        options=ADMMOptions,
     )

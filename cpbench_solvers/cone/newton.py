@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,22 +10,21 @@ from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.foundation.product_cones import Cone, ProductCone
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
+from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.shared.jacobians import projection_jacobian
-from cpbench_solvers.nonlinear.natural_map import AffineVI, NewtonOptions, congruent, equilibrate, run
+from cpbench_solvers.nonlinear.natural_map import (
+    AffineVI,
+    NaturalMapNewton,
+    NewtonOptions,
+    ScaledVI,
+    congruent,
+    equilibrate,
+)
 from cpbench_solvers.traits import ITERATIVE
 
 
-@dataclass(frozen=True)
-class ScaledSOCLCP:
-    """The problem in units of its own, x of the problem is `unit` times that of `vi`, constant over a factor."""
-
-    vi: AffineVI
-    unit: Vector
-
-
 @register
-class NewtonCone(Solver):
+class NewtonCone(NaturalMapNewton):
     """Newton steps on x − P_K(x − w) with exact Jacobians; projection and contraction where they do not descend.
 
     Converges from anywhere for monotone M, to a solution if there is one; other M are tried, and what comes out is
@@ -44,7 +42,7 @@ class NewtonCone(Solver):
         options=NewtonOptions,
     )
 
-    def setup(self, problem: SOCLCP, budget: Budget, options: NewtonOptions) -> ScaledSOCLCP:
+    def setup(self, problem: SOCLCP, budget: Budget, options: NewtonOptions) -> ScaledVI:
         K = problem.K
         d = equilibrate(problem.M, K.blocks)
         # where K is {0}, F does not depend on q, and a large force there must not set a scale
@@ -63,22 +61,8 @@ class NewtonCone(Solver):
             answer=answer,
             error=lambda x: problem.residuals(answer(x), budget.tolerance).error,
         )
-        return ScaledSOCLCP(vi, unit)
+        return ScaledVI(vi, unit)
 
     def warmup(self) -> None:
         K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))
         self.run(SOCLCP(M=np.eye(3), q=-np.ones(3), **cone_fields(K)))  # pyright: ignore[reportArgumentType]
-
-    def solve(
-        self,
-        prepared: ScaledSOCLCP,
-        budget: Budget,
-        options: NewtonOptions,
-        start: Any = None,
-        record: Record | None = None,
-    ) -> SolverOutput:
-        x = np.zeros_like(prepared.unit) if start is None else start.x / prepared.unit
-        end = run(prepared.vi, x, budget, budget.iterations or options.max_iterations, record)
-        message = end.message and f"{end.message}, error {end.error:.1e}"
-        point = prepared.vi.answer(end.x)
-        return SolverOutput(claim=end.claim, point=point, counters=end.counters, message=message)

@@ -11,6 +11,7 @@ so that W = HᵀK⁻¹H, which has an entry for any two contacts that a chain of
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -119,16 +120,13 @@ class GlobalADMM(SolverByMovingParts):
         return iterate_on(prepared.error, prepared.point, method, budget, options, record)
 
 
-def _spec(name: str, node: str, summary: str) -> SolverSpec:
-    return SolverSpec(
-        name=name,
-        node=node,
-        summary=summary,
-        method="operator splitting",
-        citation="Acary, Bourrier and Viennet 2023, hal-03978387; Boyd et al. 2011, section 3.4.1",
-        traits=ITERATIVE,
-        options=ConicADMMOptions,
-    )
+_spec = partial(
+    SolverSpec,
+    method="operator splitting",
+    citation="Acary, Bourrier and Viennet 2023, hal-03978387; Boyd et al. 2011, section 3.4.1",
+    traits=ITERATIVE,
+    options=ConicADMMOptions,
+)
 
 
 @register
@@ -136,7 +134,7 @@ class ADMMGlobal(GlobalADMM):
     """Coulomb friction on the dynamics themselves, without condensation."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "admm-gfc", "gfc", "ADMM with self-adapting penalty on the dynamics, without condensation"
+        name="admm-gfc", node="gfc", summary="ADMM with self-adapting penalty on the dynamics, without condensation"
     )
 
 
@@ -145,5 +143,5 @@ class ADMMGlobalRolling(GlobalADMM):
     """Rolling friction on the dynamics themselves, without condensation."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "admm-grfc", "grfc", "ADMM with self-adapting penalty on the dynamics with rolling friction"
+        name="admm-grfc", node="grfc", summary="ADMM with self-adapting penalty on the dynamics with rolling friction"
     )

@@ -188,18 +188,27 @@ def conclude(
 ) -> SolverOutput:
     """Claim solved exactly when the judged error of z is at most the tolerance; else `otherwise`.
 
-    `error` is `error_of(problem, z)` where the caller has it at hand. Without `otherwise` the method has ended
-    regularly: inaccurate when the error is close, failed when not.
+    `error` is `error_of(problem, z)` where the caller has it at hand.
     """
     error = error_of(problem, z) if error is None else error
-    if error <= budget.tolerance:  # finite, so z is
-        return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(z), counters=counters)
-    if not np.isfinite(z).all():
+    return concluded(LCPPoint(z), error, budget, counters, otherwise, message)
+
+
+def concluded(
+    point: Any, error: float, budget: Budget, counters: Mapping[str, int], otherwise: Claim | None, message: str
+) -> SolverOutput:
+    """Claim solved exactly when the error of the point, of any node, is at most the tolerance; else `otherwise`.
+
+    Without `otherwise` the method has ended regularly: inaccurate when the error is close, failed when not.
+    """
+    if error <= budget.tolerance:  # finite, so the point is
+        return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
+    if not point.finite:
         return SolverOutput(claim=Claim.FAILED, counters=counters, message=message or "the answer is not finite")
     if otherwise is None:
         otherwise = Claim.INACCURATE if error <= CLOSE * budget.tolerance else Claim.FAILED
         message = message or f"ended at error {error:.1e}, asked for {budget.tolerance:.0e}"
-    return SolverOutput(claim=otherwise, point=LCPPoint(z), counters=counters, message=message)
+    return SolverOutput(claim=otherwise, point=point, counters=counters, message=message)
 
 
 def recorded(output: SolverOutput, z: Vector, problem: LCP, record: Record | None, iteration: int) -> SolverOutput:

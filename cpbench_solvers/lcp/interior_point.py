@@ -27,8 +27,8 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.lcp.claims import CLOSE, conclude, recorded
 from cpbench_solvers.lcp.interior_point_system import ShiftedSystem
-from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, mixed, scale, settled
-from cpbench_solvers.mlcp.newton import LinearBox
+from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, mixed, scale, settled, warm_up
+from cpbench_solvers.mlcp.newton import linear_box
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, run
 from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
 from cpbench_solvers.traits import ITERATIVE
@@ -188,22 +188,19 @@ def _solve(
 
 def _finished(prepared: ScaledMLCP, x: Vector, budget: Budget) -> tuple[Vector, float]:
     """Return where Newton's method on min(v, w) leads from x, and its error."""
-    method = SemismoothMethod(LinearBox(prepared), minimum, fischer_burmeister, SemismoothOptions())
+    method = SemismoothMethod(linear_box(prepared), minimum, fischer_burmeister, SemismoothOptions())
     found = run(method, budget, FINISHING, 0, x, None).point
     better = prepared.start(found)
     return better, prepared.error(better)
 
 
-def _spec(name: str, node: str, summary: str) -> SolverSpec:
-    return SolverSpec(
-        name=name,
-        node=node,
-        summary=summary,
-        method="interior point",
-        citation="Mehrotra 1992, doi:10.1137/0802028; Wright 1997, Primal-Dual Interior-Point Methods, chapter 8",
-        traits=ITERATIVE,
-        options=LCPInteriorPointOptions,
-    )
+_spec = partial(
+    SolverSpec,
+    method="interior point",
+    citation="Mehrotra 1992, doi:10.1137/0802028; Wright 1997, Primal-Dual Interior-Point Methods, chapter 8",
+    traits=ITERATIVE,
+    options=LCPInteriorPointOptions,
+)
 
 
 class _InteriorPoint(Solver):
@@ -244,7 +241,9 @@ class InteriorPointLCP(_InteriorPoint):
     """A method that converges for monotone problems (M + Mᵀ positive semidefinite) that have a strictly feasible point,
     in a number of steps that hardly depends on their size; elsewhere it may stall, and says so."""
 
-    spec: ClassVar[SolverSpec] = _spec("interior-point-lcp", "lcp", "Mehrotra's predictor-corrector interior point")
+    spec: ClassVar[SolverSpec] = _spec(
+        name="interior-point-lcp", node="lcp", summary="Mehrotra's predictor-corrector interior point"
+    )
 
     def warmup(self) -> None:
         self.run(LCP(M=np.eye(2), q=np.array([-1.0, 1.0])))
@@ -256,9 +255,10 @@ class InteriorPointMLCP(_InteriorPoint):
     point."""
 
     spec: ClassVar[SolverSpec] = _spec(
-        "interior-point-mlcp", "mlcp", "Mehrotra's predictor-corrector interior point, with free unknowns"
+        name="interior-point-mlcp",
+        node="mlcp",
+        summary="Mehrotra's predictor-corrector interior point, with free unknowns",
     )
 
     def warmup(self) -> None:
-        one = np.eye(1)
-        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
+        warm_up(self)

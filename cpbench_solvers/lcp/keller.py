@@ -10,7 +10,7 @@ from cpbench.formulations.lcp import LCP
 from cpbench.foundation.matrices import SYMMETRY_TOLERANCE, asymmetry
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.lcp.claims import ScaledLCP, dense_obstacle
-from cpbench_solvers.lcp.principal_pivoting import TRAITS, PrincipalPivoting, PrincipalPivotingOptions, Tableau
+from cpbench_solvers.lcp.principal_pivoting import PrincipalPivoting, Tableau, pivoting_spec
 
 
 @register
@@ -21,14 +21,10 @@ class Keller(PrincipalPivoting):
     semidefinite M proves that there is no solution, and for others proves nothing.
     """
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = pivoting_spec(
         name="keller",
-        node="lcp",
         summary="Keller's principal pivoting for symmetric matrices, indefinite ones too",
-        method="pivoting",
         citation="Keller 1973, Math. Prog. 5:311; Cottle, Pang and Stone 2009, section 4.3",
-        traits=TRAITS,
-        options=PrincipalPivotingOptions,
         by_default=False,
     )
     loop = "keller"

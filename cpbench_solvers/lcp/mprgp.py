@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -215,20 +216,19 @@ class _OnLCP(Solver):
         return recorded(output, ended.z, problem, record, ended.counters["iterations"] + 1)
 
 
+_spec = partial(SolverSpec, node="lcp", method="projection", traits=ITERATIVE, options=MPRGPOptions)
+
+
 @register
 class MPRGP(_OnLCP):
     """A face is expanded by a step of fixed length along the free gradient: the rate of convergence depends on the
     condition number alone."""
 
     projected = False
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="mprgp",
-        node="lcp",
         summary="modified proportioning with reduced gradient projections, M symmetric positive semidefinite",
-        method="projection",
         citation="Dostál and Schöberl 2005, Comput. Optim. Appl. 30:23",
-        traits=ITERATIVE,
-        options=MPRGPOptions,
     )
 
 
@@ -237,13 +237,9 @@ class ProjectedCG(_OnLCP):
     """A face is expanded by projecting the whole step of conjugate gradients, as long as that descends."""
 
     projected = True
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="projected-cg",
-        node="lcp",
         summary="projected conjugate gradients with proportioning, M symmetric positive semidefinite",
-        method="projection",
         citation="Polyak 1969; Kružík, Horák, Čermák, Pospíšil and Pecha 2020, Adv. Eng. Softw. 149:102895",
-        traits=ITERATIVE,
-        options=MPRGPOptions,
         by_default=False,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
-from cpbench_solvers.lcp.principal_pivoting import TRAITS, PrincipalPivoting, PrincipalPivotingOptions
+from cpbench_solvers.lcp.principal_pivoting import PrincipalPivoting, pivoting_spec
 
 
 @register
@@ -16,14 +16,10 @@ class Murty(PrincipalPivoting):
     not positive, or comes back to a basis it has seen and runs into the limit of pivots.
     """
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = pivoting_spec(
         name="murty",
-        node="lcp",
         summary="Murty's least-index principal pivoting, for P-matrices",
-        method="pivoting",
         citation="Murty 1974, Linear Algebra Appl. 9:65; Cottle, Pang and Stone 2009, section 4.2",
-        traits=TRAITS,
-        options=PrincipalPivotingOptions,
         by_default=False,
     )
     loop = "murty"

@@ -6,6 +6,7 @@ import time
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
@@ -26,7 +27,7 @@ FEW = 16
 
 @dataclass(frozen=True)
 class PGSOptions:
-    """Options of pgs. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
+    """Options of pgs, pgs-mlcp. `max_iterations` : sweeps. `stall_window` : sweeps without gain that end a run."""
 
     max_iterations: int = 100_000
     stall_window: int = 5000
@@ -160,17 +161,17 @@ class _Pointwise(SplittingSolver):
         return lambda z, w, tolerance, errors: sweep(*prepared.matrix, *law, z, w, *rest, tolerance, errors)
 
 
+_spec = partial(SolverSpec, node="lcp", method="splitting", traits=ITERATIVE)
+
+
 @register
 class PGS(_Pointwise):
     """A method that converges for symmetric positive definite and for H-matrices with positive diagonal."""
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="pgs",
-        node="lcp",
         summary="projected Gauss-Seidel",
-        method="splitting",
         citation="Cryer 1971; Cottle, Pang and Stone 1992, section 5.2",
-        traits=ITERATIVE,
         options=PGSOptions,
     )
 
@@ -179,13 +180,10 @@ class PGS(_Pointwise):
 class PSOR(_Pointwise):
     """Over-relaxed by ω: faster on some problems, divergent on others."""
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="psor",
-        node="lcp",
         summary="projected successive over-relaxation",
-        method="splitting",
         citation="Cryer 1971; Mangasarian 1977",
-        traits=ITERATIVE,
         options=PSOROptions,
     )
 
@@ -195,13 +193,10 @@ class SSOR(_Pointwise):
     """Every sweep goes forth and back, so that the order of the unknowns matters less."""
 
     symmetric = True
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="ssor",
-        node="lcp",
         summary="projected symmetric successive over-relaxation",
-        method="splitting",
         citation="Mangasarian 1977, J. Optim. Theory Appl. 22:465; Cottle, Pang and Stone 1992, section 5.2",
-        traits=ITERATIVE,
         options=PSOROptions,
         by_default=False,
     )

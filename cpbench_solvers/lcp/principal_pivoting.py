@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -198,7 +199,14 @@ class PrincipalPivoting(Solver):
         return conclude(problem, z, budget, counters, otherwise=claim, message=message)
 
 
-TRAITS = frozenset({Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC})
+pivoting_spec = partial(
+    SolverSpec,
+    node="lcp",
+    method="pivoting",
+    traits=frozenset({Trait.WARM_START, Trait.HISTORY, Trait.DETERMINISTIC}),
+    options=PrincipalPivotingOptions,
+)
+"""The spec of a `PrincipalPivoting`, with what all of them share."""
 
 
 @register
@@ -210,14 +218,10 @@ class CottleDantzig(PrincipalPivoting):
     tableau that proves that there is none. Ties go to the least index; degenerate problems could cycle all the same.
     """
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = pivoting_spec(
         name="cottle-dantzig",
-        node="lcp",
         summary="principal pivoting method of Cottle and Dantzig, with 2x2 pivots",
-        method="pivoting",
         citation="Cottle and Dantzig 1968; Cottle, Pang and Stone 2009, section 4.3",
-        traits=TRAITS,
-        options=PrincipalPivotingOptions,
     )
     loop = "cottle_dantzig"
     promise = "sufficient"

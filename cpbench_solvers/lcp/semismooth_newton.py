@@ -32,8 +32,7 @@ from cpbench_solvers.lcp.claims import (
     settled,
     solve_linear,
 )
-from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run
-from cpbench_solvers.nonlinear.reformulation import Reformulation
+from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, LinearBox, run
 from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
 from cpbench_solvers.traits import ITERATIVE
 
@@ -49,30 +48,15 @@ class NewtonLCPOptions(SemismoothOptions):
     restarts: int = 5
 
 
-class LCPBox(CountedBox):
-    """F(z) = Mz + q of a scaled LCP on z ≥ 0; M is its own Jacobian."""
+class LCPBox(LinearBox):
+    """F(z) = Mz + q of a scaled LCP on z ≥ 0."""
 
     def __init__(self, prepared: ScaledLCP) -> None:
-        self._prepared = prepared
-        self.n = prepared.q.size
-        self.lb, self.ub = np.zeros(self.n), np.full(self.n, np.inf)
-        self.equation = Reformulation(self.lb, self.ub)
-        self.counters = {"iterations": 0, "evaluations": 0, "factorizations": 0, "regularized": 0, "restarts": 0}
-
-    @property
-    def start(self) -> Vector:
-        return self.lb
-
-    def point(self, z: Vector) -> LCPPoint:
-        return LCPPoint(z * self._prepared.z_unit)
-
-    def F(self, z: Vector) -> Vector:
-        self.counters["evaluations"] += 1
-        with np.errstate(all="ignore"):
-            return self._prepared.M @ z + self._prepared.q
-
-    def jacobian(self, z: Vector) -> Matrix:
-        return self._prepared.M
+        problem, unit = prepared.problem, prepared.z_unit
+        lb = np.zeros(prepared.q.size)
+        super().__init__(
+            prepared.M, prepared.q, lb, lambda z: LCPPoint(z * unit), lambda z: error_of(problem, z * unit)
+        )
 
     def solve(self, A: Matrix, b: Vector) -> Vector | None:
         """Return A⁻¹b by LU, whatever the condition: the line search tells what that is worth. An exactly singular A
@@ -83,9 +67,6 @@ class LCPBox(CountedBox):
             self.counters["regularized"] += 1
             x = solve_linear(A + SHIFT * identity(b.size, A), b)
         return x
-
-    def error(self, z: Vector, F: Vector, tolerance: float) -> float:
-        return error_of(self._prepared.problem, z * self._prepared.z_unit)
 
 
 class _NewtonLCP(Solver):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +14,10 @@ from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP, MLCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import compiled, load
-from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs
-from cpbench.solvers.base import Budget, Claim, SolverOutput
+from cpbench.foundation.matrices import Dense, Matrix, Vector, dense, max_abs
+from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput
 from cpbench_solvers import linear_program
-from cpbench_solvers.lcp.claims import CLOSE, DENSE_BYTES, WORTH, principal, solve_linear
+from cpbench_solvers.lcp.claims import DENSE_BYTES, WORTH, concluded, principal, solve_linear
 
 PASSES = 3
 """Times that rows and columns are divided by the roots of their largest entries."""
@@ -198,20 +198,15 @@ def conclude(
     otherwise: Claim | None = None,
     message: str = "",
 ) -> SolverOutput:
-    """Claim solved exactly when the judged error of x is at most the tolerance; else `otherwise`.
-
-    Without `otherwise` the method has ended regularly: inaccurate when the error is close, failed when not.
-    """
-    if not np.isfinite(x).all():
-        return SolverOutput(claim=Claim.FAILED, counters=counters, message=message or "the answer is not finite")
+    """Claim solved exactly when the judged error of x is at most the tolerance; else `otherwise`."""
     error = prepared.error(x) if error is None else error
-    point = prepared.point(x)
-    if error <= budget.tolerance:
-        return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
-    if otherwise is None:
-        otherwise = Claim.INACCURATE if error <= CLOSE * budget.tolerance else Claim.FAILED
-        message = message or f"ended at error {error:.1e}, asked for {budget.tolerance:.0e}"
-    return SolverOutput(claim=otherwise, point=point, counters=counters, message=message)
+    return concluded(prepared.point(x), error, budget, counters, otherwise, message)
+
+
+def warm_up(solver: Solver, make: Callable[[Dense], Matrix] = np.asarray) -> None:
+    """Solve the problem with one equality and one pair, its matrices as `make` makes them."""
+    one = make(np.eye(1))
+    solver.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
 
 
 def farkas(prepared: ScaledMLCP, budget: Budget) -> Vector | None:

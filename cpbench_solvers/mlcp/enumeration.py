@@ -13,7 +13,7 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench_solvers import linear_program
 from cpbench_solvers.lcp import claims as lcp_claims
 from cpbench_solvers.lcp.enumeration import LARGEST, Enumeration, EnumerationOptions, enumerate_bases
-from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, farkas, refined, scale
+from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, farkas, refined, scale, warm_up
 from cpbench_solvers.mlcp.pivoting import Reduction
 
 
@@ -42,8 +42,7 @@ class MLCPEnumeration(Solver):
 
     def warmup(self) -> None:
         linear_program.load()
-        one = np.eye(1)
-        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
+        warm_up(self)
 
     def solve(
         self,

@@ -8,45 +8,19 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.mlcp import MLCP
 from cpbench.formulations.ncp_functions import NCPFunction, fischer_burmeister, minimum
-from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
-from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, scale, settled
-from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, CountedBox, run
-from cpbench_solvers.nonlinear.reformulation import Reformulation
+from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, scale, settled, warm_up
+from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, LinearBox, run
 from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
 from cpbench_solvers.traits import ITERATIVE
 
 
-class LinearBox(CountedBox):
-    """F(x) = Kx + k of a scaled MLCP, its first unknowns free, the others ≥ 0; K is its own Jacobian."""
-
-    def __init__(self, prepared: ScaledMLCP) -> None:
-        self._prepared = prepared
-        self.n = prepared.k.size
-        self.lb = np.where(np.arange(self.n) < prepared.free, -np.inf, 0.0)
-        self.ub = np.full(self.n, np.inf)
-        self.equation = Reformulation(self.lb, self.ub)
-        self.counters = {"iterations": 0, "evaluations": 0, "factorizations": 0, "restarts": 0}
-
-    @property
-    def start(self) -> Vector:
-        return np.zeros(self.n)
-
-    def point(self, z: Vector) -> MLCPPoint:
-        return self._prepared.point(z)
-
-    def F(self, z: Vector) -> Vector:
-        self.counters["evaluations"] += 1
-        with np.errstate(all="ignore"):
-            return self._prepared.K @ z + self._prepared.k
-
-    def jacobian(self, z: Vector) -> Matrix:
-        return self._prepared.K
-
-    def error(self, z: Vector, F: Vector, tolerance: float) -> float:
-        return self._prepared.error(z)
+def linear_box(prepared: ScaledMLCP) -> LinearBox:
+    """Return Kx + k of a scaled MLCP, its first unknowns free, the others ≥ 0."""
+    lb = np.where(np.arange(prepared.k.size) < prepared.free, -np.inf, 0.0)
+    return LinearBox(prepared.K, prepared.k, lb, prepared.point, prepared.error)
 
 
 class _NewtonMLCP(Solver):
@@ -62,8 +36,7 @@ class _NewtonMLCP(Solver):
         return scale(problem, keep_sparse=problem.a.size + problem.b.size > DENSE_LIMIT)
 
     def warmup(self) -> None:
-        one = np.eye(1)
-        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
+        warm_up(self)
 
     def solve(
         self,
@@ -73,7 +46,7 @@ class _NewtonMLCP(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        method = SemismoothMethod(LinearBox(prepared), type(self).psi, fischer_burmeister, options)
+        method = SemismoothMethod(linear_box(prepared), type(self).psi, fischer_burmeister, options)
         limit = budget.iterations or options.max_iterations
         first = None if start is None else prepared.start(start)
         output = run(method, budget, limit, options.restarts, first, record)

@@ -25,7 +25,7 @@ from cpbench.solvers.base import (
     solved,
     solvers,
 )
-from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale
+from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale, warm_up
 
 SMALL = 64
 """Up to this many unknowns one compiled call does it all; beyond, A is factored by LAPACK or SuperLU."""
@@ -97,8 +97,7 @@ class LemkeMLCP(Solver):
         self.warmup_quickly()
 
     def warmup_quickly(self) -> None:
-        one = np.eye(1)
-        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
+        warm_up(self)
 
     def solve(
         self,

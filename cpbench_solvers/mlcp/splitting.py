@@ -21,7 +21,8 @@ from cpbench.foundation.matrices import Vector, sparse
 from cpbench.foundation.transversal import has_full_structural_rank
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
-from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale
+from cpbench_solvers.lcp.pgs import PGSOptions
+from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale, warm_up
 from cpbench_solvers.traits import ITERATIVE
 
 CHUNK = 256
@@ -29,22 +30,14 @@ CHUNK = 256
 
 
 @dataclass(frozen=True)
-class PGSMLCPOptions:
-    """Options of pgs-mlcp. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
-
-    max_iterations: int = 100_000
-    stall_window: int = 5000
-
-
-@dataclass(frozen=True)
-class PSORMLCPOptions(PGSMLCPOptions):
+class PSORMLCPOptions(PGSOptions):
     """Options of psor-mlcp. `omega` : over-relaxation, in ]0, 2[."""
 
     omega: float = 1.2
 
 
 @dataclass(frozen=True)
-class RPGSMLCPOptions(PGSMLCPOptions):
+class RPGSMLCPOptions(PGSOptions):
     """Options of rpgs-mlcp. `rho` : what is added to the sizes of the diagonal entries, the data being scaled to
     size one."""
 
@@ -85,7 +78,7 @@ class _Splitting(Solver):
             return None
         return "no order of the equalities has nonzero numbers on the diagonal of A: use lemke-mlcp or newton-min-mlcp"
 
-    def setup(self, problem: MLCP, budget: Budget, options: PGSMLCPOptions) -> BasisColumns:
+    def setup(self, problem: MLCP, budget: Budget, options: PGSOptions) -> BasisColumns:
         scaled = _ordered(scale(problem, keep_sparse=True))
         diagonal = np.array(scaled.K.diagonal())
         if not matrices.is_sparse(scaled.K):
@@ -94,16 +87,14 @@ class _Splitting(Solver):
         return BasisColumns(scaled, (csc.indptr.astype(np.int64), csc.indices.astype(np.int64), csc.data), diagonal)
 
     def warmup(self) -> None:
-        one = np.eye(1)
-        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
-        one = sp.csr_array(one)
-        self.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
+        warm_up(self)
+        warm_up(self, sp.csr_array)
 
     def solve(
         self,
         prepared: BasisColumns,
         budget: Budget,
-        options: PGSMLCPOptions,
+        options: PGSOptions,
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
@@ -189,7 +180,7 @@ class PGSMLCP(_Splitting):
         name="pgs-mlcp",
         summary="projected Gauss-Seidel over equalities and pairs",
         citation="Cryer 1971; Cottle, Pang and Stone 1992, section 5.2",
-        options=PGSMLCPOptions,
+        options=PGSOptions,
     )
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -18,7 +19,6 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.base import scaled
-from cpbench.formulations.expressions import Builder, Operator
 from cpbench.formulations.micp import MiCP, MiCPPoint
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.foundation.factorization import Factorization
@@ -26,6 +26,7 @@ from cpbench.foundation.matrices import Matrix, Sparse, Vector, dense, norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.shared.row_error import row_error
 from cpbench_solvers.lcp.claims import CLOSE
+from cpbench_solvers.nonlinear.projection_run import exponential
 from cpbench_solvers.nonlinear.reformulation import Reformulation
 
 DENSE_LIMIT = 150
@@ -100,6 +101,36 @@ class CountedBox:
         return x if np.isfinite(x).all() else None
 
 
+class LinearBox(CountedBox):
+    """F(x) = Mx + q on bounds, M its own Jacobian. error_of : the judged error of x, `point` : x as an answer."""
+
+    def __init__(
+        self, M: Matrix, q: Vector, lb: Vector, point: Callable[[Vector], Any], error_of: Callable[[Vector], float]
+    ) -> None:
+        self._M, self._q, self._point, self._error_of = M, q, point, error_of
+        self.n, self.lb, self.ub = q.size, lb, np.full(q.size, np.inf)
+        self.equation = Reformulation(self.lb, self.ub)
+        self.counters = {"iterations": 0, "evaluations": 0, "factorizations": 0, "regularized": 0, "restarts": 0}
+
+    @property
+    def start(self) -> Vector:
+        return np.zeros(self.n)
+
+    def point(self, z: Vector) -> Any:
+        return self._point(z)
+
+    def F(self, z: Vector) -> Vector:
+        self.counters["evaluations"] += 1
+        with np.errstate(all="ignore"):
+            return self._M @ z + self._q
+
+    def jacobian(self, z: Vector) -> Matrix:
+        return self._M
+
+    def error(self, z: Vector, F: Vector, tolerance: float) -> float:
+        return self._error_of(z)
+
+
 class BoxMethod(ABC):
     """A way from one iterate to the next. `z` and `F` = F(z) are the present ones; both are there after `begin`."""
 
@@ -132,7 +163,7 @@ class BoxNewton(Solver):
         return problem
 
     def warmup(self) -> None:
-        self.run(_small_problem())
+        self.run(MiCP(F=exponential(), lb=np.zeros(1), ub=np.full(1, np.inf)))
 
     def solve(
         self, prepared: MiCP, budget: Budget, options: Any, start: Any = None, record: Record | None = None
@@ -220,13 +251,6 @@ def _drawn(box: CountedBox, first: Vector, number: int, rng: np.random.Generator
         if np.isfinite(F).all():
             return z, F
     return None
-
-
-def _small_problem() -> MiCP:
-    """Return exp(z) = 2, for a warm-up: it brings in what differentiates."""
-    build = Builder(1)
-    value = build.apply(Operator.SUB, build.apply(Operator.EXP, 0), build.constant(2.0))
-    return MiCP(F=build.finish([value]), lb=np.zeros(1), ub=np.full(1, np.inf))
 
 
 def _compile_map(problem: MiCP) -> None:

@@ -16,7 +16,7 @@ from cpbench.foundation.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, Solver, SolverSpec, Trait, register, solvers
 from cpbench_solvers.lcp.box_linear import NODES, BoxLinear
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, BoxMethod, BoxNewton, CountedBox
-from cpbench_solvers.nonlinear.merit_search import Descent, MeritPoint, fall_back
+from cpbench_solvers.nonlinear.merit_search import DescentMethod, MeritPoint, fall_back
 from cpbench_solvers.traits import ITERATIVE
 
 SMALL_ENOUGH = 0.5
@@ -78,52 +78,35 @@ def _inner(names: str) -> list[Solver]:
     return chosen
 
 
-class _JosephyNewton(BoxMethod):
+class _JosephyNewton(DescentMethod):
     def __init__(self, box: CountedBox, options: JosephyNewtonOptions, budget: Budget) -> None:
-        super().__init__(box)
+        super().__init__(box, fischer_burmeister, options.memory, project=True)
         self._inner = _inner(options.inner)
         if box.n > DENSE_LIMIT:
             self._inner.sort(key=lambda solver: Trait.SPARSE not in solver.spec.traits)
         self.strategies = len(self._inner)
         self._budget = replace(budget, tolerance=INNER_TOLERANCE)
         self._deadline = time.monotonic() + budget.seconds
-        self._descent = Descent(box, fischer_burmeister, options.memory, project=True)
         box.counters["subproblems"] = 0
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
         """Begin; the strategies differ in which inner solver is asked first."""
         self._turn = self._inner[strategy:] + self._inner[:strategy]
-        self._stand(self._descent.at(z, F))
-        self._descent.begin(self._at)
+        super().begin(z, F, strategy)
 
-    def _stand(self, at: MeritPoint) -> None:
-        self._at, self.z, self.F = at, at.z, at.F
-
-    def step(self) -> bool:
-        at, descent = self._at, self._descent
-        J = self.box.jacobian(at.z)
-        if J is None:
-            return False
-        gradient = descent.gradient(at, J)
-        found = None
+    def next(self, J: Matrix, gradient: Vector) -> MeritPoint | None:
         for solver in self._turn:
             target = self._linear_solution(J, solver)
             if target is not None:
-                d = target - at.z
-                found = descent.search(at, d, float(gradient @ d))
+                d = target - self.at.z
+                found = self.descent.search(self.at, d, float(gradient @ d))
                 if found is not None:
-                    break
-        if found is None:
-            found = fall_back(descent, at, J, gradient)
-        if found is None:
-            return False
-        descent.accept(found)
-        self._stand(found)
-        return True
+                    return found
+        return fall_back(self.descent, self.at, J, gradient)
 
     def _linear_solution(self, J: Matrix, solver: Solver) -> Vector | None:
         """Return z⁺ within the bounds, None where the solver finds none."""
-        box, at = self.box, self._at
+        box, at = self.box, self.at
         box.counters["subproblems"] += 1
         left = max(self._deadline - time.monotonic(), 0.1) if math.isfinite(self._deadline) else math.inf
         q = at.F - J @ at.z

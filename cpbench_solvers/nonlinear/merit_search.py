@@ -4,6 +4,7 @@ the gradient."""
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections import deque
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,7 @@ from scipy.linalg import lapack
 
 from cpbench.formulations.ncp_functions import NCPFunction
 from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs, norm
-from cpbench_solvers.nonlinear.box_newton import CountedBox
+from cpbench_solvers.nonlinear.box_newton import BoxMethod, CountedBox
 
 ARMIJO = 1e-4
 ACCEPT = 0.9
@@ -109,6 +110,34 @@ class Descent:
                 return None
             t *= 0.5
         return None
+
+
+class DescentMethod(BoxMethod):
+    """Base of the methods whose iterates are those of a `Descent`."""
+
+    def __init__(self, box: CountedBox, merit: NCPFunction, memory: int, project: bool) -> None:
+        super().__init__(box)
+        self.descent = Descent(box, merit, memory, project)
+
+    def begin(self, z: Vector, F: Vector, strategy: int) -> None:
+        self._stand(self.descent.at(z, F))
+        self.descent.begin(self.at)
+
+    def _stand(self, at: MeritPoint) -> None:
+        self.at, self.z, self.F = at, at.z, at.F
+
+    def step(self) -> bool:
+        J = self.box.jacobian(self.z)
+        found = None if J is None else self.next(J, self.descent.gradient(self.at, J))
+        if found is None:
+            return False
+        self.descent.accept(found)
+        self._stand(found)
+        return True
+
+    @abstractmethod
+    def next(self, J: Matrix, gradient: Vector) -> MeritPoint | None:
+        """Return the next point, from F′ and the gradient of the merit at `at`; None where there is none."""
 
 
 def damped(box: CountedBox, V: Matrix, phi: Vector, share: float) -> Vector | None:

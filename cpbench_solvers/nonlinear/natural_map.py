@@ -27,7 +27,7 @@ import scipy.sparse as sp
 
 from cpbench.foundation.factorization import sparse_lu
 from cpbench.foundation.matrices import Matrix, Sparse, Vector, dense, identity, norm
-from cpbench.solvers.base import Budget, Claim, Record
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.lcp.claims import solve_linear
 
@@ -69,6 +69,33 @@ class AffineVI:
     jacobian: Callable[[Vector], Sparse]
     answer: Callable[[Vector], Any]
     error: Callable[[Vector], float]
+
+
+@dataclass(frozen=True)
+class ScaledVI:
+    """An affine variational inequality in units of its own: x of the problem is `unit` times that of `vi`."""
+
+    vi: AffineVI
+    unit: Vector
+
+
+class NaturalMapNewton(Solver):
+    """Base of the solvers whose `setup` returns a `ScaledVI`."""
+
+    def solve(
+        self,
+        prepared: ScaledVI,
+        budget: Budget,
+        options: NewtonOptions,
+        start: Any = None,
+        record: Record | None = None,
+    ) -> SolverOutput:
+        vi = prepared.vi
+        x = np.zeros_like(prepared.unit) if start is None else np.concatenate(list(start.arrays().values()))
+        limit = budget.iterations or options.max_iterations
+        end = run(vi, vi.project(x / prepared.unit), budget, limit, record)
+        message = end.message and f"{end.message}, error {end.error:.1e}"
+        return SolverOutput(claim=end.claim, point=vi.answer(end.x), counters=end.counters, message=message)
 
 
 @dataclass(frozen=True)

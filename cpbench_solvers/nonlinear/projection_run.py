@@ -264,10 +264,5 @@ def lipschitz(near: Vector, F_near: Vector, z: Vector, F: Vector) -> float:
     return change / way if way > 0 else 0.0
 
 
-def projection_spec(
-    name: str, summary: str, citation: str, node: str = "vi", options: type = VIProjectionOptions
-) -> SolverSpec:
-    """Return the spec of one of them, with what all share."""
-    return SolverSpec(
-        name=name, node=node, summary=summary, method="projection", citation=citation, traits=ITERATIVE, options=options
-    )
+projection_spec = partial(SolverSpec, node="vi", method="projection", traits=ITERATIVE)
+"""The spec of a projection method, with what all of them share."""

@@ -13,10 +13,10 @@ from typing import ClassVar
 import numpy as np
 
 from cpbench.formulations.ncp_functions import NCPFunction, evtushenko_purtov, fischer_burmeister, minimum, penalized
-from cpbench.foundation.matrices import Vector, norm
+from cpbench.foundation.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
-from cpbench_solvers.nonlinear.merit_search import Descent, MeritPoint, fall_back
+from cpbench_solvers.nonlinear.merit_search import DescentMethod, MeritPoint, fall_back
 from cpbench_solvers.traits import ITERATIVE
 
 STEEP, POWER = 1e-8, 2.1
@@ -47,30 +47,21 @@ class SemismoothNewton(BoxNewton):
         return SemismoothMethod(box, type(self).psi, type(self).merit, options)
 
 
-class SemismoothMethod(BoxMethod):
+class SemismoothMethod(DescentMethod):
     strategies = 2
 
     def __init__(self, box: CountedBox, psi: NCPFunction, merit: NCPFunction, options: SemismoothOptions) -> None:
-        super().__init__(box)
+        super().__init__(box, merit, options.memory, options.project)
         self._psi, self._same, self._project = psi, psi is merit, options.project
-        self._descent = Descent(box, merit, options.memory, options.project)
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
         """Begin; the other strategy is to leave the bounds where `project` stays within them, and the other way
         round."""
-        self._descent.project = self._project != bool(strategy)
-        self._stand(self._descent.at(z, F))
-        self._descent.begin(self._at)
+        self.descent.project = self._project != bool(strategy)
+        super().begin(z, F, strategy)
 
-    def _stand(self, at: MeritPoint) -> None:
-        self._at, self.z, self.F = at, at.z, at.F
-
-    def step(self) -> bool:
-        at, descent = self._at, self._descent
-        J = self.box.jacobian(at.z)
-        if J is None:
-            return False
-        gradient = descent.gradient(at, J)
+    def next(self, J: Matrix, gradient: Vector) -> MeritPoint | None:
+        at, descent = self.at, self.descent
         equation = at if self._same else MeritPoint(at.z, at.F, *self.box.equation(self._psi, at.z, at.F), merit=np.nan)
         found = self._along(at, descent.newton(equation, J), gradient)
         if found is None and not self._same:  # the other function's direction, cheaper than a regularized one
@@ -78,11 +69,7 @@ class SemismoothMethod(BoxMethod):
         if found is None:
             self.box.counters["regularized"] = self.box.counters.get("regularized", 0) + 1
             found = fall_back(descent, at, J, gradient)
-        if found is None:
-            return False
-        descent.accept(found)
-        self._stand(found)
-        return True
+        return found
 
     def _along(self, at: MeritPoint, d: Vector | None, gradient: Vector) -> MeritPoint | None:
         """Return a point along a Newton direction, None where there is none that lowers the merit."""
@@ -92,7 +79,7 @@ class SemismoothMethod(BoxMethod):
         # in logarithms, by d/size: powers of a long direction, and its squares, are no numbers
         length = math.log(norm(d / size)) + math.log(size) if 0.0 < size < np.inf else np.inf
         steep = slope < 0.0 and math.log(-slope) >= math.log(STEEP) + POWER * length
-        return self._descent.search(at, d, slope if steep else 0.0)
+        return self.descent.search(at, d, slope if steep else 0.0)
 
 
 _spec = partial(SolverSpec, node="micp", method="semismooth Newton", traits=ITERATIVE, options=SemismoothOptions)

@@ -18,6 +18,8 @@ from cpbench_solvers.nonlinear.projection_run import (
     projection_spec,
 )
 
+KORPELEVICH = "Korpelevich 1976, Matecon 12; Khobotov 1987, USSR Comput. Math. Math. Phys. 27; Marcotte 1991, INFOR 29"
+
 
 @dataclass(frozen=True)
 class ExtragradientOptions(VIProjectionOptions):
@@ -62,9 +64,9 @@ class VIExtragradient(ProjectionSolver):
 
     method = Extragradient
     spec: ClassVar[SolverSpec] = projection_spec(
-        "extragradient-vi",
-        "extragradient with self-adaptive steps",
-        "Korpelevich 1976, Matecon 12; Khobotov 1987, USSR Comput. Math. Math. Phys. 27; Marcotte 1991, INFOR 29",
+        name="extragradient-vi",
+        summary="extragradient with self-adaptive steps",
+        citation=KORPELEVICH,
         options=ExtragradientOptions,
     )
 
@@ -76,9 +78,9 @@ class QVIProjection(ProjectionSolver):
 
     method = Extragradient
     spec: ClassVar[SolverSpec] = projection_spec(
-        "projection-qvi",
-        "extragradient on the moving set, self-adaptive steps",
-        "Chan and Pang 1982, Math. Oper. Res. 7:211; Noor 1988, Appl. Math. Lett. 1:367",
+        name="projection-qvi",
+        summary="extragradient on the moving set, self-adaptive steps",
+        citation="Chan and Pang 1982, Math. Oper. Res. 7:211; Noor 1988, Appl. Math. Lett. 1:367",
         node="qvi",
         options=ExtragradientOptions,
     )

@@ -66,8 +66,8 @@ class VIGoldenRatio(ProjectionSolver):
 
     method = _GoldenRatio
     spec: ClassVar[SolverSpec] = projection_spec(
-        "golden-ratio",
-        "adaptive golden ratio algorithm",
-        "Malitsky 2020, Math. Program. 184:383",
+        name="golden-ratio",
+        summary="adaptive golden ratio algorithm",
+        citation="Malitsky 2020, Math. Program. 184:383",
         options=GoldenRatioOptions,
     )

@@ -64,8 +64,8 @@ class VIProjectedReflected(ProjectionSolver):
 
     method = _Reflected
     spec: ClassVar[SolverSpec] = projection_spec(
-        "projected-reflected",
-        "projected reflected gradient with adaptive steps",
-        "Malitsky 2015, SIAM J. Optim. 25:502",
+        name="projected-reflected",
+        summary="projected reflected gradient with adaptive steps",
+        citation="Malitsky 2015, SIAM J. Optim. 25:502",
         options=ReflectedOptions,
     )

@@ -69,8 +69,8 @@ class VIProjection(ProjectionSolver):
 
     method = _FixedPoint
     spec: ClassVar[SolverSpec] = projection_spec(
-        "projection-vi",
-        "fixed point of z = P(z − γF(z)), γ adapts",
-        "Goldstein 1964, Bull. Amer. Math. Soc. 70; Facchinei and Pang 2003, section 12.1",
+        name="projection-vi",
+        summary="fixed point of z = P(z − γF(z)), γ adapts",
+        citation="Goldstein 1964, Bull. Amer. Math. Soc. 70; Facchinei and Pang 2003, section 12.1",
         options=VIFixedPointOptions,
     )

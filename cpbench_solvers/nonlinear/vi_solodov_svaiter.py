@@ -95,8 +95,8 @@ class VISolodovSvaiter(ProjectionSolver):
 
     method = _Hyperplane
     spec: ClassVar[SolverSpec] = projection_spec(
-        "solodov-svaiter",
-        "hyperplane projection, projected on S and the half space at once",
-        "Solodov and Svaiter 1999, SIAM J. Control Optim. 37:765",
+        name="solodov-svaiter",
+        summary="hyperplane projection, projected on S and the half space at once",
+        citation="Solodov and Svaiter 1999, SIAM J. Control Optim. 37:765",
         options=HyperplaneOptions,
     )
