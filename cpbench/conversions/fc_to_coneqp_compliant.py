@@ -16,7 +16,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse as sp
 
 from cpbench.conversions import frozen
 from cpbench.conversions.base import Conversion, conversions
@@ -24,6 +23,7 @@ from cpbench.formulations.base import Kind, Trace
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.foundation.matrices import with_diagonal
 from cpbench.foundation.product_cones import Cone, ProductCone
 
 
@@ -49,8 +49,7 @@ class FCtoCompliantConeQP(Conversion):
     def apply(self, problem: FrictionContact) -> tuple[ConeQP, Trace]:
         self.require(problem)
         R = np.repeat(self.compliance / problem.rho, problem.dimension)
-        W = problem.W + (sp.diags_array(R) if sp.issparse(problem.W) else np.diag(R))
-        W = sp.csr_array(W) if sp.issparse(W) else W
+        W = with_diagonal(problem.W, R)
         K = ProductCone.of((Cone.SECOND_ORDER, problem.nc, problem.dimension, problem.mu))
         target = ConeQP.over(W, problem.q, K)
         return target, {"W": target.Q, "q": problem.q}

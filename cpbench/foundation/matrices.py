@@ -203,6 +203,11 @@ def scaled_both(M: Matrix, s: Vector) -> Matrix:
     return scaled
 
 
+def with_diagonal(M: Matrix, d: Vector) -> Matrix:
+    """Return M + diag(d), stored as M is."""
+    return sp.csr_array(M + sp.diags_array(d)) if sp.issparse(M) else np.asarray(M + np.diag(d))
+
+
 def _scaled(values: Any, left: Any, right: Any) -> Any:
     """Return values · left · right; where left · right is not finite any more, the larger of the two is taken first."""
     with np.errstate(over="ignore"):

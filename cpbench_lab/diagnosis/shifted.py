@@ -10,7 +10,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
-from cpbench.foundation.matrices import Matrix, Vector
+from cpbench.foundation.matrices import Matrix
 from cpbench_lab.diagnosis.attempts import SolverTrial
 
 
@@ -35,9 +35,9 @@ def shifted(trial: SolverTrial, *, definite: bool = False) -> SolverTrial | None
         both: Any = K if problem.node != "mlcp" else matrices.block([[problem.A, problem.C], [problem.D, problem.B]])
         least = matrices.least_eigenvalue(both)
         size += max(-least, 0.0)
-    changed = {name: _plus(K, size)}
+    changed = {name: matrices.with_diagonal(K, np.full(K.shape[0], size))}
     if definite and problem.node == "mlcp":
-        changed["B"] = _plus(problem.B, size)
+        changed["B"] = matrices.with_diagonal(problem.B, np.full(problem.b.size, size))
     return replace(trial, problem=replace(problem, **changed))
 
 
@@ -52,7 +52,8 @@ def dominated(trial: SolverTrial) -> SolverTrial | None:
         return None
     diagonal = np.asarray(K.diagonal(), dtype=float)
     others = np.asarray(abs(sp.csr_array(K)).sum(axis=1), dtype=float).ravel() - np.abs(diagonal)
-    return replace(trial, problem=replace(problem, **{name: _plus(K, np.maximum(2.0 * others - diagonal, 0.0))}))
+    raised = matrices.with_diagonal(K, np.maximum(2.0 * others - diagonal, 0.0))
+    return replace(trial, problem=replace(problem, **{name: raised}))
 
 
 def _matrix(problem: Problem) -> tuple[str, Matrix | None]:
@@ -60,8 +61,3 @@ def _matrix(problem: Problem) -> tuple[str, Matrix | None]:
     name = principal(problem)
     K: Matrix | None = getattr(problem, name) if name else None
     return name, K if K is not None and K.shape[0] else None
-
-
-def _plus(K: Matrix, size: float | Vector) -> Matrix:
-    added = np.broadcast_to(size, K.shape[0])
-    return sp.csr_array(K + sp.diags_array(added)) if matrices.is_sparse(K) else K + np.diag(added)

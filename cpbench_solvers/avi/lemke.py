@@ -26,7 +26,7 @@ from cpbench_solvers import linear_program
 from cpbench_solvers.avi.bounded_lemke import BoxLCP, PivotOptions, Walk
 from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.avi.polyhedron_vertex import ACTIVE, ScaledPolyhedron
-from cpbench_solvers.lcp.claims import CLOSE, DENSE_BYTES
+from cpbench_solvers.lcp.claims import CLOSE, DENSE_BYTES, concluded
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 
 
@@ -179,13 +179,11 @@ def _concluded(prepared: MultiplierBox, walk: Walk, budget: Budget, counters: di
             reached = error_of(problem, candidate, tolerance)
             if reached < error:
                 point, error = candidate, reached
-    if error <= tolerance:
-        return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
     claim = Claim.MAX_ITER if walk.outcome == "pivot limit" else Claim.FAILED
     if walk.outcome == "complementary" and error <= CLOSE * tolerance:
         claim = Claim.INACCURATE
     what = f"{walk.outcome} after {walk.pivots} pivots, error {error:.1e}"
-    return SolverOutput(claim=claim, point=point if point.finite else None, counters=counters, message=what)
+    return concluded(point, error, budget, counters, claim, what)
 
 
 def _no_rows(problem: Relay) -> tuple[Dense, Vector, Dense, Vector]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -12,10 +11,12 @@ import scipy.sparse as sp
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.foundation.cones import project_box
+from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop
 from cpbench_solvers.avi.claims import error_of
+from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.lcp.pgs import PGSOptions
 from cpbench_solvers.traits import ITERATIVE
 
@@ -85,15 +86,13 @@ class PGSRelay(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        from cpbench.foundation.kernel_cache import load
-
         kernel = load("cpbench_solvers.kernels.box_splitting")
         problem = prepared.problem
         z = project_box(np.zeros_like(problem.q) if start is None else start.z, problem.lb, problem.ub)
-        limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
+        limit, sweeps, chunk = budget.iterations or options.max_iterations, 0, 1
         matrix = (prepared.start, prepared.column, prepared.values, prepared.diagonal)
         law = (problem.q, problem.lb, problem.ub)
-        progress, sweeps, chunk = Progress(options.stall_window), 0, 1
+        progress = Progress(options.stall_window, budget.seconds, "sweeps")
         error = error_of(problem, LCPPoint(z), budget.tolerance)
         if record is not None:
             record(0, error, lambda: LCPPoint(z))
@@ -118,13 +117,8 @@ class PGSRelay(Solver):
             if error < best_error:
                 best, best_error = z.copy(), error
             why = progress.trouble(sweeps, error)
-            if why is None and time.monotonic() > deadline:
-                why = f"out of time after {sweeps} sweeps"
             if why is not None:
                 claim, message = Claim.FAILED, why
                 break
         counters = {"iterations": sweeps, "matrix_vector_products": sweeps}
-        if best_error <= budget.tolerance:
-            return SolverOutput(claim=Claim.SOLVED, point=LCPPoint(best), counters=counters)
-        message = f"{message}, error {best_error:.1e}"
-        return SolverOutput(claim=claim, point=LCPPoint(best), counters=counters, message=message)
+        return concluded(LCPPoint(best), best_error, budget, counters, claim, f"{message}, error {best_error:.1e}")

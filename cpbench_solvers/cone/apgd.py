@@ -12,7 +12,6 @@ factor, so that the diagonal of Q is about 1: K stays what it is but for the rad
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -26,6 +25,7 @@ from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.cone import polyhedral
+from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 from cpbench_solvers.traits import ITERATIVE
 
@@ -120,8 +120,8 @@ class APGD(Solver):
         best, error = _measured(prepared, at, budget.tolerance)
         if record is not None:
             record(0, error, lambda: best)
-        limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
-        progress, claim, message = Progress(options.stall_window), Claim.MAX_ITER, f"{limit} iterations"
+        limit, progress = budget.iterations or options.max_iterations, Progress(options.stall_window, budget.seconds)
+        claim, message = Claim.MAX_ITER, f"{limit} iterations"
         check = 1
         while error > budget.tolerance and counters["iterations"] < limit:
             at = _advance(prepared, at, counters)
@@ -135,15 +135,10 @@ class APGD(Solver):
             if reached < error:
                 best, error = point, reached
             why = progress.trouble(done, reached)
-            if why is None and time.monotonic() > deadline:
-                why = f"out of time after {done} iterations"
             if why is not None:
                 claim, message = Claim.FAILED, why
                 break
-        if error <= budget.tolerance:
-            return SolverOutput(claim=Claim.SOLVED, point=best, counters=counters)
-        message = f"{message}, error {error:.1e}"
-        return SolverOutput(claim=claim, point=best, counters=counters, message=message)
+        return concluded(best, error, budget, counters, claim, f"{message}, error {error:.1e}")
 
 
 def _advance(program: ScaledProgram, at: _Iterate, counters: dict[str, int]) -> _Iterate:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from abc import abstractmethod
 from functools import partial
 from typing import Any, Protocol
@@ -19,7 +18,7 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.cone import polyhedral
 from cpbench_solvers.cone.scaled_form import ConicForm, conic_form
-from cpbench_solvers.lcp.claims import CLOSE
+from cpbench_solvers.lcp.claims import CLOSE, concluded
 
 
 class Iterates(Protocol):
@@ -70,7 +69,7 @@ class ConicSolver(Solver):
         self, prepared: ConicForm, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
         form, tolerance = prepared, budget.tolerance
-        deadline, progress = time.monotonic() + budget.seconds, Progress(self.window)
+        progress = Progress(self.window, budget.seconds)
         limit = budget.iterations or options.max_iterations
         method = self.begin(form, None if start is None else form.start(start), options)
         best = form.answer(method.x, method.s, method.y) if start is None else start
@@ -93,8 +92,6 @@ class ConicSolver(Solver):
                 if reached < error:
                     best, error = point, reached
                 why = None if error <= tolerance else progress.trouble(done, reached)
-            if why is None and time.monotonic() > deadline:
-                why = f"out of time after {done} iterations"
             if why is not None and error > tolerance:
                 claim, message = Claim.FAILED, why
                 break
@@ -102,14 +99,9 @@ class ConicSolver(Solver):
         best, error = self.finish(form, best, error, tolerance, method.counters)
         if record is not None and best is not before:
             record(done + 1, error, partial(_same, best))
-        counters = dict(method.counters)
-        if error <= tolerance:
-            return SolverOutput(claim=Claim.SOLVED, point=best, counters=counters)
         if claim is Claim.FAILED and error <= CLOSE * tolerance:
             claim = Claim.INACCURATE
-        return SolverOutput(
-            claim=claim, point=best if best.finite else None, counters=counters, message=f"{message}, error {error:.1e}"
-        )
+        return concluded(best, error, budget, dict(method.counters), claim, f"{message}, error {error:.1e}")
 
     def finish(
         self, form: ConicForm, best: Any, error: float, tolerance: float, counters: dict[str, int]

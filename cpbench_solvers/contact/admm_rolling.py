@@ -10,7 +10,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Vector, identity, scaled_both
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
+from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.run import iterate_on
@@ -60,8 +60,6 @@ class RollingADMM(SolverByParts):
     ) -> SolverOutput:
         problem = prepared.problem
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)
-        if problem.nc == 0:
-            return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
 
         def measured(point: FCPoint) -> float:
             return problem.residuals(point, budget.tolerance).error

@@ -130,10 +130,12 @@ class SolverByParts(Solver):
         self, part: ContactPart, budget: Budget, options: Any, start: Any | None, record: Record | None
     ) -> SolverOutput:
         """Solve one part; go on where its error is not small enough by the sizes of the contacts in use."""
+        if not part.problem.nc:
+            return solved(FCPoint(np.zeros(0)), {"iterations": 0})
         deadline = budget.deadline()
         output = self.solve_part(part.prepared, budget, options, start, record)
         relaxed = self.spec.kind is Kind.RELAXATION  # the answer is one to another law
-        if output.point is None or output.claim is not Claim.SOLVED or relaxed or not part.problem.nc:
+        if output.point is None or output.claim is not Claim.SOLVED or relaxed:
             return output
         error, asked, enough = part.error(output.point.r), budget.tolerance, SURE * budget.tolerance
         if error <= enough:

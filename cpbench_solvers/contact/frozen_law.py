@@ -6,6 +6,7 @@ Gauss–Seidel, for any.
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -59,17 +60,15 @@ class Frozen:
         Parameters
         ----------
         kind : of the sets, see the kernel. shift : added to q_N, (nc,). radius : of the disks, (nc,).
-        most : iterations. deadline : of `clock`.
+        most : iterations. deadline : of `time.monotonic`.
         """
-        from time import monotonic
-
         p = self.q.copy()
         p[:: self.d] += shift
         law = (kind, p, self.mu, radius, self.d)
         done = 0
         measured = self._kernel.gap(*self._matrix, *law, self.x, self._Wx, self._work)
         self._z[:], self._Wz[:], self._state[0] = self.x, self._Wx, 1.0
-        while measured > max(gap, ROUNDING) and done < most and monotonic() < deadline:
+        while measured > max(gap, ROUNDING) and done < most and time.monotonic() < deadline:
             self._advance(law, AT_ONCE)
             done += AT_ONCE
             measured = self._kernel.gap(*self._matrix, *law, self.x, self._Wx, self._work)

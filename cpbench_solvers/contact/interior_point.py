@@ -28,7 +28,7 @@ from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint, contact_residuals
 from cpbench.foundation.cones import Coulomb
 from cpbench.foundation.factorization import DENSE_LIMIT, sparse_lu
-from cpbench.foundation.matrices import EPS, Dense, Matrix, Vector, dense, max_abs, scaled_both
+from cpbench.foundation.matrices import EPS, Dense, Matrix, Vector, dense, max_abs, scaled_both, with_diagonal
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.newton_equation import DENSE_FROM
@@ -64,7 +64,7 @@ class ContactInteriorPoint(ContactMethod):
         T[:, 1:] = problem.mu[:, None]
         self._unit, self._start, self._begun = contacts.s * T.ravel(), start, False
         self._matrix = _matrix(
-            _with_diagonal(scaled_both(contacts.W, T.ravel()), np.where(T.ravel() == 0.0, 1.0, 0.0)), *T.shape
+            with_diagonal(scaled_both(contacts.W, T.ravel()), np.where(T.ravel() == 0.0, 1.0, 0.0)), *T.shape
         )
         self._q = np.ascontiguousarray(T * contacts.q.reshape(T.shape))
         self._size, self._largest = max_abs(self._q) or 1.0, max_abs(self._matrix.W)
@@ -107,10 +107,6 @@ class ContactInteriorPoint(ContactMethod):
 
 class _Relaxed(ContactInteriorPoint):
     shifted: ClassVar[bool] = False
-
-
-def _with_diagonal(W: Matrix, diagonal: Vector) -> Matrix:
-    return sp.csr_array(W + sp.diags_array(diagonal)) if sp.issparse(W) else np.asarray(W + np.diag(diagonal))
 
 
 Solve: TypeAlias = Callable[[Vector], Vector]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -37,7 +37,7 @@ class Member(ABC):
     unit, counter : of its steps, for messages and among the counters. expected : steps that it is expected to need.
     cost : of a step [ns]. spent : counted work since `turns` was 0 [ns]. turns : how often it has had its turn in vain.
     level : the least error that it began at or has seen. over : it cannot go on. steps, factorizations : so far.
-    weight : of its work where turns are given.
+    weight : of its work where turns are given. A subclass keeps the iterates in `_run` from `begin` on.
     """
 
     unit: ClassVar[str]
@@ -45,6 +45,7 @@ class Member(ABC):
     expected: ClassVar[int]
     takes_start: ClassVar[bool] = False
     weight: ClassVar[float] = 1.0
+    _run: Any
 
     def __init__(self, contacts: ScaledContacts, cost: float) -> None:
         self._contacts, self.cost = contacts, cost
@@ -62,9 +63,9 @@ class Member(ABC):
         return self.weight * self.allowed
 
     @property
-    @abstractmethod
     def r(self) -> Vector:
         """Present reactions, shape (nc·d,)."""
+        return self._run.r
 
     @abstractmethod
     def begin(self, r: Vector) -> None:
@@ -85,22 +86,18 @@ class NewtonMember(Member):
         self._sweep, self._start, self._function = sweep_work(contacts.rows), start, function
         self._count = ContactNewtonOptions().sweeps
 
-    @property
-    def r(self) -> Vector:
-        return self._newton.r
-
     def begin(self, r: Vector) -> None:
-        self._newton = NewtonPhase(self._contacts, ContactNewtonOptions(), self._function)
+        self._run = NewtonPhase(self._contacts, ContactNewtonOptions(), self._function)
         self._sweeps = Sweeps(self._contacts.rows)
         self._from(self._start.copy())
 
     def advance(self, most: int, deadline: float) -> None:
-        before = self._newton.factorizations
-        if self._newton.step():
+        before = self._run.factorizations
+        if self._run.step():
             self.steps += 1
         else:
-            self._from(self._newton.r)
-        count = self._newton.factorizations - before
+            self._from(self._run.r)
+        count = self._run.factorizations - before
         self.factorizations += count
         # one at least: a turn that cost nothing would never end
         self.spent += max(count, 1) * self.cost
@@ -110,7 +107,7 @@ class NewtonMember(Member):
         self._sweeps.sweep(r, self._count, 0.0)
         self.spent += self._count * self._sweep
         self._count *= 2
-        self._newton.begin(r)
+        self._run.begin(r)
 
 
 class ProximalMember(Member):
@@ -122,15 +119,11 @@ class ProximalMember(Member):
     def __init__(self, contacts: ScaledContacts) -> None:
         super().__init__(contacts, step_work(contacts.rows.problem.W))
 
-    @property
-    def r(self) -> Vector:
-        return self._points.r
-
     def begin(self, r: Vector) -> None:
-        self._points = ProximalSteps(self._contacts, ProximalNewtonOptions(), r)
+        self._run = ProximalSteps(self._contacts, ProximalNewtonOptions(), r)
 
     def advance(self, most: int, deadline: float) -> None:
-        points = self._points
+        points = self._run
         steps, before = points.newton_steps, points.factorizations
         self.over = not points.step(most, deadline)
         self.steps += points.newton_steps - steps
@@ -180,16 +173,12 @@ class ADMMMember(Member):
     def __init__(self, contacts: ScaledContacts) -> None:
         super().__init__(contacts, iteration_work(contacts.rows.problem.W, 0))
 
-    @property
-    def r(self) -> Vector:
-        return self._splitting.r
-
     def begin(self, r: Vector) -> None:
         # not at r: from the best point it was caught for 5,000 iterations where it needs 700 from nothing (0131)
-        self._splitting = ContactSplitting(self._contacts, ADMMContactOptions(), np.zeros(r.size))
+        self._run = ContactSplitting(self._contacts, ADMMContactOptions(), np.zeros(r.size))
 
     def advance(self, most: int, deadline: float) -> None:
-        splitting = self._splitting
+        splitting = self._run
         before = splitting.counters["factorizations"]
         self.over = splitting.step() is not None
         if splitting.counters["factorizations"] > before:
@@ -207,16 +196,12 @@ class InteriorMember(Member):
     def __init__(self, contacts: ScaledContacts) -> None:
         super().__init__(contacts, point_work(contacts.rows.problem.W))
 
-    @property
-    def r(self) -> Vector:
-        return self._points.r
-
     def begin(self, r: Vector) -> None:
         nothing = np.zeros(r.size)
-        self._points = ContactInteriorPoint(self._contacts, ContactInteriorPointOptions(), nothing, Budget())
+        self._run = ContactInteriorPoint(self._contacts, ContactInteriorPointOptions(), nothing, Budget())
 
     def advance(self, most: int, deadline: float) -> None:
-        self.over = self._points.step(1, 0.0, 0.0) is not None
+        self.over = self._run.step(1, 0.0, 0.0) is not None
         self.steps += 1
         self.factorizations += 1
         self.spent += self.cost

@@ -12,7 +12,6 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.errors import UnknownName
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.expressions.recording import recorded
 from cpbench.formulations.fc import FrictionContact
@@ -24,6 +23,8 @@ from cpbench.foundation import matrices
 from cpbench.foundation.matrices import norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
 from cpbench_solvers.contact.dynamics_error import DynamicsError
+from cpbench_solvers.inner import inner_solver
+from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.traits import ITERATIVE
 
 NODES = ("fc", "gfc")
@@ -88,7 +89,7 @@ class NewtonContact(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         problem, deadline = prepared, time.monotonic() + budget.seconds
-        inner = _inner(options.inner)
+        inner = inner_solver(options.inner, NODES)
         limit = budget.iterations or options.max_iterations
         counters = {"iterations": 0, "inner_iterations": 0, "factorizations": 0}
 
@@ -136,18 +137,7 @@ class NewtonContact(Solver):
                     record(counters["iterations"], error, lambda now=best: now)
         if not math.isfinite(least):
             return SolverOutput(claim=Claim.FAILED, counters=counters, message="F is not defined at the start")
-        if least <= budget.tolerance:
-            return SolverOutput(claim=Claim.SOLVED, point=best, counters=counters)
-        return SolverOutput(claim=claim, point=best, counters=counters, message=f"{message}, error {least:.1e}")
-
-
-def _inner(name: str) -> Solver:
-    """Return the solver of that name; raises UnknownName when it is of another node, or not there."""
-    solver = solvers.get(name)
-    if solver.spec.node not in NODES:
-        fitting = [s.spec.name for s in solvers if s.spec.node in NODES]
-        raise UnknownName(f"inner solver (of {' or '.join(NODES)})", name, fitting)
-    return solver
+        return concluded(best, least, budget, counters, claim, f"{message}, error {least:.1e}")
 
 
 def _linear_step(

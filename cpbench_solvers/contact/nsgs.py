@@ -61,7 +61,7 @@ class NSGS(Relaxation):
     def solve_part(
         self, prepared: BlockRows, budget: Budget, options: NSGSOptions, start: Any, record: Record | None
     ) -> SolverOutput:
-        if start is not None or record is not None or not _plain(options) or prepared.problem.nc == 0:
+        if start is not None or record is not None or not _plain(options):
             return super().solve_part(prepared, budget, options, start, record)
         sweeps = AcceleratedSweeps(prepared, way=prepared.plain)
         limit = budget.iterations or options.max_iterations

@@ -8,6 +8,7 @@ convergence is a matter of experience.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -31,18 +32,17 @@ class ContactProjectionOptions(MethodOptions):
 
 
 class _Projection(ContactMethod):
-    """Base of the projection methods. `code` : name of the kernel's method."""
+    """The projection methods. `code` : name of the kernel's method."""
 
     pieces: ClassVar[bool] = True
-    code: ClassVar[str]
 
     def __init__(
-        self, contacts: ScaledContacts, options: ContactProjectionOptions, start: Vector, budget: Budget
+        self, contacts: ScaledContacts, options: ContactProjectionOptions, start: Vector, budget: Budget, code: str
     ) -> None:
         problem = contacts.rows.problem
         self._s, self._x = contacts.s, start / contacts.s
         module = kernel("contact_projection")
-        self._iterate, self._method = module.iterate, getattr(module, self.code)
+        self._iterate, self._method = module.iterate, getattr(module, code)
         self._data = (*block_csr(contacts), contacts.q, problem.mu, problem.dimension)
         self._rho = np.array([options.rho])
         self.counters = {"projections": 0}
@@ -54,14 +54,6 @@ class _Projection(ContactMethod):
     def step(self, many: int, error: float, seconds: float) -> str | None:
         self.counters["projections"] += int(self._iterate(*self._data, self._method, self._x, self._rho, many))
         return None
-
-
-class _FixedPoint(_Projection):
-    code: ClassVar[str] = "FIXED_POINT"
-
-
-class _Extragradient(_Projection):
-    code: ClassVar[str] = "EXTRAGRADIENT"
 
 
 @register
@@ -76,7 +68,7 @@ class DeSaxceFixedPoint(ContactSolver):
         options=ContactProjectionOptions,
         by_default=False,
     )
-    method: ClassVar[Any] = _FixedPoint
+    method: ClassVar[Any] = partial(_Projection, code="FIXED_POINT")
 
 
 @register
@@ -91,4 +83,4 @@ class ExtragradientContact(ContactSolver):
         options=ContactProjectionOptions,
         by_default=False,
     )
-    method: ClassVar[Any] = _Extragradient
+    method: ClassVar[Any] = partial(_Projection, code="EXTRAGRADIENT")

@@ -13,17 +13,14 @@ import math
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-import numpy as np
-import scipy.sparse as sp
-
-from cpbench.errors import UnknownName
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
-from cpbench.foundation.matrices import Matrix, Vector
-from cpbench.solvers.base import Budget, Claim, Solver, SolverSpec, register, solvers
+from cpbench.foundation.matrices import Vector, with_diagonal
+from cpbench.solvers.base import Budget, Claim, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.sweeps import ScaledContacts
+from cpbench_solvers.inner import inner_solver
 
 ALPHA = (1e-10, 1e3)
 EASIER, HARDER, FORGET = 0.1, 10.0, 0.5
@@ -51,7 +48,7 @@ class _Proximal(ContactMethod):
     def __init__(self, contacts: ScaledContacts, options: ProximalNSGSOptions, start: Vector, budget: Budget) -> None:
         self._problem, self._options, self._budget = contacts.rows.problem, options, budget
         self._judged = contacts.rows.judged_error
-        self._inner = _inner(options.inner)
+        self._inner = inner_solver(options.inner, ("fc",))
         self._weight = 1.0 / contacts.s**2
         self._r, self._alpha, self._floor = start, options.alpha, ALPHA[0]
         self._regularized: tuple[float, FrictionContact] | None = None
@@ -94,23 +91,9 @@ class _Proximal(ContactMethod):
         problem = self._problem
         load = problem.q - self._alpha * self._weight * self._r
         if self._regularized is None or self._regularized[0] != self._alpha:
-            W = _shifted(problem.W, self._alpha * self._weight)
+            W = with_diagonal(problem.W, self._alpha * self._weight)
             self._regularized = self._alpha, dataclasses.replace(problem, W=W, q=load)
         return dataclasses.replace(self._regularized[1], q=load)
-
-
-def _inner(name: str) -> Solver:
-    """Return the solver of that name; raises UnknownName when it is of another node, or not there."""
-    solver = solvers.get(name)
-    if solver.spec.node != "fc":
-        raise UnknownName("inner solver (of fc)", name, [s.spec.name for s in solvers if s.spec.node == "fc"])
-    return solver
-
-
-def _shifted(W: Matrix, diagonal: Vector) -> Matrix:
-    if sp.issparse(W):
-        return sp.csr_array(W + sp.diags_array(diagonal))
-    return W + np.diag(diagonal)
 
 
 @register

@@ -97,8 +97,6 @@ class Relaxation(SolverByParts):
     ) -> SolverOutput:
         problem = prepared.problem
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)
-        if problem.nc == 0:
-            return SolverOutput(claim=Claim.SOLVED, point=FCPoint(r), counters={"iterations": 0})
         at = SweepState.initial(r, problem.nc, budget.seed)
         if start is None:
             error = np.inf if (problem.q[:: problem.dimension] < 0.0).any() else 0.0

@@ -19,6 +19,7 @@ from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.sweeps import ScaledContacts, conclude
+from cpbench_solvers.lcp.claims import concluded
 
 
 class ContactMethod(ABC):
@@ -99,11 +100,8 @@ def finish(end: ContactResult, answer: Callable[[Vector], Any], budget: Budget) 
     """Claim solved exactly when the judged error is at most the tolerance."""
     if not np.isfinite(end.r).all():
         return SolverOutput(claim=Claim.FAILED, counters=end.counters, message=end.message)
-    point = answer(end.r)
-    if end.error <= budget.tolerance:
-        return SolverOutput(claim=Claim.SOLVED, point=point, counters=end.counters)
     message = f"{end.message}, error {end.error:.1e}"
-    return SolverOutput(claim=end.claim, point=point, counters=end.counters, message=message)
+    return concluded(answer(end.r), end.error, budget, end.counters, end.claim, message)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP
+from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.lcp.claims import dense_obstacle
@@ -66,8 +67,6 @@ class BlockGS(SplittingSolver):
         return DiagonalBlocks(**vars(columns), size=size, blocks=diagonal_blocks(problem, size))
 
     def sweeps(self, prepared: Any, options: BlockGSOptions) -> Sweeps:
-        from cpbench.foundation.kernel_cache import load
-
         kernel = load("cpbench_solvers.kernels.block_splitting")
         sweep = kernel.sweeps_dense if prepared.start is None else kernel.sweeps_sparse
         law = prepared.blocks, prepared.size, prepared.problem.q

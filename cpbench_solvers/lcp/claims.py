@@ -54,7 +54,11 @@ def scale(problem: LCP, *, keep_sparse: bool = False) -> ScaledLCP:
 
 def dense_obstacle(problem: LCP) -> str | None:
     """Return why a dense copy of M is out of the question, else None."""
-    n = problem.q.size
+    return size_obstacle(problem.q.size)
+
+
+def size_obstacle(n: int) -> str | None:
+    """Return why a dense (n, n) matrix is out of the question, else None."""
     size = 8.0 * n * n
     if size <= DENSE_BYTES:
         return None
@@ -122,20 +126,11 @@ def farkas(problem: LCP, budget: Budget) -> Vector | None:
     n = problem.q.size
     if _feasible_everywhere(problem):
         return None
-    options: dict[str, Any] = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-    if np.isfinite(budget.seconds):
-        options["time_limit"] = budget.seconds
-    program = linear_program.load()(
-        problem.q / (max_abs(problem.q) or 1.0),
-        A_ub=problem.M.T / (max_abs(problem.M) or 1.0),
-        b_ub=np.zeros(n),
-        bounds=(0.0, 1.0),
-        method="highs",
-        options=options,
-    )
-    if program.x is None:
+    c, A = problem.q / (max_abs(problem.q) or 1.0), problem.M.T / (max_abs(problem.M) or 1.0)
+    y = linear_program.multipliers(c, budget, A_ub=A, b_ub=np.zeros(n), bounds=(0.0, 1.0))
+    if y is None:
         return None
-    y = np.maximum(program.x, 0.0)
+    y = np.maximum(y, 0.0)
     return y if problem.certifies_infeasibility(y) else None
 
 
@@ -216,6 +211,19 @@ def recorded(output: SolverOutput, z: Vector, problem: LCP, record: Record | Non
     if record is not None and isinstance(output.point, LCPPoint) and not np.array_equal(output.point.z, z):
         record(iteration, error_of(problem, output.point.z), partial(LCPPoint, output.point.z))
     return output
+
+
+def after_ray(
+    counters: dict[str, int], certificate: Vector | None, proves: str, what: str = "ray"
+) -> tuple[SolverOutput | None, str]:
+    """Return the claim that there is no solution where a certificate `proves` it, else None, for a ray proves nothing
+    by itself; and the message of a method that ended so."""
+    after = f"{what} after {counters['pivots']} pivots"
+    if certificate is None:
+        return None, f"{after}, and no certificate of infeasibility: undecided"
+    message = f"{after}; {proves} to rounding (Farkas)"
+    output = SolverOutput(claim=Claim.INFEASIBLE, counters=counters, certificate=certificate, message=message)
+    return output, message
 
 
 def ended_in_basis(

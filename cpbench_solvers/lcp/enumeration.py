@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.lcp import LCP
+from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers import linear_program
@@ -125,8 +126,6 @@ class LCPEnumeration(Solver):
 
 def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOptions | None = None) -> Enumeration:
     """Try every basis in turn, until budget.iterations of them or its seconds; solutions within its tolerance."""
-    from cpbench.foundation.kernel_cache import load
-
     kernel = load("cpbench_solvers.kernels.complementary_bases")
     options = options or EnumerationOptions()
     problem, M, q = prepared.problem, dense(prepared.M), prepared.q

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from cpbench.formulations.lcp import LCP
+from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, dense, max_abs
 
 FIRST, GAIN = 2, 0.7
@@ -71,8 +72,6 @@ def swept(prepared: DenseLCP, limit: int, omega: float, tolerance: float = 0.0, 
     z, w = np.zeros(q.size), q.copy()
     if limit <= 0 or not (diagonal > 0.0).all():
         return z, 0
-    from cpbench.foundation.kernel_cache import load
-
     kernel = load("cpbench_solvers.kernels.splitting")
     best, least, inside, relaxation, sweeps = z.copy(), math.inf, q < 0.0, 1.0, 0
     while sweeps < limit:

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.formulations.lcp import LCP
 from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, SolverOutput
-from cpbench_solvers.lcp.claims import conclude, ended_in_basis, farkas
+from cpbench_solvers.lcp.claims import after_ray, conclude, ended_in_basis, farkas
 from cpbench_solvers.lcp.first_basis import DenseLCP
 from cpbench_solvers.lcp.lemke_columns import PivotingState
 from cpbench_solvers.lcp.lemke_restarts import LARGER_PIVOTS, PAIRS_KERNEL, in_pair, order, pairs
@@ -186,7 +185,8 @@ class LemkeRun:
             self._ray_at_once |= self.counters["pivots"] <= 1
             certificate = farkas(problem, budget) if self._may_be_infeasible else None
             self._may_be_infeasible = False
-            return _after_ray(problem, z, budget, counters, certificate)
+            output, message = after_ray(counters, certificate, "y ≥ 0, Mᵀy ≤ 0, qᵀy < 0")
+            return output or conclude(problem, z, budget, counters, otherwise=Claim.FAILED, message=message)
         if outcome != "complementary":
             claim = Claim.FAILED if outcome == "not finite" else Claim.MAX_ITER
             message = f"{outcome} after {counters['pivots']} pivots"
@@ -220,24 +220,3 @@ class LemkeRun:
             return "complementary"
         words = {kernel.RAY: "ray", kernel.LIMIT: "pivot limit", kernel.NOT_FINITE: "not finite"}
         return words.get(status, "out of time")
-
-
-def _after_ray(
-    problem: LCP, z: Vector, budget: Budget, counters: dict[str, int], certificate: Vector | None
-) -> SolverOutput:
-    """Claim infeasible when there is a certificate; otherwise failed, for a ray proves nothing by itself."""
-    if certificate is not None:
-        return SolverOutput(
-            claim=Claim.INFEASIBLE,
-            counters=counters,
-            certificate=certificate,
-            message=f"ray after {counters['pivots']} pivots; y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding (Farkas)",
-        )
-    return conclude(
-        problem,
-        z,
-        budget,
-        counters,
-        otherwise=Claim.FAILED,
-        message=f"ray after {counters['pivots']} pivots, and no certificate of infeasibility: undecided",
-    )

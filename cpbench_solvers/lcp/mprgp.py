@@ -17,6 +17,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
@@ -107,8 +108,6 @@ def minimize(
 ) -> MinimizationResult:
     """Take steps until the error is at most the tolerance; it is measured where the projected gradient says that
     it may be, and after every chunk."""
-    from cpbench.foundation.kernel_cache import load
-
     kernel = load("cpbench_solvers.kernels.mprgp")
     n = box.q.size
     matrix = box.start, box.column, box.values

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
@@ -88,8 +89,6 @@ class SplittingSolver(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        from cpbench.foundation.kernel_cache import load
-
         kernel = load("cpbench_solvers.kernels.splitting")
         problem, q = prepared.problem, prepared.problem.q
         afresh = kernel.afresh_dense if prepared.start is None else kernel.afresh_sparse
@@ -151,8 +150,6 @@ class _Pointwise(SplittingSolver):
         )
 
     def sweeps(self, prepared: MatrixColumns, options: PGSOptions) -> Sweeps:
-        from cpbench.foundation.kernel_cache import load
-
         kernel = load("cpbench_solvers.kernels.splitting")
         sweep = kernel.sweeps_dense if prepared.start is None else kernel.sweeps_sparse
         law = prepared.diagonal, prepared.problem.q

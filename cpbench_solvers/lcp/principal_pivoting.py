@@ -14,6 +14,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.lcp import LCP, LCPPoint
+from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import next_stop
@@ -125,8 +126,6 @@ class PrincipalPivoting(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        from cpbench.foundation.kernel_cache import load
-
         kernel = load("cpbench_solvers.kernels.principal_pivoting")
         problem, n, zero = prepared.problem, prepared.q.size, options.feasibility_tolerance
         nobody = np.empty(0, dtype=np.int64)

@@ -17,7 +17,7 @@ from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Dense, Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput
 from cpbench_solvers import linear_program
-from cpbench_solvers.lcp.claims import DENSE_BYTES, WORTH, concluded, principal, solve_linear
+from cpbench_solvers.lcp.claims import WORTH, concluded, principal, size_obstacle, solve_linear
 
 PASSES = 3
 """Times that rows and columns are divided by the roots of their largest entries."""
@@ -133,11 +133,7 @@ def _tops(K: Any, sizes: Any, row: Any, column: Any) -> tuple[Any, Any]:
 
 def dense_obstacle(problem: MLCP) -> str | None:
     """Return why a dense [[A, C], [D, B]] is out of the question, else None."""
-    N = problem.a.size + problem.b.size
-    size = 8.0 * N * N
-    if size <= DENSE_BYTES:
-        return None
-    return f"needs a dense {N}x{N} matrix ({size / 1e9:.1f} GB, at most {DENSE_BYTES / 1e9:.0f}): use a sparse solver"
+    return size_obstacle(problem.a.size + problem.b.size)
 
 
 def refined(prepared: ScaledMLCP, x: Vector, error: float, tolerance: float) -> tuple[Vector, float]:
@@ -213,23 +209,19 @@ def farkas(prepared: ScaledMLCP, budget: Budget) -> Vector | None:
     """Return (y_e, y_v) with y_v ≥ 0, Aᵀy_e + Dᵀy_v = 0, Cᵀy_e + Bᵀy_v ≤ 0, aᵀy_e + bᵀy_v < 0 to rounding; None
     without."""
     n, N = prepared.free, prepared.k.size
-    options: Any = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
-    if np.isfinite(budget.seconds):
-        options["time_limit"] = budget.seconds
     columns: Any = prepared.K.T
-    program = linear_program.load()(
+    y = linear_program.multipliers(
         prepared.k,
+        budget,
         A_ub=columns[n:],
         b_ub=np.zeros(N - n),
         A_eq=columns[:n] if n else None,
         b_eq=np.zeros(n) if n else None,
         # a certificate times any number is one: bounds of 1 keep the program bounded
         bounds=[(-1.0 if i < n else 0.0, 1.0) for i in range(N)],
-        method="highs",
-        options=options,
     )
-    if program.x is None:
+    if y is None:
         return None
-    y = program.x / prepared.row_unit
+    y = y / prepared.row_unit
     y[n:] = np.maximum(y[n:], 0.0)
     return y if prepared.problem.certifies_infeasibility(y) else None

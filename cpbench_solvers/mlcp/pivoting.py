@@ -25,6 +25,7 @@ from cpbench.solvers.base import (
     solved,
     solvers,
 )
+from cpbench_solvers.lcp.claims import after_ray
 from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale, warm_up
 
 SMALL = 64
@@ -152,7 +153,9 @@ def _ended(scaled: ScaledMLCP, x: Vector, outcome: int, budget: Budget, counters
     kernel = load(KERNEL)
     if outcome in (kernel.RAY, kernel.INCONSISTENT):
         what = "ray" if outcome == kernel.RAY else "an equality without unknowns that is not zero,"
-        return _after_ray(scaled, x, budget, counters, what)
+        proves = "y with Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0"
+        output, message = after_ray(counters, farkas(scaled, budget), proves, what)
+        return output or conclude(scaled, x, budget, counters, otherwise=Claim.FAILED, message=message)
     if outcome != kernel.COMPLEMENTARY:
         claim = Claim.MAX_ITER if outcome == kernel.LIMIT else Claim.FAILED
         message = {
@@ -257,14 +260,3 @@ class _Run:
         codes = {Claim.MAX_ITER: kernel.LIMIT, Claim.FAILED: kernel.RAY, Claim.INFEASIBLE: kernel.RAY}
         z = np.zeros(m) if found.point is None else found.point.z
         return codes.get(found.claim, kernel.COMPLEMENTARY), z
-
-
-def _after_ray(prepared: ScaledMLCP, x: Vector, budget: Budget, counters: dict[str, int], what: str) -> SolverOutput:
-    """Claim infeasible when the certificate holds; otherwise failed, for a ray proves nothing by itself."""
-    after = f"{what} after {counters['pivots']} pivots"
-    certificate = farkas(prepared, budget)
-    if certificate is not None:
-        message = f"{after}; y with Aᵀy + Dᵀz = 0, Cᵀy + Bᵀz ≤ 0, aᵀy + bᵀz < 0 to rounding (Farkas)"
-        return SolverOutput(claim=Claim.INFEASIBLE, counters=counters, certificate=certificate, message=message)
-    message = f"{after}, and no certificate of infeasibility: undecided"
-    return conclude(prepared, x, budget, counters, otherwise=Claim.FAILED, message=message)

@@ -6,7 +6,6 @@ has as large entries there as can be.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
@@ -17,6 +16,7 @@ from scipy.sparse import csgraph
 
 from cpbench.formulations.mlcp import MLCP
 from cpbench.foundation import matrices
+from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, sparse
 from cpbench.foundation.transversal import has_full_structural_rank
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
@@ -98,8 +98,6 @@ class _Splitting(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        from cpbench.foundation.kernel_cache import load
-
         kernel = load("cpbench_solvers.kernels.mlcp_splitting")
         sweep = kernel.sweeps_sparse if len(prepared.matrix) == 3 else kernel.sweeps_dense
         scaled, n = prepared.scaled, prepared.scaled.free
@@ -119,7 +117,7 @@ class _Splitting(Solver):
         x = scaled.start(start)
         best, least = x, scaled.error(x)
         limit = budget.iterations or options.max_iterations
-        deadline, progress = time.monotonic() + budget.seconds, Progress(options.stall_window)
+        progress = Progress(options.stall_window, budget.seconds, "sweeps")
         sweeps, products, chunk = 0, 1, 4
         if record is not None:
             record(0, least, lambda: scaled.point(x))
@@ -137,8 +135,6 @@ class _Splitting(Solver):
                     record(sweeps, error, lambda: scaled.point(x))
             products, chunk = products + 1, min(2 * chunk, CHUNK)
             why = progress.trouble(sweeps, error)
-            if why is None and time.monotonic() > deadline:
-                why = f"out of time after {sweeps} sweeps"
             if error < least and (all_rows := scaled.error(x)) < least:
                 best, least = np.array(x), all_rows
             if error <= aim:

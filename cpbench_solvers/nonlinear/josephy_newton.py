@@ -9,14 +9,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from cpbench.errors import UnknownName
 from cpbench.formulations.ncp_functions import fischer_burmeister
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.foundation.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, Solver, SolverSpec, Trait, register, solvers
+from cpbench_solvers.inner import inner_solver
 from cpbench_solvers.lcp.box_linear import NODES, BoxLinear
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, BoxMethod, BoxNewton, CountedBox
-from cpbench_solvers.nonlinear.merit_search import DescentMethod, MeritPoint, fall_back
+from cpbench_solvers.nonlinear.merit_search import MeritPoint, StepwiseDescent, fall_back
 from cpbench_solvers.traits import ITERATIVE
 
 SMALL_ENOUGH = 0.5
@@ -68,20 +68,10 @@ class JosephyNewton(BoxNewton):
             solvers.get(name).warmup()
 
 
-def _inner(names: str) -> list[Solver]:
-    """Return the solvers named; raises UnknownName for one that is of another node or not there."""
-    chosen = [solvers.get(name.strip()) for name in names.split(SEPARATOR)]
-    for solver in chosen:
-        if solver.spec.node not in NODES:
-            fitting = [s.spec.name for s in solvers if s.spec.node in NODES]
-            raise UnknownName(f"inner solver (of {', '.join(NODES)})", solver.spec.name, fitting)
-    return chosen
-
-
-class _JosephyNewton(DescentMethod):
+class _JosephyNewton(StepwiseDescent):
     def __init__(self, box: CountedBox, options: JosephyNewtonOptions, budget: Budget) -> None:
         super().__init__(box, fischer_burmeister, options.memory, project=True)
-        self._inner = _inner(options.inner)
+        self._inner = [inner_solver(name.strip(), NODES) for name in options.inner.split(SEPARATOR)]
         if box.n > DENSE_LIMIT:
             self._inner.sort(key=lambda solver: Trait.SPARSE not in solver.spec.traits)
         self.strategies = len(self._inner)

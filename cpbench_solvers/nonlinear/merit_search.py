@@ -40,7 +40,7 @@ class Descent:
     the largest of the last `memory` merits. Where `project` trial points are put into the bounds."""
 
     def __init__(self, box: CountedBox, psi: NCPFunction, memory: int, project: bool) -> None:
-        self._box, self._psi, self.project = box, psi, project
+        self.box, self._psi, self.project = box, psi, project
         self._merits: deque[float] = deque(maxlen=memory)
 
     def begin(self, at: MeritPoint) -> None:
@@ -57,8 +57,8 @@ class Descent:
         self._merits.append(at.merit)
 
     def at(self, z: Vector, F: Vector | None = None) -> MeritPoint:
-        F = self._box.F(z) if F is None else F
-        phi, alpha, beta = self._box.equation(self._psi, z, F)
+        F = self.box.F(z) if F is None else F
+        phi, alpha, beta = self.box.equation(self._psi, z, F)
         with np.errstate(all="ignore"):
             merit = 0.5 * float(phi @ phi)
         return MeritPoint(z, F, phi, alpha, beta, merit if math.isfinite(merit) else math.inf)
@@ -73,22 +73,18 @@ class Descent:
         first."""
         decided = (at.beta == 0.0) & (at.alpha != 0.0)
         if not decided.any():
-            return self._box.solve(_generalized(at.alpha, at.beta, J), -at.phi)
+            return self.box.solve(_generalized(at.alpha, at.beta, J), -at.phi)
         rest, known = np.flatnonzero(~decided), np.flatnonzero(decided)
         d = np.zeros(at.z.size)
         d[known] = -at.phi[known] / at.alpha[known]
         if rest.size:
             rows: Any = J[rest]
             right = -at.phi[rest] - at.beta[rest] * (rows @ d)
-            part = self._box.solve(_generalized(at.alpha[rest], at.beta[rest], rows[:, rest]), right)
+            part = self.box.solve(_generalized(at.alpha[rest], at.beta[rest], rows[:, rest]), right)
             if part is None:
                 return None
             d[rest] = part
         return d
-
-    def levenberg(self, at: MeritPoint, J: Matrix, share: float) -> Vector | None:
-        """Return argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖): a descent direction for ν > 0."""
-        return damped(self._box, _generalized(at.alpha, at.beta, J), at.phi, share)
 
     def search(self, at: MeritPoint, d: Vector | None, slope: float) -> MeritPoint | None:
         """Return the first z + td, t = 1, ½, …, that lowers the reference merit enough; None when none does."""
@@ -99,7 +95,7 @@ class Descent:
         t = 1.0
         for k in range(BACKTRACKS):
             z = at.z + t * d
-            trial = self.at(self._box.project(z) if self.project else z)
+            trial = self.at(self.box.project(z) if self.project else z)
             if (k == 0 and trial.merit <= ACCEPT * at.merit) or (
                 descends and trial.merit <= reference + ARMIJO * t * slope
             ):
@@ -126,6 +122,10 @@ class DescentMethod(BoxMethod):
     def _stand(self, at: MeritPoint) -> None:
         self.at, self.z, self.F = at, at.z, at.F
 
+
+class StepwiseDescent(DescentMethod):
+    """Base of those that accept every point they go to."""
+
     def step(self) -> bool:
         J = self.box.jacobian(self.z)
         found = None if J is None else self.next(J, self.descent.gradient(self.at, J))
@@ -141,7 +141,7 @@ class DescentMethod(BoxMethod):
 
 
 def damped(box: CountedBox, V: Matrix, phi: Vector, share: float) -> Vector | None:
-    """Return argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖)."""
+    """Return argmin ‖Vd + Φ‖² + ν‖d‖², ν = share · max|V|² · min(1, ‖Φ‖): a direction of descent of ‖Φ‖ for ν > 0."""
     top = max_abs(V)
     root = math.sqrt(share * min(1.0, norm(phi))) * max(top, 1e-8)
     zero = np.zeros(phi.size)
@@ -166,7 +166,7 @@ SHARES = (1e-8, 1e-4, 1e-1)
 def fall_back(descent: Descent, at: MeritPoint, J: Matrix, gradient: Vector) -> MeritPoint | None:
     """Return a step along a regularized direction or, in the end, along minus the gradient."""
     for share in SHARES:
-        d = descent.levenberg(at, J, share)
+        d = damped(descent.box, _generalized(at.alpha, at.beta, J), at.phi, share)
         if d is not None:
             found = descent.search(at, d, float(gradient @ d))
             if found is not None:

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg import lapack
 
 from cpbench.foundation.factorization import sparse_lu
 from cpbench.foundation.matrices import Matrix, Sparse, Vector, dense, identity, norm
@@ -222,8 +223,6 @@ def _contraction(vi: AffineVI, counters: dict[str, int]) -> Callable[[Vector], V
     if sp.issparse(whole):
         lu = sparse_lu(sp.csc_array(whole))
         return lambda F: None if lu is None else _finite(lu.solve(F))
-    from scipy.linalg import lapack
-
     factors, pivots, info = lapack.dgetrf(dense(whole))
     return lambda F: None if info != 0 else _finite(lapack.dgetrs(factors, pivots, F)[0])
 

@@ -14,7 +14,7 @@ from cpbench.foundation.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.lcp.claims import principal
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
-from cpbench_solvers.nonlinear.merit_search import ACCEPT, Descent, MeritPoint, fall_back
+from cpbench_solvers.nonlinear.merit_search import ACCEPT, DescentMethod, MeritPoint, fall_back
 from cpbench_solvers.nonlinear.normal_path import NormalPath, normal_point
 from cpbench_solvers.traits import ITERATIVE
 
@@ -68,28 +68,22 @@ class PathSearch(BoxNewton):
         return _PathSearch(box, options, time.monotonic() + budget.seconds)
 
 
-class _PathSearch(BoxMethod):
+class _PathSearch(DescentMethod):
     def __init__(self, box: CountedBox, options: PathSearchOptions, deadline: float) -> None:
-        super().__init__(box)
+        super().__init__(box, fischer_burmeister, options.memory, project=True)
         self._options, self._deadline = options, deadline
         self._most = options.max_pivots or 10 * box.n + 200
-        self._descent = Descent(box, fischer_burmeister, options.memory, project=True)
         self.strategies = 2 if options.crash and box.n >= MANY else 1
         box.counters |= {"pivots": 0, "crash_steps": 0}
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
         """Begin; the other strategy goes without a crash phase."""
-        at = self._descent.at(z, F)
-        self._descent.begin(at)
-        self._checkpoint, self._watched = at, 0
+        super().begin(z, F, strategy)
+        self._checkpoint, self._watched = self.at, 0
         self._crashing = 0 if strategy or self.box.n < MANY else self._options.crash
-        self._stand(at)
-
-    def _stand(self, at: MeritPoint) -> None:
-        self._at, self.z, self.F = at, at.z, at.F
 
     def step(self) -> bool:
-        at = self._at
+        at = self.at
         J = self.box.jacobian(at.z)
         if self._crashing > 0 and J is not None:
             self._crashing -= 1
@@ -111,7 +105,7 @@ class _PathSearch(BoxMethod):
         return self._from_checkpoint(at, J)
 
     def _good(self, at: MeritPoint) -> None:
-        self._descent.accept(at)
+        self.descent.accept(at)
         self._checkpoint, self._watched = at, 0
         self._stand(at)
 
@@ -126,7 +120,7 @@ class _PathSearch(BoxMethod):
             return None
         d = np.zeros(box.n)
         d[free] = step
-        found = self._descent.search(at, d, float(self._descent.gradient(at, J) @ d))
+        found = self.descent.search(at, d, float(self.descent.gradient(at, J) @ d))
         if found is None:
             return None
         box.counters["crash_steps"] += 1
@@ -146,11 +140,11 @@ class _PathSearch(BoxMethod):
         box.counters["factorizations"] += found.factorizations
         if found.t < until:
             return None
-        return self._descent.at(project_box(found.x, box.lb, box.ub))
+        return self.descent.at(project_box(found.x, box.lb, box.ub))
 
     def _from_checkpoint(self, at: MeritPoint, J: Matrix | None) -> bool:
         """Go back to the last good point: along its path, along the chord of it, or downhill."""
-        descent, good = self._descent, self._checkpoint
+        descent, good = self.descent, self._checkpoint
         if good is not at:
             J = self.box.jacobian(good.z)
         if J is None:

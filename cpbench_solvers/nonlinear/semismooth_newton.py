@@ -16,7 +16,7 @@ from cpbench.formulations.ncp_functions import NCPFunction, evtushenko_purtov, f
 from cpbench.foundation.matrices import Matrix, Vector, norm
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
-from cpbench_solvers.nonlinear.merit_search import DescentMethod, MeritPoint, fall_back
+from cpbench_solvers.nonlinear.merit_search import MeritPoint, StepwiseDescent, fall_back
 from cpbench_solvers.traits import ITERATIVE
 
 STEEP, POWER = 1e-8, 2.1
@@ -47,7 +47,7 @@ class SemismoothNewton(BoxNewton):
         return SemismoothMethod(box, type(self).psi, type(self).merit, options)
 
 
-class SemismoothMethod(DescentMethod):
+class SemismoothMethod(StepwiseDescent):
     strategies = 2
 
     def __init__(self, box: CountedBox, psi: NCPFunction, merit: NCPFunction, options: SemismoothOptions) -> None:

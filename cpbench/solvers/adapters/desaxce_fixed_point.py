@@ -21,7 +21,6 @@ grams and in tonnes.
 
 from __future__ import annotations
 
-import time
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import partial
@@ -136,7 +135,7 @@ class ConicFixedPoint(Solver):
         if least <= budget.tolerance:
             return SolverOutput(claim=Claim.SOLVED, point=best, counters=counters)
         limit = options.max_iterations if budget.iterations is None else budget.iterations
-        deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
+        progress = Progress(STALL, budget.seconds, "convex programs")
         model = self.model(prepared, Budget(tolerance=budget.tolerance, seconds=budget.seconds))
         frozen = np.zeros(r.size) if start is None else prepared.shift(r / prepared.size)
         length, wasted, raised = 1.0, 0, 0
@@ -164,8 +163,6 @@ class ConicFixedPoint(Solver):
             if error <= budget.tolerance:
                 return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters, message=end.status)
             why = progress.trouble(done, error)
-            if why is None and time.monotonic() > deadline:
-                why = f"out of time after {done} convex programs"
             if why is not None:
                 claim, message = Claim.FAILED, why
                 break

@@ -4,6 +4,7 @@ number, blew up, does not fall."""
 from __future__ import annotations
 
 import math
+import time
 
 from cpbench.solvers.base import Record
 
@@ -40,10 +41,11 @@ class Progress:
     ----------
     window : the least number of iterations without gain that counts as a stall; half of the iterations done so
         far when that is more, for slow convergence is not a stall.
+    seconds : time of the run from now on [s]. unit : what its iterations are, for the message.
     """
 
-    def __init__(self, window: int) -> None:
-        self._window = window
+    def __init__(self, window: int, seconds: float = math.inf, unit: str = "iterations") -> None:
+        self._window, self._unit, self._deadline = window, unit, time.monotonic() + seconds
         self._best, self._since = math.inf, 0
 
     def trouble(self, iteration: int, error: float) -> str | None:
@@ -55,4 +57,6 @@ class Progress:
             self._best, self._since = error, iteration
         if iteration - self._since > max(self._window, iteration // 2):
             return f"stalled at {self._best:.1e} after {iteration} iterations"
+        if time.monotonic() > self._deadline:
+            return f"out of time after {iteration} {self._unit}"
         return None
