@@ -55,10 +55,7 @@ def solve_mlcp(stack: Stack, tolerance: float, threads: int) -> Answers:
     A, B, C, D, a, b = (stack.arrays[name] for name in "ABCDab")
 
     def data(some: slice) -> tuple[Any, Any]:
-        K = np.concatenate(
-            [np.concatenate([A[some], C[some]], axis=2), np.concatenate([D[some], B[some]], axis=2)], axis=1
-        )
-        return K, np.concatenate([a[some], b[some]], axis=1)
+        return np.block([[A[some], C[some]], [D[some], B[some]]]), np.concatenate([a[some], b[some]], axis=1)
 
     n = a.shape[1]
     x = _mixed(stack.count, n, n + b.shape[1], data, threads)

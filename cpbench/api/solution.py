@@ -49,9 +49,7 @@ class Solution:
     @property
     def x(self) -> Vector | None:
         """The answer as one vector, its parts one after the other, shape (n,); None where there is none."""
-        import numpy as np
-
-        return None if self.point is None else np.concatenate(list(self.point.arrays().values()))
+        return None if self.point is None else self.point.vector
 
     @property
     def contacts(self) -> ContactTable | None:

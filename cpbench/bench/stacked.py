@@ -88,7 +88,7 @@ def solve_all(solver: Solver, stack: Stack, budget: Budget, options: Any, thread
         output = solver.run(stack.problem(i), budget, options)
         claims[i], answered[i] = CLAIMS.index(output.claim), output.point is not None
         if output.point is not None:
-            x[i] = np.concatenate(list(output.point.arrays().values()))
+            x[i] = output.point.vector
     parts = np.split(x, np.cumsum(list(stack.point_sizes.values()))[:-1], axis=1)
     answers = {name: part.ravel() for name, part in zip(stack.point_sizes, parts, strict=True)}
     return {**answers, "claim": claims, "answered": answered, "alone": alone}

@@ -185,6 +185,11 @@ class Point:
         return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
+    def vector(self) -> Vector:
+        """All numbers, part by part, shape (N,): what `Problem.point_from_vector` splits."""
+        return np.concatenate([np.zeros(0), *self.arrays().values()])
+
+    @property
     def finite(self) -> bool:
         return all(bool(np.isfinite(v).all()) for v in self.arrays().values())
 

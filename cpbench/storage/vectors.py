@@ -20,7 +20,7 @@ def save_vector(point: Point, path: Path, *, force: bool, own: Vector | None = N
     """
     if path.suffix not in (".npy", ".csv", ".txt"):
         return False
-    vector = np.concatenate(list(point.arrays().values())) if own is None else own
+    vector = point.vector if own is None else own
 
     def put(file: BinaryIO) -> None:
         if path.suffix == ".npy":

@@ -51,7 +51,7 @@ def certify(problem: Problem, point: Any, seconds: float = 60.0, tolerance: floa
     """
     problem.check_point(point)
     began = time.perf_counter()
-    answer = np.concatenate([np.zeros(0), *point.arrays().values()])
+    answer = point.vector
     plain = Certificate(problem.node, problem.fingerprint, MEASURED, answer, tolerance=tolerance)
     with np.errstate(all="ignore"):  # doubles give hints only; answers may be as large as doubles go
         found = _certified(problem, point, plain, seconds)

@@ -24,7 +24,7 @@ from cpbench.foundation import frames
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget
 from cpbench.verification import Status
-from cpbench_lab.diagnosis.attempts import Raw, flat, named, solve_here
+from cpbench_lab.diagnosis.attempts import Raw, named, solve_here
 from cpbench_lab.diagnosis.deadline import Deadline
 
 TEXTS, ARRAYS = ("status", "claim", "message"), ("answer", "certificate", "residuals", "iterations", "iterates")
@@ -58,7 +58,7 @@ class Apart:
         path = Path(self._folder.name) / "problem"
         shared_problem.write(problem, path)
         request = {"path": str(path), "solver": text, "tolerance": budget.tolerance, "seconds": budget.seconds}
-        vectors = {} if start is None else {"start": flat(start)}
+        vectors = {} if start is None else {"start": start.vector}
         try:
             start_too = "" if self._child is not None else "starting a process, "
             self._say(f"{start_too}loading {text} (compiling it, once on this machine)")

@@ -127,7 +127,7 @@ class _Recorder:
     def __call__(self, iteration: int, residual: float, point: Callable[[], Any]) -> None:
         self._residuals.append(residual)
         kept = self._first if len(self._first) < self._room else self._last
-        kept.append((iteration, flat(point())))
+        kept.append((iteration, point().vector))
 
     def trail(self) -> dict[str, Any]:
         """Return what was kept, as `Raw` has it."""
@@ -217,7 +217,7 @@ def solve_here(text: str, problem: Problem, budget: Budget, start: Any = None) -
     return Raw(
         claim=str(output.claim),
         message=output.message,
-        answer=None if output.point is None else flat(output.point),
+        answer=None if output.point is None else output.point.vector,
         certificate=output.certificate,
         counters=dict(output.counters),
         seconds=spent,
@@ -235,8 +235,3 @@ def named(text: str) -> tuple[Solver, Any]:
 def floor_of(problem: Problem, point: Any) -> float:
     """Return the error that rounding alone may cause at a point; 0 without one."""
     return 0.0 if point is None or not point.finite else measure(problem, point).floor
-
-
-def flat(point: Any) -> Vector:
-    """Return the parts of a point one after the other."""
-    return np.concatenate([np.zeros(0), *point.arrays().values()])

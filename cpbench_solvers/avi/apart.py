@@ -60,23 +60,19 @@ def solve_apart(
     """Return the answer of all parts, solved one after the other by `run`; a limit of iterations is one of all."""
     problem, deadline = parts.problem, budget.deadline()
     x = np.zeros(sum(problem.point_sizes.values()))
-    given, counters = None if start is None else _joined(start), Counter[str]()
+    given, counters = None if start is None else start.vector, Counter[str]()
     claim, messages = Claim.FAILED, list[str]()
     for number, at in enumerate(parts.members):
         own, share = restricted(problem, at), budget.left(deadline, counters["iterations"])
         output = run(own, share, None if given is None else _point(own, given[at]))
         counters.update(output.counters)
         if output.point is not None:
-            x[at] = _joined(output.point)
+            x[at] = output.point.vector
         if output.claim is not Claim.SOLVED:
             claim = output.claim
             messages.append(missed(output, number, at))
     point = _point(problem, x)
     return claimed(point, error_of(problem, point, budget.tolerance), budget, claim, messages, dict(counters))
-
-
-def _joined(point: Any) -> Any:
-    return np.concatenate(list(point.arrays().values()))
 
 
 def _point(problem: Affine, x: Any) -> Any:

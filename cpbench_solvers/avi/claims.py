@@ -44,7 +44,7 @@ def error_of(problem: AVI | Relay, point: Any, tolerance: float) -> float:
     """Return the larger one of the error of norms (`residuals`) and, where that is within the tolerance, of that of the
     connected parts (`affine_rows`); 8 eps for an answer that is exact to rounding, as nearly all of pivoting are, and
     infinity for one that is not finite."""
-    x, kernel = np.concatenate(list(point.arrays().values())), load("cpbench_solvers.kernels.affine_rows")
+    x, kernel = point.vector, load("cpbench_solvers.kernels.affine_rows")
     M, G, sides, count = data_of(problem)
     if kernel.exact(M, G, problem.q, sides, count, problem.lb, problem.ub, x):
         return kernel.NOISE

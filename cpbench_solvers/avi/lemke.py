@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,7 +20,7 @@ from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.foundation import matrices
-from cpbench.foundation.matrices import Dense, Vector, max_abs
+from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers import linear_program
 from cpbench_solvers.avi.bounded_lemke import BoxLCP, PivotOptions, Walk
@@ -43,8 +43,9 @@ class MultiplierBox:
 
     @classmethod
     def of(cls, problem: AVI | Relay) -> MultiplierBox:
-        A, b, C, d = (problem.A, problem.b, problem.C, problem.d) if isinstance(problem, AVI) else _no_rows(problem)
-        n, m, k = problem.q.size, b.size, d.size
+        n, none = problem.q.size, (np.zeros((0, problem.q.size)), np.zeros(0))
+        A, b, C, d = (problem.A, problem.b, problem.C, problem.d) if isinstance(problem, AVI) else (*none, *none)
+        m, k = b.size, d.size
         zero = np.zeros((m + k, m + k))
         rows = np.vstack([matrices.dense(A), matrices.dense(C)])
         K = np.block([[matrices.dense(problem.M), -rows.T], [rows, zero]])
@@ -80,7 +81,7 @@ class MultiplierBox:
 
     def unknowns(self, point: Any) -> Vector:
         """Return x̂ of an answer, within its bounds."""
-        x = np.concatenate(list(point.arrays().values()))[self.moving] / self.unit
+        x = point.vector[self.moving] / self.unit
         return np.clip(x, self.box.lb, self.box.ub)
 
     def polyhedron(self) -> ScaledPolyhedron:
@@ -186,8 +187,9 @@ def _concluded(prepared: MultiplierBox, walk: Walk, budget: Budget, counters: di
     return concluded(point, error, budget, counters, claim, what)
 
 
-def _no_rows(problem: Relay) -> tuple[Dense, Vector, Dense, Vector]:
-    return np.zeros((0, problem.q.size)), np.zeros(0), np.zeros((0, problem.q.size)), np.zeros(0)
+_spec = partial(
+    SolverSpec, method="pivoting", traits=frozenset({Trait.WARM_START, Trait.DETERMINISTIC}), options=PivotOptions
+)
 
 
 @register
@@ -195,14 +197,11 @@ class LemkeAVI(_Pivoting):
     """A method that ends in a solution or in a ray; for monotone M (copositive-plus on the recession cone of X) a ray
     proves that there is no solution. M need not be monotone; where X contains lines it must be invertible on them."""
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="lemke-avi",
         node="avi",
         summary="complementary pivoting from a vertex of the polyhedron, lexicographic ratio test",
-        method="pivoting",
         citation="Cao and Ferris 1996, Math. Oper. Res. 21:44; Eaves 1971; Lemke 1965",
-        traits=frozenset({Trait.WARM_START, Trait.DETERMINISTIC}),
-        options=PivotOptions,
     )
 
     def warmup(self) -> None:
@@ -215,14 +214,11 @@ class LemkeRelay(_Pivoting):
     """Lemke's method on as many rows as unknowns: bounds cost nothing, where the LCP of a relay problem has twice as
     many. Ends in a solution whatever M is: the box is bounded."""
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="lemke-relay",
         node="relay",
         summary="complementary pivoting between bounds, lexicographic ratio test",
-        method="pivoting",
         citation="Cao and Ferris 1996, Math. Oper. Res. 21:44; Lemke 1965",
-        traits=frozenset({Trait.WARM_START, Trait.DETERMINISTIC}),
-        options=PivotOptions,
     )
 
     def warmup(self) -> None:

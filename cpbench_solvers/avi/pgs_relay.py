@@ -17,7 +17,7 @@ from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, So
 from cpbench.solvers.shared.progress import Progress, next_stop
 from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.lcp.claims import concluded
-from cpbench_solvers.lcp.pgs import PGSOptions
+from cpbench_solvers.lcp.pgs import PGSOptions, diagonal_obstacle
 from cpbench_solvers.traits import ITERATIVE
 
 CHUNK = 256
@@ -60,15 +60,7 @@ class PGSRelay(Solver):
     )
 
     def obstacle(self, problem: Relay) -> str | None:
-        diagonal = problem.M.diagonal()
-        bad = np.flatnonzero(problem.moving & ~(diagonal > 0))
-        if bad.size == 0:
-            return None
-        i = int(bad[0])
-        return (
-            f"needs a positive diagonal where lb < ub, M[{i},{i}] = {diagonal[i]:g} ({bad.size} of {diagonal.size}): "
-            "use newton-relay"
-        )
+        return diagonal_obstacle("M where lb < ub", np.where(problem.moving, problem.M.diagonal(), 1.0), "newton-relay")
 
     def setup(self, problem: Relay, budget: Budget, options: PGSRelayOptions) -> RelayRows:
         csr = sp.csr_array(problem.M)

@@ -25,6 +25,7 @@ from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.cone import polyhedral
+from cpbench_solvers.cone.scaled_form import with_radii
 from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 from cpbench_solvers.traits import ITERATIVE
@@ -94,12 +95,7 @@ class APGD(Solver):
         p = d * problem.p
         size = matrices.max_abs(np.where(K.extended, p, 0.0)) or 1.0
         unit = size * d
-        first = np.cumsum(K.size).astype(int) - K.size.astype(int)
-        disks = K.kind == Cone.CYLINDER
-        radius = K.mu.copy()
-        radius[disks] /= unit[first[disks]]
-        scaled = ProductCone(K.kind, K.size, radius, K.mu_r)
-        return ScaledProgram(problem, congruent(problem.Q, d), p / size, scaled, unit)
+        return ScaledProgram(problem, congruent(problem.Q, d), p / size, with_radii(K, 1.0 / unit), unit)
 
     def warmup(self) -> None:
         load_all("cpbench_solvers.kernels", polyhedral.KERNELS)

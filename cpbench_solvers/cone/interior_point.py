@@ -12,6 +12,7 @@ product bends, one factorization serves both.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -208,7 +209,12 @@ class _InteriorPoint(ConicSolver):
         return best, error
 
 
-_TRAITS = frozenset({Trait.SPARSE, Trait.HISTORY, Trait.DETERMINISTIC})
+_spec = partial(
+    SolverSpec,
+    method="interior point",
+    traits=frozenset({Trait.SPARSE, Trait.HISTORY, Trait.DETERMINISTIC}),
+    options=ConeInteriorPointOptions,
+)
 
 
 @register
@@ -216,15 +222,12 @@ class InteriorPointCone(_InteriorPoint):
     """Ten to twenty iterations for Q ⪰ 0 where there is a point inside of K. The last digits by Newton's method on
     the natural map."""
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="interior-point-coneqp",
         node="coneqp",
         summary="primal-dual interior point, Nesterov-Todd scaling, predictor-corrector",
-        method="interior point",
         citation="Nesterov and Todd 1997, Math. Oper. Res. 22:1; Mehrotra 1992, SIAM J. Optim. 2:575; "
         "Vandenberghe 2010, The CVXOPT linear and quadratic cone program solvers",
-        traits=_TRAITS,
-        options=ConeInteriorPointOptions,
     )
 
 
@@ -232,14 +235,11 @@ class InteriorPointCone(_InteriorPoint):
 class InteriorPointSOCLCP(_InteriorPoint):
     """The same for monotone M, symmetric or not."""
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="interior-point-soclcp",
         node="soclcp",
         summary="primal-dual interior point, Nesterov-Todd scaling, for monotone maps",
-        method="interior point",
         citation="Nesterov and Todd 1997, Math. Oper. Res. 22:1; Yoshise 2006, SIAM J. Optim. 17:1129",
-        traits=_TRAITS,
-        options=ConeInteriorPointOptions,
     )
 
     def obstacle(self, problem: ConeQP | SOCLCP) -> str | None:

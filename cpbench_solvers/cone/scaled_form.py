@@ -82,7 +82,7 @@ def _program(problem: ConeQP, error: Callable[[Any], float]) -> ConicForm:
     def start(point: ConeQPPoint) -> tuple[Vector, Vector]:
         return point.x / (size * D), point.y / (forces * E)
 
-    scaled = _with_radii(K, E / size)
+    scaled = with_radii(K, E / size)
     return ConicForm(problem, Q * (size / forces), p / forces, rows, b / size, scaled, answer, start, error)
 
 
@@ -110,7 +110,7 @@ def _complementarity(problem: SOCLCP, error: Callable[[Any], float]) -> ConicFor
     )
 
 
-def _with_radii(K: ProductCone, unit: Vector) -> ProductCone:
+def with_radii(K: ProductCone, unit: Vector) -> ProductCone:
     """Return K in other units: only the radii of disks are lengths."""
     first = np.cumsum(K.size).astype(int) - K.size.astype(int)
     disks = K.kind == Cone.CYLINDER

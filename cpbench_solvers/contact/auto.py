@@ -70,12 +70,9 @@ class AutoContact(SolverByParts):
     def at_once(
         self, blocks: BlockRows, budget: Budget, options: AutoContactOptions
     ) -> tuple[Vector, dict[str, int]] | None:
-        way = blocks.accelerated
-        work = np.empty(way.size)
-        work[0] = 0.0
-        limit = min(options.sweeps, budget.iterations or options.max_iterations)
-        _, done, _, _ = way.kernel(*way.arguments, work, budget.tolerance, limit, False)
-        return work[way.answer].copy(), counters(done)
+        sweeps = AcceleratedSweeps(blocks)
+        sweeps.sweep(min(options.sweeps, budget.iterations or options.max_iterations), budget.tolerance)
+        return sweeps.best.copy(), counters(sweeps.done)
 
     def warmup(self) -> None:
         load_all("cpbench_solvers.kernels", KERNELS)

@@ -10,7 +10,6 @@ smaller.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections import Counter
 from dataclasses import replace
 from functools import partial
@@ -21,7 +20,7 @@ import numpy as np
 from cpbench.formulations.base import Kind
 from cpbench.formulations.contact import FCPoint
 from cpbench.foundation.matrices import EPS, Vector
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, solved
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, solved
 from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.contact.parts import (
     Contact,
@@ -29,6 +28,7 @@ from cpbench_solvers.contact.parts import (
     ContactParts,
     Index,
     MeasuredParts,
+    PartSolver,
     claimed,
     connected_parts,
     part_of,
@@ -46,26 +46,18 @@ contact_spec = partial(SolverSpec, node="fc", traits=ITERATIVE)
 """The spec of a solver of local contact problems, with what most of them share."""
 
 
-class SolverByParts(Solver):
-    """A solver of local contact problems, with or without rolling friction, that solves connected parts by themselves.
+class SolverByParts(PartSolver):
+    """A solver of local contact problems, with or without rolling friction.
 
-    A subclass says how it solves one part, and what it prepares for that where it is not `ScaledContacts`. The answer
-    claims to be solved where every part does. A limit of iterations is one of each part, that of time is one of all.
+    A subclass says how it solves one part, and what it prepares for that where it is not `ScaledContacts`.
     """
 
     def prepare(self, problem: Any, budget: Budget, options: Any) -> Any:
-        """Do what `setup` of a solver does, for one part."""
         return scaled_contacts(problem)
 
     def warmup(self) -> None:
         for problem in single_contacts(self.spec.node):
             self.run(problem)
-
-    @abstractmethod
-    def solve_part(
-        self, prepared: Any, budget: Budget, options: Any, start: Any, record: Record | None
-    ) -> SolverOutput:
-        """Do what `solve` of a solver does, for one part."""
 
     def at_once(self, blocks: BlockRows, budget: Budget, options: Any) -> tuple[Vector, dict[str, int]] | None:
         """Return reactions of the whole problem by a cheap method, with counters; None where there is none.

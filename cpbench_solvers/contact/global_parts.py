@@ -6,7 +6,6 @@ or loads are far apart.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,9 +16,9 @@ from numpy.typing import NDArray
 
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.foundation.matrices import Vector, entries, is_sparse
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench_solvers.contact.dynamics_error import DynamicsError
-from cpbench_solvers.contact.parts import claimed, rows_of
+from cpbench_solvers.contact.parts import PartSolver, claimed, rows_of
 from cpbench_solvers.contact.sweeps import kernel
 
 Index = NDArray[np.int64]
@@ -101,10 +100,7 @@ def solve_moving(
     record: Record | None,
     run: Callable[[Any, Budget, GFCPoint | None, Record | None], SolverOutput],
 ) -> SolverOutput:
-    """Return the answer of all parts, each solved by `run`.
-
-    It claims to be solved where every part does. A limit of iterations is one of each part, that of time is one of all.
-    """
+    """Return the answer of all parts, each solved by `run`."""
     problem, deadline = whole.problem, budget.deadline()
     first, d = problem.zero_point() if start is None else start, problem.dimension
     now = first.v.copy(), first.r.copy(), first.lam.copy()
@@ -122,21 +118,8 @@ def solve_moving(
     return claimed(GFCPoint(*now), dict(counters), failed, len(whole.parts))
 
 
-class SolverByMovingParts(Solver):
-    """A solver of global contact problems that solves connected parts by themselves.
-
-    A subclass says what it prepares for one part and how it solves that.
-    """
-
-    @abstractmethod
-    def prepare(self, problem: Any, budget: Budget, options: Any) -> Any:
-        """Do what `setup` of a solver does, for one part."""
-
-    @abstractmethod
-    def solve_part(
-        self, prepared: Any, budget: Budget, options: Any, start: Any, record: Record | None
-    ) -> SolverOutput:
-        """Do what `solve` of a solver does, for one part."""
+class SolverByMovingParts(PartSolver):
+    """A solver of global contact problems."""
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Any:
         """Return `MovingParts`, or what is prepared for a problem that is one part."""

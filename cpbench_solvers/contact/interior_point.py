@@ -32,7 +32,7 @@ from cpbench.foundation.matrices import EPS, Dense, Matrix, Vector, dense, max_a
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.newton_equation import DENSE_FROM
-from cpbench_solvers.contact.run import ContactMethod, ContactSolver, finish, iterate
+from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions, iterate_on
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
 
 SHORTEST = 1e-8
@@ -40,7 +40,7 @@ SHORTEST = 1e-8
 
 
 @dataclass(frozen=True)
-class ContactInteriorPointOptions:
+class ContactInteriorPointOptions(MethodOptions):
     """Options of interior-point-fc, interior-point-relaxation. `boundary` : share of the way to the boundary that a
     step goes. `smoothing` : ε, in units of max|q|, over yᵀw/nc in those of its square. `max_iterations`."""
 
@@ -215,16 +215,14 @@ class InteriorPointRelaxation(ContactSolver):
         problem = prepared.rows.problem
         law = _Associated(problem.mu)
 
-        def judged(r: Vector) -> float:
+        def measured(point: FCPoint) -> float:
             """Measure the error as the formulation does, with û = u."""
             with np.errstate(all="ignore"):
-                u = problem.W @ r + problem.q
+                u = problem.W @ point.r + problem.q
                 numbers, _, _ = contact_residuals(
-                    r, u, problem.q, law, problem.rho, budget.tolerance, absolute=not problem.q.any()
+                    point.r, u, problem.q, law, problem.rho, budget.tolerance, absolute=not problem.q.any()
                 )
             return max(numbers.values())
 
         r = np.zeros(problem.q.size) if start is None else np.array(start.r)
-        limit = budget.iterations or options.max_iterations
-        method = _Relaxed(prepared, options, r, budget)
-        return finish(iterate(method, judged, FCPoint, budget, limit, options.stall_window, record), FCPoint, budget)
+        return iterate_on(measured, FCPoint, _Relaxed(prepared, options, r, budget), budget, options, record)

@@ -11,6 +11,7 @@ from cpbench.foundation.kernel_cache import compiled, load_all
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.relaxation import AT_FIRST, Advance, Local, Relaxation, Shape, general
+from cpbench_solvers.contact.run import MethodOptions
 from cpbench_solvers.contact.sweeps import (
     LOGGED,
     ROUNDED,
@@ -24,7 +25,7 @@ from cpbench_solvers.contact.sweeps import (
 
 
 @dataclass(frozen=True)
-class NSGSOptions:
+class NSGSOptions(MethodOptions):
     """Options of nsgs. `omega` : relaxation of every contact's change. `local` : how a contact is solved. `shuffle`
     : a new random order for every sweep. `symmetric` : every other sweep goes backwards. `max_iterations` : sweeps.
     `stall_window` : sweeps without gain after which it gives up."""
@@ -33,7 +34,6 @@ class NSGSOptions:
     local: Local = Local.EXACT
     shuffle: bool = False
     symmetric: bool = False
-    max_iterations: int = 100_000
     stall_window: int = 10_000
 
 

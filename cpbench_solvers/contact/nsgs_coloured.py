@@ -66,9 +66,9 @@ class Coloured:
             (problem.q.reshape(nc, d)[contacts].ravel(), problem.mu[contacts], problem.rho[contacts]),
         )
 
-    def by_colour(self, r: Vector) -> Vector:
-        """Return reactions r, shape (nc·d,), in the order of the colours, from the order of the contacts."""
-        return r.reshape(self.contacts.size, self.problem.dimension)[self.contacts].ravel()
+    def point(self, r: Vector) -> FCPoint:
+        """Return reactions in the order of the colours as an answer."""
+        return FCPoint(self.by_contact(r))
 
     def by_contact(self, r: Vector) -> Vector:
         """Return reactions r, shape (nc·d,), in the order of the contacts, from the order of the colours."""
@@ -149,17 +149,9 @@ class NSGSColoured(SolverByParts):
         self, prepared: Coloured, budget: Budget, options: ColouredOptions, start: Any, record: Record | None
     ) -> SolverOutput:
         problem = prepared.problem
-        r = np.zeros(problem.q.size) if start is None else prepared.by_colour(np.asarray(start.r))
+        r = np.zeros(problem.q.size) if start is None else start.r.reshape(problem.nc, -1)[prepared.contacts].ravel()
         limit, threads = budget.iterations or options.max_iterations, max(1, options.threads)
         with helpers(threads) as pool:
             method = ColouredSweeps(prepared, r, threads, pool)
-            end = iterate(
-                method,
-                prepared.judged_error,
-                lambda r: FCPoint(prepared.by_contact(r)),
-                budget,
-                limit,
-                options.stall_window,
-                record,
-            )
+            end = iterate(method, prepared.judged_error, prepared.point, budget, limit, options.stall_window, record)
         return conclude(problem, prepared.by_contact(end.r), end.error, budget, end.claim, end.message, end.counters)

@@ -14,6 +14,7 @@ from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
+from cpbench_solvers.contact.run import MethodOptions
 from cpbench_solvers.contact.sweeps import conclude, kernel
 from cpbench_solvers.traits import ITERATIVE
 
@@ -22,13 +23,12 @@ BLOCKS_A_CALL = 400_000
 
 
 @dataclass(frozen=True)
-class NSGSRollingOptions:
+class NSGSRollingOptions(MethodOptions):
     """Options of nsgs-rfc. `omega` : relaxation of every contact's change. `shuffle` : a new random order in every
     sweep. `max_iterations` : sweeps. `stall_window` : sweeps without gain after which it gives up."""
 
     omega: float = 1.0
     shuffle: bool = False
-    max_iterations: int = 100_000
     stall_window: int = 10_000
 
 

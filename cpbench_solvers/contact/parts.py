@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,7 +17,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.foundation.kernel_cache import compiled
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import SolverOutput, solved
+from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, solved
 from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
 from cpbench_solvers.contact.sweeps import BlockRows, ScaledContacts, block_rows, kernel
 
@@ -26,6 +27,24 @@ Contact = FrictionContact | RollingFrictionContact
 NO_ROLLING = np.zeros(0)
 DENSE = 100
 """Parts of at most so many rows are full matrices: sparse ones take longer to make than to solve."""
+
+
+class PartSolver(Solver):
+    """A solver that solves connected parts of a problem by themselves.
+
+    The answer claims to be solved where every part does. A limit of iterations is one of each part, that of time is one
+    of all.
+    """
+
+    @abstractmethod
+    def prepare(self, problem: Any, budget: Budget, options: Any) -> Any:
+        """Do what `setup` of a solver does, for one part."""
+
+    @abstractmethod
+    def solve_part(
+        self, prepared: Any, budget: Budget, options: Any, start: Any, record: Record | None
+    ) -> SolverOutput:
+        """Do what `solve` of a solver does, for one part."""
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,12 @@ from typing import ClassVar
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.relaxation import Advance, Local, Relaxation, Shape, general
+from cpbench_solvers.contact.run import MethodOptions
 from cpbench_solvers.contact.sweeps import BlockRows, SweepState
 
 
 @dataclass(frozen=True)
-class PSORContactOptions:
+class PSORContactOptions(MethodOptions):
     """Options of psor-fc. `omega` : times ρ_c = 1/‖W_cc‖, the length of a projection. `shuffle` : a new random order
     for every sweep. `symmetric` : every other sweep goes backwards. `max_iterations` : sweeps. `stall_window` :
     sweeps without gain after which it gives up."""
@@ -20,7 +21,6 @@ class PSORContactOptions:
     omega: float = 1.5
     shuffle: bool = False
     symmetric: bool = False
-    max_iterations: int = 100_000
     stall_window: int = 10_000
 
 
@@ -46,14 +46,13 @@ class PSORContact(Relaxation):
 
 
 @dataclass(frozen=True)
-class JacobiContactOptions:
+class JacobiContactOptions(MethodOptions):
     """Options of jacobi-fc. `omega` : relaxation of every contact's change, halved whenever the error grows fourfold
     or gains nothing. `local` : how a contact is solved. `max_iterations` : sweeps. `stall_window` : sweeps without
     gain after which it gives up."""
 
     omega: float = 1.0
     local: Local = Local.EXACT
-    max_iterations: int = 100_000
     stall_window: int = 10_000
 
 

@@ -67,6 +67,16 @@ def _full_ones(degree, order, gone):
     return last
 
 
+@njit(types.int64(types.int64, types.int64, _INT, types.boolean[::1], _INT, types.int64), **COMPILED)
+def _met(i, p, seen, gone, store, at):
+    """Put unknown i into the element of p where it is not yet in it, nor in the order; return how many were put."""
+    if seen[i] == p or gone[i]:
+        return 0
+    seen[i] = p
+    store[at] = i
+    return 1
+
+
 @njit(types.void(_INDEX, _INDEX, _INT), **COMPILED)
 def minimum_degree(indptr, indices, order):
     """Write the order of a matrix whose pattern, without its diagonal, is symmetric. order : (N,)."""
@@ -102,18 +112,10 @@ def minimum_degree(indptr, indices, order):
         for q in range(start[p], start[p] + elements[p]):
             e = near[q]
             for k in range(begin[e], begin[e] + size[e]):
-                i = store[k]
-                if seen[i] != p and not gone[i]:
-                    seen[i] = p
-                    store[first + count] = i
-                    count += 1
+                count += _met(store[k], p, seen, gone, store, first + count)
             size[e] = -1
         for q in range(start[p] + elements[p], start[p] + elements[p] + others[p]):
-            i = near[q]
-            if seen[i] != p and not gone[i]:
-                seen[i] = p
-                store[first + count] = i
-                count += 1
+            count += _met(near[q], p, seen, gone, store, first + count)
         begin[p], size[p] = first, count
         # how much of every other element lies outside of this one
         for k in range(first, first + count):

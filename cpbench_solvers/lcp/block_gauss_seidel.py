@@ -68,7 +68,7 @@ class BlockGS(SplittingSolver):
 
     def sweeps(self, prepared: Any, options: BlockGSOptions) -> Sweeps:
         kernel = load("cpbench_solvers.kernels.block_splitting")
-        sweep = kernel.sweeps_dense if prepared.start is None else kernel.sweeps_sparse
+        sweep = kernel.sweeps_sparse if prepared.sparse else kernel.sweeps_dense
         law = prepared.blocks, prepared.size, prepared.problem.q
         rest = prepared.problem.z_unit, options.omega
         return lambda z, w, tolerance, errors: sweep(*prepared.matrix, *law, z, w, *rest, tolerance, errors)

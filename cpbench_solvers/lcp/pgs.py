@@ -14,7 +14,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation.kernel_cache import load
-from cpbench.foundation.matrices import Vector
+from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
 from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of, recorded
@@ -43,18 +43,33 @@ class PSOROptions(PGSOptions):
 
 @dataclass(frozen=True)
 class MatrixColumns:
-    """M by columns. Dense: row j of `values` is column j. Sparse: values[start[j]:start[j+1]] are in `rows`."""
+    """M by columns, and its diagonal."""
 
     problem: LCP
     diagonal: Vector
-    values: np.ndarray[Any, np.dtype[np.float64]]
-    start: np.ndarray[Any, np.dtype[np.int64]] | None = None
-    rows: np.ndarray[Any, np.dtype[np.int64]] | None = None
+    matrix: tuple[Any, ...]
 
     @property
-    def matrix(self) -> tuple[Any, ...]:
-        """M as the kernels take it."""
-        return (self.values,) if self.start is None else (self.start, self.rows, self.values)
+    def sparse(self) -> bool:
+        return len(self.matrix) == 3
+
+
+def by_columns(M: Matrix) -> tuple[Any, ...]:
+    """Return a square M as the kernels of splittings take it: (columns,), row j of which is column j, of a dense one;
+    (start, rows, values) of a sparse one, column j having values[start[j]:start[j+1]] in those rows."""
+    if not sp.issparse(M):
+        return (np.ascontiguousarray(M.T),)
+    csc = sp.csc_array(M)
+    return csc.indptr.astype(np.int64), csc.indices.astype(np.int64), csc.data
+
+
+def diagonal_obstacle(what: str, diagonal: Vector, instead: str) -> str | None:
+    """Return why the matrix `what`, of one letter or with words behind it, cannot be swept over, else None."""
+    bad = np.flatnonzero(~(diagonal > 0))
+    if bad.size == 0:
+        return None
+    entry = f"{what[0]}[{bad[0]},{bad[0]}] = {diagonal[bad[0]]:g} ({bad.size} of {diagonal.size})"
+    return f"needs a positive diagonal of {what}, {entry}: use {instead}"
 
 
 Sweeps: TypeAlias = Callable[[Vector, Vector, float, Vector], int]
@@ -70,11 +85,7 @@ class SplittingSolver(Solver):
         """Return the compiled sweeps on one problem."""
 
     def setup(self, problem: LCP, budget: Budget, options: Any) -> MatrixColumns:
-        diagonal = np.array(problem.M.diagonal())
-        if sp.issparse(problem.M):
-            csc = sp.csc_array(problem.M)
-            return MatrixColumns(problem, diagonal, csc.data, csc.indptr.astype(np.int64), csc.indices.astype(np.int64))
-        return MatrixColumns(problem, diagonal, np.ascontiguousarray(problem.M.T))
+        return MatrixColumns(problem, np.array(problem.M.diagonal()), by_columns(problem.M))
 
     def warmup(self) -> None:
         M, q = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-1.0, -1.0])
@@ -91,7 +102,7 @@ class SplittingSolver(Solver):
     ) -> SolverOutput:
         kernel = load("cpbench_solvers.kernels.splitting")
         problem, q = prepared.problem, prepared.problem.q
-        afresh = kernel.afresh_dense if prepared.start is None else kernel.afresh_sparse
+        afresh = kernel.afresh_sparse if prepared.sparse else kernel.afresh_dense
         sweep = self.sweeps(prepared, options)
         z, w = np.zeros(q.size) if start is None else np.maximum(start.z, 0.0), np.empty(q.size)
         limit = budget.iterations or options.max_iterations
@@ -139,19 +150,11 @@ class _Pointwise(SplittingSolver):
     def obstacle(self, problem: LCP) -> str | None:
         if not sp.issparse(problem.M) and (why := dense_obstacle(problem)) is not None:
             return why
-        diagonal = problem.M.diagonal()
-        bad = np.flatnonzero(~(diagonal > 0))
-        if bad.size == 0:
-            return None
-        i = int(bad[0])
-        return (
-            f"needs a positive diagonal, M[{i},{i}] = {diagonal[i]:g} ({bad.size} of {diagonal.size}): "
-            "use lemke or newton-min"
-        )
+        return diagonal_obstacle("M", problem.M.diagonal(), "lemke or newton-min")
 
     def sweeps(self, prepared: MatrixColumns, options: PGSOptions) -> Sweeps:
         kernel = load("cpbench_solvers.kernels.splitting")
-        sweep = kernel.sweeps_dense if prepared.start is None else kernel.sweeps_sparse
+        sweep = kernel.sweeps_sparse if prepared.sparse else kernel.sweeps_dense
         law = prepared.diagonal, prepared.problem.q
         omega = options.omega if isinstance(options, PSOROptions) else 1.0
         rest = prepared.problem.z_unit, omega, self.symmetric

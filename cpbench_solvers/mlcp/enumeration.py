@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from cpbench.formulations.lcp import LCP
-from cpbench.formulations.mlcp import MLCP, MLCPPoint
+from cpbench.formulations.mlcp import MLCP
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers import linear_program
@@ -53,8 +53,8 @@ class MLCPEnumeration(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         reduction = Reduction(prepared)
-        found = _bases(reduction, budget, options)
-        answers = _answers(prepared, reduction, found, budget)
+        found = enumerate_bases(lcp_claims.scale(LCP(M=reduction.M, q=reduction.q)), budget, options)
+        answers = refined_answers(prepared, reduction, found, budget)
         found.solutions = [x for _, x in answers]  # an equality without unknowns may exclude what bases give
         whole = 2 ** (prepared.k.size - prepared.free)
         counters = {"iterations": found.bases, "singular_bases": found.singular, "solutions": len(answers)}
@@ -71,20 +71,7 @@ class MLCPEnumeration(Solver):
         return conclude(prepared, np.zeros(prepared.k.size), budget, counters, otherwise=claim, message=message)
 
 
-def all_solutions(problem: MLCP, tolerance: float = 1e-8) -> list[MLCPPoint]:
-    """Return every solution that is isolated, and some of each face of others, by increasing number of their basis."""
-    prepared, budget = scale(problem), Budget(tolerance=tolerance)
-    reduction = Reduction(prepared)
-    found = _bases(reduction, budget, EnumerationOptions())
-    return [prepared.point(x) for _, x in _answers(prepared, reduction, found, budget)]
-
-
-def _bases(reduction: Reduction, budget: Budget, options: EnumerationOptions) -> Enumeration:
-    """Return the bases of the pairs that remain."""
-    return enumerate_bases(lcp_claims.scale(LCP(M=reduction.M, q=reduction.q)), budget, options)
-
-
-def _answers(
+def refined_answers(
     prepared: ScaledMLCP, reduction: Reduction, found: Enumeration, budget: Budget
 ) -> list[tuple[float, Vector]]:
     """Return error and x of each solution, refined where that is needed; what is none on the whole problem is left

@@ -21,7 +21,7 @@ from cpbench.foundation.matrices import Vector, sparse
 from cpbench.foundation.transversal import has_full_structural_rank
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop, reduced
-from cpbench_solvers.lcp.pgs import PGSOptions
+from cpbench_solvers.lcp.pgs import PGSOptions, by_columns, diagonal_obstacle
 from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale, warm_up
 from cpbench_solvers.traits import ITERATIVE
 
@@ -46,7 +46,7 @@ class RPGSMLCPOptions(PGSOptions):
 
 @dataclass(frozen=True)
 class BasisColumns:
-    """K by columns (dense: row j of `matrix[0]` is column j; sparse: start, rows, values) and its diagonal."""
+    """K by columns (`by_columns`) and its diagonal."""
 
     scaled: ScaledMLCP
     matrix: tuple[Any, ...]
@@ -64,12 +64,8 @@ class _Splitting(Solver):
             return why
         if self.regularised:
             return None
-        diagonal = problem.B.diagonal()
-        bad = np.flatnonzero(~(diagonal > 0))
-        if bad.size:
-            i = int(bad[0])
-            entry = f"B[{i},{i}] = {diagonal[i]:g} ({bad.size} of {diagonal.size})"
-            return f"needs a positive diagonal of B, {entry}: use lemke-mlcp, newton-min-mlcp or rpgs-mlcp"
+        if why := diagonal_obstacle("B", problem.B.diagonal(), "lemke-mlcp, newton-min-mlcp or rpgs-mlcp"):
+            return why
         A = sparse(problem.A)
         if not A.data.all():
             A = A.copy()
@@ -80,11 +76,7 @@ class _Splitting(Solver):
 
     def setup(self, problem: MLCP, budget: Budget, options: PGSOptions) -> BasisColumns:
         scaled = _ordered(scale(problem, keep_sparse=True))
-        diagonal = np.array(scaled.K.diagonal())
-        if not matrices.is_sparse(scaled.K):
-            return BasisColumns(scaled, (np.ascontiguousarray(scaled.K.T),), diagonal)
-        csc = sp.csc_array(scaled.K)
-        return BasisColumns(scaled, (csc.indptr.astype(np.int64), csc.indices.astype(np.int64), csc.data), diagonal)
+        return BasisColumns(scaled, by_columns(scaled.K), np.array(scaled.K.diagonal()))
 
     def warmup(self) -> None:
         warm_up(self)

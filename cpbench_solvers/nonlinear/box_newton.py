@@ -159,7 +159,10 @@ class BoxNewton(Solver):
         """Return the method for one solve."""
 
     def setup(self, problem: MiCP, budget: Budget, options: Any) -> MiCP:
-        _compile_map(problem)
+        with np.errstate(all="ignore"):  # compiles F and F′, so that this is timed as setup
+            z: Any = problem.project(problem.start)
+            problem.F(z)
+            problem.F.jacobian(z)
         return problem
 
     def warmup(self) -> None:
@@ -251,11 +254,3 @@ def _drawn(box: CountedBox, first: Vector, number: int, rng: np.random.Generator
         if np.isfinite(F).all():
             return z, F
     return None
-
-
-def _compile_map(problem: MiCP) -> None:
-    """Compile F and F′, so that it is timed as setup."""
-    with np.errstate(all="ignore"):
-        z: Any = problem.project(problem.start)
-        problem.F(z)
-        problem.F.jacobian(z)

@@ -92,7 +92,7 @@ class NaturalMapNewton(Solver):
         record: Record | None = None,
     ) -> SolverOutput:
         vi = prepared.vi
-        x = np.zeros_like(prepared.unit) if start is None else np.concatenate(list(start.arrays().values()))
+        x = np.zeros_like(prepared.unit) if start is None else start.vector
         limit = budget.iterations or options.max_iterations
         end = run(vi, vi.project(x / prepared.unit), budget, limit, record)
         message = end.message and f"{end.message}, error {end.error:.1e}"

@@ -78,9 +78,6 @@ class VIConditions(Field):
     def size(self) -> int:
         return self.n + self._signed.size
 
-    def vector(self, point: Any) -> Vector:
-        return np.concatenate(list(point.arrays().values()))
-
     def point(self, x: Vector) -> Any:
         z, multipliers = x[: self.n], x[self.n :]
         if isinstance(self.problem, QVI):

@@ -37,7 +37,7 @@ class NaturalMapSolver(ProjectionSolver):
         field = VIConditions(prepared)
         first = np.concatenate([prepared.start, np.zeros(field.size - field.n)])
         if start is not None:
-            first = field.vector(start)
+            first = start.vector
         limit = budget.iterations or options.max_iterations
         return run(field, NaturalNewton(field, options, budget.seed), budget, limit, first, record)
 

@@ -19,8 +19,10 @@ from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.testing.cases import Case, infeasible
 from cpbench.verification import certified_infeasible, judge
+from cpbench_solvers.lcp import claims as lcp_claims
+from cpbench_solvers.lcp.enumeration import enumerate_bases
 from cpbench_solvers.mlcp.claims import scale
-from cpbench_solvers.mlcp.enumeration import all_solutions
+from cpbench_solvers.mlcp.enumeration import refined_answers
 from cpbench_solvers.mlcp.pivoting import Reduction
 
 DIRECT = ("lemke-mlcp", "newton-min-mlcp", "newton-fb-mlcp")
@@ -246,6 +248,14 @@ def test_certificates_are_checked() -> None:
     assert not problem.certifies_infeasibility(np.zeros(2))
     feasible = dataclasses.replace(problem, a=np.array([-1.0]))
     assert not feasible.certifies_infeasibility(np.array([-1.0, 1.0]))
+
+
+def all_solutions(problem: MLCP) -> list[MLCPPoint]:
+    """Return every solution that is isolated, and some of each face of others, by increasing number of their basis."""
+    prepared, budget = scale(problem), Budget(tolerance=1e-8)
+    reduction = Reduction(prepared)
+    found = enumerate_bases(lcp_claims.scale(LCP(M=reduction.M, q=reduction.q)), budget)
+    return [prepared.point(x) for _, x in refined_answers(prepared, reduction, found, budget)]
 
 
 def test_all_solutions_of_a_problem_that_has_three() -> None:

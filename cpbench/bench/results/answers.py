@@ -13,7 +13,7 @@ import numpy as np
 
 def pack(point: Any) -> bytes:
     """Return the answer as one compressed .npy, parts one after the other (`Problem.point_from_vector` splits them)."""
-    vector = np.concatenate(list(point.arrays().values()))
+    vector = point.vector
     return zlib.compress(_header(vector.size) + vector.tobytes(), 1)
 
 

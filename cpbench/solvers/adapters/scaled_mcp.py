@@ -55,7 +55,7 @@ class ScaledMCP:
         """Return x of a starting point; 0 without one."""
         if point is None:
             return np.zeros(self.k.size)
-        return np.concatenate(list(point.arrays().values())) / self.unit
+        return point.vector / self.unit
 
 
 def share(tolerance: float, strictness: float = 1.0) -> float:
