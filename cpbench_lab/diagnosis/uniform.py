@@ -12,15 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from cpbench.formulations.base import Problem
+from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation import matrices
-
-LINEAR = {"lcp": ("M", "q", "z"), "relay": ("M", "q", "z"), "fc": ("W", "q", "r"), "mlcp": ("ABCD", "ab", "uv")}
-"""Matrices, constants and unknowns of the formulations w = Mz + q, a letter each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,18 +33,21 @@ class Uniform:
     terms: float
 
 
+UNIFORM: NodeTable[Callable[[Any, Any], Uniform | None]] = NodeTable("sizes of one", "explain tries no other magnitude")
+"""Function that returns a problem with sizes of one, `known` as of `uniform`."""
+
+
 def uniform(problem: Any, known: Any) -> Uniform | None:
     """Return the problem with sizes of one; None for formulations not listed above, or where nothing has a size.
 
     `known` : a verified answer, whose largest unknown is their size; None: that of constants over matrix entries.
     """
-    if problem.node == "qp":
-        return _qp(problem, known)
-    return _linear(problem, known) if problem.node in LINEAR else None
+    make = UNIFORM.get(problem.node)
+    return make(problem, known) if make is not None else None
 
 
-def _linear(P: Any, known: Any) -> Uniform | None:
-    names, constants, unknowns = LINEAR[P.node]
+def _linear(P: Any, known: Any, names: str, constants: str, unknowns: str) -> Uniform | None:
+    """Return w = Mz + q by matrices, constants and unknowns of one letter each."""
     K, k = ({name: getattr(P, name) for name in some} for some in (names, constants))
     size = _size(known and [getattr(known, name) for name in unknowns], K.values(), k.values())
     terms = max(max(map(_top, K.values())) * size, *map(_top, k.values()))
@@ -62,6 +64,12 @@ def _linear(P: Any, known: Any) -> Uniform | None:
     )
 
 
+UNIFORM.enter(partial(_linear, names="M", constants="q", unknowns="z"), "lcp", "relay")
+UNIFORM.enter(partial(_linear, names="W", constants="q", unknowns="r"), "fc")
+UNIFORM.enter(partial(_linear, names="ABCD", constants="ab", unknowns="uv"), "mlcp")
+
+
+@UNIFORM.of("qp")
 def _qp(P: Any, known: Any) -> Uniform | None:
     size = _size(known and [known.z], [P.Q], [P.p]) or _size(None, [P.A, P.C], [P.b, P.d])
     terms = max(_top(P.Q) * size**2, _top(P.p) * size)
