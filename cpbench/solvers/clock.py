@@ -50,8 +50,3 @@ def listen(listener: Callable[[bool], None]) -> None:
 def _tell(begins: bool) -> None:
     for listener in _listeners:
         listener(begins)
-
-
-def seconds() -> float:
-    """Return what this process has spent off the clock so far [s]."""
-    return _seconds
