@@ -11,6 +11,7 @@ def node_tables() -> tuple[NodeTable[Any], ...]:
     """Return the tables; their modules are imported here, none of which needs an optional package."""
     from cpbench_lab.certificates.mixed import POLYHEDRAL
     from cpbench_lab.diagnosis.scaled import UNITS
+    from cpbench_lab.diagnosis.uniform import UNIFORM
     from cpbench_lab.reduction.forms import FORMS
 
-    return POLYHEDRAL, UNITS, FORMS
+    return POLYHEDRAL, UNITS, UNIFORM, FORMS
