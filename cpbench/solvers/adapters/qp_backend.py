@@ -13,11 +13,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from cpbench.errors import CpbenchError
 from cpbench.formulations.qp import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix
 from cpbench.solvers.adapters.qp_standard_form import StandardForm, standard_form
-from cpbench.solvers.adapters.qp_tolerances import Settings, stopping, translate
+from cpbench.solvers.adapters.qp_tolerances import TABLE, Settings, stopping, translate
 from cpbench.solvers.base import Availability, Budget, Claim, Record, Solver, SolverOutput, package_version
 from cpbench.solvers.stopping import Stopping
 
@@ -105,7 +106,14 @@ class QPBackend(Solver):
         start: Any | None = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        return self.output(prepared, self.call(prepared, translate(self.spec.name, budget)))
+        return self.output(prepared, self.call(prepared, self.settings(budget)))
+
+    def settings(self, budget: Budget) -> Settings:
+        """Return what the backend is asked for, as `call` takes it; raises CpbenchError where that is said nowhere."""
+        if self.spec.name not in TABLE:
+            tables = "qp_tolerances.TABLE and qp_stopping.TESTS"
+            raise CpbenchError(f"{self.spec.name}: is not in {tables}; define `settings` and `stopping` in its class")
+        return translate(self.spec.name, budget)
 
     def stopping(self, tolerance: float, problem: QP | None = None) -> Stopping | None:
         return stopping(self.spec.name, tolerance, problem)
