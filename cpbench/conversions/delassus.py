@@ -19,6 +19,7 @@ from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Sparse, index_dtype
 
 KERNELS = "cpbench.conversions.kernels.delassus"
+PRODUCTS = "cpbench.conversions.kernels.block_products"
 FEW = 15_000
 """Entries of D and C up to which SciPy does it."""
 SAMPLE = 20
@@ -35,7 +36,7 @@ def product(left: Sparse, factor: Factorization, right: Sparse) -> Sparse:
     bodies = _Bodies.of(factor.blocks)
     columns = _touching(kernel, right, bodies)
     _over_blocks(kernel.multiply, [b.values for b in factor.block_inverses], columns)
-    return _multiplied(kernel, _touching(kernel, sp.csr_array(left.T), bodies), columns)
+    return _multiplied(_touching(kernel, sp.csr_array(left.T), bodies), columns)
 
 
 def congruence(H: Sparse, factor: Factorization) -> Sparse | None:
@@ -52,7 +53,7 @@ def congruence(H: Sparse, factor: Factorization) -> Sparse | None:
     kernel = load(KERNELS)
     columns = _touching(kernel, H, _Bodies.of(factor.blocks))
     _over_blocks(kernel.substitute, roots, columns)
-    return _multiplied(kernel, columns, columns)
+    return _multiplied(columns, columns)
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,8 @@ def _over_blocks(operation: Any, blocks: list[NDArray[np.float64]], touching: _T
         first += len(block)
 
 
-def _multiplied(kernel: Any, rows: _Touching, columns: _Touching) -> Sparse:
+def _multiplied(rows: _Touching, columns: _Touching) -> Sparse:
+    kernel = load(PRODUCTS)
     shape = (rows.groups * rows.d, columns.groups * columns.d)
     by_group = np.zeros(rows.groups + 1, dtype=np.int64)
     body, slot = np.empty(rows.group.size, dtype=np.int32), np.empty(rows.group.size, dtype=np.int64)

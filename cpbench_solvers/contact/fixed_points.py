@@ -13,6 +13,7 @@ from __future__ import annotations
 import time
 from abc import abstractmethod
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -109,16 +110,17 @@ class _ACLM(_FixedPoint):
         self._minimize("CONE", self._held, self._zero, gap, deadline)
 
 
+_spec = partial(contact_spec, method="fixed point", options=FrozenLawOptions)
+
+
 @register
 class TrescaFixedPoint(ContactSolver):
     """Friction thresholds g = μ r_N frozen: min ½rᵀWr + qᵀr over ℝ₊ × D(g), again and again."""
 
-    spec: ClassVar[SolverSpec] = contact_spec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="tresca-fixed-point",
         summary="friction thresholds frozen, convex problems on cylinders",
-        method="fixed point",
         citation="Haslinger 1983, Math. Methods Appl. Sci. 5:422; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        options=FrozenLawOptions,
         by_default=False,
     )
     method: ClassVar[Any] = _Tresca
@@ -128,12 +130,10 @@ class TrescaFixedPoint(ContactSolver):
 class PanagiotopoulosFixedPoint(ContactSolver):
     """Normal contacts with the friction known, then friction with the normal reactions known, in turns."""
 
-    spec: ClassVar[SolverSpec] = contact_spec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="panagiotopoulos-fixed-point",
         summary="normal contact and friction in turns, both convex",
-        method="fixed point",
         citation="Panagiotopoulos 1975, Ing.-Arch. 44:421",
-        options=FrozenLawOptions,
         by_default=False,
     )
     method: ClassVar[Any] = _Panagiotopoulos
@@ -143,11 +143,9 @@ class PanagiotopoulosFixedPoint(ContactSolver):
 class ACLMFixedPoint(ContactSolver):
     """De Saxcé's term s = μ‖u_T‖ frozen: min ½rᵀWr + (q + s e_N)ᵀr over the friction cones, again and again."""
 
-    spec: ClassVar[SolverSpec] = contact_spec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="aclm-fixed-point",
         summary="De Saxcé's term frozen, second-order cone programs",
-        method="fixed point",
         citation="Acary, Cadoux, Lemaréchal and Malick 2011, ZAMM 91:155",
-        options=FrozenLawOptions,
     )
     method: ClassVar[Any] = _ACLM

@@ -56,17 +56,17 @@ class _Projection(ContactMethod):
         return None
 
 
+_spec = partial(contact_spec, method="projection", options=ContactProjectionOptions, by_default=False)
+
+
 @register
 class DeSaxceFixedPoint(ContactSolver):
     """r ← P_K(r − ρû), De Saxcé and Feng's Uzawa iteration on the bipotential, with a ρ that adapts itself."""
 
-    spec: ClassVar[SolverSpec] = contact_spec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="de-saxce-fixed-point",
         summary="projection of the augmented reaction (Uzawa), self-adapting step",
-        method="projection",
         citation="De Saxcé and Feng 1998, Math. Comput. Model. 28:225; Acary, Brémond and Huber 2018, LNACM 92:205",
-        options=ContactProjectionOptions,
-        by_default=False,
     )
     method: ClassVar[Any] = partial(_Projection, code="FIXED_POINT")
 
@@ -75,12 +75,9 @@ class DeSaxceFixedPoint(ContactSolver):
 class ExtragradientContact(ContactSolver):
     """y = P_K(r − ρû(r)), r ← P_K(r − ρû(y))."""
 
-    spec: ClassVar[SolverSpec] = contact_spec(
+    spec: ClassVar[SolverSpec] = _spec(
         name="extragradient-fc",
         summary="extragradient on the De Saxcé-shifted velocity, self-adapting step",
-        method="projection",
         citation="Korpelevich 1976; Khobotov 1987; Acary, Brémond and Huber 2018, Springer LNACM 92:205",
-        options=ContactProjectionOptions,
-        by_default=False,
     )
     method: ClassVar[Any] = partial(_Projection, code="EXTRAGRADIENT")

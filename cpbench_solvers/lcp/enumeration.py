@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -29,6 +30,16 @@ class EnumerationOptions:
     for a solution; the others stay open."""
 
     max_programs: int = 500
+
+
+enumeration_spec = partial(
+    SolverSpec,
+    method="enumeration",
+    traits=frozenset({Trait.DETERMINISTIC}),
+    options=EnumerationOptions,
+    by_default=False,
+)
+"""The spec of the two enumerations, with what they share."""
 
 
 @dataclass
@@ -72,15 +83,11 @@ class LCPEnumeration(Solver):
     where there is one, by exhaustion where a z ≥ 0 with Mz + q ≥ 0 exists and none is complementary.
     """
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = enumeration_spec(
         name="enumeration-lcp",
         node="lcp",
         summary=f"all solutions of up to {LARGEST} unknowns, by the 2^n complementary bases",
-        method="enumeration",
         citation="Murty 1988, section 1.3; Cottle, Pang and Stone 2009, section 1.3",
-        traits=frozenset({Trait.DETERMINISTIC}),
-        options=EnumerationOptions,
-        by_default=False,
     )
 
     def obstacle(self, problem: LCP) -> str | None:

@@ -9,10 +9,10 @@ import numpy as np
 from cpbench.formulations.lcp import LCP
 from cpbench.formulations.mlcp import MLCP
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench_solvers import linear_program
 from cpbench_solvers.lcp import claims as lcp_claims
-from cpbench_solvers.lcp.enumeration import LARGEST, Enumeration, EnumerationOptions, enumerate_bases
+from cpbench_solvers.lcp.enumeration import LARGEST, Enumeration, EnumerationOptions, enumerate_bases, enumeration_spec
 from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, farkas, refined, scale, warm_up
 from cpbench_solvers.mlcp.pivoting import Reduction
 
@@ -22,15 +22,11 @@ class MLCPEnumeration(Solver):
     """Enumeration of all bases: answers the solution with the least error and says how many there are. Where A is
     singular and free unknowns are idle, a solution stands for all those that differ in them only."""
 
-    spec: ClassVar[SolverSpec] = SolverSpec(
+    spec: ClassVar[SolverSpec] = enumeration_spec(
         name="enumeration-mlcp",
         node="mlcp",
         summary=f"all solutions of up to {LARGEST} pairs, by the 2^m complementary bases",
-        method="enumeration",
         citation="Murty 1988, section 1.3; Cottle, Pang and Stone 1992, section 2.3",
-        traits=frozenset({Trait.DETERMINISTIC}),
-        options=EnumerationOptions,
-        by_default=False,
     )
 
     def obstacle(self, problem: MLCP) -> str | None:
