@@ -96,10 +96,10 @@ def certify_first(
             none = without_solution(problem, seconds, tolerance)
             if none is not None:
                 return solution, none
-        found = solution, certify(problem, solution, seconds=seconds, tolerance=tolerance)
-        if found[1] or found[1].level == "stationary":
-            return found
-        first = first or found
+        result = solution, certify(problem, solution, seconds=seconds, tolerance=tolerance)
+        if result[1] or result[1].level == "stationary":
+            return result
+        first = first or result
     if first is not None:
         return first
     none = without_solution(problem, seconds, tolerance)

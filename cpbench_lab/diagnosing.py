@@ -86,11 +86,11 @@ def diagnose_apart(
 
     deadline = Deadline.after(60.0 * minutes)
     with Apart(limits.threads, limits.memory, deadline, say) as run:
-        found = diagnosed(trial, partial(attempt, run=run), say=say, deadline=deadline, foreign=True)
-    none = found.failed.status in PROVEN or (found.cause is not None and found.cause.kind in PROVEN)
-    if found.complaint is None or none:
-        return found
-    return replace(found, certificate=_certified(found, deadline, say, address))
+        result = diagnosed(trial, partial(attempt, run=run), say=say, deadline=deadline, foreign=True)
+    none = result.failed.status in PROVEN or (result.cause is not None and result.cause.kind in PROVEN)
+    if result.complaint is None or none:
+        return result
+    return replace(result, certificate=_certified(result, deadline, say, address))
 
 
 def _certified(found: Diagnosis, deadline: Deadline, say: Callable[[str], None], address: str) -> str:

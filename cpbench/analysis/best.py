@@ -122,12 +122,12 @@ def floored(matrix: pd.DataFrame, floor: float = FLOOR) -> pd.DataFrame:
     seconds = values(matrix[sorted(matrix.columns)])
     below = seconds < floor
     tied = below & (below.sum(axis=1, keepdims=True) > 1)
-    found = pd.DataFrame(
+    result = pd.DataFrame(
         {"solved": np.isfinite(seconds).sum(axis=0), "below": below.sum(axis=0), "tied": tied.sum(axis=0)},
         index=pd.Index(sorted(str(label) for label in matrix.columns), name="label"),
     )
-    found.insert(2, "share", found["below"] / found["solved"].where(found["solved"] > 0))
-    return found
+    result.insert(2, "share", result["below"] / result["solved"].where(result["solved"] > 0))
+    return result
 
 
 def _marginal(seconds: Array) -> tuple[Array, Array]:

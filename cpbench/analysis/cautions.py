@@ -82,12 +82,12 @@ def launching(labels: Iterable[str], sheets: Sheets) -> list[str]:
 
 def methods(labels: Iterable[str], sheets: Sheets) -> dict[str, list[str]]:
     """Return the labels of each kind of method."""
-    found: dict[str, list[str]] = {}
+    result: dict[str, list[str]] = {}
     for label in labels:
         method = sheets.get(label, {}).get("method")
         if method:
-            found.setdefault(str(method), []).append(label)
-    return found
+            result.setdefault(str(method), []).append(label)
+    return result
 
 
 def caution(metric: Metric, labels: Iterable[str], sheets: Sheets) -> str:

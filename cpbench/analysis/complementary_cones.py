@@ -53,7 +53,7 @@ def complementary_cones(problem: Problem, tolerance: float = 1e-9) -> list[Compl
     from scipy.optimize import nnls  # 80 ms that the other thumbnails need not wait for
 
     M, q = _plane(problem)
-    found: list[ComplementaryCone] = []
+    result: list[ComplementaryCone] = []
     for active in ((), (0,), (1,), (0, 1)):
         G = np.eye(2)
         G[:, list(active)] = -M[:, list(active)]
@@ -61,8 +61,8 @@ def complementary_cones(problem: Problem, tolerance: float = 1e-9) -> list[Compl
         degenerate = abs(float(np.linalg.det(G))) <= 1e-12 * float(size[0] * size[1])
         share, distance = nnls(G, q)
         z = np.where(np.isin([0, 1], active), share, 0.0) if distance <= tolerance * norm(q) else None
-        found.append(ComplementaryCone(active, G, degenerate, z))
-    return found
+        result.append(ComplementaryCone(active, G, degenerate, z))
+    return result
 
 
 def solutions(cones: list[ComplementaryCone]) -> list[Vector]:

@@ -36,12 +36,12 @@ def looks(table: pd.DataFrame, colours: int) -> dict[str, int]:
             weight[place[label], g] = LEADING - k
     taken = np.zeros((colours, len(groups)))
     used = np.zeros(colours, dtype=int)
-    found: dict[str, int] = {}
+    result: dict[str, int] = {}
     total = weight.sum(axis=1)
     for at in sorted(range(len(labels)), key=lambda k: (-total[k], labels[k])):
         crowded = taken @ weight[at]
         colour = min(range(colours), key=lambda c: (crowded[c], used[c], c))
-        found[labels[at]] = colour + colours * int(used[colour])
+        result[labels[at]] = colour + colours * int(used[colour])
         taken[colour] += weight[at]
         used[colour] += 1
-    return found
+    return result

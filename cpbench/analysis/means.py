@@ -80,11 +80,11 @@ class Means:
 
 def values(matrix: pd.DataFrame) -> Array:
     """Copy the matrix as an array with ∞ for NaN. Raises ValueError on a negative value."""
-    found = matrix.to_numpy(dtype=float, copy=True)
-    found[np.isnan(found)] = math.inf
-    if (found < 0).any():
-        raise ValueError(f"negative value {found.min():.3g} in a table of times")
-    return found
+    result = matrix.to_numpy(dtype=float, copy=True)
+    result[np.isnan(result)] = math.inf
+    if (result < 0).any():
+        raise ValueError(f"negative value {result.min():.3g} in a table of times")
+    return result
 
 
 def default_shift(times: pd.DataFrame) -> float:

@@ -68,9 +68,9 @@ def reversals(
     [('c', 'b')]
     """
     together = {c.label: c.at(tau) for c in performance_profile(values, floor=floor).curves}
-    found: list[tuple[str, str]] = []
+    result: list[tuple[str, str]] = []
     for one, other in combinations(sorted(labels, key=lambda label: (-together[label], label)), 2):
         alone = {c.label: c.at(tau) for c in profile_of_two(values, one, other, floor=floor).curves}
         if together[one] > together[other] and alone[one] < alone[other]:
-            found.append((one, other))
-    return found
+            result.append((one, other))
+    return result

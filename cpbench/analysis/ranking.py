@@ -141,12 +141,12 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
     parts = rows_of.groups(multi_start.merged(table))
     groups = [group for group, _ in parts]
     launching = cautions.launching(sheets or {}, sheets or {})
-    found: list[Ranking] = []
+    result: list[Ranking] = []
     for group, rows in parts:
         started = rows[~rows["status"].isin(REFUSED)]
         if len(started):
-            found.append(_ranking(group, formulation(group, groups), started, launching))
-    return found
+            result.append(_ranking(group, formulation(group, groups), started, launching))
+    return result
 
 
 def formulation(group: ResultGroup, groups: Sequence[ResultGroup]) -> str:

@@ -46,10 +46,10 @@ def at_reached(table: pd.DataFrame, histories: pd.DataFrame | None = None) -> pd
         own = place[iterates["key"]].to_numpy()
         known.append(_points(own, iterates["error"], iterates["seconds"].to_numpy(dtype=float)))
     least = _least(pd.concat(known, ignore_index=True), pair[done], table.loc[done, "tolerance"].to_numpy(dtype=float))
-    found = table.copy()
-    found.loc[done, "solve"] = np.minimum(least, rows_of.charged(table[done]))
-    found.loc[done, ["convert", "setup", "lift"]] = 0.0
-    return found
+    result = table.copy()
+    result.loc[done, "solve"] = np.minimum(least, rows_of.charged(table[done]))
+    result.loc[done, ["convert", "setup", "lift"]] = 0.0
+    return result
 
 
 def _points(pair: np.ndarray, error: pd.Series, seconds: np.ndarray) -> pd.DataFrame:

@@ -130,9 +130,9 @@ def contradicted(table: pd.DataFrame) -> pd.Series[bool]:
     """
     if CONTRADICTED in table:
         return table[CONTRADICTED].astype(bool)
-    found = pd.Series(False, index=table.index)
+    result = pd.Series(False, index=table.index)
     if not {"claim", "kind", "fingerprint", "measure", "tolerance"} <= set(table):
-        return found
+        return result
     open_rows = (table["status"] == str(Status.FAILED)) & (table["kind"] == str(Kind.EQUIVALENT))
     for claim, statuses in ((Status.INFEASIBLE, MET_TOLERANCE), (Status.UNBOUNDED, VERIFIED)):
         claims = table[open_rows & (table["claim"] == str(claim))]
@@ -140,8 +140,8 @@ def contradicted(table: pd.DataFrame) -> pd.Series[bool]:
             problem = ["fingerprint", "measure"]
             tightest = table[table["status"].isin(statuses)].groupby(problem)["tolerance"].min()
             there = tightest.reindex(pd.MultiIndex.from_frame(claims[problem])).to_numpy()
-            found[claims.index] = there <= claims["tolerance"].to_numpy()
-    return found
+            result[claims.index] = there <= claims["tolerance"].to_numpy()
+    return result
 
 
 def counting_stationary(table: pd.DataFrame) -> pd.DataFrame:
@@ -305,12 +305,12 @@ def label_kinds(table: pd.DataFrame) -> dict[str, str]:
     {'l': 'approximate', 'm': ''}
     """
     ranks = {str(kind): kind.rank for kind in Kind}
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     taken = table[["label", "kind"]].drop_duplicates()
     for label, kind in sorted(zip(taken["label"], taken["kind"], strict=True)):
-        if ranks.get(kind, -1) >= ranks.get(found.get(label, ""), -1):
-            found[label] = kind if kind in ranks else ""
-    return found
+        if ranks.get(kind, -1) >= ranks.get(result.get(label, ""), -1):
+            result[label] = kind if kind in ranks else ""
+    return result
 
 
 def exact(table: pd.DataFrame) -> pd.Series[bool]:

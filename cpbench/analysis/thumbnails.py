@@ -46,15 +46,15 @@ def thumbnail(problem: Problem, point: Point | None = None, tolerance: float = 1
     """
     if isinstance(problem, LCP) and problem.q.size == 2:
         return {"cones": _cones(problem)}
-    found: Thumbnail = {"blocks": _blocks(problem)}
+    result: Thumbnail = {"blocks": _blocks(problem)}
     if isinstance(problem, ContactProblem) and problem.nc:
         summary = (
             {"unanswered": True}
             if point is None
             else {"contacts": _contacts(contact_states(problem, point, tolerance))}
         )
-        found |= summary
-    return found
+        result |= summary
+    return result
 
 
 def _blocks(problem: Problem) -> list[list[dict[str, Any] | None]]:

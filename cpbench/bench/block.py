@@ -229,12 +229,12 @@ def predecessors(members: Sequence[Pair]) -> dict[str, Pair]:
     members : sorted by step.
     """
     last: dict[tuple[Any, ...], Pair] = {}
-    found: dict[str, Pair] = {}
+    result: dict[str, Pair] = {}
     for pair in members:
         if pair.scene is None:
             continue
         track = (pair.scene, pair.label, pair.tolerance, pair.measure)
         if track in last and last[track].step < pair.step:
-            found[pair.key] = last[track]
+            result[pair.key] = last[track]
         last[track] = pair
-    return found
+    return result

@@ -28,13 +28,13 @@ def describe() -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Return the versions of cpbench and of the packages it computes with, of those that are installed."""
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for name in PACKAGES:
         try:
-            found[name] = version(name)
+            result[name] = version(name)
         except PackageNotFoundError:
             continue
-    return found
+    return result
 
 
 def _cpu_name() -> str:

@@ -180,8 +180,8 @@ def find_via(text: str) -> list[str]:
     names = conversions.names()
     if text in names:
         return [text]
-    found = [name for name in names if name.split("-", 2)[2:] == [text]]
-    if not found:
+    result = [name for name in names if name.split("-", 2)[2:] == [text]]
+    if not result:
         ends = {name.split("-", 2)[2] for name in names if name.count("-") >= 2}
         raise UnknownName("conversion", text, {*names, *ends})
-    return found
+    return result

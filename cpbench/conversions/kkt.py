@@ -90,10 +90,10 @@ def pressing(trace: Trace, z: Vector, lam: Vector, mu: Vector) -> Vector:
 
 def _largest_in_columns(matrix: Matrix, sizes: Vector) -> Vector:
     """Return the largest |entry| of each column, each over the size of its row; ∞ where only that is 0."""
-    found = np.zeros(matrix.shape[1])
+    result = np.zeros(matrix.shape[1])
     entries = sp.coo_array(matrix)
-    np.fmax.at(found, entries.coords[1], abs(entries.data) / sizes[entries.coords[0]])
-    return found
+    np.fmax.at(result, entries.coords[1], abs(entries.data) / sizes[entries.coords[0]])
+    return result
 
 
 def conditions(M: Matrix, q: Vector, constraints: ConstraintRows) -> MLCP:

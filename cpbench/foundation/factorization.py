@@ -89,7 +89,7 @@ def diagonal_blocks(A: Sparse, limit: int) -> list[Blocks]:
     position[order] = np.arange(labels.size) - first[labels[order]]
     row = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
     present = np.unique(sizes[sizes <= limit])
-    found: list[Blocks] = []
+    result: list[Blocks] = []
     for size in present:
         members = np.flatnonzero(sizes == size)
         number = np.full(sizes.size, -1)
@@ -104,8 +104,8 @@ def diagonal_blocks(A: Sparse, limit: int) -> list[Blocks]:
         values = np.zeros(members.size * size * size)
         values[place] = value
         unknowns = order[first[members][:, None] + np.arange(size)]
-        found.append(Blocks(unknowns, values.reshape(members.size, size, size)))
-    return found
+        result.append(Blocks(unknowns, values.reshape(members.size, size, size)))
+    return result
 
 
 def assembled(blocks: Sequence[Blocks], shape: tuple[int, ...]) -> Sparse:

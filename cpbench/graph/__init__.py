@@ -243,13 +243,13 @@ def lift(problem: Problem, point: Any, steps: int | None = None) -> Any:
 
 def remarks(problem: Problem, point: Any, steps: int | None = None) -> list[str]:
     """Return what the conversions that `lift` undoes have to say of this answer, each with its name."""
-    found: list[str] = []
+    result: list[str] = []
     for step in reversed(_last(problem, steps)):
         edge = make(step.conversion, dict(step.parameters))
         remark = edge.remark(point, step.trace)
-        found += [f"{edge.label}: {remark}"] if remark else []
+        result += [f"{edge.label}: {remark}"] if remark else []
         point = edge.lift(point, step.trace)
-    return found
+    return result
 
 
 def push(problem: Problem, point: Any, steps: int | None = None) -> Any:

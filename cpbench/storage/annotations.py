@@ -201,12 +201,12 @@ def write_place(parent: h5py.Group, problem: Problem, *, compress: bool) -> None
 
 def read_place(parent: Tree) -> dict[str, Any]:
     """Return fields `sequence` and `contacts`, absent where the file has none."""
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     if "sequence" in parent:
         group = parent.child("sequence")
         attributes = group.attributes()
         try:
-            found["sequence"] = Sequence(
+            result["sequence"] = Sequence(
                 name=str(attributes["name"]),
                 step=int(attributes["step"]),
                 time=float(attributes["time"]),
@@ -220,7 +220,7 @@ def read_place(parent: Tree) -> dict[str, Any]:
         kinds = {"id": np.int64, "bodies": np.int64, "position": np.float64, "frame": np.float64}
         parts: dict[str, Any] = {name: group.array(name, dtype, None) for name, dtype in kinds.items() if name in group}
         try:
-            found["contacts"] = Contacts(**parts)
+            result["contacts"] = Contacts(**parts)
         except (ProblemError, TypeError) as cause:
             raise group.error("", str(cause)) from None
-    return found
+    return result

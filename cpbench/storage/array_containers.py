@@ -38,12 +38,12 @@ def headers(path: Path) -> Headers:
         return dict.fromkeys(folder_files(path))
     suffix = path.suffix.lower()
     if suffix == ".npz":
-        found: Headers = dict(npz_shapes(path))
-        for name in sparse_names(found):
+        result: Headers = dict(npz_shapes(path))
+        for name in sparse_names(result):
             for part in SPARSE:
-                del found[f"{name}.{part}"]
-            found[name] = None
-        return found
+                del result[f"{name}.{part}"]
+            result[name] = None
+        return result
     if suffix == ".mat":
         return _mat_headers(path)
     with open_tree(path) as root:
@@ -75,17 +75,17 @@ def folder_files(folder: Path) -> dict[str, Path]:
     arrays = [path for path in inside if path.suffix.lower() in FOLDER_SUFFIXES]
     if not arrays:
         return {}
-    found: dict[str, Path] = {}
+    result: dict[str, Path] = {}
     for path in arrays:
-        if path.stem in found:
-            raise FormatError(folder, path.stem, f"is there twice, as {found[path.stem].name} and {path.name}")
-        found[path.stem] = path
+        if path.stem in result:
+            raise FormatError(folder, path.stem, f"is there twice, as {result[path.stem].name} and {path.name}")
+        result[path.stem] = path
     known = {name for dialect in dialects.dialects() for name in dialect.known()}
     for path in inside:
         if path.suffix.lower() in _ALSO and path.stem in known:
             expected = ", ".join(FOLDER_SUFFIXES)
             raise FormatError(folder, path.name, f"has the name of an array and is not read, expected {expected}")
-    return found
+    return result
 
 
 def is_array_folder(names: Collection[str]) -> bool:
@@ -115,31 +115,31 @@ def _mat_headers(path: Path) -> Headers:
 def _mat_names(path: Path) -> Headers:
     import scipy.io
 
-    found: Headers = {}
+    result: Headers = {}
     for name, shape, kind in _guarded(path, scipy.io.whosmat):
         if kind == "struct":
             one = _guarded(path, lambda file, name=name: scipy.io.loadmat(file, variable_names=[name]))
-            found |= dict.fromkeys(_struct(path, name, one[name]))
+            result |= dict.fromkeys(_struct(path, name, one[name]))
         else:
-            found[name] = tuple(map(int, shape))
-    return found
+            result[name] = tuple(map(int, shape))
+    return result
 
 
 def _mat_values(path: Path) -> dict[str, Any]:
     import scipy.io
 
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for name, value in _guarded(path, scipy.io.loadmat).items():
         if name.startswith("__"):
             continue
         if sp.issparse(value):
             _require_indices(path, name, value)
-            found[name] = sp.csr_array(value)
+            result[name] = sp.csr_array(value)
         elif value.dtype.names:
-            found |= _struct(path, name, value)
+            result |= _struct(path, name, value)
         else:
-            found[name] = value
-    return found
+            result[name] = value
+    return result
 
 
 def _struct(path: Path, name: str, value: Any) -> dict[str, Any]:
@@ -191,11 +191,11 @@ def tree_values(root: Tree) -> dict[str, Any]:
 
 def _tree_places(root: Tree) -> dict[str, tuple[Tree, str]]:
     """Return the name of each data set with the group that it is in."""
-    found: dict[str, tuple[Tree, str]] = {}
+    result: dict[str, tuple[Tree, str]] = {}
     for name in root.names():
         if root.is_group(name):
             child = root.child(name)
-            found |= {f"{name}.{part}": (child, part) for part in child.names()}
+            result |= {f"{name}.{part}": (child, part) for part in child.names()}
         else:
-            found[name] = (root, name)
-    return found
+            result[name] = (root, name)
+    return result

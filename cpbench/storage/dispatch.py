@@ -181,12 +181,12 @@ def _candidates(file: Path) -> list[Format]:
     if file.is_dir() and folder_files(file):
         return [formats.get("arrays")]
     head, name = read_head(file), plain(file)
-    found = [f for f in _possible(file) if f.recognises(name, head)]
-    if not found:
+    result = [f for f in _possible(file) if f.recognises(name, head)]
+    if not result:
         known = ", ".join(sorted({suffix for f in formats for suffix in f.suffixes}))
         more = "; a matrix by itself is part of a problem: cpbench pack makes one" if file.suffix in _MATRICES else ""
         raise FormatError(file, "", f"is in no known format (suffixes {known}): name it with --format{more}")
-    return found
+    return result
 
 
 def _by_suffix(problem: Problem, file: Path) -> Format:

@@ -170,9 +170,9 @@ class GAMSExpressions:
                 return self._applied(Operator.DIV, *given)
             if _SAME[name] == "^":
                 return self._power(opened)
-            found = combine(build, _SAME[name], given)
-            if found is not None:
-                return found
+            result = combine(build, _SAME[name], given)
+            if result is not None:
+                return result
         self._tokens.refuse(f"gives {name} {len(given)} arguments, expected {wanted}", opened.line)
 
     def _power(self, opened: _Open) -> int:

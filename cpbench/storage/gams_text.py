@@ -53,9 +53,9 @@ class Tokens:
 
     def advance(self) -> Token:
         """Return the next token and move behind it."""
-        found = self.next
-        self.next = next(self._source, Token("end", "", found.line))
-        return found
+        result = self.next
+        self.next = next(self._source, Token("end", "", result.line))
+        return result
 
     @property
     def ended(self) -> bool:

@@ -117,10 +117,10 @@ class HDF5(Format):
 
     def members(self, path: Path) -> list[str]:
         with open_tree(path) as root:
-            found = members_of(root)
-            if not found:
+            result = members_of(root)
+            if not result:
                 raise root.error("", _nothing(root))
-            return found
+            return result
 
     def load(self, path: Path, member: str) -> Problem:
         with open_tree(path) as root:

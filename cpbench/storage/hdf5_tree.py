@@ -79,11 +79,11 @@ class Tree:
         # an external link could name any file of whoever reads this one
         if self.gid.links.get_info(raw).type != h5l.TYPE_HARD:
             raise self.error(name, "is a soft or external link: links are not followed, expected the data itself")
-        found = h5o.open(self.gid, raw)
-        if not isinstance(found, kind):
-            what = "group" if isinstance(found, h5g.GroupID) else "data set"
+        result = h5o.open(self.gid, raw)
+        if not isinstance(result, kind):
+            what = "group" if isinstance(result, h5g.GroupID) else "data set"
             raise self.error(name, f"is a {what}, expected {expected}")
-        return found
+        return result
 
     def child(self, name: str) -> Tree:
         """Return the group `name`; raises FormatError when it is missing, a data set or a link."""
@@ -203,7 +203,7 @@ def open_tree(path: Path) -> Generator[Tree]:
 
 
 def _attributes(owner: Any) -> dict[str, Any]:
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for i in range(h5a.get_num_attrs(owner)):
         attribute = h5a.open(owner, index=i)
         name = attribute.name.decode("utf-8", "replace")
@@ -213,8 +213,8 @@ def _attributes(owner: Any) -> dict[str, Any]:
         value = np.empty(attribute.shape or (), attribute.dtype)
         if count:
             attribute.read(value)
-        found[name] = _string(value[()]) if value.dtype.kind in "SO" and not value.shape else value[()]
-    return found
+        result[name] = _string(value[()]) if value.dtype.kind in "SO" and not value.shape else value[()]
+    return result
 
 
 def _string(value: Any) -> str:

@@ -85,10 +85,10 @@ def _array(head: _Head) -> NDArray[Any]:
     if general:
         return numbers.reshape((rows, cols), order="F")
     column, row = np.triu_indices(rows, int(skew))
-    found = np.zeros((rows, cols))
-    found[column, row] = -numbers if skew else numbers
-    found[row, column] = numbers
-    return found
+    result = np.zeros((rows, cols))
+    result[column, row] = -numbers if skew else numbers
+    result[row, column] = numbers
+    return result
 
 
 def _entries(head: _Head, rows: int, cols: int, entries: int) -> sp.coo_array:

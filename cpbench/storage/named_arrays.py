@@ -76,11 +76,11 @@ def _held(value: Any) -> str:
 
 def joined(path: Path, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arrays with the parts of each sparse matrix put together; raises FormatError."""
-    found = dict(values)
-    for name in sparse_names(found):
-        parts = {part: found.pop(f"{name}.{part}") for part in SPARSE}
-        found[name] = sparse_from_parts(path, f"{name}.", counted(parts))
-    return found
+    result = dict(values)
+    for name in sparse_names(result):
+        parts = {part: result.pop(f"{name}.{part}") for part in SPARSE}
+        result[name] = sparse_from_parts(path, f"{name}.", counted(parts))
+    return result
 
 
 def counted(parts: Mapping[str, Any]) -> dict[str, Any]:

@@ -171,11 +171,11 @@ def _read_fields(own: Tree, attributes: dict[str, Any], cls: type[Problem]) -> d
         return {}
     try:
         stored = cast("dict[str, Any]", json.loads(attributes.get("fields", "{}")))
-        found = {name: stored[name] for name in names if name in stored}
+        result = {name: stored[name] for name in names if name in stored}
     except (TypeError, ValueError) as cause:
         raise own.error("@fields", f"is not a JSON object ({cause})") from None
-    for name, value in found.items():
+    for name, value in result.items():
         default = cls.__dataclass_fields__[name].default
         if default is not dataclasses.MISSING and type(value) is not type(default):
             raise own.error("@fields", f"has {name} = {value!r}, expected {type(default).__name__}")
-    return found
+    return result

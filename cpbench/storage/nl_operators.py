@@ -80,6 +80,6 @@ def applied(build: Builder, code: int, arguments: list[int], condition: bool) ->
         operation = build.operation(arguments[0])
         if operation is not None and operation[0] in CONDITIONS:
             return arguments[0]
-    found = combine(build, _FORMULAS[code][0], arguments)
-    assert found is not None  # the number of arguments is right
-    return found
+    result = combine(build, _FORMULAS[code][0], arguments)
+    assert result is not None  # the number of arguments is right
+    return result

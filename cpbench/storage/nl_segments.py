@@ -149,14 +149,14 @@ class Segments:
 
     def _read_terms(self, count: int) -> LinearTerms:
         source, n = self._source, self.header.variables
-        found: LinearTerms = []
+        result: LinearTerms = []
         for _ in range(count):
             source.line()
-            found.append((source.below(n, "variable"), source.finite()))
+            result.append((source.below(n, "variable"), source.finite()))
             source.end()
-        if len({column for column, _ in found}) < count:
+        if len({column for column, _ in result}) < count:
             source.refuse("has a variable twice in the linear terms of a row")
-        return found
+        return result
 
     def _read_sides(self) -> None:
         self._source.end()

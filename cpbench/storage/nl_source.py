@@ -57,10 +57,10 @@ class NLSource(ABC):
 
     def whole(self) -> int:
         """Return the next whole number of an entry; raises FormatError, also where it is negative."""
-        found = self.signed()
-        if found < 0:
-            self.refuse(f"has {found}, expected a whole number of at least 0")
-        return found
+        result = self.signed()
+        if result < 0:
+            self.refuse(f"has {result}, expected a whole number of at least 0")
+        return result
 
     def short(self) -> float:
         """Return a number of the kind `s`."""
@@ -72,17 +72,17 @@ class NLSource(ABC):
 
     def finite(self) -> float:
         """Return the next number; raises FormatError unless it is finite."""
-        found = self.number()
-        if not math.isfinite(found):
-            self.refuse(f"has {found}, expected a finite number")
-        return found
+        result = self.number()
+        if not math.isfinite(result):
+            self.refuse(f"has {result}, expected a finite number")
+        return result
 
     def below(self, limit: int, what: str) -> int:
         """Return the next whole number, which has to be less than `limit`; raises FormatError."""
-        found = self.whole()
-        if found >= limit:
-            self.refuse(f"has {what} {found}, expected one of 0 to {limit - 1}" if limit else f"has {what} {found}")
-        return found
+        result = self.whole()
+        if result >= limit:
+            self.refuse(f"has {what} {result}, expected one of 0 to {limit - 1}" if limit else f"has {what} {result}")
+        return result
 
     def refuse(self, cause: str) -> NoReturn:
         """Raise FormatError with the place."""
@@ -170,10 +170,10 @@ class BinarySource(NLSource):
         return int(self._unpacked(self._whole))
 
     def number(self) -> float:
-        found = self._unpacked(self._double)
-        if math.isnan(found):
+        result = self._unpacked(self._double)
+        if math.isnan(result):
             self.refuse("has NaN, expected a number")
-        return found
+        return result
 
     def short(self) -> float:
         return float(self._unpacked(self._short))
@@ -197,6 +197,6 @@ class BinarySource(NLSource):
     def _unpacked(self, form: struct.Struct) -> int | float:
         if self._at + form.size > len(self._data):
             self.refuse("ends here, in the middle of a number")
-        (found,) = form.unpack_from(self._data, self._at)
+        (result,) = form.unpack_from(self._data, self._at)
         self._at += form.size
-        return found
+        return result

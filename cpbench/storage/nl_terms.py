@@ -99,16 +99,16 @@ class _Writer:
         """Return a value as an expression."""
         if value < self._inputs:
             return self._to.key("v", value)
-        found = self._texts.get(value)
-        if found is None:
+        result = self._texts.get(value)
+        if result is None:
             number = self._number(value)
             assert number is not None  # what is neither an unknown nor an operation
             return self._to.numbers("n", number)
-        if isinstance(found, bytes):
-            return found
-        if len(found.pieces) == 2:
-            return self._to.key("o", WRITTEN[Operator.ADD]) + b"".join(found.pieces)
-        return self._to.key("o", SUM) + self._to.entry(len(found.pieces)) + b"".join(found.pieces)
+        if isinstance(result, bytes):
+            return result
+        if len(result.pieces) == 2:
+            return self._to.key("o", WRITTEN[Operator.ADD]) + b"".join(result.pieces)
+        return self._to.key("o", SUM) + self._to.entry(len(result.pieces)) + b"".join(result.pieces)
 
     def add(self, value: int, operation: tuple[int, int, int], shared: bool) -> None:
         """Take up an operation whose arguments are there."""

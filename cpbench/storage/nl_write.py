@@ -106,16 +106,16 @@ def _rows(model: _Written, terms: NLTerms, kinds: Sequence[str], to: Encoder) ->
     plain = [terms.affine(end) for end in terms.ends]
     model.defined, texts = terms.written([end for end, row in zip(terms.ends, plain, strict=True) if row is None], to)
     expressions = iter(texts)
-    found: list[_Row] = []
+    result: list[_Row] = []
     for end, row, kind in zip(terms.ends, plain, kinds, strict=True):
         if row is None:
             side = to.numbers(kind, 0.0) if kind else b""
-            found.append(_Row(next(expressions), terms.columns(end), sides=side))
+            result.append(_Row(next(expressions), terms.columns(end), sides=side))
             continue
         constant = to.numbers("n", 0.0 if kind else row.constant)
         side = to.numbers(kind, -row.constant if row.constant else 0.0) if kind else b""
-        found.append(_Row(constant, (), row.columns, row.values, side))
-    return found
+        result.append(_Row(constant, (), row.columns, row.values, side))
+    return result
 
 
 @WRITERS.of("qp")

@@ -80,6 +80,6 @@ def in_units(solver: Solver, cases: list[Case], units: Sequence[float]) -> Itera
 
 
 def _stopping(solver: Solver, tolerance: float, problem: Any) -> Stopping:
-    found = solver.stopping(tolerance, problem)
-    assert found is not None
-    return found
+    result = solver.stopping(tolerance, problem)
+    assert result is not None
+    return result

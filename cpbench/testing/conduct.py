@@ -71,10 +71,10 @@ class Mark:
 
 def named(name: str) -> list[Item]:
     """Return everything registered under a name; raises UnknownName."""
-    found = [_item(kind, name) for kind, registry in REGISTRIES.items() if name in registry]
-    if not found:
+    result = [_item(kind, name) for kind, registry in REGISTRIES.items() if name in registry]
+    if not result:
         raise UnknownName("plugin", name, {n for registry in REGISTRIES.values() for n in registry.names()})
-    return found
+    return result
 
 
 def registered_by(path: Path) -> list[Item]:
@@ -84,16 +84,16 @@ def registered_by(path: Path) -> list[Item]:
     """
     before = {kind: {name: registry.get(name) for name in registry.names()} for kind, registry in REGISTRIES.items()}
     (declare_file if path.suffix == ".toml" else load_plugin)(path)
-    found: list[Item] = []
+    result: list[Item] = []
     for kind, registry in REGISTRIES.items():
         for name in registry.names():
             if name not in before[kind]:
-                found.append(_item(kind, name))
+                result.append(_item(kind, name))
             elif registry.get(name) is not before[kind][name]:
                 raise DuplicateName(f"{path}: the {kind} '{name}' exists already: rename one")
-    if not found:
+    if not result:
         raise FormatError(path, "", f"registers nothing; expected a {', '.join(REGISTRIES)}")
-    return found
+    return result
 
 
 def _item(kind: str, name: str) -> Item:

@@ -85,13 +85,13 @@ class Trip:
 def measure(nodes: Iterable[str], tolerance: float = 1e-9) -> list[Cell]:
     """Return every ordered pair of two of `nodes` that a path of equivalent conversions joins."""
     wanted = sorted(nodes)
-    found: list[Cell] = []
+    result: list[Cell] = []
     with tempfile.TemporaryDirectory() as folder:
         for source in wanted:
             trips = RoundTrips(Path(folder), SHARE * tolerance)
             reached = graph.reachable(source, EQUIVALENT)
-            found += [trips.cell(source, target) for target in wanted if target in reached and target != source]
-    return found
+            result += [trips.cell(source, target) for target in wanted if target in reached and target != source]
+    return result
 
 
 class RoundTrips:

@@ -166,7 +166,7 @@ def _entries(path: Path, archive: zipfile.ZipFile, manifest: Mapping[str, Any]) 
     infos = archive.infolist()
     if len(infos) > MOST_FILES:
         raise BundleError(path, f"has {len(infos)} files, at most {MOST_FILES} are unpacked")
-    found: dict[str, zipfile.ZipInfo] = {}
+    result: dict[str, zipfile.ZipInfo] = {}
     seen: set[str] = set()
     for entry in infos:
         name = entry.filename
@@ -178,16 +178,16 @@ def _entries(path: Path, archive: zipfile.ZipFile, manifest: Mapping[str, Any]) 
         if name.casefold() in seen:
             raise BundleError(path, f"{name} is there twice: nothing was unpacked")
         seen.add(name.casefold())
-        found[name] = entry
-    found.pop(MANIFEST)
+        result[name] = entry
+    result.pop(MANIFEST)
     listed = manifest["files"]
-    for name in sorted(found.keys() ^ listed.keys()):
-        how = "is not listed in it" if name in found else "is listed and not there"
+    for name in sorted(result.keys() ^ listed.keys()):
+        how = "is not listed in it" if name in result else "is listed and not there"
         raise BundleError(path, f"was changed: {name} {how}")
-    for name, entry in found.items():
+    for name, entry in result.items():
         if entry.file_size != listed[name]["bytes"]:
             raise BundleError(path, f"was changed: {name} has {entry.file_size} bytes, not {listed[name]['bytes']}")
-    return found
+    return result
 
 
 def is_plain(name: str) -> bool:

@@ -53,22 +53,22 @@ def gather(store: Store, rows: Sequence[Row]) -> Plugins:
     needed |= {name.partition("@")[0] for name in needed}
     in_sheets = [str(sheet.get("plugin") or "") for sheet in sheets.values() if sheet.get("name") in needed]
     named = [*_in_command(str(store.meta().get("command", ""))), *os.environ.get(PLUGIN_FILES, "").split(os.pathsep)]
-    found = Plugins()
+    result = Plugins()
     files: dict[Path, None] = {}
     origins: dict[Path, list[str]] = {}
     for text in dict.fromkeys(filter(None, [*named, *in_sheets])):
         path = _located(text, store)
         if path is None:
-            found.absent.append(f"{text}, which is not there any more")
+            result.absent.append(f"{text}, which is not there any more")
         else:
             files[path] = None
             origins.setdefault(path, []).append(text)
     for path in sorted(files, key=lambda path: (path.suffix == ".toml", str(path))):
-        before = len(found.loaded)
-        _add(found, path, needed)
-        found.names |= {text: name for text in origins[path] for name in found.loaded[before:]}
-    _add_variants(found, sheets, needed)
-    return found
+        before = len(result.loaded)
+        _add(result, path, needed)
+        result.names |= {text: name for text in origins[path] for name in result.loaded[before:]}
+    _add_variants(result, sheets, needed)
+    return result
 
 
 def _in_command(command: str) -> list[str]:

@@ -75,7 +75,7 @@ def unit(row: Row) -> Unit:
 
 def shipped(folder: Path) -> dict[str, Place]:
     """Return the built-in problems by fingerprint, from the sheets beside them."""
-    found: dict[str, Place] = {}
+    result: dict[str, Place] = {}
     for sheet in sorted(folder.glob("*/*.toml")):
         described = _sheet(sheet)
         about = {key: str(described[key]) for key in ("node", "licence", "source", "citation")}
@@ -84,8 +84,8 @@ def shipped(folder: Path) -> dict[str, Place]:
         for problem in described["problem"]:
             address = f"{pack}{SEPARATOR}{problem['name']}" if several else pack
             place = Place(address, problem["fingerprint"], problem["name"], **about)
-            found.setdefault(place.fingerprint, place)
-    return found
+            result.setdefault(place.fingerprint, place)
+    return result
 
 
 def gather(
@@ -96,19 +96,19 @@ def gather(
     `withhold` : globs of names, families or addresses of problems that stay out, whatever their licence.
     """
     formats: Mapping[str, str] = store.meta().get("formats") or {}
-    found: dict[Unit, Place] = {}
+    result: dict[Unit, Place] = {}
     used: set[str] = set()
     scenes: dict[tuple[str, str], str] = {}
     for row in sorted(rows, key=lambda row: (row.node, row.problem, int(row.step or 0))):
         key = unit(row)
-        if key in found:
+        if key in result:
             continue
         if not row.sequence and key[0] in builtin:
-            found[key] = builtin[key[0]]
+            result[key] = builtin[key[0]]
             continue
         place = _place(row, used, scenes)
-        found[key] = _written(row, place, store, folder, formats.get(row.address), withhold)
-    return found
+        result[key] = _written(row, place, store, folder, formats.get(row.address), withhold)
+    return result
 
 
 def _place(row: Row, used: set[str], scenes: dict[tuple[str, str], str]) -> Place:

@@ -63,14 +63,14 @@ class Bundle:
 
     def programs(self) -> list[str]:
         """Return what the tables among the plugins start; raises BundleError where they are none."""
-        found: list[str] = []
+        result: list[str] = []
         for name in self.loaded:
             if name.endswith(".toml"):
                 try:
-                    found += plugins.programs((self.folder / name).read_text(encoding="utf-8"))
+                    result += plugins.programs((self.folder / name).read_text(encoding="utf-8"))
                 except (ValueError, AttributeError, TypeError) as cause:
                     raise BundleError(self.path, f"{name} is not a file of tables [solver.NAME] ({cause})") from None
-        return found
+        return result
 
 
 def open_bundle(path: Path, folder: Path) -> Bundle:

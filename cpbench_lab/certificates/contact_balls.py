@@ -187,21 +187,21 @@ class ContactSystem:
 
     def broken(self, x: Sequence[Any]) -> list[tuple[int, int | None]]:
         """Contacts whose conditions are not certain, with the state that is certain to be nearer, where one is."""
-        found: list[tuple[int, int | None]] = []
+        result: list[tuple[int, int | None]] = []
         u, r = self.scene.velocities(x), x[self.scene.k :]
         for c, state in enumerate(self.states.tolist()):
             (u_N, *u_T), (r_N, *r_T) = u[3 * c : 3 * c + 3], r[3 * c : 3 * c + 3]
             mu = arb(float(self.scene.mu[c]))
             rub, limit = square(r_T), mu * r_N * mu * r_N
             if state == OPEN and not u_N >= 0:
-                found.append((c, (SLIDE if mu != 0 else SMOOTH) if u_N < 0 else None))
+                result.append((c, (SLIDE if mu != 0 else SMOOTH) if u_N < 0 else None))
             elif state == STICK and not (r_N >= 0 and rub <= limit):
-                found.append((c, OPEN if r_N < 0 else SLIDE if r_N > 0 and rub > limit else None))
+                result.append((c, OPEN if r_N < 0 else SLIDE if r_N > 0 and rub > limit else None))
             elif state in (SLIDE, SMOOTH) and not r_N >= 0:
-                found.append((c, OPEN if r_N < 0 else None))
+                result.append((c, OPEN if r_N < 0 else None))
             elif state == SLIDE and not square(u_T) > 0:
-                found.append((c, None))
-        return found
+                result.append((c, None))
+        return result
 
 
 def _row(entries: Sequence[tuple[int, Any]], size: int) -> list[Any]:

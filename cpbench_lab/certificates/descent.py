@@ -157,9 +157,9 @@ def _refutes(P: WithRows, z: Vector, radius: float, d: Sequence[Any]) -> bool:
 
 def _times(K: ExactRows, rows: Any, x: Sequence[Any], *, absolute: bool = False) -> list[Any]:
     """Return rows times x, of the absolute values where asked."""
-    found: list[Any] = []
+    result: list[Any] = []
     for i in rows:
         pairs = zip(K.values[i], K.columns[i], strict=True)
         total = sum((x[j] * (abs(v) if absolute else v) for v, j in pairs), rational(0.0))
-        found.append(total * rational(2.0) ** K.exponents[i])
-    return found
+        result.append(total * rational(2.0) ** K.exponents[i])
+    return result

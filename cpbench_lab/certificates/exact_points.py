@@ -33,14 +33,14 @@ def rounded(x: Vector) -> Iterator[Vector]:
 
 def affine(matrix: Sparse, constants: Vector, x: Sequence[Any]) -> list[Any]:
     """Matrix · x + constants over the rationals."""
-    rows, found = ExactRows.of(matrix), list[Any]()
+    rows, result = ExactRows.of(matrix), list[Any]()
     for i, c in enumerate(constants.tolist()):
         total, exponent = fmpq(0), rows.exponents[i]
         for value, j in zip(rows.values[i], rows.columns[i], strict=True):
             total += x[j] * value
         unit = fmpq(2) ** exponent
-        found.append(total * unit + rational(c))
-    return found
+        result.append(total * unit + rational(c))
+    return result
 
 
 def solves_contacts(scene: Scene, x: Vector) -> bool:

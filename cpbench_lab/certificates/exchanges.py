@@ -32,12 +32,12 @@ def exchanged(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: fl
     current = _regular(P, K, states, near, deadline)
     while current is not None and current.tobytes() not in tried and len(tried) < STEPS:
         tried.add(current.tobytes())
-        found = exact_point(P, K, current, near)
-        if found.support is None or time.perf_counter() > deadline:
+        result = exact_point(P, K, current, near)
+        if result.support is None or time.perf_counter() > deadline:
             break
-        wrong = violations(P, K, found.x)
+        wrong = violations(P, K, result.x)
         if not wrong:
-            return found
+            return result
         entering = [i for i, state in wrong if state == BASIC and current[i] != BASIC]
         moved = _entered(P, K, current, near, entering[0], deadline) if entering else None
         if moved is None:

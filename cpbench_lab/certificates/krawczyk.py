@@ -80,13 +80,13 @@ def balls(centre: Dense, radius: Vector) -> list[Any]:
 
 def sums_of_doubles(near: Sequence[Any]) -> Dense:
     """Numbers as sums of PARTS doubles, rounded to as much."""
-    found = np.zeros((len(near), PARTS))
+    result = np.zeros((len(near), PARTS))
     for i, value in enumerate(near):
         rest = value
         for k in range(PARTS):
-            found[i, k] = float(rest.mid())
-            rest = rest - arb(found[i, k])
-    return found
+            result[i, k] = float(rest.mid())
+            rest = rest - arb(result[i, k])
+    return result
 
 
 @contextmanager

@@ -83,10 +83,10 @@ def enclose_nonlinear(P: Bounded, z: Vector) -> Enclosed:
     states, reason, tried = _states(P, z), "", set[bytes]()
     while states.tobytes() not in tried and len(tried) < ROUNDS:
         tried.add(states.tobytes())
-        found, better = _enclosed(P, z, states)
-        if not found.reason:
-            return found
-        reason, states = reason or found.reason, better
+        result, better = _enclosed(P, z, states)
+        if not result.reason:
+            return result
+        reason, states = reason or result.reason, better
     return no_box(states, reason)
 
 
@@ -129,7 +129,7 @@ def _enclosed(P: Bounded, z: Vector, states: States) -> tuple[Enclosed, States]:
 
 def _broken(P: Bounded, states: States, x: Sequence[Any]) -> list[tuple[int, int, bool]]:
     """Places whose conditions are not certain, with the other state, and whether they certainly fail."""
-    found: list[tuple[int, int, bool]] = []
+    result: list[tuple[int, int, bool]] = []
     f = values(P.F, x)
     for i, state in enumerate(states.tolist()):
         low, high = P.lo[i], P.hi[i]
@@ -137,14 +137,14 @@ def _broken(P: Bounded, states: States, x: Sequence[Any]) -> list[tuple[int, int
             continue
         if state == BASIC:
             if low > -np.inf and not x[i] >= low:
-                found.append((i, LOWER, bool(x[i] < low)))
+                result.append((i, LOWER, bool(x[i] < low)))
             elif high < np.inf and not x[i] <= high:
-                found.append((i, UPPER, bool(x[i] > high)))
+                result.append((i, UPPER, bool(x[i] > high)))
         elif state == LOWER and not f[i] >= 0:
-            found.append((i, BASIC, bool(f[i] < 0)))
+            result.append((i, BASIC, bool(f[i] < 0)))
         elif state == UPPER and not f[i] <= 0:
-            found.append((i, BASIC, bool(f[i] > 0)))
-    return found
+            result.append((i, BASIC, bool(f[i] > 0)))
+    return result
 
 
 def _states(P: Bounded, z: Vector) -> States:

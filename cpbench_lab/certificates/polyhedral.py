@@ -36,19 +36,19 @@ def prove(P: Mixed, x: Vector, seconds: float) -> ExactPoint:
     # each as it is first: what is nearest to the answer is the better proof, and pivots may go far away
     for changes in (0, ROUNDS + SINGLE):
         for states, near in reversed(known) if changes else known:
-            found = _pivoted(P, K, states, near, changes, tried, deadline)
-            if found.support is not None:
-                return found
-            reason = found.reason or reason
+            result = _pivoted(P, K, states, near, changes, tried, deadline)
+            if result.support is not None:
+                return result
+            reason = result.reason or reason
     for _, near in known:
-        found = at_vertex(P, K, near, deadline)
-        if found.support is not None:
-            return found
-        reason = found.reason or reason
+        result = at_vertex(P, K, near, deadline)
+        if result.support is not None:
+            return result
+        reason = result.reason or reason
     for states, near in known:
-        found = exchanged(P, K, states, near, deadline)
-        if found.support is not None:
-            return found
+        result = exchanged(P, K, states, near, deadline)
+        if result.support is not None:
+            return result
     return ExactPoint(None, [], reason)
 
 
@@ -63,19 +63,19 @@ def _pivoted(
         tried.add(states.tobytes())
         if time.perf_counter() > deadline:
             return ExactPoint(None, [], first or "the time is over")
-        found = exact_point(P, K, states, near)
-        if found.support is None:
-            return ExactPoint(None, [], found.reason)
-        wrong = violations(P, K, found.x)
+        result = exact_point(P, K, states, near)
+        if result.support is None:
+            return ExactPoint(None, [], result.reason)
+        wrong = violations(P, K, result.x)
         if not wrong:
-            return found
-        if found.support.rows.size < (states == BASIC).sum():
+            return result
+        if result.support.rows.size < (states == BASIC).sum():
             inside = interior(P, states, near)
             if inside is not None:
-                found = exact_point(P, K, states, inside)
-                if found.support is not None and not violations(P, K, found.x):
-                    return found
-        first = first or _told(P, found.x, wrong)
+                result = exact_point(P, K, states, inside)
+                if result.support is not None and not violations(P, K, result.x):
+                    return result
+        first = first or _told(P, result.x, wrong)
         changed = wrong if count < ROUNDS else wrong[:1]
         states = states.copy()
         for i, state in changed:

@@ -39,16 +39,16 @@ def excluded(problem: Problem, point: Any, *, near: bool = False) -> tuple[float
     """
     if problem.node in ROWS and not near:
         P = WithRows.of(problem)
-        found = _largest(lambda radius: direction(P, point.z, radius), _size(point.z))
-        if found is not None:
-            return found
+        result = _largest(lambda radius: direction(P, point.z, radius), _size(point.z))
+        if result is not None:
+            return result
     test = _test(problem, point)
     if test is None:
         return 0.0, {}
     contradicts, x = test
     with digits():
-        found = _largest(lambda r: {} if contradicts([arb(v, r) for v in x.tolist()]) else None, _size(x))
-    return found or (0.0, {})
+        result = _largest(lambda r: {} if contradicts([arb(v, r) for v in x.tolist()]) else None, _size(x))
+    return result or (0.0, {})
 
 
 def _size(x: Vector) -> float:

@@ -60,23 +60,23 @@ def at_vertex(P: Mixed, K: ExactRows, near: Vector, deadline: float) -> ExactPoi
         return ExactPoint(None, [])
     reason = ""
     for small in SMALL:
-        found = _mended(P, K, _states(P, near, small), near, deadline)
-        if found.support is not None:
-            return found
-        reason = reason or found.reason
+        result = _mended(P, K, _states(P, near, small), near, deadline)
+        if result.support is not None:
+            return result
+        reason = reason or result.reason
     return ExactPoint(None, [], reason)
 
 
 def _mended(P: Mixed, K: ExactRows, states: States, near: Vector, deadline: float) -> ExactPoint:
     """Return the exact point of a vertex, after rows that depend on others were let go."""
     for _ in range(ROUNDS):
-        found = _vertex(P, K, states, near, deadline - time.perf_counter())
-        wrong = violations(P, K, found.x) if found.support is not None else []
+        result = _vertex(P, K, states, near, deadline - time.perf_counter())
+        wrong = violations(P, K, result.x) if result.support is not None else []
         if not wrong:
-            return found
+            return result
         loose = 0
         for i, state in wrong:
-            side = row_value(P, K, i, found.x) if state == BASIC and states[i] == BASIC else 0
+            side = row_value(P, K, i, result.x) if state == BASIC and states[i] == BASIC else 0
             back = LOWER if side > 0 and np.isfinite(P.lo[i]) else UPPER if side < 0 and np.isfinite(P.hi[i]) else BASIC
             if back != BASIC:
                 states[i], loose = back, loose + 1

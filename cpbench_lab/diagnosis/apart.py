@@ -67,16 +67,16 @@ class Apart:
             reply, arrays = self._ask(request, vectors, LOAD.floor + budget.seconds + GRACE)
             return _raw(reply, arrays)
         except TimedOut:
-            found = Raw(
+            result = Raw(
                 status=Status.TIMEOUT, message=f"still running after {budget.seconds:g} s", seconds=budget.seconds
             )
         except Died as death:
             status = Status.MEMOUT if death.out_of_memory else Status.CRASH
-            found = Raw(status=status, message=f"the process ended: {describe_exit(death)}")
+            result = Raw(status=status, message=f"the process ended: {describe_exit(death)}")
         except (frames.FrameError, KeyError, TypeError, ValueError) as noise:
-            found = Raw(status=Status.ERROR, message=f"what came is no answer: {noise}")
+            result = Raw(status=Status.ERROR, message=f"what came is no answer: {noise}")
         self._close()
-        return found
+        return result
 
     def _ask(
         self, request: Mapping[str, Any], vectors: Mapping[str, Any], seconds: float

@@ -90,10 +90,10 @@ class _Inquiry:
         left = self.deadline.left
         if not left:
             raise OutOfTime
-        found = self.deadline.run(lambda: self.attempt(replace(trial, seconds=min(trial.seconds, left))))
-        if (found.status == Status.TIMEOUT and left < trial.seconds) or not self.deadline.left:
+        result = self.deadline.run(lambda: self.attempt(replace(trial, seconds=min(trial.seconds, left))))
+        if (result.status == Status.TIMEOUT and left < trial.seconds) or not self.deadline.left:
             raise OutOfTime
-        return found
+        return result
 
     def _fastest(self, failed: TrialOutcome) -> float:
         """Return the seconds of the automatic choice, where a right answer took so long that they matter."""

@@ -126,13 +126,13 @@ def _pairs(W: Dense, d: int, planar: bool) -> list[list[int]]:
     alike: dict[bytes, list[int]] = {}
     for c in range(nc):
         alike.setdefault(touching[c].tobytes(), []).append(c)
-    found = list[list[int]]()
+    result = list[list[int]]()
     for contacts in alike.values():
         rows = (d * np.array(contacts)[:, None] + np.arange(d)).ravel()
         freedoms = 3 if planar else 5 if (d, len(contacts)) == (3, 2) else 6
         one = len(contacts) == 1 or _range(W, rows)[0].size <= freedoms
-        found += [contacts] if one else [[c] for c in contacts]
-    return found
+        result += [contacts] if one else [[c] for c in contacts]
+    return result
 
 
 def _range(W: Dense, rows: Any) -> tuple[Vector, Dense]:

@@ -65,14 +65,14 @@ def active_set(problem: Problem, point: object, tolerance: float = 1e-6) -> list
             f"is told of lcp, mlcp, qp, ncp and micp, not of {problem.node}: cpbench convert FILE --to lcp may help",
         )
     problem.check_point(point)
-    found = [
+    result = [
         Pairs(first, second, x / x_size, y / y_size, _sides(x / x_size, y / y_size, tolerance))
         for first, second, x, y, x_size, y_size in _pairs(problem, point)
         if x.size
     ]
-    if not all(np.isfinite(pairs.x).all() and np.isfinite(pairs.y).all() for pairs in found):
+    if not all(np.isfinite(pairs.x).all() and np.isfinite(pairs.y).all() for pairs in result):
         raise PointError(f"{problem.node}: the answer has a number that is not finite")
-    return found
+    return result
 
 
 def _pairs(

@@ -140,9 +140,9 @@ def _errors(upper: Axes, lower: Axes, slides: Sequence[FacetedSlide]) -> None:
 
 def _ticks(low: float, high: float) -> list[float]:
     """Return at least three round numbers of a logarithmic axis where it has them, and no more than need be."""
-    found: list[float] = []
+    result: list[float] = []
     for steps in ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)):
-        found = [s * 10.0**k for k in range(-9, 4) for s in steps if low <= s * 10.0**k <= high]
-        if len(found) >= 3:
+        result = [s * 10.0**k for k in range(-9, 4) for s in steps if low <= s * 10.0**k <= high]
+        if len(result) >= 3:
             break
-    return found
+    return result

@@ -168,7 +168,7 @@ def _rounded(problem: P, names: tuple[str, ...], count: int) -> P:
 
 def entries(problem: Problem) -> list[NumberPlaces]:
     """Return the numbers of the data that are not 0, one by one."""
-    found: list[NumberPlaces] = []
+    result: list[NumberPlaces] = []
     for name, value in problem.data().items():
         if name in FIXED:
             continue
@@ -179,10 +179,10 @@ def entries(problem: Problem) -> list[NumberPlaces]:
             if mirrored and place > other and array[other] == x:
                 continue
             both = mirrored and place < other and array[other] == x
-            found.append(NumberPlaces(name, (place, other) if both else (place,), x))
+            result.append(NumberPlaces(name, (place, other) if both else (place,), x))
     for name, F in problem.maps().items():
-        found += [NumberPlaces(name, ((k,),), x) for k, x in enumerate(F.constants.tolist()) if x != 0]
-    return found
+        result += [NumberPlaces(name, ((k,),), x) for k, x in enumerate(F.constants.tolist()) if x != 0]
+    return result
 
 
 def simpler(x: float) -> Iterator[float]:

@@ -33,12 +33,12 @@ def snippets(form: Form, title: str, answers: Mapping[str, Any]) -> dict[str, st
     vectors = {name: form.vector(point) for name, point in answers.items()}
     conditions = _CONDITIONS.format(names=_names(form))
     writers = {"snippet.py": ("", _python), "snippet.c": ("   ", _c), "snippet.jl": ("# ", _julia)}
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for name, (margin, write) in writers.items():
         template = Template(PROGRAMS.joinpath(f"{name}.template").read_text(encoding="utf-8"))
         data = write(form, vectors)
-        found[name] = template.substitute(title=title, met=repr(MET), conditions=indent(conditions, margin), **data)
-    return found
+        result[name] = template.substitute(title=title, met=repr(MET), conditions=indent(conditions, margin), **data)
+    return result
 
 
 def _names(form: Form) -> str:

@@ -110,9 +110,9 @@ class Trials:
             return known
         if self.over:
             return False
-        found = self._tried(problem).holds
-        self._remember(problem.fingerprint, found)
-        return found
+        result = self._tried(problem).holds
+        self._remember(problem.fingerprint, result)
+        return result
 
     def solution(self, problem: Problem) -> Any:
         """Return the other solver's verified answer to the problem, None where there is none."""
@@ -142,17 +142,17 @@ class Trials:
         named = self.asked.predicate.other
         if named:
             return named, self.solve(problem, named)
-        failing, found = plan.parse_entry(self.asked.solver).solver, ("", None)
+        failing, result = plan.parse_entry(self.asked.solver).solver, ("", None)
         known = self._beside_by_node.get(problem.node)
         for name in [known] if known else [n for n in nearest_automatic(problem.node) if n != failing][:OTHERS]:
             try:
-                found = name, self.solve(problem, name)
+                result = name, self.solve(problem, name)
             except NoRoute:
                 continue
-            if found[1].status in MET_TOLERANCE:
+            if result[1].status in MET_TOLERANCE:
                 self._beside_by_node[problem.node] = name
                 break
-        return found
+        return result
 
     def solve(self, problem: Problem, solver: str) -> Outcome:
         """Solve a problem by a solver with its options; raises NoRoute where this formulation does not reach it."""

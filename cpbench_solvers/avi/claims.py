@@ -23,12 +23,12 @@ def data_of(problem: AVI | Relay) -> Any:
         return _DATA[problem]
     if isinstance(problem, AVI) and not problem.only_box:
         G = load("cpbench_solvers.kernels.qp_sparse").stacked(entries(problem.A), entries(problem.C))
-        found = entries(problem.M), G, np.concatenate([problem.b, problem.d]), problem.b.size
+        result = entries(problem.M), G, np.concatenate([problem.b, problem.d]), problem.b.size
     else:
         none = np.zeros(0)
-        found = entries(problem.M), (np.zeros(1, np.int32), np.zeros(0, np.int32), none), none, 0
-    _DATA[problem] = found
-    return found
+        result = entries(problem.M), (np.zeros(1, np.int32), np.zeros(0, np.int32), none), none, 0
+    _DATA[problem] = result
+    return result
 
 
 def program_of(problem: AVI | Relay) -> Any:

@@ -72,14 +72,14 @@ class MeasuredParts:
 
     def errors(self, r: Vector) -> Vector:
         """Return the error of the reactions r, shape (nc·d,), in every part."""
-        blocks, problem, found = self.blocks, self.blocks.problem, np.empty(self.count)
+        blocks, problem, result = self.blocks, self.blocks.problem, np.empty(self.count)
         if isinstance(blocks, RollingBlocks):
             law = *blocks.law[:3], r / blocks.lengths
         else:
             law = problem.q, problem.mu, NO_ROLLING, r
         measured = compiled(kernel("part_energy").part_energy)
-        measured(*blocks.matrix, *law, problem.dimension, *self.weights, self.label, found)
-        return found
+        measured(*blocks.matrix, *law, problem.dimension, *self.weights, self.label, result)
+        return result
 
 
 @dataclass(frozen=True)

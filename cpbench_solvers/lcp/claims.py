@@ -146,9 +146,9 @@ _PARTS: WeakKeyDictionary[LCP, tuple[NDArray[np.int64], Vector]] = WeakKeyDictio
 def parts(problem: LCP) -> tuple[NDArray[np.int64], Vector]:
     """Return, for every row, the number of its connected part of M, and for every column 1 over its norm: found once
     for a problem."""
-    if (found := _PARTS.get(problem)) is None:
+    if (result := _PARTS.get(problem)) is None:
         kernel, M, n = load("cpbench_solvers.kernels.row_errors"), problem.M, problem.q.size
-        part, share = found = _PARTS[problem] = np.empty(n, np.int64), np.empty(n)
+        part, share = result = _PARTS[problem] = np.empty(n, np.int64), np.empty(n)
         if isinstance(M, np.ndarray):
             kernel.label_dense(M, part)
             kernel.shares_dense(M, share)
@@ -156,7 +156,7 @@ def parts(problem: LCP) -> tuple[NDArray[np.int64], Vector]:
             M = sparse(M)
             kernel.label_sparse(M.indptr, M.indices, M.data, part)
             kernel.shares_sparse(M.indptr, M.indices, M.data, share)
-    return found
+    return result
 
 
 def error_of(problem: LCP, z: Vector) -> float:

@@ -139,25 +139,25 @@ def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOpt
     n = q.size
     end = min(2**n, budget.iterations or 2**n)
     deadline = time.monotonic() + budget.seconds
-    found = Enumeration()
+    result = Enumeration()
     masks, kinds = np.empty((2, CHUNK), dtype=np.int64)
     closest = np.full(1, -np.inf)
-    while found.bases < end and time.monotonic() <= deadline:
-        until = min(end, found.bases + CHUNK)
+    while result.bases < end and time.monotonic() <= deadline:
+        until = min(end, result.bases + CHUNK)
         # compiled code looks at all bases, and keeps those that rounding does not exclude
-        kept = kernel.scan(np.ascontiguousarray(M), q, found.bases, until, masks, kinds, closest)
-        found.bases = until
+        kept = kernel.scan(np.ascontiguousarray(M), q, result.bases, until, masks, kinds, closest)
+        result.bases = until
         for mask, kind in zip(masks[:kept].tolist(), kinds[:kept].tolist(), strict=True):
             F = np.flatnonzero(mask >> np.arange(n) & 1)
             if kind != kernel.SINGULAR:
                 z = np.zeros(n)
                 z[F] = solve_linear(principal(M, F), -q[F])
             else:
-                found.singular += 1
-                if found.programs >= options.max_programs or time.monotonic() > deadline:
-                    found.undecided += 1
+                result.singular += 1
+                if result.programs >= options.max_programs or time.monotonic() > deadline:
+                    result.undecided += 1
                     continue
-                found.programs += 1
+                result.programs += 1
                 z = _on_a_face(M, q, F)
                 if z is None:
                     continue
@@ -166,12 +166,12 @@ def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOpt
             if not error_of(problem, z) <= budget.tolerance:
                 z = refined(dense(problem.M), problem.q, z, F)
             if error_of(problem, z) <= budget.tolerance:
-                found.faces += kind == kernel.SINGULAR
-                found.add(z)
+                result.faces += kind == kernel.SINGULAR
+                result.add(z)
             else:
-                found.undecided += 1
-    found.closest = float(closest[0])
-    return found
+                result.undecided += 1
+    result.closest = float(closest[0])
+    return result
 
 
 def _on_a_face(M: np.ndarray[Any, Any], q: Vector, F: np.ndarray[Any, Any]) -> Vector | None:

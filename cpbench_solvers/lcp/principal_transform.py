@@ -53,10 +53,10 @@ class PrincipalTransform:
         rest[:, ~mine] -= self._lcp.columns.take(indices[~mine], axis=0).take(self._N, axis=1).T
         # z'_j is w_j in units of w, or z_j in units of z
         units = np.where(mine, self._w_unit, self._z_unit)
-        found = np.empty((indices.size, self._inside.size))
-        found[:, self._B] = (X * (sign * units / self._z_unit)).T
-        found[:, self._N] = (rest * (units / self._w_unit)).T
-        return found
+        result = np.empty((indices.size, self._inside.size))
+        result[:, self._B] = (X * (sign * units / self._z_unit)).T
+        result[:, self._N] = (rest * (units / self._w_unit)).T
+        return result
 
     def lifted(self, complementary: Vector, transformed: Vector) -> Vector:
         """Return z of the LCP that was asked, from w' and z', both scaled."""

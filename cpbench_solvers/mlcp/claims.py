@@ -180,8 +180,8 @@ def _least_squares(A: Matrix, b: Vector) -> Vector | None:
     """Return the shortest x with the least ‖Ax − b‖, None for a matrix too large for singular values."""
     if b.size > SINGULAR_VALUES:
         return None
-    found: Any = np.linalg.lstsq(dense(A), b, rcond=SINGULAR)[0]
-    return found
+    result: Any = np.linalg.lstsq(dense(A), b, rcond=SINGULAR)[0]
+    return result
 
 
 def conclude(

@@ -89,9 +89,9 @@ class _JosephyNewton(StepwiseDescent):
             target = self._linear_solution(J, solver)
             if target is not None:
                 d = target - self.at.z
-                found = self.descent.search(self.at, d, float(gradient @ d))
-                if found is not None:
-                    return found
+                result = self.descent.search(self.at, d, float(gradient @ d))
+                if result is not None:
+                    return result
         return fall_back(self.descent, self.at, J, gradient)
 
     def _linear_solution(self, J: Matrix, solver: Solver) -> Vector | None:

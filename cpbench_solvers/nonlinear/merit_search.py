@@ -168,9 +168,9 @@ def fall_back(descent: Descent, at: MeritPoint, J: Matrix, gradient: Vector) -> 
     for share in SHARES:
         d = damped(descent.box, _generalized(at.alpha, at.beta, J), at.phi, share)
         if d is not None:
-            found = descent.search(at, d, float(gradient @ d))
-            if found is not None:
-                return found
+            result = descent.search(at, d, float(gradient @ d))
+            if result is not None:
+                return result
     return descent.search(at, -gradient, -float(gradient @ gradient))
 
 

@@ -102,9 +102,9 @@ class NormalPath:
             n = self._x.size
             eye = sp.eye_array(n, format="csr") if sp.issparse(self._M) else np.eye(n)
             shifted = self._M + share * top * eye if share else self._M
-            found = _Walk(shifted, self._r, self._x, self._lb, self._ub).go(until, most, deadline)  # pyright: ignore
-            if found is not None:
-                return found
+            result = _Walk(shifted, self._r, self._x, self._lb, self._ub).go(until, most, deadline)  # pyright: ignore
+            if result is not None:
+                return result
         return None
 
 

@@ -120,14 +120,14 @@ class _PathSearch(DescentMethod):
             return None
         d = np.zeros(box.n)
         d[free] = step
-        found = self.descent.search(at, d, float(self.descent.gradient(at, J) @ d))
-        if found is None:
+        result = self.descent.search(at, d, float(self.descent.gradient(at, J) @ d))
+        if result is None:
             return None
         box.counters["crash_steps"] += 1
-        changed = int((_held(found, box) != held).sum())
-        if changed <= FEW * box.n or found.merit > ACCEPT * at.merit:
+        changed = int((_held(result, box) != held).sum())
+        if changed <= FEW * box.n or result.merit > ACCEPT * at.merit:
             self._crashing = 0
-        return found
+        return result
 
     def _end_of_path(self, at: MeritPoint, J: Matrix, until: float) -> MeritPoint | None:
         """Return where the path has t = `until`; None when it does not come there."""

@@ -63,13 +63,13 @@ class SemismoothMethod(StepwiseDescent):
     def next(self, J: Matrix, gradient: Vector) -> MeritPoint | None:
         at, descent = self.at, self.descent
         equation = at if self._same else MeritPoint(at.z, at.F, *self.box.equation(self._psi, at.z, at.F), merit=np.nan)
-        found = self._along(at, descent.newton(equation, J), gradient)
-        if found is None and not self._same:  # the other function's direction, cheaper than a regularized one
-            found = self._along(at, descent.newton(at, J), gradient)
-        if found is None:
+        result = self._along(at, descent.newton(equation, J), gradient)
+        if result is None and not self._same:  # the other function's direction, cheaper than a regularized one
+            result = self._along(at, descent.newton(at, J), gradient)
+        if result is None:
             self.box.counters["regularized"] = self.box.counters.get("regularized", 0) + 1
-            found = fall_back(descent, at, J, gradient)
-        return found
+            result = fall_back(descent, at, J, gradient)
+        return result
 
     def _along(self, at: MeritPoint, d: Vector | None, gradient: Vector) -> MeritPoint | None:
         """Return a point along a Newton direction, None where there is none that lowers the merit."""

@@ -127,14 +127,14 @@ def by_counters(
     is looked at first, then the others by name; counters that moved apart leave the pair inconclusive.
     `left_out` : (solver without its variant, counter) that are not the same from run to run.
     """
-    found = pd.DataFrame({"verdict": UNDECIDED, "why": UNDECIDED}, index=pairs.index)
+    result = pd.DataFrame({"verdict": UNDECIDED, "why": UNDECIDED}, index=pairs.index)
     solved = pairs["status_base"].isin(MET_TOLERANCE) & pairs["status_new"].isin(MET_TOLERANCE)
     texts = pairs.loc[solved, ["solver", "counters_base", "counters_new"]]
     code = texts.groupby(list(texts), sort=False).ngroup().to_numpy()
     cases = texts[~pd.Series(code).duplicated().to_numpy()].itertuples(index=False, name=None)
     ruled = np.array([_moved(*case, margin, left_out) for case in cases], dtype=object).reshape(-1, 2)
-    found.loc[solved, ["verdict", "why"]] = ruled[code]
-    return found
+    result.loc[solved, ["verdict", "why"]] = ruled[code]
+    return result
 
 
 def unsteady(pairs: pd.DataFrame, margin: float) -> frozenset[tuple[str, str]]:

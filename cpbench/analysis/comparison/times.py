@@ -93,11 +93,11 @@ def adjusted(p: Floats) -> Floats:
     >>> adjusted(np.array([0.01, 0.04, math.nan])).tolist()
     [0.02, 0.04, nan]
     """
-    found = p.copy()
+    result = p.copy()
     known = np.isfinite(p)
     if known.any():
-        found[known] = stats.false_discovery_control(p[known], method="bh")
-    return found
+        result[known] = stats.false_discovery_control(p[known], method="bh")
+    return result
 
 
 def samples_of(text: str, solve: float, time: float, flags: str) -> list[float]:
@@ -202,8 +202,8 @@ def holm(p: Sequence[float]) -> list[float]:
     [0.03, 0.06, 0.06, nan]
     """
     known = sorted((value, at) for at, value in enumerate(p) if not math.isnan(value))
-    found, largest = [math.nan] * len(p), 0.0
+    result, largest = [math.nan] * len(p), 0.0
     for rank, (value, at) in enumerate(known):
         largest = max(largest, min(1.0, (len(known) - rank) * value))
-        found[at] = largest
-    return found
+        result[at] = largest
+    return result

@@ -175,10 +175,10 @@ def equal_pairs(run: ComparisonSide, labels: tuple[str, str]) -> pd.DataFrame:
 
 def _equal_pairs(run: ComparisonSide, labels: tuple[str, str]) -> pd.DataFrame:
     (one, other), loose = _sides(run, *labels)
-    found = pairs.match(one.table, other.table, loose).pairs
-    if not len(found):
+    result = pairs.match(one.table, other.table, loose).pairs
+    if not len(result):
         raise CpbenchError(f"{run.name}: {' and '.join(labels)} have no pair in common: run both on the same problems")
-    return found
+    return result
 
 
 def _prepared(side: ComparisonSide, settings: Thresholds = Thresholds()) -> ComparisonSide:

@@ -172,12 +172,12 @@ def _pairs(
 
 def _started(part: ProblemSet, chosen: Sequence[Surveyed]) -> dict[str, list[Surveyed]]:
     """Return the problems by start policy: a file with three guesses has three."""
-    found: dict[str, list[Surveyed]] = {}
+    result: dict[str, list[Surveyed]] = {}
     for asked in part.start:
         for survey in chosen:
             for start in each_start(asked, survey.guesses):
-                found.setdefault(start, []).append(survey)
-    return found
+                result.setdefault(start, []).append(survey)
+    return result
 
 
 def _survey(

@@ -74,10 +74,10 @@ def _row(pair: Pair, single: bool) -> str:
 
 
 def _problems(pairs: Sequence[Pair], single: bool) -> dict[str, set[str]]:
-    found: dict[str, set[str]] = {}
+    result: dict[str, set[str]] = {}
     for pair in pairs:
-        found.setdefault(_row(pair, single), set()).add(pair.fingerprint)
-    return found
+        result.setdefault(_row(pair, single), set()).add(pair.fingerprint)
+    return result
 
 
 def _fitted(text: str) -> str:

@@ -120,30 +120,30 @@ def _of_operator(problem: Problem) -> dict[str, float]:
         values = M.data if matrices.is_sparse(M) else M
         negative = int(np.count_nonzero(values < 0)) - int(np.count_nonzero(diagonal < 0))
         off = int(np.count_nonzero(values)) - int(np.count_nonzero(diagonal))
-        found = {
+        result = {
             "asymmetry": matrices.asymmetry(M),
             "dominant": float(np.mean(diagonal >= apart)),
             "zero_diagonal": float(np.mean(size == 0)),
             "negative_diagonal": float(np.mean(diagonal < 0)),
         }
         if off:
-            found["negative_couplings"] = negative / off
+            result["negative_couplings"] = negative / off
         if size.any():
-            found["spread"] = float(size.max()) / float(size[size > 0].min())
+            result["spread"] = float(size.max()) / float(size[size > 0].min())
         H: Any = getattr(problem, "H", None)
         if H is not None:
-            return found | _singular(H)
+            return result | _singular(H)
         if n > DENSE:
-            return found
+            return result
         D = matrices.dense(M)
         S = 0.5 * D + 0.5 * D.T
         try:
             eigenvalues = np.linalg.eigvalsh(S)
-            found["least_eigenvalue"] = float(eigenvalues[0]) / top
-            symmetric = found["asymmetry"] <= matrices.SYMMETRY_TOLERANCE
-            return found | (_ranked(np.abs(eigenvalues), D.shape) if symmetric else _singular(D))
+            result["least_eigenvalue"] = float(eigenvalues[0]) / top
+            symmetric = result["asymmetry"] <= matrices.SYMMETRY_TOLERANCE
+            return result | (_ranked(np.abs(eigenvalues), D.shape) if symmetric else _singular(D))
         except np.linalg.LinAlgError:
-            return found
+            return result
 
 
 def _singular(M: Matrix) -> dict[str, float]:
@@ -166,24 +166,24 @@ def _ranked(values: Any, shape: tuple[int, ...]) -> dict[str, float]:
 def _of_constraints(problem: Problem) -> dict[str, float]:
     """Return sizes beside the complementarity conditions, and the share of q that excludes the answer 0."""
     sizes = problem.sizes()
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     if isinstance(problem, MLCP):
-        found["equalities"] = sizes["n"]
+        result["equalities"] = sizes["n"]
     elif problem.node in ("qp", "avi", "nlp"):
-        found |= {"equalities": sizes["k"], "inequalities": sizes["m"]}
+        result |= {"equalities": sizes["k"], "inequalities": sizes["m"]}
     elif problem.node in ("vi", "cp", "qvi"):
-        found |= {"equalities": sizes.get("k", 0), "inequalities": sizes.get("m", 0) + sizes.get("p", 0)}
+        result |= {"equalities": sizes.get("k", 0), "inequalities": sizes.get("m", 0) + sizes.get("p", 0)}
     elif "p" in sizes:
-        found["equalities"] = sizes["p"]
+        result["equalities"] = sizes["p"]
     bounds: list[Any] = [getattr(problem, name) for name in ("lb", "ub") if hasattr(problem, name)]
     if bounds:
-        found["bounds"] = sum(int(np.isfinite(bound).sum()) for bound in bounds)
+        result["bounds"] = sum(int(np.isfinite(bound).sum()) for bound in bounds)
     q: Any = getattr(problem, "b" if isinstance(problem, MLCP) else "q", None)
     if q is not None and problem.node not in ("avi", "relay", "soclcp"):
         components = q[:: getattr(problem, "dimension", 1)]  # normal first in every contact
         if components.size:
-            found["driven"] = float(np.mean(components < 0))
-    return found
+            result["driven"] = float(np.mean(components < 0))
+    return result
 
 
 def _of_contacts(problem: Problem, measured: Mapping[str, float]) -> dict[str, float]:

@@ -108,14 +108,14 @@ def check(key: str, value: Any) -> Any:
 def _table(path: Path) -> dict[str, Any] | None:
     try:
         with path.open("rb") as file:
-            found = tomllib.load(file)
+            result = tomllib.load(file)
     except (ValueError, RecursionError) as cause:  # a number of 5000 digits is a ValueError of Python's own
         raise PlanError(f"{path}: is not valid TOML: {str(cause).splitlines()[0]}") from None
     except OSError as cause:
         raise PlanError(f"{path}: cannot be read ({cause.strerror or cause})") from None
     if path.name != PROJECT:
-        return found
-    tool = found.get("tool")
+        return result
+    tool = result.get("tool")
     table = tool.get("cpbench") if isinstance(tool, dict) else None
     return table if isinstance(table, dict) else None
 
@@ -136,7 +136,7 @@ def _checked(
 ) -> dict[str, Any]:
     allowed = list(allowed)
     place = f"{path}: {title}: " if title else f"{path}: "
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for key, value in table.items():
         if key not in allowed:
             known = [*allowed, *more]
@@ -144,10 +144,10 @@ def _checked(
             hint = f"did you mean {near[0]}?" if near else f"known: {', '.join(sorted(known))}"
             raise PlanError(f"{place}{key} = {_shown(value)}: unknown key, {hint}")
         try:
-            found[key] = _beside(path.parent, key, check(key, value))
+            result[key] = _beside(path.parent, key, check(key, value))
         except CpbenchError as cause:
             raise PlanError(f"{place}{key} = {_shown(value)}: {cause}") from None
-    return found
+    return result
 
 
 def _shown(value: Any) -> str:

@@ -55,13 +55,13 @@ def _expanded(text: str) -> list[str]:
         return [text]
     files = sorted(glob.glob(file, recursive=True)) if _WILD & set(file) and not os.path.exists(file) else [file]
     if not separator:
-        found = files
+        result = files
     else:
         named = [(f, m) for f in files for m in _members(f) if fnmatch.fnmatchcase(m, member)]
-        found = [f"{f}{SEPARATOR}{m}" if m else f for f, m in named]
-    if not found:
+        result = [f"{f}{SEPARATOR}{m}" if m else f for f, m in named]
+    if not result:
         raise CpbenchError(f"nothing matches {text}")
-    return found
+    return result
 
 
 def _members(file: str) -> list[str]:

@@ -121,10 +121,10 @@ class _Reader:
         place = ast.get_source_segment(self._text, node) or ""
         if depth > DEEPEST:
             raise self._refused(place, f"is nested more than {DEEPEST} deep")
-        found = self._part(node, place, depth + 1)
-        if kind and found.kind != kind:
-            raise self._refused(place, f"is a {found.kind}, not a {kind}")
-        return found
+        result = self._part(node, place, depth + 1)
+        if kind and result.kind != kind:
+            raise self._refused(place, f"is a {result.kind}, not a {kind}")
+        return result
 
     def _part(self, node: ast.expr, place: str, depth: int) -> Expression:
         match node:

@@ -81,13 +81,13 @@ def join(path: str | Path) -> bool:
 
 def writable() -> CgroupPlace | None:
     """Return the folder for groups: one where they can limit memory, else one where they can be killed."""
-    found: CgroupPlace | None = None
+    result: CgroupPlace | None = None
     for folder in _ours():
         place = _tried(folder)
         if place is not None and place.memory:
             return place
-        found = found or place
-    return found
+        result = result or place
+    return result
 
 
 def remove_abandoned(parent: str | Path) -> None:

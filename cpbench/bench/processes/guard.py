@@ -161,11 +161,11 @@ def descendants(process: psutil.Process) -> list[psutil.Process]:
         ids = below(process.pid)
     except OSError:
         return process.children(recursive=True)
-    found: list[psutil.Process] = []
+    result: list[psutil.Process] = []
     for pid in ids:
         with contextlib.suppress(psutil.Error):
-            found.append(psutil.Process(pid))
-    return found
+            result.append(psutil.Process(pid))
+    return result
 
 
 def count_below(pid: int) -> int:
@@ -181,14 +181,14 @@ def count_below(pid: int) -> int:
 
 def below(pid: int) -> list[int]:
     """Return the ids of the descendants of a process; raises OSError where the system does not list children."""
-    found: list[int] = []
+    result: list[int] = []
     for task in os.listdir(f"/proc/{pid}/task"):
         with open(f"/proc/{pid}/task/{task}/children") as children:
             for child in map(int, children.read().split()):
-                found.append(child)
+                result.append(child)
                 with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it ended meanwhile
-                    found += below(child)
-    return found
+                    result += below(child)
+    return result
 
 
 def _end_all(group: str) -> NoReturn:

@@ -269,7 +269,7 @@ def _times(path: Path) -> list[tuple[str, str, Reported]]:
     head = [word.strip().lower() for word in lines[0]] if lines else []
     if head[:1] != ["problem"] or "seconds" not in head or not set(head) <= set(_COLUMNS):
         raise FormatError(path, "line 1", f"is {','.join(head)[:80]!r}, expected problem,seconds[,iterations,claim]")
-    found: list[tuple[str, str, Reported]] = []
+    result: list[tuple[str, str, Reported]] = []
     for number, line in enumerate(lines[1:], 2):
         if not any(cell.strip() for cell in line):
             continue
@@ -277,8 +277,8 @@ def _times(path: Path) -> list[tuple[str, str, Reported]]:
         if len(line) != len(head):
             raise FormatError(path, place, f"has {len(line)} cells, expected {len(head)}")
         cells = dict(zip(head, (cell.strip() for cell in line), strict=True))
-        found.append((f"{path}: {place}", cells["problem"], _facts(path, cells, place)))
-    return found
+        result.append((f"{path}: {place}", cells["problem"], _facts(path, cells, place)))
+    return result
 
 
 def _facts(path: Path, table: Mapping[str, Any], place: str = "") -> Reported:

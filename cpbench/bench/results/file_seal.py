@@ -64,11 +64,11 @@ class Contents:
 
 def contents(database: Database) -> Contents:
     """Return what is in a file."""
-    found = Contents()
+    result = Contents()
     for table in TABLES:
         for values in database.stream(f"SELECT * FROM {table} ORDER BY rowid"):
-            found.put(table, *values)
-    return found
+            result.put(table, *values)
+    return result
 
 
 def digest_of_rows(seals: Iterable[tuple[str, str]]) -> str:

@@ -103,7 +103,7 @@ def import_answers(
 
 def _survey(addresses: Iterable[str], format: str | None, origin: Origin, done: Imported) -> dict[str, Pair]:
     """Return the pairs by fingerprint; files that cannot be read are noted."""
-    found: dict[str, Pair] = {}
+    result: dict[str, Pair] = {}
     limits: Any = Limits(None, None, origin.threads, None)  # pyright: ignore[reportArgumentType]
     for address in addresses:
         try:
@@ -129,8 +129,8 @@ def _survey(addresses: Iterable[str], format: str | None, origin: Origin, done: 
             sequence=sequence.name if sequence else "",
             step=sequence.step if sequence else 0,
         )
-        found.setdefault(pair.fingerprint, pair)
-    return found
+        result.setdefault(pair.fingerprint, pair)
+    return result
 
 
 def _require_new(store: Store, wanted: Sequence[Pair], force: bool) -> None:

@@ -28,12 +28,12 @@ def digests(read: Mapping[str, str | None]) -> dict[str, str]:
 
     read : the addresses of the problems, with the formats by which they were read.
     """
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for address, format in read.items():
         for file in _files(address, format):
-            if str(file) not in found and (digest := _digest(file)):
-                found[str(file)] = digest
-    return found
+            if str(file) not in result and (digest := _digest(file)):
+                result[str(file)] = digest
+    return result
 
 
 def changed(store: Store) -> list[str]:

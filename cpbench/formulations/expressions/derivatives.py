@@ -68,10 +68,10 @@ def jacobian(to: Algebra, F: Map, inputs: list[int]) -> list[Row]:
 
 
 def _summed(to: Algebra, places: list[int], terms: list[int]) -> Row:
-    found: Row = {}
+    result: Row = {}
     for place, term in zip(places, terms, strict=True):
-        found[place] = to.add(found[place], term) if place in found else term
-    return found
+        result[place] = to.add(result[place], term) if place in result else term
+    return result
 
 
 class _Differentiated:
@@ -112,7 +112,7 @@ class _Differentiated:
         # largest number first: by then all users of a value have added to its weight, since they come after it
         waiting = [-value for value in adjoint]
         heapq.heapify(waiting)
-        found: Row = {}
+        result: Row = {}
         while waiting:
             value = -heapq.heappop(waiting)
             weight = adjoint[value]
@@ -120,7 +120,7 @@ class _Differentiated:
             if weight == to.zero or not moves[value]:
                 continue
             if value < self._F.inputs:
-                found[value] = weight
+                result[value] = weight
                 continue
             k = value - first
             for factor, inner in zip(self._factors[k], (self._left[k], self._right[k]), strict=True):
@@ -132,7 +132,7 @@ class _Differentiated:
                 else:
                     adjoint[inner] = part
                     heapq.heappush(waiting, -inner)
-        return found
+        return result
 
 
 def _moves(F: Map) -> list[bool]:

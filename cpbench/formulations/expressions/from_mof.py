@@ -203,15 +203,15 @@ def parameter_of(constraint: Any) -> str | None:
 
 def parameters(fields: Fields, model: Any) -> dict[str, float]:
     """Return the parameters of a model, with their values; raises FormatError."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for k, constraint in fields.items(model, "constraints"):
         name = parameter_of(constraint)
         if name is None:
             continue
-        if name in found:
+        if name in result:
             raise fields.refused(f"constraints/{k}", f"has a second value for the parameter '{shown(name)}'")
-        found[name] = fields.number(constraint["set"], "value", f"constraints/{k}/set")
-    return found
+        result[name] = fields.number(constraint["set"], "value", f"constraints/{k}/set")
+    return result
 
 
 def maps(text: bytes, source: str | Path, inputs: Mapping[str, int | None]) -> dict[str, Map]:
@@ -223,17 +223,17 @@ def maps(text: bytes, source: str | Path, inputs: Mapping[str, int | None]) -> d
     stored = parse(text, source)
     values = parameters(fields, stored)
     names = [name for name in fields.names(stored) if name not in values]
-    found: dict[str, Map] = {}
+    result: dict[str, Map] = {}
     for k, constraint in fields.items(stored, "constraints"):
         where = f"constraints/{k}"
         if parameter_of(constraint) is not None:
             continue
         name = fields.get(constraint, "name", str, where)
-        if name not in inputs or name in found:
+        if name not in inputs or name in result:
             raise fields.refused(where, f"is named '{shown(name)}', expected each of {', '.join(inputs)} once")
         size = inputs[name]
         taken = names if size is None else names[max(len(names) - size, 0) :]
         functions = Functions(source, {variable: j for j, variable in enumerate(taken)}, values)
         rows = functions.rows(fields.get(constraint, "function", dict, where), f"{where}/function")
-        found[name] = functions.map(rows)
-    return found
+        result[name] = functions.map(rows)
+    return result

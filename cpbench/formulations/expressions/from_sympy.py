@@ -38,10 +38,10 @@ class _Reader:
         return self._build.finish([self._value(sympy.sympify(e)) for e in outputs])
 
     def _value(self, expression: Any) -> int:
-        found = self._known.get(expression)
-        if found is None:
-            found = self._known[expression] = self._converted(expression)
-        return found
+        result = self._known.get(expression)
+        if result is None:
+            result = self._known[expression] = self._converted(expression)
+        return result
 
     def _converted(self, e: Any) -> int:
         if e.is_Number or e.is_NumberSymbol:

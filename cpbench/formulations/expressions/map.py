@@ -271,13 +271,13 @@ class Builder:
         return node if isinstance(node, float) and value not in self._named.values() else None
 
     def _number(self, key: tuple[int, int, int] | bytes | str, node: tuple[int, int, int] | float) -> int:
-        found = self._known.get(key)
-        if found is None:
-            found = self._known[key] = self.inputs + len(self._nodes)
+        result = self._known.get(key)
+        if result is None:
+            result = self._known[key] = self.inputs + len(self._nodes)
             self._nodes.append(node)
             if len(self._nodes) > LARGEST:
                 raise ProblemError("map", f"has more than {LARGEST} operations and constants")
-        return found
+        return result
 
     def finish(self, outputs: Iterable[int]) -> Map:
         """Return the map to the values with these numbers, canonical."""

@@ -42,11 +42,11 @@ def parse(text: bytes, source: str | Path) -> dict[str, Any]:
 
 def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return an object of a JSON text; raises ValueError where a key stands twice, of which only one could count."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    result = dict(pairs)
+    if len(result) < len(pairs):
         twin = next(key for place, (key, _) in enumerate(pairs) if key in dict(pairs[:place]))
         raise ValueError(f"has the key {shown(twin)} twice")
-    return found
+    return result
 
 
 def as_float(value: float) -> float:
@@ -103,10 +103,10 @@ class Fields:
 
     def variable(self, column: Mapping[str, int], name: Any, where: str) -> int:
         """Return the number of a variable."""
-        found = column.get(name) if isinstance(name, str) else None
-        if found is None:
+        result = column.get(name) if isinstance(name, str) else None
+        if result is None:
             raise self.refused(where, f"names the variable '{shown_number(name)}', which is none of variables")
-        return found
+        return result
 
 
 def shown_number(value: Any) -> str:

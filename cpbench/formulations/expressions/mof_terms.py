@@ -43,42 +43,42 @@ class MofTerms:
         """Return the number of a term's value; raises FormatError."""
         self._top, stack = where, self._stack
         try:
-            found = self._enter(term)
+            result = self._enter(term)
             while stack:
                 frame = stack[-1]
-                found = self._next(frame)
-                if found < 0:
+                result = self._next(frame)
+                if result < 0:
                     continue
                 stack.pop()
                 if frame.node >= 0:
-                    self._found[frame.node] = found
+                    self._found[frame.node] = result
                 if stack:
-                    stack[-1].values.append(found)
+                    stack[-1].values.append(result)
         except ProblemError as cause:  # more operations than a map may have
             raise self._refused(cause.cause) from None
-        return found
+        return result
 
     def _next(self, frame: _Frame) -> int:
         """Return the value of a frame, −1 when an argument has to be evaluated first."""
         column = self._column
         for k in range(frame.at, len(frame.arguments)):
             argument = frame.arguments[k]
-            found = column.get(argument, -1) if isinstance(argument, str) else -1
-            if found < 0:
-                found = self._enter(argument)
-            if found < 0:
+            result = column.get(argument, -1) if isinstance(argument, str) else -1
+            if result < 0:
+                result = self._enter(argument)
+            if result < 0:
                 frame.at = k + 1
                 return -1
-            frame.values.append(found)
+            frame.values.append(result)
         frame.at = len(frame.arguments)
         if not frame.head:
             return frame.values[0]
-        found = combine(self._build, frame.head, frame.values)
-        if found is None:
+        result = combine(self._build, frame.head, frame.values)
+        if result is None:
             raise self._refused(
                 f"has {len(frame.values)} arguments of {frame.head}, which takes another number of them"
             )
-        return found
+        return result
 
     def _enter(self, term: Any) -> int:
         """Return the value of a term, −1 when it has arguments, which now wait on the stack."""
@@ -109,14 +109,14 @@ class MofTerms:
     def _node(self, index: Any) -> int:
         if not isinstance(index, int) or isinstance(index, bool) or not 1 <= index <= len(self._nodes):
             raise self._refused(f"refers to node '{shown_number(index)}', expected 1 to {len(self._nodes)}")
-        found = self._found[index - 1]
-        if found == _OPEN:
+        result = self._found[index - 1]
+        if result == _OPEN:
             raise self._refused(f"refers to node {index}, which refers back to it: a function has no circles")
-        if found == _UNSEEN:
+        if result == _UNSEEN:
             self._found[index - 1] = _OPEN
             self._stack.append(_Frame("", [self._nodes[index - 1]], node=index - 1))
             return -1
-        return found
+        return result
 
     def _variable(self, name: Any) -> int:
         return self._fields.variable(self._column, name, self._place())

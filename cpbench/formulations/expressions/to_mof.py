@@ -38,7 +38,7 @@ def scalars(F: Map, names: Sequence[str]) -> list[dict[str, Any]] | None:
     """
     writer, plain = _Writer(F, names), _Plain(F)
     budget = REPEATED * F.operations
-    found: list[dict[str, Any]] = []
+    result: list[dict[str, Any]] = []
     for end in F.outputs.tolist():
         members = writer.needed(end)
         budget -= len(members)
@@ -46,11 +46,11 @@ def scalars(F: Map, names: Sequence[str]) -> list[dict[str, Any]] | None:
             return None
         simple = plain.function(end)
         if simple is not None:
-            found.append(simple_object(simple, names))
+            result.append(simple_object(simple, names))
             continue
         rows, nodes = writer.written(members, [end])
-        found.append({"type": "ScalarNonlinearFunction", "root": rows[0], "node_list": nodes})
-    return found
+        result.append({"type": "ScalarNonlinearFunction", "root": rows[0], "node_list": nodes})
+    return result
 
 
 def model(maps: Mapping[str, Map], names: Sequence[str]) -> dict[str, Any]:

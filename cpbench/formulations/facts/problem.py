@@ -48,30 +48,30 @@ def of_matrix(M: Matrix, name: str, *, square: bool | None = None, classes: bool
     if not square:
         return [rank(M, name)]
     known = definiteness(M, name)
-    found = [symmetry(M, name), known, rank(M, name, known=known)]
+    result = [symmetry(M, name), known, rank(M, name, known=known)]
     if classes:
         p = p_matrix(M, name, known)
-        found += [z_matrix(M, name), m_matrix(M, name, p), p, *copositivity(M, name, known)]
-    return found
+        result += [z_matrix(M, name), m_matrix(M, name, p), p, *copositivity(M, name, known)]
+    return result
 
 
 def _contact(problem: ContactProblem, ranks: dict[str, Fact]) -> list[Fact]:
     mu = np.asarray(matrices.dense(problem.mu))
     smooth = mu == 0 if mu.ndim == 1 else (mu == 0).all(axis=1)
     rows = problem.nc * problem.dimension
-    found = [
+    result = [
         Fact("contacts", "", problem.nc, How.EXACT),
         Fact("frictionless contacts", "", int(smooth.sum()), How.EXACT, evidence="μ = 0"),
     ]
     if isinstance(problem, DelassusContact):
-        found += _diagonal_blocks(problem)
+        result += _diagonal_blocks(problem)
     operator = "W" if "W" in ranks else "H"
     known: Any = ranks.get(operator)
     if known is not None:
         count = None if known.value is None else rows - int(known.value)
         evidence = f"{rows} reaction components less rank of {operator}" if count is not None else known.evidence
-        found.append(Fact("hyperstaticity", "", count, known.how, evidence=evidence))
-    return found
+        result.append(Fact("hyperstaticity", "", count, known.how, evidence=evidence))
+    return result
 
 
 def _diagonal_blocks(problem: DelassusContact) -> list[Fact]:

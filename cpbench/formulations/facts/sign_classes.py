@@ -47,10 +47,10 @@ def m_matrix(M: Matrix, name: str, p: Fact | None = None) -> Fact:
     largest = float(_off_diagonal(M).data.max(initial=0.0))
     if largest > 0:
         return Fact(label, name, False, How.EXACT, largest, evidence="largest entry off the diagonal")
-    found = _semipositive(M, label, name)
-    if found.value is None and p is not None and p.value is not None:
+    result = _semipositive(M, label, name)
+    if result.value is None and p is not None and p.value is not None:
         return Fact(label, name, p.value, p.how, p.number, evidence=f"as P-matrix: {p.evidence}")
-    return found
+    return result
 
 
 def p_matrix(M: Matrix, name: str, definiteness: Fact) -> Fact:

@@ -166,13 +166,13 @@ class MuJoCoSoft(Solver):
 
 def _contacts(K: ProductCone) -> list[tuple[NDArray[np.intp], float]]:
     """Return the unknowns and μ of every contact that K becomes; unknowns that K keeps at 0 are in none."""
-    found: list[tuple[NDArray[np.intp], float]] = []
+    result: list[tuple[NDArray[np.intp], float]] = []
     for kind, rows, mu, _ in K.groups:
         if kind == Cone.NONNEGATIVE:
-            found += [(np.array([i]), 1.0) for i in rows.ravel()]
+            result += [(np.array([i]), 1.0) for i in rows.ravel()]
         elif kind == Cone.SECOND_ORDER:
-            found += [(r if m > 0 else r[:1], float(m) or 1.0) for r, m in zip(rows, mu, strict=True)]
-    return found
+            result += [(r if m > 0 else r[:1], float(m) or 1.0) for r, m in zip(rows, mu, strict=True)]
+    return result
 
 
 def _is_identity(problem: ConeQP) -> bool:

@@ -252,10 +252,10 @@ _ADVICE = "every answer is one JSON object on a line of stdout with ok = true or
 
 def _read(descriptor: int) -> bytes:
     """Read all that can be read now, at most `LONGEST` bytes."""
-    found = b""
-    while (part := _read_once(descriptor)) and len(found) < LONGEST:
-        found += part
-    return found
+    result = b""
+    while (part := _read_once(descriptor)) and len(result) < LONGEST:
+        result += part
+    return result
 
 
 def _read_once(descriptor: int) -> bytes | None:

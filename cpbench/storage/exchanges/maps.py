@@ -41,7 +41,7 @@ class NpyMaps(NpyFolder):
         return arrays
 
     def _get_maps(self, path: Path, cls: type[Problem]) -> Mapping[str, Map]:
-        found: dict[str, Map] = {}
+        result: dict[str, Map] = {}
         for name in (f.name for f in dataclasses.fields(cls) if "map" in f.metadata):
             arrays, _ = self._get(path, [f"{name}.{part}" for part in _PARTS])
             lacking = [f"{name}.{part}" for part in _PARTS if f"{name}.{part}" not in arrays]
@@ -51,10 +51,10 @@ class NpyMaps(NpyFolder):
             if inputs.shape != (1,) or not all(np.issubdtype(a.dtype, np.integer) for a in (inputs, *whole)):
                 raise FormatError(path, name, "is not a list of operations: its numbers are not whole")
             try:
-                found[name] = Map(int(inputs[0]), constants, whole[0], whole[1], whole[2], whole[3])
+                result[name] = Map(int(inputs[0]), constants, whole[0], whole[1], whole[2], whole[3])
             except (ProblemError, ValueError, TypeError) as cause:
                 raise FormatError(path, name, f"is not a map ({cause})") from None
-        return found
+        return result
 
 
 def _listed(name: str, F: Map) -> dict[str, NDArray[Any]]:

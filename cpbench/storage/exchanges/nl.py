@@ -136,13 +136,13 @@ def _push(path: Path, lines: list[str], n: int) -> Vector | None:
     for k, line in enumerate(lines):
         words = line.split()
         if len(words) == 6 and words[:2] == ["suffix", _REAL_OF_UNKNOWNS] and lines[k + 1 : k + 2] == [_BOUNDS_PUSH]:
-            found = np.zeros(n)
+            result = np.zeros(n)
             for entry in lines[k + 2 : k + 2 + _size(path, float(words[2]) if words[2].isdecimal() else -1.0, n)]:
                 pair = entry.split()
                 if len(pair) != 2 or not re.fullmatch(r"\d{1,9}", pair[0]) or int(pair[0]) >= n:
                     raise FormatError(path, _BOUNDS_PUSH, f"has '{entry[:40]}', expected an unknown and a number")
-                found[int(pair[0])] = _number(path, _BOUNDS_PUSH, pair[1])
-            return found
+                result[int(pair[0])] = _number(path, _BOUNDS_PUSH, pair[1])
+            return result
     return None
 
 

@@ -110,11 +110,11 @@ def _relaxed(case: FailedTrial) -> Any:
 
 def _grows(cone: ProductCone) -> NDArray[np.bool_]:
     """Return the rows that may grow in every cone: all of an orthant, the first one of each with a normal."""
-    found = np.zeros(cone.rows, dtype=bool)
+    result = np.zeros(cone.rows, dtype=bool)
     first = np.cumsum(cone.size) - cone.size
     for kind, start, size in zip(cone.kind, first, cone.size, strict=True):
         if kind == Cone.NONNEGATIVE:
-            found[int(start) : int(start + size)] = True
+            result[int(start) : int(start + size)] = True
         elif kind in (Cone.SECOND_ORDER, Cone.ROLLING, Cone.ROLLING_DUAL, Cone.CYLINDER):
-            found[int(start)] = True
-    return found
+            result[int(start)] = True
+    return result
