@@ -4,7 +4,7 @@ A plugin registers itself when its module is imported. The modules of cpbench's 
 first use (`pkgutil`), all of them where names are listed, and only those in which a name stands where one item is
 asked for. Those of other packages through the entry-point group ``cpbench.plugins``, and single
 files through the environment variable ``CPBENCH_PLUGINS`` (paths, separated as in PATH). An import error is
-never swallowed: a plugin that is broken says so. A file of tables (.toml) declares solvers that are no Python, and
+never swallowed: a plugin that is broken says so. A file of tables (.toml) declares solvers that are not Python, and
 ``CPBENCH_SOLVERS`` has the tables that the process which started this one read.
 """
 

@@ -27,7 +27,7 @@ from cpbench.solvers.base import (
 from cpbench_solvers.traits import ITERATIVE
 
 WORTH = 1.0
-"""A scaled error is about 1 at zero: an answer beyond that is no start for the next solver."""
+"""A scaled error is about 1 at zero: an answer beyond that is not a start for the next solver."""
 
 
 @dataclass(frozen=True)

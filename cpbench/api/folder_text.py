@@ -21,7 +21,7 @@ from cpbench.storage.base import split_address
 TWINS = 12
 """The most problems that are named as copies of others."""
 SUFFIXES = 6
-"""The most suffixes of files that are no problems."""
+"""The most suffixes of files that are not problems."""
 
 
 @dataclass(frozen=True)

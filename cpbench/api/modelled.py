@@ -42,7 +42,7 @@ class Modelled:
         ----------
         answer : a solution, a point, or a vector of the unknowns with or without multipliers.
 
-        Raises PointError where it is no answer to `problem`.
+        Raises PointError where it is not an answer to `problem`.
         """
         given = answer if isinstance(answer, Solution | Point) else primal_of(self.problem, answer)
         if isinstance(given, Primal):

@@ -183,7 +183,7 @@ class SolverRunner:
     def _method_seconds(self, wall: float, output: SolverOutput) -> float:
         """Return the seconds of the method, of those that passed here."""
         solver = self._solver
-        reported = getattr(output, "reported", None)  # what is no output is refused later
+        reported = getattr(output, "reported", None)  # what is not an output is refused later
         return method_seconds(wall, reported, solver.round_trip, trusted=solver.own_clock)
 
     def _answer_stack(self) -> dict[str, Any]:
@@ -285,7 +285,7 @@ def _end_unless(me: int) -> None:
 
 
 def _checked(output: Any, problem: Problem) -> tuple[dict[str, Vector], dict[str, int], list[str]]:
-    """Return vectors, counters and remarks of a solver's output; raises TypeError when it is no valid output."""
+    """Return vectors, counters and remarks of a solver's output; raises TypeError when it is not a valid output."""
     if not isinstance(output, SolverOutput):
         raise TypeError(f"returned a {type(output).__name__}, not a SolverOutput")
     if not isinstance(output.claim, Claim):

@@ -31,7 +31,7 @@ def wrong_count(what: str, values: tuple[float, ...], problem: ContactProblem) -
 
 
 def asymmetric(what: str, M: Matrix, instead: str) -> str | None:
-    """Return the obstacle of a matrix that is no Hessian."""
+    """Return the obstacle of a matrix that is not a Hessian."""
     if matrices.is_symmetric(M):
         return None
     return f"{what} is not symmetric, asymmetry = {matrices.asymmetry(M):.1e}; {instead}"

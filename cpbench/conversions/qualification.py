@@ -54,7 +54,7 @@ class Constraints:
         return int(self.curved.sum() + _curved(self.h).sum())
 
     def no_slater(self, *rows: tuple[Matrix, Vector, bool]) -> str:
-        """Return why the start is no point of Slater's, with the number; empty where it is one.
+        """Return why the start is not a point of Slater's, with the number; empty where it is one.
 
         Affine rows and bounds may be missed by rounding. A point that misses none is then within that distance, so
         that a curved row has to have more than its gradient makes of the distance.

@@ -11,7 +11,7 @@ from cpbench.foundation.product_cones import Cone, ProductCone
 
 
 def no_box(problem: SimpleSetProblem, instead: str) -> str | None:
-    """Return the message that a factor of K is no box, with its kind; else None."""
+    """Return the message that a factor of K is not a box, with its kind; else None."""
     if problem.only_box:
         return None
     kind = problem.K.kind

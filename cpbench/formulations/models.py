@@ -46,7 +46,7 @@ def program(model: Model) -> dict[str, Any]:
 def complementarity(model: Model) -> dict[str, Any]:
     """Return F, lb, ub, start by name, of (F(z), z) in Complements with lb ≤ z ≤ ub.
 
-    Raises FormatError where the model is no complementarity problem.
+    Raises FormatError where the model is not a complementarity problem.
     """
     F = model.functions.map(model.beside())
     return {"F": F, "lb": model.lb, "ub": model.ub, "start": model.start}

@@ -31,7 +31,7 @@ def primal_of(problem: Problem, x: Any) -> Primal | None:
     """Return a plain vector as an answer without multipliers, None where it has not exactly the numbers of one.
 
     It is one where it has as many numbers as the problem has unknowns, and a whole answer has more. Raises PointError
-    where it is no vector of numbers.
+    where it is not a vector of numbers.
     """
     values, sizes = _vector(problem, x), problem.point_sizes
     if not problem.primal or values.size != sizes[problem.primal] or values.size == sum(sizes.values()):

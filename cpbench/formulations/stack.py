@@ -34,7 +34,7 @@ class Stack:
     def of_arrays(cls, kind: type[Problem], given: Mapping[str, Any]) -> Stack:
         """Stack what has one axis more than a problem's own field; what has not is the same for all problems.
 
-        Raises ProblemError on a name that is no field, shapes that do not fit together, and where nothing is stacked.
+        Raises ProblemError on a name that is not a field, shapes that do not fit together, and an empty stack.
         """
         fields = {f.name: f for f in dataclasses.fields(kind)}
         if kind.has_maps():

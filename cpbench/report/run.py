@@ -42,7 +42,7 @@ class Run:
     row, of problems with several starts (`analysis.multi_start`).
     `reached`: times of `rows` are those at equal reached error, while `parted` has what was measured.
     `whole`: all rows of the file, where these are they: what is computed of them is taken from there.
-    `waiting`: pairs of problems of which no pair has run yet. They are in no table: they are no failures.
+    `waiting`: pairs of problems of which no pair has run yet. They are in no table: they are not failures.
     `looks`: that of each label in every figure, found from all rows of the file (`analysis.looks`).
     """
 

@@ -1,4 +1,4 @@
-"""A clock of solvers that stands while loops are loaded or compiled, which is no part of a solver's time.
+"""A clock of solvers that stands while loops are loaded or compiled, which does not count as a solver's time.
 
 A run warms a solver up completely before it times anything, so that it does not stand there.
 """

@@ -175,7 +175,7 @@ def read_text(path: Path) -> str:
 
 
 def build(path: Path, cls: type[Problem], where: str, **parts: Any) -> Problem:
-    """Return `cls(**parts)`; raises FormatError, which names the file and the place in it, where that is no problem."""
+    """Return `cls(**parts)`; raises FormatError, which names the file and where in it, if that is not a problem."""
     try:
         return cls(**parts)
     except ProblemError as cause:

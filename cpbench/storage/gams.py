@@ -1,9 +1,9 @@
 """GAMS' scalar text (.gms), as its CONVERT writes it: one variable and one equation a name, nothing to execute.
 
 Models solved as LP, QCP, NLP, DNLP (and relaxed MIP, MIQCP, MINLP) are a qp or an nlp. An objective variable that
-stands alone in one equation, e1.. objvar - f(x) =E= 0, is replaced by f(x) and is no unknown; its constant becomes the
+stands alone in one equation, e1.. objvar - f(x) =E= 0, is replaced by f(x), not an unknown; its constant becomes the
 property `objective_offset` of a qp. Levels (x1.l) are the start, which a qp and linear problems have not. Variables
-that the model does not use are no part of it.
+that the model does not use are not part of it.
 
 Models solved as MCP, MPEC or RMPEC are complementarity problems where they are square: e.x is the pair of
 F = left - right side of e and x, with 0 ≤ F where x is at its lower bound (=G=), F ≤ 0 at its upper bound (=L=), F = 0

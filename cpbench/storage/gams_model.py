@@ -171,7 +171,7 @@ class ModelReader:
 
     def _objective(self, equation: str) -> Function:
         """Return f of an equation that says that the objective variable is f."""
-        # a name with a value, so that it is no unknown: only this equation has it, and it is left out of the sum
+        # a name with a value, so that it is not an unknown: only this equation has it, and it is left out of the sum
         build = self._functions.build
         objective = build.parameter(self._solve.objective, 0.0)
         row = self._row(equation, self._functions, {**self._column, self._solve.objective: objective})

@@ -71,7 +71,7 @@ class MOF(Format):
 
 
 def text(problem: Problem) -> Iterator[str]:
-    """Yield the file in pieces; raises FormatError when it would be too large, or the set of an avi is no box."""
+    """Yield the file in pieces; raises FormatError when it would be too large, or the set of an avi is not a box."""
     model = MODELS[problem.node](problem)
     if model.entries > LARGEST:
         raise FormatError(

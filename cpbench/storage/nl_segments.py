@@ -22,7 +22,7 @@ from cpbench.storage.nl_header import read_header
 LinearTerms = list[tuple[int, float]]
 """Linear terms: (number of the variable, coefficient)."""
 _REAL = 4
-"""The bit in the kind of a suffix that says that its values are no whole numbers."""
+"""The bit in the kind of a suffix that says that its values are not whole numbers."""
 _SETS = ("sosno", "ref", "sos", "sosref")
 
 

@@ -41,7 +41,7 @@ def contact_reader(formulation: type[Problem], dimension: int) -> Callable[[Curs
 
 
 def is_plasticity(c: Cursor) -> bool:
-    """Return whether the file has the layout of a plasticity problem, which is no formulation here."""
+    """Return whether the file has the layout of a plasticity problem, which is not a formulation here."""
     try:
         d, nc, model = c.integer("d"), c.integer("nc"), c.integer("model")
         if d != 3 or model not in (1, 2):

@@ -109,7 +109,7 @@ def _item(kind: str, name: str) -> Item:
 
 
 def conduct(item: Item, check: str) -> Mark:
-    """Run one check. An exception that is no AssertionError is a failure, too, and says where it was raised."""
+    """Run one check. An exception that is not an AssertionError is a failure, too, and says where it was raised."""
     plugin, run = item.plugin, checks(item.kind)[check]
     excuse: str | None = plugin.spec.known_failures.get(check) if item.kind == "solver" else None
     try:

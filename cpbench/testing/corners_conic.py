@@ -135,7 +135,7 @@ def _soclcp() -> Corners:
     }
     for i, (name, cone) in enumerate(one.items()):
         corners[name] = planted_conic.soclcp(_rng(140 + i), cone, "positive definite")
-    corners["support"] = (  # x = 0 in {0}: whatever the force there, it is no measure for the rest
+    corners["support"] = (  # x = 0 in {0}: whatever the force there, it is not a measure for the rest
         SOCLCP(M=np.eye(2), q=[1e8, -0.5], **cone_fields(ProductCone.of((Cone.ZERO, 1, 1), (Cone.NONNEGATIVE, 1, 1)))),
         SOCLCPPoint(x=[0.0, 0.5]),
     )

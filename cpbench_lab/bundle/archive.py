@@ -35,7 +35,7 @@ _PART = re.compile(r"[A-Za-z0-9_.+=@-][A-Za-z0-9_.+=@ -]*")
 """Characters of the parts of a name: none that a shell, a terminal or a file system takes for something else."""
 _CHUNK = 2**20
 _DAMAGE = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError)
-"""Exceptions of zipfile on damaged archives: of methods that nobody has, encryption and names that are no text too."""
+"""Exceptions of zipfile on damaged archives: of methods that nobody has, encryption and names that are not text too."""
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 

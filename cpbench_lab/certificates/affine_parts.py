@@ -44,7 +44,7 @@ def dependent_rows(F: Map, rows: Sequence[int], held: dict[int, float]) -> Index
 
 
 def _combined(F: Map, output: int, held: dict[int, float]) -> dict[int, Any]:
-    """Coefficients of an output by the numbers of values that are no sums, −1 for the constant."""
+    """Coefficients of an output by the numbers of values that are not sums, −1 for the constant."""
     first = F.inputs + F.constants.size
     found: dict[int, Any] = {}
     waiting: list[tuple[int, Any]] = [(output, fmpq(1))]
@@ -67,7 +67,7 @@ def _combined(F: Map, output: int, held: dict[int, float]) -> dict[int, Any]:
 
 
 def _summands(F: Map, op: Op, a: int, b: int, held: dict[int, float]) -> list[tuple[int, Any]] | None:
-    """Values with factors that an operation adds up, None where it is no sum."""
+    """Values with factors that an operation adds up, None where it is not a sum."""
     if op is Op.ADD:
         return [(a, fmpq(1)), (b, fmpq(1))]
     if op is Op.SUB:

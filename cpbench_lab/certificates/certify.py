@@ -47,7 +47,7 @@ ENUMERATION = "enumeration"
 def certify(problem: Problem, point: Any, seconds: float = 60.0, tolerance: float = TOLERANCE) -> Certificate:
     """Look for a proof that a solution is within `tolerance` of the answer, for about so many seconds.
 
-    Raises PointError when the point is no answer to the problem.
+    Raises PointError when the point is not an answer to the problem.
     """
     problem.check_point(point)
     began = time.perf_counter()

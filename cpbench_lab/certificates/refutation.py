@@ -25,7 +25,7 @@ from cpbench_lab.certificates.mixed import CONTACTS, POLYHEDRAL, mixed
 from cpbench_lab.certificates.nonlinear_boxes import Bounded
 
 ROWS = ("qp", "avi")
-"""Nodes whose answers have multipliers that are no part of what is asked."""
+"""Nodes whose answers have multipliers that are not part of what is asked."""
 FINEST = 60
 """The smallest radius that is tried is 2^-FINEST of the answer's size."""
 

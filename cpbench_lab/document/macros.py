@@ -1,6 +1,6 @@
 r"""A macro for every number, so that a paper says `\cpbenchLcpLemkeSolved` and not 44.
 
-Names are \cpbench and the words of what is named, letters only: digits are spelled, what is no letter separates words.
+Names are \cpbench and the words of what is named, letters only: digits are spelled, all else separates words.
 Where two names would be the same the later one ends in B, C, ...
 """
 

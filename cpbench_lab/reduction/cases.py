@@ -54,7 +54,7 @@ def case_of_row(results: Path, problem: str, label: str, failure: str | None, li
     problem : its name or address. label : the solver's name, or its label. failure : what has to stay, None for the
     row's own status.
 
-    Raises UnknownName where there is no such row, CpbenchError where its status is no failure.
+    Raises UnknownName where there is no such row, CpbenchError where its status is not a failure.
     """
     with sealed(results) as store:
         every = list(store.rows())

@@ -32,7 +32,7 @@ ROUNDING = 1e-13
 NOISE = 1e-9
 """Share of the largest slack up to which one is taken for 0."""
 FIXED = ("cone_kind", "cone_size")
-"""Vectors that say what a problem is: they are no numbers to be rounded."""
+"""Vectors that say what a problem is: they are not numbers to be rounded."""
 
 
 @dataclass(frozen=True)

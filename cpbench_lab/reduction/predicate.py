@@ -86,7 +86,7 @@ def parse_predicate(text: str) -> Predicate:
 
 
 def predicate_of(status: str) -> Predicate:
-    """Return what to hold on to where a row of a run has this status; raises CpbenchError where it is no failure."""
+    """Return what to hold on to where a row of a run has this status; raises CpbenchError where it is not a failure."""
     if status not in (*FAILURES, *GAVE_UP):
         raise CpbenchError(f"the status is {status}: that is no failure; see --while")
     return Predicate(status)

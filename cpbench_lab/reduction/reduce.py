@@ -98,7 +98,7 @@ class _Steps:
         """Return whether a candidate is a problem that the failure holds for; it is the best then."""
         try:
             candidate = make()
-        except CpbenchError:  # it is no problem of its formulation any more
+        except CpbenchError:  # it is not a problem of its formulation any more
             return False
         if not unknowns(candidate) or candidate.fingerprint == self.best.fingerprint:
             return False

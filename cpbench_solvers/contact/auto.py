@@ -83,7 +83,7 @@ class AutoContact(SolverByParts):
         problem = part.problem
         if not (problem.mu > STEEP).any() or start is not None or record is not None:
             return super()._solved(part, budget, options, start, record)
-        # what sticks under less friction does so under more, and μ times the rounding of a velocity is no velocity
+        # what sticks under less friction does so under more, and μ times the rounding of a velocity is not a velocity
         deadline = budget.deadline()
         less = replace(problem, mu=np.minimum(problem.mu, STEEP))
         near = ContactPart.of(part.rows, less, self.prepare(less, budget, options))

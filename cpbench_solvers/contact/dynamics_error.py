@@ -58,7 +58,7 @@ class DynamicsError:
         """Return the larger one of the error of norms (`GlobalContact.residuals`) and that of the parts.
 
         That is √Σ‖x̂ − P(x̂ − f̂)‖² of a part, over its contacts, dynamics and joints, or the square of what no answer may
-        have in a row, over the constants of the part, which no answer can stretch. Infinite where it is no number.
+        have in a row, over the constants of the part, which no answer can stretch. Infinite where it is not a number.
         """
         error = kernel("dynamics_error").judged(*self.data, point.v, point.r, point.lam)
         return error if math.isfinite(error) else math.inf

@@ -131,7 +131,7 @@ class Phases:
     def _advance(self, member: Member) -> int:
         """Give a method its turn."""
         first, due = member.steps, member.allowed
-        # it has not begun, or another method has come much nearer (0131: a slightly better point is no reason)
+        # it has not begun, or another method has come much nearer (0131: a slightly better point is not a reason)
         if np.isinf(member.level) or (member.takes_start and self.error <= GAINED * member.level):
             member.begin(self.best)
             member.level = self.error

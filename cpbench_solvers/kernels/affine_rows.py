@@ -208,7 +208,7 @@ def exact(M, G, q, h, m, lb, ub, x):
 
 @njit(float64(AFFINE, DATA), **COMPILED)
 def largest_error(program, x):
-    """Return the largest error of a part; infinite where that is no number."""
+    """Return the largest error of a part; infinite where that is not a number."""
     c, low, high, D, group = program[4], program[5], program[6], program[8], program[9]
     N = x.size
     room = np.empty((10, N))

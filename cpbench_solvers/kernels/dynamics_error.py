@@ -131,7 +131,7 @@ def judged(M, H, G, f, w, b, q, law, rows, absolute, impulse, velocity, v, r, la
         else:
             off = abs(force[i - nc]) if i < nc + n else abs(joint[i - nc - n])
             squares[part[i]] += (off * per_row[i]) ** 2
-        # rounding of terms that cancel is no growth
+        # rounding of terms that cancel does not count as growth
         beyond = max(beyond, (off - ROUNDING * (sums[i] + constants[i])) * per_constant[i])
     worst = max(worst, UNCERTAIN * np.sqrt(squares.max()) if squares.size else 0.0)
     worst = max(worst, min(UNCERTAIN * beyond * beyond, 1.0))

@@ -109,7 +109,7 @@ def project(start, column, values, q, lower, upper, x, g, d, t, work, state):
         term = x[i] * (g[i] + q[i])  # xᵀ(Ax + 2q) is twice the objective
         after += term
         size += abs(term)
-    if after <= before + 1e-12 * size:  # equal to rounding is no rise: near the solution everything is
+    if after <= before + 1e-12 * size:  # equal to rounding is not a rise: near the solution everything is
         return True
     for i in range(x.size):
         x[i], g[i] = old_x[i], old_g[i]

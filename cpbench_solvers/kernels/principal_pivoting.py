@@ -82,7 +82,7 @@ def murty(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
         state[1] = r
         if r < 0:
             return SOLVED
-        if not T[r, r] > pivot_tolerance:  # not positive: M is no P-matrix, for which alone the least index ends
+        if not T[r, r] > pivot_tolerance:  # not positive: M is not a P-matrix, for which alone the least index ends
             state[3] = r
             return NOT_IN_CLASS
         if state[0] >= until:

@@ -141,7 +141,7 @@ def rows_sparse(start, columns, values, k, x, free, part, share, w, size):
 
 @njit(float64(DATA_2D, DATA, DATA, int64, DATA, DATA, float64), **COMPILED)
 def largest_dense(K, k, x, free, w, size, error):
-    """Return the largest error of a row, at least `error`, which is returned where it is no number.
+    """Return the largest error of a row, at least `error`, which is returned where it is not a number.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ FIRST = 4
 @njit(error_model="numpy")
 def due(state, until, change, tolerance, measured):
     """Return whether the error is to be looked at: it is time, or the change in this sweep says that it may be small
-    enough, or is no number."""
+    enough, or is not a number."""
     it = state[ITERATION]
     # not >: a NaN is looked at, and ends the sweeps
     foretold = not measured[PACE] * change > tolerance * tolerance and measured[PACE] < np.inf

@@ -162,7 +162,7 @@ def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOpt
                 if z is None:
                     continue
             z = np.maximum(z, 0.0) * prepared.z_unit
-            # `not <=`: an error that is no number is refined, too
+            # `not <=`: an error that is not a number is refined, too
             if not error_of(problem, z) <= budget.tolerance:
                 z = refined(dense(problem.M), problem.q, z, F)
             if error_of(problem, z) <= budget.tolerance:

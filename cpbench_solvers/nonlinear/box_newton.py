@@ -70,7 +70,7 @@ class CountedBox:
             return self.problem.F(z)
 
     def jacobian(self, z: Vector) -> Matrix | None:
-        """Return it dense for a small problem; None where an entry is no number."""
+        """Return it dense for a small problem; None where an entry is not a number."""
         self.counters["jacobians"] += 1
         with np.errstate(all="ignore"):
             J: Sparse = self.problem.F.jacobian(z)

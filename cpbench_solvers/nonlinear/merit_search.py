@@ -25,7 +25,7 @@ BACKTRACKS = 40
 
 @dataclass(frozen=True, eq=False)
 class MeritPoint:
-    """A point with Φ there. z, F, phi, alpha, beta : (n,). merit : ½‖Φ‖², ∞ where Φ is no number."""
+    """A point with Φ there. z, F, phi, alpha, beta : (n,). merit : ½‖Φ‖², ∞ where Φ is not a number."""
 
     z: Vector
     F: Vector

@@ -133,7 +133,7 @@ class VIConditions(Field):
         return sp.csr_array(H[: self.n, : self.n] + H[: self.n, self.n :])
 
     def derivative(self, x: Vector) -> Sparse | None:
-        """Return E′(x); None where an entry is no number."""
+        """Return E′(x); None where an entry is not a number."""
         self.counters["jacobians"] += 1
         z = x[: self.n]
         with np.errstate(all="ignore"):

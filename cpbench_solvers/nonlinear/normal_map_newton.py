@@ -113,7 +113,7 @@ class _NormalMap(BoxMethod):
         found = fall_back(descent, at, J, descent.gradient(at, J))
         if found is None:
             return False
-        # the two merits are no bounds of each other: what was reached by this one counts afresh in the other
+        # the two merits are not bounds of each other: what was reached by this one counts afresh in the other
         self._merits.clear()
         self._stand(normal_point(found.z, found.F, self.box.lb, self.box.ub), found.z, found.F)
         return True

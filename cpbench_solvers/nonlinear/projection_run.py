@@ -79,7 +79,7 @@ class Field:
         return error if math.isfinite(error) else math.inf
 
     def row_error(self, x: Vector, F: Vector) -> float:
-        """Return the largest natural map of a row of x, of which F is F(x); 0 where the set is no box."""
+        """Return the largest natural map of a row of x, of which F is F(x); 0 where the set is not a box."""
         if self.problem.cone_kind.size:
             return 0.0
         slope = self.derivative(x)
@@ -90,7 +90,7 @@ class Field:
         return self.problem.set_at(x)[1:] if isinstance(self.problem, QVI) else (self.problem.lb, self.problem.ub)
 
     def derivative(self, x: Vector) -> Sparse | None:
-        """Return F′(x); None where an entry is no number."""
+        """Return F′(x); None where an entry is not a number."""
         with np.errstate(all="ignore"):
             slope = self.problem.F.jacobian(x)
         return slope if np.isfinite(slope.data).all() else None

@@ -266,7 +266,7 @@ def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, setti
     timed = times.by_time(own, one_machine, noise, settings.alpha)
     moved = counted["verdict"].map({str(PairVerdict.REGRESSED): 1, str(PairVerdict.IMPROVED): -1}).fillna(0).astype(int)
     against = (moved * timed["significant"]) < 0
-    why = counted["why"].astype(str) + ", but " + timed["time_why"].astype(str)  # of no pairs they are no texts yet
+    why = counted["why"].astype(str) + ", but " + timed["time_why"].astype(str)  # of no pairs they are not texts yet
     gates.rule(ruling, "counters", PairVerdict.INCONCLUSIVE, against, "counters against time", why)
     for verdict in (PairVerdict.REGRESSED, PairVerdict.INCONCLUSIVE, PairVerdict.IMPROVED):
         gates.rule(ruling, "counters", verdict, counted["verdict"] == verdict, "counters", counted["why"])

@@ -141,7 +141,7 @@ def end_as(status: int) -> NoReturn:
 
 
 def end_like(code: int) -> NoReturn:
-    """End this process as one with this return code of `subprocess`; 0 too, which is no answer."""
+    """End this process as one with this return code of `subprocess`; 0 too, which is not an answer."""
     end_as(-code if code < 0 else code << 8)
 
 

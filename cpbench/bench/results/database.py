@@ -33,7 +33,7 @@ class Database:
     For writing (`create=True`) this process alone may write it, and an older file is migrated; for reading, an older
     one is migrated in memory. May be used from several threads.
 
-    Raises StoreError when the file is no results file, is of a newer version, is being written by another process or
+    Raises StoreError when the file is not a results file, is of a newer version, is being written by another process or
     cannot be written; SealError when it has a trigger, a view, a table or an index that no run makes; from every
     method StoreError, when SQLite fails.
     """

@@ -187,7 +187,7 @@ def _assembled(entries: list[tuple[float, int, int]], shape: tuple[int, int]) ->
 
 
 def _summands(head: int, a: int, b: int, inputs: int, constants: list[float]) -> list[tuple[int, float]] | None:
-    """Return (value, factor) of the terms that an operation adds up, None where it is no sum with constant factors."""
+    """Return (value, factor) of the terms that an operation adds up, None where a factor is not constant."""
     first = inputs + len(constants)
     if head == Operator.ADD:
         return [(a, 1.0), (b, 1.0)]

@@ -114,7 +114,7 @@ class Map:
 
     @cached_property
     def digest(self) -> bytes:
-        """SHA-256 of the list, the same however the map was built; the names of parameters are no part of it."""
+        """SHA-256 of the list, the same however the map was built; the names of parameters are not part of it."""
         # the sizes first: arrays of other lengths could be the same bytes one after the other
         h = hashlib.sha256(f"map {self.inputs} {self.constants.size} {self.operations} {self.rows};".encode())
         for array in self.arrays().values():

@@ -106,7 +106,7 @@ def rank(M: Matrix, name: str, *, known: Fact | None = None) -> Fact:
     if values is not None:
         tolerance = max(rows, cols) * EPS * float(values.max())
         kept = values[values > tolerance]
-        if not kept.size:  # the matrix is not 0, so that the largest is no finite number
+        if not kept.size:  # the matrix is not 0, so that the largest is not a finite number
             return undecided(label, name, "singular values overflow")
         return Fact(
             label, name, int(kept.size), How.FACTORIZATION, float(kept.min()), tolerance, "least singular value kept"

@@ -175,5 +175,5 @@ class ScsModel:
             y=solution["y"][: self._rows],
             iterations=int(solution["info"]["iter"]),
         )
-        self._warm = end.usable  # a ray is no start
+        self._warm = end.usable  # a ray is not a start
         return end

@@ -19,7 +19,7 @@ from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, Trait
 from cpbench.solvers.stopping import Stopping
 
 _NOT_CVXPYS = ("raise_error",)
-"""Arguments of a backend's own function, which are no settings of it."""
+"""Arguments of a backend's own function, which are not settings of it."""
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ def contacts(problem: FrictionContact) -> PinocchioContacts:
 def stopping(test: str, tolerance: float, differs: str = "", factor: float = 1.0) -> Stopping:
     """Return the criteria that both solvers have, for data of size 1.
 
-    The relative ones end a run where an iterate hardly moves, which is no sign of a solution: they are off.
+    The relative ones end a run where an iterate hardly moves, which is not a sign of a solution: they are off.
     """
     kinds = ("feasibility", "complementarity")
     settings = {f"absolute_{kind}_tol": max(tolerance, FINEST) for kind in kinds}

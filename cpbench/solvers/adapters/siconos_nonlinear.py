@@ -1,8 +1,8 @@
 """Base of Siconos' solvers of nonlinear problems. The guest evaluates F and its Jacobian from their operations, by
 NumPy: an evaluation takes about 2 µs for every depth and operator, which on small problems is most of the time.
 
-Where F is no number they mostly end with info 2; but Siconos' error of a component is |z − max(0, z − w)|, and its max
-of 0 and NaN is 0, so that z = 0 passes there (siconos-mcp-newton-min-fb on a Walras problem): a claim like every other.
+Where F is not a number they mostly end with info 2; but Siconos' error of a component is |z − max(0, z − w)|, and its
+max of 0 and NaN is 0, so that z = 0 passes there (siconos-mcp-newton-min-fb on a Walras problem): a claim like any.
 
 Siconos' errors are absolute there (the norm of F(0) of its variational inequalities is set to 1), and so is its
 tolerance: no size of F at a start enters, which beside a pole may be anything. All start at the start that is given,

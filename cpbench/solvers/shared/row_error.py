@@ -20,10 +20,10 @@ LEAST = 1e-6
 
 
 def row_error(z: Vector, F: Vector, slope: Any, lb: Vector, ub: Vector) -> float:
-    """Return the largest natural map of a pair on the bounds; ∞ where that is no number. slope : F′(z), sparse.
+    """Return the largest natural map of a pair on the bounds; ∞ where that is not a number. slope : F′(z), sparse.
 
     A row is measured by the size of its terms, the sum of those in F′(z)z or what is left, F − F′(z)z; an unknown by
-    its largest effect on a row. A row that holds its unknown at a bound is no size for others.
+    its largest effect on a row. A row that holds its unknown at a bound is not a size for others.
     """
     if not z.size:
         return 0.0

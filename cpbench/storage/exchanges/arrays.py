@@ -1,7 +1,7 @@
 """`npy-dir` and `npz`: the arrays of a problem under their names in the mathematics, each in NumPy's .npy format.
 
 A dense array NAME is NAME.npy (float64, C order). A sparse matrix NAME is the four arrays of its CSR: NAME.data.npy
-(float64), NAME.indices.npy, NAME.indptr.npy and NAME.shape.npy (int64). What is no array stands in problem.json: node,
+(float64), NAME.indices.npy, NAME.indptr.npy and NAME.shape.npy (int64). The rest stands in problem.json: node,
 name, and the plain fields of the node (dimension). An answer is one array for every part of the node's point.
 
 `npy-dir` is a folder of these files, `npz` one archive of the same names, not compressed; its problem.json is an

@@ -1,4 +1,4 @@
-"""problem.json: what of a problem is no array. Node, name, and the plain fields of the node (dimension)."""
+"""problem.json: what of a problem is not an array. Node, name, and the plain fields of the node (dimension)."""
 
 from __future__ import annotations
 

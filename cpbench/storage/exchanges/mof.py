@@ -37,7 +37,7 @@ _NAMED = {
     "qp": {"lam": ("dual", "A"), "mu": ("dual", "C"), "nu": ("reduced_cost", "z")},
     "avi": {"lam": ("dual", "A"), "mu": ("dual", "C")},
 }
-"""Parts of a point that are no variables: where their numbers stand, and what is numbered there."""
+"""Parts of a point that are not variables: where their numbers stand, and what is numbered there."""
 
 
 class MathOptFormat(Exchange):

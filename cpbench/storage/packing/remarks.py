@@ -11,7 +11,7 @@ from cpbench.foundation import matrices
 from cpbench.foundation.plurals import counted
 
 SLIPPERY = 3.0
-"""μ above this is no pair of materials: rubber on dry concrete has about 1."""
+"""μ above this is not a pair of materials: rubber on dry concrete has about 1."""
 ROUNDED = 1e-9
 
 

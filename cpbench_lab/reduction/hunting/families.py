@@ -68,7 +68,7 @@ def planted_lcp(rng: Rng) -> LCP:
 
 @family("lcp")
 def whole_lcp(rng: Rng) -> LCP:
-    """Draw an LCP of small whole numbers, whose ratios tie; M is no P-matrix as a rule."""
+    """Draw an LCP of small whole numbers, whose ratios tie; M is not a P-matrix as a rule."""
     n = _size(rng, 12)
     M = rng.integers(-2, 3, (n, n)).astype(float)
     z = rng.integers(0, 3, n) * rng.integers(0, 2, n).astype(float)
