@@ -20,7 +20,7 @@ from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Vector, dense, norm, transpose
 from cpbench.foundation.product_cones import Cone
 from cpbench.solvers.base import SolverSpec, register
-from cpbench_solvers.cone.penalty import TINY, Penalty
+from cpbench_solvers.cone.penalty import TINY, StepPenalty
 from cpbench_solvers.cone.run import ConicSolver, Iterates
 from cpbench_solvers.cone.scaled_form import ConicForm
 from cpbench_solvers.traits import ITERATIVE
@@ -52,7 +52,7 @@ class ConeSplitting:
         self.counters = {"iterations": 0, "factorizations": 0, "projections": 0}
         zero = np.repeat(form.K.kind == Cone.ZERO, form.K.size.astype(int))
         self._weight = np.where(zero, EQUALITY, 1.0)
-        self._penalty = Penalty(options.rho, *RHO, LONGER, options.balance)
+        self._penalty = StepPenalty(options.rho, *RHO, LONGER, options.balance)
         self._factors: Factorization | None = None
         self.x, self.y = start if start is not None else (np.zeros(form.p.size), np.zeros(form.b.size))
         self.s = form.K.project(form.A @ self.x + form.b)

@@ -19,7 +19,7 @@ from cpbench.errors import ProblemError
 from cpbench.foundation.cones import Law
 from cpbench.foundation.matrices import Dense, Vector, norm
 from cpbench.solvers.base import Budget
-from cpbench_solvers.cone.penalty import TINY, Penalty
+from cpbench_solvers.cone.penalty import TINY, StepPenalty
 from cpbench_solvers.contact.run import ContactMethod, MethodOptions
 
 RHO, LONGER = (1e-9, 1e6), 1.5
@@ -70,7 +70,7 @@ class ConicADMM(ContactMethod):
     def __init__(self, contacts: Delassus, options: ConicADMMOptions, start: Vector, budget: Budget) -> None:
         self._contacts, self._options = contacts, options
         self._shape = (-1, contacts.dimension)
-        self._penalty, self._factorized = Penalty(options.rho, *RHO, LONGER, options.balance), False
+        self._penalty, self._factorized = StepPenalty(options.rho, *RHO, LONGER, options.balance), False
         self._z = start / contacts.s
         self._xi, self._shift = np.zeros_like(start), np.zeros_like(start)
         if start.any():

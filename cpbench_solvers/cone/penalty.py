@@ -14,7 +14,7 @@ TINY = 1e-300
 
 
 @dataclass
-class Penalty:
+class StepPenalty:
     """A penalty that balances the residuals.
 
     Attributes

@@ -15,7 +15,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.definite import By, Factors, definite_factors
 from cpbench.foundation.matrices import Matrix, Vector, is_symmetric
 from cpbench.solvers.base import Budget, SolverSpec, register
-from cpbench_solvers.cone.penalty import TINY, Penalty
+from cpbench_solvers.cone.penalty import TINY, StepPenalty
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
@@ -47,7 +47,7 @@ class ContactSplitting(ContactMethod):
         problem = contacts.rows.problem
         self._mu, self._d = problem.mu, problem.dimension
         self._advance = kernel("contact_splitting").advance
-        self._penalty = Penalty(options.rho, *RHO, LONGER, options.balance)
+        self._penalty = StepPenalty(options.rho, *RHO, LONGER, options.balance)
         self._factors: Factors | None = None
         self._sizes, self._shift = np.zeros(4), np.zeros(problem.nc)
         self._z, self._xi = start / contacts.s, np.zeros(contacts.q.size)
