@@ -154,7 +154,7 @@ def test_files_of_the_user_are_kept_as_they_were_added(source: Path) -> None:
 
 
 def test_an_absent_collection_ends_with_the_command_that_adds_it(source: Path, tmp_path: Path) -> None:
-    (tmp_path / "night.toml").write_text('problems = ["collection/fclib"]\nsolvers = ["lemke"]\n')
+    (tmp_path / "night.toml").write_text('problems = ["collection/fclib"]\nsolvers = ["siconos-lcp-lemke"]\n')
     for arguments in (
         ("run", "collection/fclib/Cubes_H8"),
         ("run", "--plan", "night.toml"),
