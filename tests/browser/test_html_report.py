@@ -673,7 +673,7 @@ def test_pictures_keep_the_page_small(tmp_path: Path) -> None:
 
 
 @pytest.mark.nightly
-def test_more_rows_are_aggregated_and_said_so(tmp_path: Path, opened: Opened) -> None:
+def test_more_rows_are_aggregated_with_a_note(tmp_path: Path, opened: Opened) -> None:
     rows = large(1000, 24)
     assert len(rows) > WHOLE
     page = opened(write_html(rows, meta(), tmp_path, "very many"))

@@ -81,7 +81,7 @@ def test_shares_rankings_and_hard_problems_are_counted(page: ModuleType, tmp_pat
     assert any(line.startswith(extent) for line in lines)
 
 
-def test_a_formulation_that_keeps_its_order_is_said_so(page: ModuleType) -> None:
+def test_a_formulation_that_keeps_its_order_is_reported(page: ModuleType) -> None:
     rows = [{"place": "1", "solver": "s"}, {"place": "2", "solver": "t"}]
     assert page.change(rows, rows) == "`s` stays first"
     assert page.change(rows, []) == "ranked on one tier only"

@@ -54,7 +54,7 @@ def test_pages_load_nothing_from_elsewhere(site: Path) -> None:
         assert not [address for address in loaded.addresses if re.match(r"(https?:)?//", address)], page
 
 
-def test_what_is_registered_has_its_place(site: Path) -> None:
+def test_every_plugin_is_on_its_page(site: Path) -> None:
     for page, names in (
         ("formulations", formulations.names()),
         ("conversions", conversions.names()),

@@ -186,7 +186,7 @@ def test_killed_within_half_a_second(run: Run, module_bench) -> None:
 
 
 @pytest.mark.nightly
-def test_what_breaks_off_is_told_at_once(bench) -> None:
+def test_a_broken_connection_is_reported_at_once(bench) -> None:
     """No fault but a hang waits for the limit, whatever it holds open.
 
     In a run of their own: whoever comes after `forkserver` waits until there is a new one.

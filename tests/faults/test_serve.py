@@ -151,7 +151,7 @@ def test_each_is_what_it_is_called(rows: pd.DataFrame) -> None:
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_who_remembers_is_charged_the_first_solve(rows: pd.DataFrame) -> None:
+def test_a_solver_with_a_memory_is_charged_the_first_solve(rows: pd.DataFrame) -> None:
     assert "remembered" in rows.loc["remember"]["flags"]
     assert rows.loc["remember"].solve >= 0.2
     # whether it is flagged is asked of its own times: on a busy machine any first solve may be late

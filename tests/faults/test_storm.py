@@ -163,7 +163,7 @@ def test_healthy_rows_are_those_of_a_calm_run(results: tuple[Path, Path]) -> Non
     assert set(wanted) == set(calm.index)
 
 
-def test_nobody_is_left(results: tuple[Path, Path]) -> None:
+def test_no_process_is_left(results: tuple[Path, Path]) -> None:
     """Of six runners, five of them killed, and of what a thousand faults started."""
     folder = str(results[0].parent)
     deadline = time.monotonic() + 120.0

@@ -97,7 +97,7 @@ def test_counts_are_those_of_the_solver_that_enumerates_in_doubles(
     check(tmp_path / "c.h5")
 
 
-def test_an_answer_far_from_all_is_told_the_nearest(tmp_path: Path) -> None:
+def test_an_answer_far_from_all_names_the_nearest(tmp_path: Path) -> None:
     """(1, 2; 2, 1)z + q with q = −(3, 3): the solutions are (3, 0), (0, 3) and (1, 1), by hand."""
     problem = LCP(M=[[1.0, 2.0], [2.0, 1.0]], q=[-3.0, -3.0])
     certificate = cpbench.certify(problem, [1.25, 1.25])

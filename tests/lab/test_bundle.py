@@ -152,7 +152,7 @@ def test_reproduce_gives_the_same_statuses(plain: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.nightly
-def test_nobody_runs_plugins_unasked(plain: Path, tmp_path: Path) -> None:
+def test_plugins_run_only_when_asked(plain: Path, tmp_path: Path) -> None:
     done = cpbench(tmp_path, "reproduce", str(plain), "-o", "x", "-q", rc=2)
     assert "--yes-run-plugins" in done.stderr
     assert len(done.stderr.splitlines()) == 1
@@ -175,7 +175,7 @@ def test_other_statuses_end_with_1(plain: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.nightly
-def test_a_missing_solver_is_told_and_not_compared(plain: Path, tmp_path: Path) -> None:
+def test_a_missing_solver_is_named_and_not_compared(plain: Path, tmp_path: Path) -> None:
     folder = tmp_path / "made"
     archive.unpack(plain, folder)
     shutil.rmtree(folder / "plugins")
@@ -382,7 +382,9 @@ def test_names_that_lead_out_are_refused(tmp_path: Path, name: str) -> None:
     assert not list(tmp_path.rglob("evil*"))
 
 
-def test_what_is_no_bundle_is_told_in_a_line(plain: Path, tmp_path: Path, told: Path, here: Callable[..., str]) -> None:
+def test_a_file_that_is_not_a_bundle_is_refused_in_a_line(
+    plain: Path, tmp_path: Path, told: Path, here: Callable[..., str]
+) -> None:
     (tmp_path / "no.zip").write_bytes(b"PK nothing")
     with zipfile.ZipFile(tmp_path / "other.zip", "w") as out:
         out.writestr("a.txt", "a")

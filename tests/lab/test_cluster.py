@@ -358,7 +358,7 @@ def test_a_batch_system_that_is_not_configured(tmp_path: Path) -> None:
     assert done.stderr.count("\n") == 1
 
 
-def test_a_remote_worker_that_nobody_asks_ends_and_comes_back(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_idle_remote_worker_ends_and_restarts(monkeypatch: pytest.MonkeyPatch) -> None:
     """A client that was killed removes no plugin; one that is only slow finds a worker again."""
     nothing = pickle.dumps(RunBlock(Block(()), 1.0))
     remote = RemoteWorker(executor._worker_setup(Setting()), idle=0.5)
@@ -377,7 +377,7 @@ def test_a_remote_worker_that_nobody_asks_ends_and_comes_back(monkeypatch: pytes
         remote.end()
 
 
-def test_dask_is_imported_by_who_asks_for_it() -> None:
+def test_dask_is_imported_on_demand() -> None:
     loaded = (
         "import cpbench.cli.run_command, sys; print({'distributed', 'cpbench_lab.cluster.executor'} & {*sys.modules})"
     )

@@ -123,7 +123,7 @@ def test_a_solver_that_ends_its_process_has_a_cause_and_a_remedy(tmp_path: Path)
     assert "auto-lcp (automatic choice): works" in ended.stdout
 
 
-def test_the_same_is_found_apart() -> None:
+def test_a_trial_ends_alike_in_a_process_apart() -> None:
     trial = SolverTrial(problem=SPIN, solver="pgs")
     here = attempt(trial)
     with Apart() as run:

@@ -269,7 +269,7 @@ class OutOfIterations(Solver):
         return SolverOutput(claim=Claim.MAX_ITER, point=LCPPoint(z=np.linalg.solve(prepared.M, -prepared.q)))
 
 
-def test_a_claim_that_no_property_explains_is_said_to_have_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_claim_that_no_property_explains_has_no_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     """The claim comes from no arithmetic: a method that just misses its tolerance meets it with another rounding."""
     monkeypatch.setitem(solvers._items, "out-of-iterations", OutOfIterations())
     found = cp.diagnose(SLOW, "out-of-iterations", tolerance=1e-12)

@@ -325,7 +325,7 @@ def test_every_pivot_of_lemke_is_almost_complementary(rng: np.random.Generator) 
     assert longest >= 3
 
 
-def test_a_ray_is_told_and_q_above_zero_needs_no_pivot() -> None:
+def test_a_ray_is_shown_and_positive_q_needs_no_pivot() -> None:
     path = lemke_path(lcp([[-1, 0], [0, -1]], [-1, -2]))
     assert path.ray
     assert path.cover.tolist() == [2.0]
@@ -340,7 +340,7 @@ def test_cones_hold_what_is_nine_digits_from_them(size: float) -> None:
     assert not solutions(far)
 
 
-def test_flat_cones_are_told() -> None:
+def test_flat_cones_are_named() -> None:
     flat = [cone.active for cone in complementary_cones(lcp([[1, -1], [-1, 1]], [-2, 1])) if cone.degenerate]
     assert flat == [(0, 1)]
 

@@ -75,7 +75,7 @@ def test_sweeps_on_a_sparse_matrix_cost_no_more_than_to_store_it_as_a_dense_one(
     assert second.iterations * line.nnz <= 300**2
 
 
-def test_who_fails_is_followed_by_the_next_and_the_message_tells_of_both() -> None:
+def test_a_failed_solver_is_followed_by_the_next_and_the_message_names_both() -> None:
     assert solvers.get("lemke").run(RAY).claim is Claim.FAILED
     assert solvers.get("newton-min").run(RAY).claim is not Claim.SOLVED
     found = solvers.get("auto-lcp").run(RAY)

@@ -127,7 +127,7 @@ def test_what_has_no_solution_is_not_solved() -> None:
         assert word in output.message
 
 
-def test_lines_that_M_does_not_hold_are_said() -> None:
+def test_lines_that_M_does_not_hold_are_reported() -> None:
     problem = AVI(M=np.zeros((2, 2)), q=np.zeros(2), A=np.array([[1.0, 0.0]]), b=np.zeros(1))
     assert "lines" in solvers.get("lemke-avi").run(problem, TIGHT).message
 
@@ -150,7 +150,7 @@ def test_a_vertex_has_as_many_conditions_as_unknowns(rng: np.random.Generator) -
         np.testing.assert_allclose(C @ z, d, atol=1e-8)
 
 
-def test_limits_are_kept_and_said() -> None:
+def test_limits_are_kept_and_reported() -> None:
     problem, _ = planted_conic.relay(np.random.default_rng(0), 30, "monotone")
     output = solvers.get("lemke-relay").run(problem, Budget(tolerance=1e-10, iterations=3))
     assert output.claim is Claim.MAX_ITER

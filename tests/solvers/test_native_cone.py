@@ -138,7 +138,7 @@ def test_histories_fall_to_the_answer(rng: np.random.Generator) -> None:
         assert errors[-1] <= 1e-7 < errors[0]
 
 
-def test_what_cannot_be_is_said() -> None:
+def test_impossible_programs_are_refused_or_stall() -> None:
     """x ≤ −1 and x ≥ 1; an indefinite Q and M; rows beside a box."""
     K = ProductCone.of((Cone.NONNEGATIVE, 1, 2))
     crossed = ConeQP.over(np.eye(1), np.zeros(1), K, np.array([[1.0], [-1.0]]), -np.ones(2))

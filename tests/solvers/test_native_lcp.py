@@ -169,7 +169,7 @@ def test_large_right_hand_sides_keep_a_pivot_row(shared_data: Path) -> None:
     assert output.claim in (Claim.SOLVED, Claim.FAILED)
 
 
-def test_divergence_is_said() -> None:
+def test_divergence_is_reported() -> None:
     """PGS finds no rest on a P-matrix far from diagonal dominance whose only solution is (1, 1), and says so."""
     problem = LCP(M=np.array([[1.0, 5.0], [-5.0, 1.0]]), q=[-6.0, 4.0])
     output = solvers.get("pgs").run(problem)

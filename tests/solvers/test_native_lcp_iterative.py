@@ -112,7 +112,7 @@ def test_blocks_may_have_zeros_in_their_diagonals() -> None:
     assert solvers.get("pgs").obstacle(problem)
 
 
-def test_a_block_without_solution_is_said_as_a_stall() -> None:
+def test_a_block_without_solution_ends_as_a_stall() -> None:
     """M = 0, q < 0: no block has a solution, nothing moves."""
     output = solvers.get("block-gs").run(LCP(M=np.zeros((3, 3)), q=-np.ones(3)))
     assert output.claim is Claim.FAILED

@@ -74,7 +74,7 @@ def test_both_solutions_are_found() -> None:
         assert min(np.abs(z - solution).max() for z in found) <= 1e-9
 
 
-def test_the_degenerate_solution_is_told_apart() -> None:
+def test_the_degenerate_solution_is_distinguished() -> None:
     """In the numbers of an answer, and in its active set: z₃ = F₃ = 0; the other solution has no such pair."""
     ncp = next(i.problem for i in generators.get("ncp-classics").instances() if i.name == "kojima-shindo")
     micp, told = problem("ncp-classics", "kojima-shindo"), {}

@@ -118,7 +118,7 @@ def test_resampling_problems_of_families_is_too_narrow() -> None:
     assert held["problems"] <= 0.65 * 150
 
 
-def test_few_families_are_told() -> None:
+def test_few_families_are_reported() -> None:
     times = some(20)
     by_four = pd.Series([f"f{i % 4}" for i in range(20)], index=times.index)
     found = bootstrap.intervals(bootstrap.solve_rate(times), by_four)

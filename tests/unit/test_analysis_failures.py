@@ -8,7 +8,7 @@ from cpbench.analysis import failures
 from cpbench.analysis import table as rows_of
 
 
-def test_a_proof_of_infeasibility_is_told() -> None:
+def test_a_proof_of_infeasibility_is_reported() -> None:
     rows = rows_of.normalised(table(row("p", "a", "infeasible", 1.0), row("p", "b", "max_iter", 1.0)))
     assert failures.unsolved(rows)["proven"].tolist() == [True]
 

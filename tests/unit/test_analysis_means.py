@@ -108,7 +108,7 @@ def test_no_mean_has_a_reason() -> None:
         means.means(pd.DataFrame({"a": [-1.0]}))
 
 
-def test_commonly_solved_is_said_to_be_small_or_empty() -> None:
+def test_a_small_or_empty_set_of_commonly_solved_is_reported() -> None:
     times = pd.DataFrame({"a": [1.0] * 30, "b": [2.0] * 20 + [INF] * 10, "c": [INF] * 15 + [3.0] * 15})
     both = means.means(times, shift=0.0, common=["a", "b"])
     assert (both.problems, both.remark, both.table["mean"].to_dict()) == (20, "", {"a": 1.0, "b": pytest.approx(2.0)})

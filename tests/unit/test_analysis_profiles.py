@@ -246,7 +246,7 @@ def test_data_profile_by_the_definition() -> None:
 
 @settings(deadline=None, max_examples=40)
 @given(values=TIMES, seed=st.integers(0, 2**16))
-def test_data_profiles_do_not_depend_on_who_is_shown(values: np.ndarray, seed: int) -> None:
+def test_data_profiles_do_not_depend_on_the_solvers_shown(values: np.ndarray, seed: int) -> None:
     table = frame(values.tolist())
     rng = np.random.default_rng(seed)
     units = pd.Series(rng.uniform(0.5, 3.0, len(table)), index=table.index)

@@ -176,7 +176,9 @@ def test_a_table_gives_what_the_rows_say() -> None:
         ([1, 2, 4, 8, 16, 32], [0.1, 0.2, 0.4, 0.8, 1.6, 99.0], "the known values lie on a line exactly"),
     ],
 )
-def test_what_cannot_be_told_is_refused_with_a_reason(sizes: list[int], times: list[float], reason: str) -> None:
+def test_scaling_without_enough_data_is_refused_with_a_reason(
+    sizes: list[int], times: list[float], reason: str
+) -> None:
     (found,) = scaling(rows_of.normalised(table(*_rows(sizes, times))), "n").to_dict("records")
     assert math.isnan(found["slope"])
     assert found["reason"].startswith(reason)

@@ -99,7 +99,7 @@ def test_a_legend_stands_where_it_is_environment(results: Path, tmp_path: Path) 
         (("scaling", "--legend", "none"), "this figure has no legend"),
     ],
 )
-def test_what_cannot_be_is_said(results: Path, tmp_path: Path, options: tuple[str, ...], said: str) -> None:
+def test_impossible_options_are_refused(results: Path, tmp_path: Path, options: tuple[str, ...], said: str) -> None:
     kind, *more = options
     path = tmp_path / "f.svg"
     with pytest.raises(CpbenchError, match=said):

@@ -82,7 +82,7 @@ def test_names_may_hold_anything() -> None:
     ("error", "told"),
     [(0.0, "<=1e-06"), (1e-6, "<=1e-06"), (1.0000001e-6, "1e-05"), (1e-3, "1e-03"), (1.1e-3, "1e-02"), (np.inf, "inf")],
 )
-def test_an_error_is_told_by_its_decade(error: float, told: str) -> None:
+def test_an_error_is_reported_by_its_decade(error: float, told: str) -> None:
     assert baseline.decades(pd.Series([error]), pd.Series([1e-6])).tolist() == [told]
 
 
@@ -356,7 +356,7 @@ def test_bad_input_is_one_line(
     assert message in told.err
 
 
-def test_licences_that_restrict_publishing_are_told(tmp_path: Path, cpbench: Callable[..., Told]) -> None:
+def test_licences_that_restrict_publishing_are_named(tmp_path: Path, cpbench: Callable[..., Told]) -> None:
     about = synthetic.meta(solvers={"s": {"name": "s", "publishing": "ask first"}})
     synthetic.results_file(tmp_path / "r.sqlite", synthetic.table(synthetic.row("a", "s", "solved", 0.1)), about)
     told = cpbench("baseline", "r.sqlite", "-o", "b.csv")

@@ -193,7 +193,7 @@ def test_kept_answers_are_judged_again_as_they_were(program: Bench, tmp_path: Pa
     assert "lost -> inaccurate" in tighter[0], "half the tolerance is missed on the solver's own problem, too"
 
 
-def test_what_an_older_file_cannot_tell_is_said(program: Bench, tmp_path: Path) -> None:
+def test_what_an_older_file_lacks_is_reported(program: Bench, tmp_path: Path) -> None:
     lost = nearly(program, program.prepared.tolerance)
     older = {"target_error": None, "target_tolerance": None, "status": "inaccurate"}
     told = list(rejudge_file(results_of(program, tmp_path, {"daqp": (lost, "solved")}, **older), None, None))
@@ -257,7 +257,7 @@ def test_judged_at_another_tolerance_is_what_a_run_at_it_would_say(tolerance: fl
         assert found == status(verdict, one.claim, kind=Kind(one.kind), target=target)
 
 
-def test_only_those_who_missed_their_target_are_accused() -> None:
+def test_only_solvers_that_missed_their_target_are_accused() -> None:
     rows = rows_of_every_kind()
     lies = reliability.false_claims(rows)
     assert len(lies) > 100
@@ -290,7 +290,7 @@ def test_only_those_who_missed_their_target_are_accused() -> None:
         2,
     ),
 )
-def test_a_comparison_says_who_is_charged_now(before: str, after: str, verdict: str) -> None:
+def test_a_new_charge_is_a_change_of_status(before: str, after: str, verdict: str) -> None:
     from cpbench.analysis import baseline, ratchet
     from cpbench.analysis.comparison import ComparisonSide, compare
 

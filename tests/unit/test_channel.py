@@ -104,7 +104,7 @@ def test_no_memory_is_taken_for_what_is_only_announced() -> None:
     theirs.close()
 
 
-def test_the_end_is_told(ends: tuple[Channel, Channel]) -> None:
+def test_a_closed_channel_ends_in_errors(ends: tuple[Channel, Channel]) -> None:
     ours, child = ends
     child.send_bytes(b"last")
     child.close()
@@ -122,7 +122,7 @@ def test_a_child_sees_the_runner_go(ends: tuple[Channel, Channel]) -> None:
         child.recv_bytes()
 
 
-def test_who_does_not_read_is_not_waited_for(ends: tuple[Channel, Channel]) -> None:
+def test_a_peer_that_does_not_read_is_not_waited_for(ends: tuple[Channel, Channel]) -> None:
     ours, _ = ends
     begun = time.monotonic()
     with pytest.raises(TimeoutError):

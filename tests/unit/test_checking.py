@@ -191,7 +191,7 @@ def test_route_all_shows_every_route_with_its_size(monkeypatch, capsys, lcp_file
     assert any("out of reach" in line for line in lines)
 
 
-def test_a_size_that_can_be_told_is_not_converted_for(monkeypatch, capsys, lcp_file):
+def test_a_size_that_can_be_predicted_needs_no_conversion(monkeypatch, capsys, lcp_file):
     class Large(Crooked):
         def predict(self, problem):
             return Size.dense(10**6, 10**6)

@@ -341,7 +341,7 @@ def _refused(done: Done, told: str) -> None:
 
 
 @pytest.mark.nightly
-def test_a_shallow_clone_is_told_how_to_be_a_whole_one(origin: Path, tmp_path: Path) -> None:
+def test_a_shallow_clone_gets_the_command_that_completes_it(origin: Path, tmp_path: Path) -> None:
     run(origin, "git", "commit", "-q", "--allow-empty", "-m", "second", "--no-verify")
     run(tmp_path, "git", "clone", "-q", "--depth", "1", f"file://{origin}", "toy")
     run(tmp_path / "toy", "git", "remote", "remove", "origin")

@@ -538,7 +538,7 @@ def test_a_report_tells_what_it_replaces(monkeypatch, capsys, lcp, tmp_path) -> 
 
 @pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize("report", [False, *by_night([True])])
-def test_a_file_that_changed_between_two_runs_is_said(monkeypatch, capsys, tmp_path, report) -> None:
+def test_a_file_that_changed_between_two_runs_is_reported(monkeypatch, capsys, tmp_path, report) -> None:
     """Rows of the former content stay, and the terminal and the report say that they are there."""
     monkeypatch.chdir(tmp_path)
     run = ["run", "p.h5", "-s", "lemke", "--repeats", 1, "-q", "-o", "r.sqlite"]

@@ -121,7 +121,7 @@ def test_verbose_is_the_log_on_stderr_and_quiet_is_nothing(folder: Path) -> None
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_a_log_that_cannot_be_written_is_told_before_anything_runs(folder: Path) -> None:
+def test_a_log_that_cannot_be_written_is_refused_before_anything_runs(folder: Path) -> None:
     words = ("-s", "lemke", "-o", "r.sqlite", "--log", "nowhere/run.log")
     done = with_plugins(folder, "run", ".", "--no-report", *words)
     assert done.returncode == 2

@@ -75,14 +75,14 @@ def _loaded(loads: list[float]) -> pd.DataFrame:
 
 
 @pytest.mark.parametrize(("busy", "said"), [(0, False), (1, False), (2, True), (4, True)])
-def test_a_load_beyond_the_cores_is_said_from_a_tenth_of_the_rows(busy: int, said: bool) -> None:
+def test_a_load_beyond_the_cores_is_reported_from_a_tenth_of_the_rows(busy: int, said: bool) -> None:
     found = cautions.disturbance(_loaded([2.5] * busy + [2.0] * (20 - busy)), {"machine": {"threads": 2}})
     assert bool(found) == said
     assert (f"beyond the 2 cores at {busy} of 20 pairs (up to 2.5)" in found) == said
 
 
 @pytest.mark.parametrize(("drift", "said"), [(1.0, False), (1.45, False), (1.55, True), (3.0, True)])
-def test_a_drift_of_the_machine_is_said_beyond_a_half(drift: float, said: bool) -> None:
+def test_a_drift_of_the_machine_is_reported_beyond_a_half(drift: float, said: bool) -> None:
     about = meta(references=[{"seconds": 0.01}, {"seconds": 0.01 * drift}, {"seconds": None}])
     assert bool(cautions.disturbance(_loaded([1.0]), about)) == said
 

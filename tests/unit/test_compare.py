@@ -83,7 +83,7 @@ def test_rows_without_a_partner_are_counted() -> None:
     assert any("1 rows are in the base only, 2 in the new" in note for note in found.notes)
 
 
-def test_a_problem_that_changed_under_its_name_is_told() -> None:
+def test_a_problem_that_changed_under_its_name_is_reported() -> None:
     found = compare(
         side(row("p", "s", "solved"), row("q", "s", "solved")),
         side(row("p", "s", "solved"), row("q", "s", "solved", fingerprint="new")),

@@ -102,7 +102,7 @@ def test_a_bias_that_equal_builds_show_is_allowed_for(bias: float, number: int) 
     assert any("equal builds differ by" in note for note in found.notes)
 
 
-def test_a_bias_that_nothing_shows_is_said_to_be_assumed() -> None:
+def test_a_bias_without_evidence_is_called_assumed() -> None:
     assert any("no builds of equal code" in note for note in files(0, 1.0).notes)
 
 

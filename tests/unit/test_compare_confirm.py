@@ -65,7 +65,7 @@ def altered(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_an_alarm_that_does_not_come_back_is_told(altered: Path) -> None:
+def test_an_alarm_that_is_not_confirmed_is_reported(altered: Path) -> None:
     words = ("compare", "run.sqlite", "--a", MANY, "--b", FEW, "--fail-on", "regression")
     said = in_process(altered, *words)
     assert said.returncode == 1

@@ -204,7 +204,7 @@ def test_bad_input_is_one_line(made: Make, cpbench, tmp_path: Path) -> None:
         assert err.count("\n") == 1, err
 
 
-def test_a_solver_that_the_other_file_lacks_is_told(made: Make, cpbench) -> None:
+def test_a_solver_that_the_other_file_lacks_is_named(made: Make, cpbench) -> None:
     one, two = made("one.sqlite", [row("p", "s", "solved")]), made("two.sqlite", [row("p", "t", "solved")])
     code, _, err = cpbench(one, two)
     assert code == 2
@@ -318,7 +318,7 @@ def test_problems_with_one_name_have_names_of_their_own_in_junit() -> None:
     assert names == ["p tolerance=1e-06", "p tolerance=0.0001"] or names == ["p tolerance=0.0001", "p tolerance=1e-06"]
 
 
-def test_a_restriction_on_publishing_is_told() -> None:
+def test_a_restriction_on_publishing_is_reported() -> None:
     rows = pd.DataFrame([row("p", "vendor", "solved")])
     sheets = {"vendor": {"name": "vendor", "publishing": "ask first"}}
     pair = compare(ComparisonSide("a", rows, {"solvers": sheets}), ComparisonSide("b", rows))

@@ -112,7 +112,7 @@ def test_without_landlock_only_the_temporary_folder_changes(tmp_path: Path) -> N
     assert isolation.detect("open").writes == isolation.detect("spawn").writes == "open"
 
 
-def test_a_kernel_without_landlock_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_kernel_without_landlock_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(landlock, "_call", lambda *_: -38)
     landlock.version.cache_clear()
     try:

@@ -85,7 +85,7 @@ def test_the_false_infeasible_is_a_false_claim(planted) -> None:
 
 
 @pytest.mark.needs("cpbench_solvers", "cpbench_lab")
-def test_a_certificate_says_who_is_right(planted) -> None:
+def test_a_certificate_decides_between_answers(planted) -> None:
     pytest.importorskip("flint")
     folder, ended = planted
     found = {one.problem: one.arbitration for one in cp.Results(folder / "r.sqlite").contradictions}

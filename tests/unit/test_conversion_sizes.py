@@ -16,7 +16,7 @@ SAID = [n for n in conversions.names() if any("predict" in vars(k) for k in conv
 
 
 @pytest.mark.parametrize("name", SAID)
-def test_no_result_is_larger_than_said(name):
+def test_no_result_is_larger_than_predicted(name):
     edge = make(name)
     checked = 0
     for case in cases(edge.source):

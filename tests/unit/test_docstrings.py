@@ -45,7 +45,7 @@ def test_docstrings_begin_with_a_verb_or_a_noun() -> None:
     assert not found, "\n".join(found)
 
 
-def test_the_words_are_found() -> None:
+def test_forbidden_words_are_detected() -> None:
     source = 'def f():\n    """The sum."""\ndef g():\n    """A⁻¹b."""\nclass C:\n    """What is read."""\n'
     assert list(_refused(source)) == [(1, "The"), (3, "A⁻¹b"), (5, "What")]
     fine = '@property\ndef f():\n    """The sum."""\ndef g():\n    """Return it."""\nclass C:\n    """The sums."""\n'

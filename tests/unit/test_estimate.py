@@ -26,7 +26,7 @@ def test_a_pair_takes_what_was_measured_or_what_others_took_on_its_problem() -> 
     assert solves(todo, MEASURED) == ([Span(1.5, 1.5), Span(10.0, 10.0), others, others, NOTHING, others], 2)
 
 
-def test_a_problem_that_nobody_measured_has_no_time() -> None:
+def test_a_problem_without_measurements_has_no_time() -> None:
     assert solves([pair("fast", fingerprint="unknown")], MEASURED) == ([None], 0)
 
 

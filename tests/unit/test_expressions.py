@@ -254,7 +254,7 @@ def test_no_unknowns_and_no_rows() -> None:
 
 
 @pytest.mark.parametrize("operator", [Operator.EXP, Operator.MUL])
-def test_a_wrong_length_is_said(operator: Operator) -> None:
+def test_a_wrong_length_is_refused(operator: Operator) -> None:
     with pytest.raises(ValueError, match="3"):
         _single(operator)(np.zeros(3))
 

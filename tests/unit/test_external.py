@@ -226,7 +226,7 @@ def _served(*command: str, install: str = "") -> ServedSolver:
         3,
     ),
 )
-def test_what_is_said_at_the_door(code: str, state: str, told: str) -> None:
+def test_the_greeting_decides_availability(code: str, state: str, told: str) -> None:
     solver = _served(sys.executable, "-c", code)
     found = solver.availability()
     assert (found.state, told in found.detail) == (state, True), found
@@ -316,7 +316,7 @@ def test_a_served_solver_conforms_as_any(check: str) -> None:
         there.close()
 
 
-def test_what_a_command_is_told(tmp_path: Path) -> None:
+def test_the_words_of_a_command(tmp_path: Path) -> None:
     """Words are split without a shell; placeholders stand for values, options among them."""
     (tmp_path / "show.py").write_text(
         "import json, sys\nfrom pathlib import Path\nimport numpy as np\n"

@@ -101,7 +101,7 @@ ANSWERS = {
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("fault", ANSWERS)
-def test_what_is_no_answer_is_told(name: str, fault: str, tmp_path: Path) -> None:
+def test_an_invalid_answer_is_refused(name: str, fault: str, tmp_path: Path) -> None:
     content, told = ANSWERS[fault]
     path = _path(tmp_path, name, "answer")
     if name == "npz":
@@ -137,7 +137,7 @@ def test_integers_are_numbers_and_nan_is_an_answer(tmp_path: Path) -> None:
         ('{"node": "lcp"}', "q"),
     ],
 )
-def test_a_folder_that_is_no_problem_is_told(header: str, told: str, tmp_path: Path) -> None:
+def test_a_folder_that_is_not_a_problem_is_refused(header: str, told: str, tmp_path: Path) -> None:
     (tmp_path / "problem.json").write_text(header)
     np.save(tmp_path / "M.npy", np.eye(2))
     with pytest.raises(FormatError, match=told):

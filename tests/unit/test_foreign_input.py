@@ -43,7 +43,7 @@ def run(monkeypatch: pytest.MonkeyPatch, *words: object) -> int:
 
 
 @pytest.mark.parametrize("number", [signal.SIGSEGV, signal.SIGBUS, signal.SIGKILL])
-def test_a_reader_that_is_killed_is_told(tmp_path: Path, number: signal.Signals) -> None:
+def test_a_killed_reader_is_reported(tmp_path: Path, number: signal.Signals) -> None:
     with pytest.raises(FormatError, match=f"its reader was killed by {number.name}"):
         require_survivor(tmp_path / "x.mat", lambda: os.kill(os.getpid(), number), "its reader")
 

@@ -163,7 +163,7 @@ def test_the_folder_of_an_answer_may_say_how_it_went(monkeypatch, tmp_path: Path
     assert (row["status"], row["claim"], row["solve"]) == ("solved", "inaccurate", 2.0)
 
 
-def test_an_ending_that_was_told_stays(monkeypatch, capsys, tmp_path: Path, asked: Path) -> None:
+def test_a_given_ending_stays(monkeypatch, capsys, tmp_path: Path, asked: Path) -> None:
     """Whatever is in the folder, also when answers are judged again."""
     z = PLANTED["planted-1"][1]
     (tmp_path / "made").mkdir()
@@ -292,7 +292,7 @@ def test_a_broken_table_is_one_line(
     assert _all(out) == []
 
 
-def test_what_cannot_be_told_apart_is_refused(monkeypatch, capsys, tmp_path: Path, asked: Path, made: Path) -> None:
+def test_ambiguous_answers_and_names_are_refused(monkeypatch, capsys, tmp_path: Path, asked: Path, made: Path) -> None:
     np.save(made / "planted-3.npy", np.ones(4))
     assert run(monkeypatch, made, "-s", "a", "--problems", asked, "-o", tmp_path / "r.sqlite") == 2
     assert "answer one problem" in capsys.readouterr().err

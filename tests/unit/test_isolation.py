@@ -116,7 +116,7 @@ def test_a_child_is_tied_to_its_cores(start: Start) -> None:
 
 
 @pytest.mark.parametrize(("target", "args", "signal_", "code"), [(_exit, (3,), None, 3), (_abort, (), 6, -6)])
-def test_an_end_is_told_with_its_cause(start: Start, target, args, signal_: int | None, code: int) -> None:
+def test_an_end_is_reported_with_its_cause(start: Start, target, args, signal_: int | None, code: int) -> None:
     child = start(target, *args)
     with pytest.raises(Died) as death:
         child.receive(30.0)
@@ -133,7 +133,7 @@ def test_a_hang_is_not_waited_for(start: Start) -> None:
     assert time.monotonic() - begun < 300.0
 
 
-def test_who_hangs_up_is_killed(start: Start) -> None:
+def test_a_worker_that_hangs_up_is_killed(start: Start) -> None:
     child = start(_hang_up)
     with pytest.raises(Died, match="closed its connection"):
         child.receive(30.0)
@@ -149,7 +149,7 @@ def test_a_family_dies_together(start: Start) -> None:
 
 
 @linux
-def test_daemons_of_who_died_are_found(start: Start, request: pytest.FixtureRequest) -> None:
+def test_daemons_of_a_dead_worker_are_ended(start: Start, request: pytest.FixtureRequest) -> None:
     """The worker is killed by itself; what it started is adopted by its guard, which ends it."""
     if "spawn" in request.node.name:
         pytest.skip("does not apply: no guard where processes are spawned")

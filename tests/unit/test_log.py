@@ -49,7 +49,7 @@ def test_what_comes_in_pieces_reads_as_one() -> None:
     log.close()
 
 
-def test_a_writer_nobody_looks_at_is_not_held_up() -> None:
+def test_a_writer_without_readers_is_not_held_up() -> None:
     """10 MB go through a pipe of 64 KiB while the runner does something else."""
     log = _log()
     begun = time.monotonic()

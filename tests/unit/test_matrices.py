@@ -157,7 +157,7 @@ def test_factorizations_solve_both_ways_and_survive_pickling(rng: np.random.Gene
 
 
 @pytest.mark.parametrize("sparse", [False, True])
-def test_singular_is_told_and_not_died_of(rng: np.random.Generator, sparse: bool) -> None:
+def test_a_singular_matrix_is_reported_without_a_crash(rng: np.random.Generator, sparse: bool) -> None:
     """Structurally (a zero block of a KKT matrix, of which SuperLU has died), by rank, and wholly."""
     C = rng.standard_normal((12, 5))
     structural = np.block([[np.zeros((5, 5)), C.T], [C, np.zeros((12, 12))]])

@@ -289,7 +289,7 @@ def test_what_is_not_kept_is_refused_with_its_line(name: str, tmp_path: Path) ->
     assert str(refusal.value).startswith(str(tmp_path / "a.mps"))
 
 
-def test_free_rows_are_left_out_and_said(tmp_path: Path) -> None:
+def test_free_rows_are_left_out_with_a_note(tmp_path: Path) -> None:
     (tmp_path / "a.mps").write_text(
         f"{HEAD}ENDATA\n".replace(" E  EQ", " N  OTHER\n E  EQ").replace("X  UP  1.0", "X  OTHER  1.0")
     )

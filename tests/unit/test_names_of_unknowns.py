@@ -41,7 +41,7 @@ def test_names_of_an_nl_file_and_the_value_of_its_maximum(tmp_path: Path) -> Non
     assert "left  = 0.5" in text
 
 
-def test_names_of_another_number_are_not_used_and_this_is_said(tmp_path: Path, caplog: Any) -> None:
+def test_names_of_another_number_are_ignored_with_a_note(tmp_path: Path, caplog: Any) -> None:
     pyomo_program(tmp_path)
     (tmp_path / "max.col").write_text("left\n")
     with caplog.at_level(logging.WARNING, logger="cpbench.storage"):

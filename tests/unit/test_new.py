@@ -368,7 +368,7 @@ def build():
 
 
 @pytest.mark.nightly
-def test_who_hangs_or_dies_fails_that_check_and_no_other(tmp_path: Path) -> None:
+def test_a_solver_that_hangs_or_dies_fails_that_check_alone(tmp_path: Path) -> None:
     text = (
         REGISTERED
         + """
@@ -476,7 +476,7 @@ def test_a_plugin_that_does_not_load_is_bad_input(tmp_path: Path, text: str, wor
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_a_name_that_nobody_has_cannot_be_checked() -> None:
+def test_an_unknown_name_cannot_be_checked() -> None:
     with pytest.raises(UnknownName, match="did you mean lemke"):
         conduct.named("lemkee")
 

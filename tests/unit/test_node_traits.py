@@ -53,7 +53,7 @@ def test_few_modules_list_formulations() -> None:
     assert len(found) <= MOST, f"enter what they say in a NodeTable or on the classes: {found}"
 
 
-def test_a_list_is_found(tmp_path: Path) -> None:
+def test_a_list_of_formulations_is_detected(tmp_path: Path) -> None:
     file = tmp_path / "module.py"
     file.write_text('A = ("lcp", "qp", "fc")\nB = {"lcp": 1, "qp": 2, "fc": 3, "vi": 4}\n')
     assert list(lists(file, frozenset(formulations.names()))) == [2]

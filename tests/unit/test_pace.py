@@ -51,7 +51,7 @@ def test_the_mean_is_that_of_the_sample() -> None:
     assert (even.mean, even.low, even.high) == (20.0, 20.0, 20.0)
 
 
-def test_both_ends_are_said_where_they_differ() -> None:
+def test_both_ends_are_printed_where_they_differ() -> None:
     assert str(Expected(170.0, 165.0, 175.0)) == "about 3 min"
     assert str(Expected(170.0, 165.0, 235.0)) == "about 3 min, 3 min to 4 min"
 

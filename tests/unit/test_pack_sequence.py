@@ -130,7 +130,7 @@ def test_problems_of_no_sequence_do_not_start_from_a_step_before(monkeypatch, ca
 
 
 @pytest.mark.nightly
-def test_a_start_that_no_file_has_is_said(monkeypatch, capsys, steps) -> None:
+def test_a_start_that_no_file_has_is_reported(monkeypatch, capsys, steps) -> None:
     storage.save(problem([1]), steps / "s.h5")
     words = ["-s", "nsgs", "--start", "file", "--repeats", 1, "-q", "--no-report", "-o", "s.sqlite"]
     assert run(monkeypatch, "run", "s.h5", *words) == 0

@@ -99,7 +99,7 @@ def test_only_some_sets(tmp_path) -> None:
         run_plan.make({}, {}, [], ["small"])
 
 
-def test_where_plan_files_are_found(tmp_path) -> None:
+def test_where_plan_files_are_searched(tmp_path) -> None:
     assert plan_file.find(tmp_path) is None
     project = write(tmp_path, '[project]\nname = "x"\n', "pyproject.toml")
     assert plan_file.find(tmp_path) is None, "a project that says nothing of cpbench"

@@ -84,7 +84,7 @@ def test_a_run_that_names_none_takes_those_that_run_by_default() -> None:
         ("nsgs[max_iterations=1:2:0.5]", "int"),
     ],
 )
-def test_what_is_no_solver_is_said_in_one_line(text: str, word: str) -> None:
+def test_an_unknown_solver_is_refused_in_one_line(text: str, word: str) -> None:
     with pytest.raises(CpbenchError) as refusal:
         grids.grid(text)
     assert word in str(refusal.value)

@@ -92,7 +92,7 @@ def test_builtin_is_a_place(scenes: Path, monkeypatch) -> None:
 
 
 @pytest.mark.parametrize("text", ["*.mat", "box-9*", "pack.h5::zzz*", "chain.h5::a*", "empty"])
-def test_what_matches_nothing_is_said(scenes: Path, text: str) -> None:
+def test_a_pattern_without_matches_is_refused(scenes: Path, text: str) -> None:
     (scenes / "empty").mkdir()
     with pytest.raises(CpbenchError, match=r"nothing matches|no problem file"):
         selection.addresses([f"{scenes}/{text}"], builtin_folder)

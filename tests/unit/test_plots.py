@@ -169,7 +169,7 @@ def test_convergence_is_of_one_problem_and_draws_its_iterates() -> None:
 
 
 @pytest.mark.parametrize("kind", ["precision", "convergence"])
-def test_without_iterates_the_way_to_them_is_told(kind: str) -> None:
+def test_without_iterates_the_option_that_records_them_is_named(kind: str) -> None:
     with pytest.raises(CpbenchError, match="run with --history"):
         draw(kind, run_of(SUITE))
 
@@ -340,6 +340,6 @@ def test_an_empty_results_file_says_how_to_fill_it(tmp_path: Path) -> None:
     assert "have no rows" in str(done.exception)
 
 
-def test_nothing_solved_is_drawn_and_said() -> None:
+def test_a_plot_without_solved_pairs_says_so() -> None:
     drawn = draw("profile", run_of(table(row("p", "s", "timeout"))))
     assert "no problem was solved" in [text.get_text() for text in drawn.figure.axes[0].texts]

@@ -40,7 +40,7 @@ def sheets() -> dict[str, Any]:
     }
 
 
-def test_a_restriction_is_said_before_any_figure(tmp_path: Path) -> None:
+def test_a_restriction_is_printed_before_any_figure(tmp_path: Path) -> None:
     told = write_report(rows(), meta(solvers=sheets()), tmp_path, "T").read_text()
     assert told.index("Publishing these figures is restricted: `vendor`") < told.index("[![Performance profiles]")
     assert TERMS in told
@@ -59,7 +59,7 @@ def test_a_publishable_report_shows_nothing_of_the_restricted(tmp_path: Path) ->
     assert "fastest" in told
 
 
-def test_nothing_is_said_where_nothing_is_restricted(tmp_path: Path) -> None:
+def test_no_note_is_printed_without_a_restriction(tmp_path: Path) -> None:
     free = rows()[rows()["solver"] != "vendor"]
     told = write_report(free, meta(solvers=sheets()), tmp_path, "T", publishable=True).read_text()
     assert "estricted" not in told
@@ -82,7 +82,7 @@ def test_absent_solvers_are_listed_once_with_the_reason(tmp_path: Path) -> None:
     assert "Never started" not in whole
 
 
-def test_the_number_of_problems_does_not_depend_on_who_is_installed() -> None:
+def test_the_number_of_problems_does_not_depend_on_installed_solvers() -> None:
     group = rows()
     assert set(participating(group)["label"]) == {"lemke", "vendor", "partly"}
     alone = table(row("p-0", "lemke", "solved", 1.0), row("p-9", "absent", "unavailable", message="missing: x"))

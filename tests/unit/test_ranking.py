@@ -38,7 +38,7 @@ def test_the_fastest_of_a_tier_comes_first() -> None:
     )
 
 
-def test_who_solves_few_is_not_praised_for_speed() -> None:
+def test_a_solver_that_solves_few_is_not_ranked_by_speed() -> None:
     [found] = _ranked(
         *(row(p, "steady", "solved", 4.0) for p in "abc"),
         row("a", "quick", "solved", 1.0),
@@ -48,7 +48,7 @@ def test_who_solves_few_is_not_praised_for_speed() -> None:
 
 
 @pytest.mark.parametrize("status", ["unsupported", "unavailable", "not_run"])
-def test_what_was_not_started_counts_against_nobody(status: str) -> None:
+def test_pairs_not_started_count_against_no_solver(status: str) -> None:
     [found] = _ranked(
         *(row(p, "all", "solved", 1.0) for p in "ab"),
         row("a", "some", "solved", 1.0),
@@ -83,7 +83,7 @@ def test_the_figure_of_a_run_has_the_formulations_that_compare_most() -> None:
     assert chosen(_ranked(*rows[-4:-1])) == [], "a curve alone says no more than the ranking"
 
 
-def test_a_group_that_nobody_was_started_on_has_no_ranking() -> None:
+def test_a_group_without_started_pairs_has_no_ranking() -> None:
     assert _ranked(row("a", "some", "unavailable")) == []
     assert rankings(rows_of.normalised(table())) == []
 
@@ -106,7 +106,7 @@ def test_one_solver_and_none_that_solves() -> None:
     assert math.isnan(none.rows[0].factor)
 
 
-def test_problems_without_a_solution_are_told_apart() -> None:
+def test_problems_without_a_solution_are_counted_separately() -> None:
     [found] = _ranked(
         row("a", "s", "solved", 1.0),
         row("a", "t", "solved", 2.0),
@@ -149,7 +149,7 @@ def test_the_route_of_most_rows_is_named() -> None:
     assert (found.rows[0].route, found.rows[0].others) == ("lcp-qp", 1)
 
 
-def test_groups_of_one_node_are_told_apart() -> None:
+def test_groups_of_one_node_have_distinct_names() -> None:
     found = _ranked(
         row("a", "s", "solved", 1.0, tolerance=1e-4),
         row("a", "s", "solved", 1.0, tolerance=1e-8, key="other"),

@@ -222,7 +222,7 @@ def test_many_problems_have_no_matrix(tmp_path: Path) -> None:
     assert "```text" not in text
 
 
-def test_no_folder_of_the_machine_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_folder_of_the_machine_is_printed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     here = str(tmp_path)
     text = report(
@@ -236,7 +236,7 @@ def test_no_folder_of_the_machine_is_told(tmp_path: Path, monkeypatch: pytest.Mo
     assert "cpbench solve in/p.h5 -s s" in text
 
 
-def test_an_order_that_a_third_solver_decides_is_told(tmp_path: Path) -> None:
+def test_an_order_that_a_third_solver_decides_is_reported(tmp_path: Path) -> None:
     seconds = {
         "a": [1.0] * 7 + [5.0] * 3,
         "b": [2.5] * 3 + [9.0] * 4 + [1.0] * 3,

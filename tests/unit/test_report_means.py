@@ -51,7 +51,7 @@ def test_means_stand_beside_their_counts_and_intervals(tmp_path: Path) -> None:
     assert f"shift {seconds(every.shift)} (median of all times); a problem not solved is charged 10 s" in text
 
 
-def test_a_choice_that_decides_is_told(tmp_path: Path) -> None:
+def test_a_choice_that_decides_is_reported(tmp_path: Path) -> None:
     """One failure in 20 puts the quicker of two last, if the shift is the customary 10 s or the penalty PAR10.
 
     By hand at 4 ms: 0.05 log1p(P / 4 ms) + 0.95 log1p(1/4) is below log 2 for P = 10 s and 20 s, above for 100 s.
@@ -65,7 +65,7 @@ def test_a_choice_that_decides_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.nightly
-def test_little_to_resample_or_to_charge_is_told(tmp_path: Path) -> None:
+def test_little_to_resample_or_to_charge_is_reported(tmp_path: Path) -> None:
     rows = table(*(row(f"f-{i}", s, "solved" if i % 3 else "timeout", 1.0 + i) for i in range(6) for s in ("a", "b")))
     text = section(rows, tmp_path, "Means")
     assert "interval" not in text
@@ -96,7 +96,7 @@ def test_the_gap_and_the_floor(tmp_path: Path) -> None:
     assert cells(section(rows, tmp_path, "Solved and times"))["a"][-1] == "1"
 
 
-def test_who_solved_nothing_is_counted_and_not_listed(tmp_path: Path) -> None:
+def test_a_solver_that_solved_nothing_is_counted_and_not_listed(tmp_path: Path) -> None:
     rows = [row(f"f-{i}", label, "solved", 1e-3) for i in range(4) for label in ("one", "two")]
     rows += [row(f"f-{i}", label, "timeout") for i in range(4) for label in ("idle", "late", "none")]
     text = section(table(*rows), tmp_path, "Means")

@@ -389,7 +389,7 @@ def test_a_solution_that_decays_is_one_part(decay: float) -> None:
     assert judge(LCP(M=M, q=q), LCPPoint(z=z[:n] + 1e-13), 1e-9).solved
 
 
-def test_speed_hides_a_reaction_and_the_reader_is_told() -> None:
+def test_speed_hides_a_reaction_that_reaction_error_shows() -> None:
     """Sliding at 1e8 with 2r: accepted by the natural map and the energy norm; `reaction_error` tells."""
     problem = FrictionContact(W=E(3), q=[-1.0, 1e8, 0.0], mu=[0.5])
     parts = problem.residuals(FCPoint(r=[2.0, -1.0, 0.0])).parts

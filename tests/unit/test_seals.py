@@ -307,7 +307,7 @@ def test_honest_files_pass_and_go_on(honest: Path, tmp_path: Path) -> None:
         assert not found.notes
 
 
-def test_a_file_of_another_user_is_named_and_sealed_by_who_goes_on(
+def test_a_file_of_another_user_is_named_and_sealed_anew(
     honest: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "r.sqlite"

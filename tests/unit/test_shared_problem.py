@@ -29,7 +29,7 @@ def test_every_kind_of_problem_arrives_as_it_was(name: str, tmp_path: Path) -> N
             assert sp.issparse(matrix) == sp.issparse(read.data()[key])
 
 
-def test_arrays_are_aligned_and_nobody_writes_to_them(tmp_path: Path) -> None:
+def test_arrays_are_aligned_and_read_only(tmp_path: Path) -> None:
     """An unaligned array is another type to a compiled loop, which would be compiled anew in a timed solve."""
     sparse = sp.csr_array(np.diag([1.0, 2.0, 3.0]))
     problem = MLCP(A=sparse, B=sparse, C=sparse, D=sparse, a=np.ones(3), b=np.ones(3), name="odd")

@@ -133,7 +133,7 @@ def test_one_probe_for_the_whole_family(monkeypatch: pytest.MonkeyPatch) -> None
     assert len(asked) == 1
 
 
-def test_a_python_without_siconos_is_told_what_to_install() -> None:
+def test_a_python_without_siconos_names_what_to_install() -> None:
     found = siconos.about(sys.executable)
     assert found["state"] == "missing"
     assert "apt install python3-siconos" in found["detail"]

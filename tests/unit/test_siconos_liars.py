@@ -73,7 +73,7 @@ def test_relaxed_sweeps_overflow_on_a_definite_problem_too(slot: Slot, tmp_path:
 
 
 @pytest.mark.nightly
-def test_a_solver_that_exits_takes_nobody_along(slot: Slot, tmp_path: Path) -> None:
+def test_a_solver_that_exits_leaves_the_worker_usable(slot: Slot, tmp_path: Path) -> None:
     """SICONOS_FRICTION_3D_NSGSV calls exit(1); the next solve of the same worker has another process."""
     for _ in range(2):
         row = row_of(slot, THREE_CONTACTS, "siconos-fc3d-nsgsv", tmp_path)

@@ -303,7 +303,7 @@ def test_a_solver_that_aborts_is_a_row_of_its_own() -> None:
 # ------------------------------------------------------------------------------------------------ refusals
 
 
-def test_what_siconos_cannot_hold_is_told_before() -> None:
+def test_what_siconos_cannot_hold_is_refused_before_the_solve() -> None:
     one = graph(1, lambda z: z)
     both = MiCP(F=one, lb=[0.0], ub=[1.0])
     below = MiCP(F=one, lb=[0.0], ub=[np.inf])

@@ -149,7 +149,7 @@ def test_sizes_of_pinocchio_are_checked() -> None:
         cpbench.from_pinocchio(model, data, geometry, found, q, np.zeros(5), mu=MU, dt=DT)
 
 
-def test_contacts_of_a_global_problem_move_by_bodies_alone_unless_told() -> None:
+def test_w_of_a_global_problem_is_zero_by_default() -> None:
     """w is 0 where it is left out."""
     parts = {"M": np.eye(2), "H": np.eye(2), "f": [1.0, 0.0], "mu": [0.5], "dimension": 2}
     problem = cpbench.GlobalFrictionContact(**parts)

@@ -124,7 +124,7 @@ def test_a_limited_number_of_unknowns_is_shown(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_no_solution_is_said_in_words_with_the_exit_code_of_a_proof(tmp_path: Path) -> None:
+def test_a_proof_of_no_solution_has_words_and_an_exit_code(tmp_path: Path) -> None:
     done = command(tmp_path, "solve", saved(tmp_path, LCP(M=[[-1.0]], q=[-1.0], name="none")))
     assert "there is no solution: infeasible, proved" in first_line(done.stdout)
     assert done.returncode == 0

@@ -123,7 +123,7 @@ def test_every_guess_of_a_file_can_be_environment(planted_fc: Any, tmp_path: Pat
         start_for(parse_start("file:4"), problem, address, tolerance=TOLERANCE)
 
 
-def test_a_guess_of_zeros_is_told(planted_fc: Any, tmp_path: Path) -> None:
+def test_a_guess_of_zeros_is_reported(planted_fc: Any, tmp_path: Path) -> None:
     problem, point = planted_fc
     address = kept(tmp_path, problem, point, problem.zero_point())
     assert start_for(FILE, problem, address, tolerance=TOLERANCE).description == "file: zeros"

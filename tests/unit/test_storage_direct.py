@@ -53,7 +53,7 @@ def test_indices_of_any_width_are_read(tmp_path: Path, stored: str, held: type) 
 
 
 @pytest.mark.parametrize("bad", [-1, 3])
-def test_indices_beyond_the_matrix_are_told(tmp_path: Path, bad: int) -> None:
+def test_indices_beyond_the_matrix_are_refused(tmp_path: Path, bad: int) -> None:
     path = tmp_path / "a.h5"
     storage.save(LCP(M=sp.csr_array(np.eye(3)), q=np.ones(3)), path)
     with h5py.File(path, "r+") as file:

@@ -189,7 +189,7 @@ def test_every_storage(tmp_path: Path) -> None:
         assert np.array_equal(loaded(tmp_path / f"{name}.h5"), W), name
 
 
-def test_swapped_triplet_indices_are_told_by_the_shape(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_swapped_triplet_indices_are_detected_by_the_shape(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     H = np.arange(15.0).reshape(5, 3)
     coo = sp.coo_array(H)
     with h5py.File(tmp_path / "g.h5", "w") as file:

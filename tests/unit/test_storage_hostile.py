@@ -524,7 +524,7 @@ def test_a_zip_bomb_is_not_unpacked(tmp_path: Path) -> None:
     refused(tmp_path / "z.npz", "q: declares 1000000 bytes, the file holds 3999999")
 
 
-def test_the_refusal_of_a_step_names_its_place(tmp_path: Path) -> None:
+def test_the_refusal_of_a_step_names_its_path(tmp_path: Path) -> None:
     trace = {"factor": np.ones((2, 3))}
     step = Step("a-b", {}, "equivalent", "lcp", "00", trace)
     problem = LCP(M=np.eye(1), q=np.ones(1), provenance=(step,))

@@ -116,7 +116,7 @@ def test_the_larger_suites_are_all_built_in_problems() -> None:
     assert replace(full.sets[0], suite="", routes="") == word.sets[0], "the word builtin is what it was"
 
 
-def test_what_is_said_wins_over_the_suite() -> None:
+def test_options_win_over_the_suite() -> None:
     plan = _made({"solvers": ("lemke",), "timeout": 1.0, "routes": "all"})
     (part,) = plan.sets
     assert (part.problems, part.solvers, part.timeout, part.routes) == (tuple(_few()), ("lemke",), 1.0, "all")
@@ -132,7 +132,7 @@ def test_problems_and_a_suite_exclude_each_other() -> None:
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_who_writes_a_name_is_told_from_who_writes_a_glob() -> None:
+def test_a_name_is_distinguished_from_a_glob() -> None:
     assert grids.named(["lemke", "newton-f*", "psor[omega=1.1|1.2]"]) == {"lemke", "psor"}
     assert grids.named(["all"]) == set()
 

@@ -87,7 +87,7 @@ def test_a_formulation_is_a_name_for_its_solvers(run: Run) -> None:
     assert "lcp" not in solvers.names()
 
 
-def test_a_conversion_is_told_with_its_mathematics(run: Run) -> None:
+def test_a_conversion_is_shown_with_its_mathematics(run: Run) -> None:
     told = run("list", "conversions", "mlcp-lcp-schur")[1]
     assert told.startswith("mlcp-lcp-schur: mlcp -> lcp, equivalent or one-way (14)\n")
     assert "q = b − D A⁻¹a" in told
@@ -107,7 +107,7 @@ def test_a_damaged_file_does_not_keep_back_the_others(run: Run, tmp_path: Path) 
     assert re.fullmatch(r"refused: b\.h5: .*\n", err)
 
 
-def test_a_matrix_by_itself_is_told_what_makes_a_problem_of_it(run: Run, tmp_path: Path) -> None:
+def test_a_matrix_by_itself_gets_the_command_to_make_a_problem(run: Run, tmp_path: Path) -> None:
     np.save(tmp_path / "W.npy", np.eye(3))
     assert "cpbench pack makes one" in run("info", "W.npy")[2]
 

@@ -28,7 +28,9 @@ def lines(base: int, between: str = "\t") -> tuple[list[str], list[str]]:
 
 @pytest.mark.parametrize("base", [0, 1])
 @pytest.mark.parametrize(("between", "vector_first"), [("\t", False), (" , ", True)])
-def test_every_number_comes_to_its_place(tmp_path: Path, base: int, between: str, vector_first: bool) -> None:
+def test_every_number_is_stored_where_its_indices_say(
+    tmp_path: Path, base: int, between: str, vector_first: bool
+) -> None:
     own, sides = lines(base, between)
     file = tmp_path / "dump.txt"
     text = "\n".join([*sides, "# M", *own, ""] if vector_first else [*own, "", *sides])
@@ -74,7 +76,7 @@ def test_three_columns_of_something_else_are_no_problem_of_a_folder(tmp_path: Pa
     assert storage.problem_files([tmp_path]) == []
 
 
-def test_a_matrix_alone_is_told_how_it_becomes_matrix_market(tmp_path: Path) -> None:
+def test_a_matrix_alone_gets_the_command_to_matrix_market(tmp_path: Path) -> None:
     """The lines that the message names make the file readable."""
     own, _ = lines(0)
     file, vector = tmp_path / "M.txt", tmp_path / "q.txt"

@@ -140,7 +140,7 @@ def test_pairs_share_a_call_where_nothing_tells_them_apart(pairs: list[plan.Pair
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_a_file_that_changed_is_told_of_and_the_others_are_solved(slot: Slot, pairs: list[plan.Pair]) -> None:
+def test_a_file_that_changed_is_named_and_the_others_are_solved(slot: Slot, pairs: list[plan.Pair]) -> None:
     changed = replace(pairs[1], fingerprint="0" * 32)
     outcomes = {pair.key: outcome for pair, outcome in block.run(slot, block.Block((pairs[0], changed, pairs[2])))}
     assert [outcomes[pair.key].status for pair in (pairs[0], pairs[2])] == ["solved", "solved"]

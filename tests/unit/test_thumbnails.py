@@ -178,7 +178,7 @@ def test_a_problem_of_a_generator_needs_no_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.nightly
-def test_who_is_slow_is_left_and_the_others_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_solver_is_left_and_the_others_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(thumbnails, "PATIENCE", 0.02)
     slow = [LCP(M=np.eye(2 + k), q=np.ones(2 + k)) for k in range(3)]
     instance = generators.get("lcp-classics").instances()[0]

@@ -263,7 +263,7 @@ def _leave_children() -> str:
 
 @linux
 @pytest.mark.parametrize(("how", "code"), [("abort", -6), ("exit", 7), ("exit-0", 0)])
-def test_who_forked_ends_as_what_it_forked(how: str, code: int) -> None:
+def test_a_solver_that_forks_ends_with_the_status_of_its_child(how: str, code: int) -> None:
     child = Child(context(1), _forks, (how,))
     try:
         assert child.receive(60.0) == b"three"
