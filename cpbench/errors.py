@@ -63,7 +63,7 @@ class UnknownName(CpbenchError):
         near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
         more = f", and {len(known) - LISTED} more" if len(known) > LISTED else ""
         hint = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(known[:LISTED])}{more}"
-        if kind == "solver":  # there are many, and some are known only to who loads their file
+        if kind == "solver":  # there are many, and some are known only where their file is loaded
             hint = hint if near else "cpbench list solvers --all has the names"
             hint += "; one that a plan file or a plugin declares needs --plugin FILE"
         super().__init__(f"unknown {kind} '{name}': {hint}")

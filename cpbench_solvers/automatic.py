@@ -247,7 +247,7 @@ class _Run:
             self._record(max(self._recorded, 0) + 1, self._measured(output.point), lambda: output.point)
 
     def _recorder(self) -> Record | None:
-        """Pass iterates on with numbers that go on rising from solver to solver; a start is told of once."""
+        """Pass iterates on with numbers that go on rising from solver to solver; a start is passed on once."""
         record, base = self._record, max(self._recorded, 0)
         if record is None:
             return None

@@ -22,7 +22,7 @@ from cpbench_solvers.threads import in_parts
 
 Answers: TypeAlias = dict[str, np.ndarray[Any, np.dtype[np.float64]]]
 SWEEPS = 1000
-"""Of a contact problem; who needs more is solved sooner by other methods."""
+"""Of a contact problem; one that needs more is solved sooner by other methods."""
 CONTACT_SHARES = (0.1, 1e-3)
 """Of the tolerance, that sweeps are asked for at first and again: another error decides, which is a few times as large
 for most problems, and a hundred times where contacts that only slide or open move the most."""

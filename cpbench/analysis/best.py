@@ -2,7 +2,7 @@
 
     t*_p = min_s t[p, s],        gap of s on p: t[p, s] / t*_p ≥ 1,        without s: t*_p(−s) = min_{k ≠ s} t[p, k]
 
-Nobody can do better than t* by choosing among these labels, and a label that is slow on the whole may still be the
+No choice does better than t* by choosing among these labels, and a label that is slow on the whole may still be the
 one that the choice needs: its *marginal contribution* is what the virtual best loses without it (Xu, Hutter, Hoos and
 Leyton-Brown, SAT 2012). A matrix holds times [s], problems × labels, ∞ or NaN where the pair is not verified.
 """

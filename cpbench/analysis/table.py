@@ -120,7 +120,7 @@ def contradicted(table: pd.DataFrame) -> pd.Series[bool]:
 
     Such a claim is false. It is compared where the route is equivalent (a target of another one may have no solution
     though its source has), with answers by the same measure at the row's tolerance or a tighter one. A stationary
-    point is feasible: it contradicts `infeasible`, not `unbounded`. A row that has a proof, an answer of its own that
+    point is feasible: it contradicts `infeasible`, not `unbounded`. A row that has a proof, its own answer that
     met its target, or no answer in time has another status than `failed`, and is not such a claim.
 
     >>> rows = {"problem": "p", "label": ["s", "t"], "status": ["solved", "failed"], "claim": ["solved", "infeasible"],

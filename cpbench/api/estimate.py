@@ -77,7 +77,7 @@ def shipped_times() -> SolveTimes:
 
 
 def solves(todo: Sequence[Pair], known: SolveTimes) -> tuple[list[Span | None], int]:
-    """Return what the solves of each pair may take, None where nobody solved its problem; how many were timed.
+    """Return what the solves of each pair may take, None where no solver solved its problem; how many were timed.
 
     A label that was started on other problems, and not on this one, could not be run on it.
     """

@@ -69,7 +69,7 @@ class Results:
 
     @property
     def contradictions(self) -> list[Contradiction]:
-        """Rows that cannot all be right, whoever is wrong: claims, answers and verdicts on one problem."""
+        """Rows that cannot all be right: claims, answers and verdicts on one problem."""
         return self._run.contradictions
 
     @property

@@ -1,4 +1,4 @@
-"""Benchmarks from Python: problems and solvers to results, each solver in a process of its own, as `cpbench run`."""
+"""Benchmarks from Python: problems and solvers to results, each solver in a separate process, as `cpbench run`."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def run(
 ) -> Results:
     """Solve every problem by every solver, judge every answer on the problem that was asked, and keep the rows.
 
-    Each solver runs in a process of its own, which is stopped at the limit; no crash reaches this process.
+    Each solver runs in a separate process, which is stopped at the limit; no crash reaches this process.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def _addresses(problems: str | Path | Problem | Sequence[str | Path | Problem], 
             continue
         name = one.name or f"problem-{place}"
         if name in own and own[name].fingerprint != one.fingerprint:
-            raise CpbenchError(f"problems: two are called '{name}'; give each a name of its own")
+            raise CpbenchError(f"problems: two are called '{name}'; give each its own name")
         own = {**own, name: one}
     if own:
         storage.save_pack(own, pack, force=True)

@@ -21,7 +21,7 @@ class Solution:
 
     Attributes
     ----------
-    problem : the problem that was asked. solver : the label of who answered.
+    problem : the problem that was asked. solver : the label of the solver that answered.
     point : the answer to `problem` by its named parts, None where there is none.
     status : what the answer is worth. claim : what the solver said of it, '' where it did not come so far.
     verdict : all that was measured of the answer. tolerance : what was asked for.

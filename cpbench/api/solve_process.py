@@ -83,7 +83,7 @@ class _Talk:
             self._allow(address_space() + memory_around(memory))
 
     def begin(self, phase: str) -> None:
-        """Say that a phase begins; a solve has a limit of its own."""
+        """Say that a phase begins; a solve has its own limit."""
         self.phase = phase
         if self._memory > 0 and phase == SOLVE:
             self._solving = address_space() + self._memory

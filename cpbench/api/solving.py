@@ -57,7 +57,7 @@ def solve(problem: Problem, solver: str | None = None, *, tolerance: float = 1e-
     solver : a name, with options where wanted: ``"nsgs[omega=1.2]"``. None or ``"auto"``: the automatic choice of
         cpbench's own solvers for this formulation, or for the nearest one that has such a choice and takes the problem.
     tolerance : the largest error of an answer that counts as solved (see `Solution.error`).
-    seconds : limit of set-up and solve [s], from after the warm-up on. It is told to the solver; one that does not look
+    seconds : limit of set-up and solve [s], from after the warm-up on. The solver gets it; one that does not look
         at the clock is not stopped, and its answer has the status `timeout`. `cpbench.run` stops whatever does not end.
 
     Returns
@@ -223,7 +223,7 @@ def _judged(
             min(PROOF_SHARE * seconds, PROOF_SECONDS),
         ),
     )
-    # the solver was told the limit, and nobody stops it in this process
+    # the solver knows the limit, and nothing stops it in this process
     late = spent["setup"] + spent["solve"] > seconds
     remarks = [judgement.message, output.message, f"answered after the limit of {seconds:g} s" if late else ""]
     solution = ended(

@@ -1,1 +1,1 @@
-"""Running: what to run (plan), who runs it (worker, referee), limits and order (runner), results (store)."""
+"""Running: what to run (plan), what runs it (worker, referee), limits and order (runner), results (store)."""

@@ -1,4 +1,4 @@
-"""Availability of solvers: at a glance by what is installed, or by importing each guest in a process of its own.
+"""Availability of solvers: at a glance by what is installed, or by importing each guest in a separate process.
 
 The import of a guest takes seconds and may crash or hang, hence the process, which has a time limit.
 """

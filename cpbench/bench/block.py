@@ -173,7 +173,7 @@ def run(
 def _each(
     slot: Slot, block: Block, on_event: EventHandler, put_off: list[Block] | None
 ) -> Iterator[tuple[Pair, Outcome]]:
-    """Yield outcomes, each of a call of its own."""
+    """Yield outcomes, each of a separate call."""
     waiting, later = dict[str, bool](), list[Pair]()
     prepared: dict[tuple[str, str, float, float], Prepared | Outcome] = {}
     endings: dict[str, Ending] = dict(block.known)
@@ -216,7 +216,7 @@ def _looser(pair: Pair, outcome: Outcome, pairs: Sequence[Pair]) -> dict[str, Ou
 def variant(pair: Pair) -> tuple[Any, ...]:
     """Return what pairs have in common that differ by their tolerance alone, so that one history answers for all.
 
-    Without a history, or where other steps start from a pair, every pair is a variant of its own.
+    Without a history, or where other steps start from a pair, every pair is a separate variant.
     """
     if not pair.limits.history or pair.scene:
         return (pair.key,)

@@ -1,4 +1,4 @@
-"""Compiles the kernels of solvers while others are timed: in a process of its own, on cores where nothing is timed.
+"""Compiles the kernels of solvers while others are timed: in a separate process, on cores where nothing is timed.
 
 With an empty cache a solver takes seconds to compile, all solvers of cpbench minutes. A worker reports that it has to
 compile, and is dropped; its pairs are put off until the kernels are in the cache.

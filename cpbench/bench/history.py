@@ -1,6 +1,6 @@
 """The way of one solve to its answer: iterates kept while it runs, judged afterwards on the problem that was asked.
 
-The worker records (`recorded`), in a solve of its own after those that are timed. The referee measures every iterate
+The worker records (`recorded`), in a separate solve after those that are timed. The referee measures every iterate
 that was kept (`RecordedIterates`, `History`), so that what a solver tells of itself is never needed. One run at a tight
 tolerance then gives the rows of the looser ones (`derived_rows`).
 """
@@ -35,7 +35,7 @@ ROOM, LEAST = 64, 4
 BYTES = 32e6
 """Bytes of iterates kept, where that is more than LEAST of them."""
 FINEST = 1e-4
-"""Seconds below which times are not told apart when iterates are thinned."""
+"""Seconds below which times count as equal when iterates are thinned."""
 FLAG = "history"
 """Flag of a row that was not run but read off the history of a tighter one."""
 
@@ -139,7 +139,7 @@ class RecordedIterates:
                 raise ValueError(
                     f"{message.count} iterates with {[c.size for c in columns.values()]} times and residuals"
                 )
-            # times are the one thing that is taken over: whoever falsified them would at least have to keep their order
+            # times are the one thing that is taken over: falsified ones would at least have to keep their order
             if not (np.isfinite(columns["time"]).all() and (np.diff(columns["time"], prepend=0.0) >= 0.0).all()):
                 raise ValueError("the times do not rise")
             iterates = np.asarray(message.vectors["iterates"], dtype=float).reshape(message.count, size)

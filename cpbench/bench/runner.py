@@ -26,7 +26,7 @@ REFERENCE_EVERY = 100
 
 
 def settings(common: Setting, jobs: int = 1, *, pin: bool = True) -> list[Setting]:
-    """Return one setting a slot; with `pin`, each with cores of its own, where there are enough of them.
+    """Return one setting a slot; with `pin`, each with its own cores, where there are enough of them.
 
     The first cores of the machine, which serve interrupts and the runner, are assigned last.
     """

@@ -1,6 +1,6 @@
 """A problem on its way from the referee to the workers: one file of raw numbers, gone after the block.
 
-No format of problems: nobody but the referee writes it, and a worker of the same run reads it at once, at the speed of
+Not a format of problems: the referee alone writes it, and a worker of the same run reads it at once, at the speed of
 memory. What solvers do not look at (info, provenance, geometry of contacts) stays behind.
 
 A file is one of `frames`, its arrays aligned, so that compiled loops meet them as they meet arrays of NumPy's own.

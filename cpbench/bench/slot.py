@@ -84,7 +84,7 @@ class Slot:
         referee: RefereeClient | None = None,
     ) -> messages.Surveyed:
         """Return facts of a problem for the plan; raises Refused, Unread. `timeout` : of a solve. `guesses` : whether
-        the starting points of its file are counted, too. `referee` : who reads it, None for that of the slot."""
+        the starting points of its file are counted, too. `referee` : its reader, None for that of the slot."""
         asked = messages.Survey(address, format, tuple(requests), guesses)
         reply = (referee or self.referee).ask(REFEREE.limit(timeout), asked, messages.Surveyed)
         if isinstance(reply, messages.Declined):

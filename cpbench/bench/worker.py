@@ -49,7 +49,7 @@ COUNTERS, NAME = 100, 100
 def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False, scratch: str = "") -> None:
     """Serve solves of one solver until the runner closes the connection; the solver may write below `scratch`.
 
-    With `fresh` every solve has a process of its own, forked from this one. Where that is not safe (no fork on this
+    With `fresh` every solve has a separate process, forked from this one. Where that is not safe (no fork on this
     system, or threads that a fork would lose) this process serves one request, and announces that as `single`.
     """
     gc.disable()  # imports and compilation leave hardly any garbage
@@ -85,7 +85,7 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
 
 
 class SolverRunner:
-    """One solver, which serves one request at a time; each step of it may run in a process of its own."""
+    """One solver, which serves one request at a time; each step of it may run in a separate process."""
 
     def __init__(self, connection: Channel, solver: Solver) -> None:
         self._connection, self._solver = connection, solver
@@ -95,7 +95,7 @@ class SolverRunner:
         self.meter = Meter()
 
     def serve(self, asked: messages.Solve, run: Callable[..., Any]) -> None:
-        """Answer a request; `run` executes each step of it, here or in a process of its own."""
+        """Answer a request; `run` executes each step of it, here or in a separate process."""
         self._asked, self._stack = asked, None
         result = run(lambda: self._safely(self._answer_stack if asked.stack else self._answer))
         if result is None:

@@ -48,7 +48,7 @@ class Steps:
             self._wait(max(0.0, self._printed + self._pause - time.monotonic()))
 
     def watch(self, text: Callable[[], str], every: float) -> None:
-        """Note a step that has lines of its own, and one more where `every` seconds went by without."""
+        """Note a step that has its own lines, and one more where `every` seconds went by without."""
         self.stop()
         self._text, self._every = text, every
         if not self._quiet:

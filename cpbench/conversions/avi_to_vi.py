@@ -21,7 +21,7 @@ from cpbench.formulations.vi import VI
 @conversions.register("avi-vi")
 @dataclass(frozen=True)
 class AVItoVI(Conversion):
-    """An AVI for those who solve nonlinear ones. Trace: empty."""
+    """An AVI for solvers of nonlinear ones. Trace: empty."""
 
     name = "avi-vi"
     source = "avi"

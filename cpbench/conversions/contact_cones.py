@@ -1,4 +1,4 @@
-"""The law of `fc` and `rfc` over the product of its cones, in units of its own: base of the edges to `cp` and `vi`.
+"""The law of `fc` and `rfc` over the product of its cones, in its own units: base of the edges to `cp` and `vi`.
 
 A steep cone hides what a contact misses. Where û_N lacks δ of being μ‖û_T‖, the distance to the dual cone is
 δ/√(1 + μ²), and the rows have terms μ times larger: an error of ε of the target may be one of μ² ε here. The target is

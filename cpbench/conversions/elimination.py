@@ -31,7 +31,7 @@ LOSSLESS = 1e-8
 below the default tolerance."""
 EPS = float(np.finfo(float).eps)
 RANK_LIMIT = 500
-"""Largest matrix whose rank is told in a refusal (it takes a singular value decomposition)."""
+"""Largest matrix whose rank a refusal gives (it takes a singular value decomposition)."""
 
 
 def product(left: Matrix, factor: Factorization, right: Matrix) -> Matrix:

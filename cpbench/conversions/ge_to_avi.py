@@ -20,7 +20,7 @@ from cpbench.formulations.ge import GE, GEPoint
 @conversions.register("ge-avi")
 @dataclass(frozen=True)
 class GEtoAVI(Conversion):
-    """An inclusion without nonlinear terms, for those who solve linear ones. Trace: empty."""
+    """An inclusion without nonlinear terms, for solvers of linear ones. Trace: empty."""
 
     name = "ge-avi"
     source = "ge"

@@ -20,7 +20,7 @@ from cpbench.formulations.ncp import NCP, NCPPoint
 @conversions.register("lcp-ncp")
 @dataclass(frozen=True)
 class LCPtoNCP(Conversion):
-    """An LCP for those who solve nonlinear ones. Trace: empty."""
+    """An LCP for solvers of nonlinear ones. Trace: empty."""
 
     name = "lcp-ncp"
     source = "lcp"

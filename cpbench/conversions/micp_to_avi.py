@@ -20,7 +20,7 @@ from cpbench.formulations.micp import MiCP, MiCPPoint
 @conversions.register("micp-avi")
 @dataclass(frozen=True)
 class MiCPtoAVI(Conversion):
-    """A MiCP without nonlinear terms, for those who solve linear ones. Trace: empty."""
+    """A MiCP without nonlinear terms, for solvers of linear ones. Trace: empty."""
 
     name = "micp-avi"
     source = "micp"

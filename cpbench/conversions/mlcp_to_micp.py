@@ -23,7 +23,7 @@ from cpbench.foundation import matrices
 @conversions.register("mlcp-micp")
 @dataclass(frozen=True)
 class MLCPtoMiCP(Conversion):
-    """An MLCP for those who solve nonlinear ones. Trace: `n`, how many unknowns are free."""
+    """An MLCP for solvers of nonlinear ones. Trace: `n`, how many unknowns are free."""
 
     name = "mlcp-micp"
     source = "mlcp"

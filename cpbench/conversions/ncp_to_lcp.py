@@ -20,7 +20,7 @@ from cpbench.formulations.ncp import NCP, NCPPoint
 @conversions.register("ncp-lcp")
 @dataclass(frozen=True)
 class NCPtoLCP(Conversion):
-    """An NCP without nonlinear terms, for those who solve linear ones. Trace: empty."""
+    """An NCP without nonlinear terms, for solvers of linear ones. Trace: empty."""
 
     name = "ncp-lcp"
     source = "ncp"

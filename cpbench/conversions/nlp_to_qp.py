@@ -24,7 +24,7 @@ from cpbench.foundation import matrices
 @conversions.register("nlp-qp")
 @dataclass(frozen=True)
 class NLPtoQP(Conversion):
-    """A nonlinear program that is none, for those who solve quadratic ones. Trace: empty."""
+    """A nonlinear program that is quadratic, for solvers of quadratic ones. Trace: empty."""
 
     name = "nlp-qp"
     source = "nlp"

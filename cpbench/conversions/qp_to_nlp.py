@@ -23,7 +23,7 @@ from cpbench.formulations.qp import QP, QPPoint
 @conversions.register("qp-nlp")
 @dataclass(frozen=True)
 class QPtoNLP(Conversion):
-    """A quadratic program for those who solve nonlinear ones. Trace: empty."""
+    """A quadratic program for solvers of nonlinear ones. Trace: empty."""
 
     name = "qp-nlp"
     source = "qp"

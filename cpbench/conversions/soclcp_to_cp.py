@@ -23,7 +23,7 @@ from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
 @conversions.register("soclcp-cp")
 @dataclass(frozen=True)
 class SOCLCPtoCP(Conversion):
-    """A cone LCP for those who solve nonlinear ones. Trace: empty."""
+    """A cone LCP for solvers of nonlinear ones. Trace: empty."""
 
     name = "soclcp-cp"
     source = "soclcp"

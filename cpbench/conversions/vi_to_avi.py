@@ -24,7 +24,7 @@ from cpbench.foundation import matrices
 @conversions.register("vi-avi")
 @dataclass(frozen=True)
 class VItoAVI(Conversion):
-    """A VI without nonlinear terms, for those who solve linear ones. Trace: `m`, the number of rows of A."""
+    """A VI without nonlinear terms, for solvers of linear ones. Trace: `m`, the number of rows of A."""
 
     name = "vi-avi"
     source = "vi"

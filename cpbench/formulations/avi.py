@@ -41,7 +41,7 @@ class AVI(AffineProblem):
 
     With multipliers: F = Mz + q − Aᵀλ − Cᵀμ satisfies z = P_[lb,ub](z − F), 0 ≤ λ ⟂ Az − b ≥ 0, Cz = d; for a box
     alone that is the natural map. The multipliers are part of an answer: without them, every measurement
-    would have to project on a polyhedron, which is a program of its own. Measured: `natural`, the norm of all that over
+    would have to project on a polyhedron, which is a separate program. Measured: `natural`, the norm of all that over
     ‖(q, b, d, lb where it is ub)‖; and without units, every row of A and C divided by its largest entry: `unit_free`,
     the box part with z over max(‖z‖∞, z_unit) and F over forces = max(‖q‖∞, ‖Mz‖∞, max|M| z_unit); `complementarity`,
     min(λ, Az − b) with λ over forces and a row over max(|b_i|, the scale of z); `equality`, Cz − d in the same way.

@@ -201,7 +201,7 @@ class Residuals:
     Attributes
     ----------
     measured : scaled numbers by which solvers stop: all at most their tolerance (NaN counts as infinity). The verdict
-    of a run is another number, by code of its own (`cpbench.verification`).
+    of a run is another number, by its own code (`cpbench.verification`).
     parts : further numbers for the reader, units in the name where they have any.
     flags : remarks such as ``absolute`` (a scale was 0).
     """

@@ -23,7 +23,7 @@ class _HasMap:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class NonlinearProblem(_HasMap, Problem):
-    """A problem in terms of F(z). `start` (n,), 0 unless given, is where a solver begins that is told no other place.
+    """A problem in terms of F(z). `start` (n,), 0 unless given, is where a solver begins by default.
 
     `scale` is ‖F(P(0))‖, P the projection on the set of the problem, or ‖F(start)‖ where F is not defined there.
     """

@@ -98,7 +98,7 @@ def transfer(contacts: Contacts | None, point: Point, problem: Problem) -> Trans
 
 def _nearest(before: Contacts, after: Contacts) -> tuple[Index, Index]:
     """Return the indices of the contacts that are the same by their positions, in both steps."""
-    from scipy.spatial import KDTree  # a tenth of a second, for who needs it
+    from scipy.spatial import KDTree  # a tenth of a second, where it is needed
 
     for geometry in (before, after):
         if not np.isfinite(geometry.position).all():

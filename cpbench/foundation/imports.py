@@ -22,7 +22,7 @@ def uncollected() -> Generator[None]:
 
 
 def import_ahead(*modules: str) -> None:
-    """Import them in a thread of their own, while this one waits for something else; who needs one waits for it, and
+    """Import them in a thread of their own, while this one waits for something else; a user of one waits for it, and
     learns why it cannot be imported.
     """
     threading.Thread(target=_import, args=(modules,)).start()

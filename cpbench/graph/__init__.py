@@ -54,7 +54,7 @@ class Arrival:
 class Memory:
     """A stand-in for `Conversion.step` that converts a problem by an edge once, and knows how long that took.
 
-    Problems are told apart by identity: equal ones that came by other ways must keep their own provenance.
+    Problems are distinguished by identity: equal ones that came by other ways must keep their own provenance.
     """
 
     def __init__(self) -> None:

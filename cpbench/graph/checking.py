@@ -1,7 +1,7 @@
 """Checks of a conversion on one problem: an answer there, the lifted answer here, and what the lift does to errors.
 
 An answer is the problem's known solution, carried forward, or what a solver finds on the converted problem, or on
-what that converts to exactly. Nobody is believed: every answer is measured at both ends.
+what that converts to exactly. No claim is believed: every answer is measured at both ends.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MOVES = 8
 """Random directions in which it is moved."""
 ROUNDING = float(np.finfo(float).eps)
 FOREIGN_ITERATIONS = 200
-"""For solvers of other packages, which nobody can stop in this process: what their interior-point methods need."""
+"""For solvers of other packages, which cannot be stopped in this process: what their interior-point methods need."""
 
 
 @dataclass(frozen=True)

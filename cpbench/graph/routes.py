@@ -93,7 +93,7 @@ def best_first(
     most theirs, and its label is the beginning of theirs.
     """
     pinned = frozenset(edge.name for edge in via)
-    # a loop (qp-qp-dual) leads nowhere: only who names it has a reason to take it
+    # a loop (qp-qp-dual) leads nowhere: it is taken only where it is named
     usable = [e for e in edges(via) if e.name in pinned or (best_kind(e) in kinds and e.source != e.target)]
     maps = nodes_of_maps()
     onward = [e for e in usable if e.source not in maps or e.target in maps or e.name in pinned]

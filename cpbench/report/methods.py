@@ -29,7 +29,7 @@ FLAGS = {
     "absolute": "a part of the problem has no constants, and was measured absolutely",
     "repeat": "a repeat of the timing failed after the first answer, which stands",
     "remembered": "the repeats were so much faster than the first solve that it alone counts",
-    "twice": "the package of the solver claimed an answer, by a test and in units of its own, that misses the "
+    "twice": "the package of the solver claimed an answer, by a test and in its own units, that misses the "
     "tolerance, and was asked once more, for a smaller tolerance",
     "children": "the solver left processes behind",
     "threads": "it used more threads than it was given",

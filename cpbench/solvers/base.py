@@ -109,7 +109,7 @@ class Budget:
     Attributes
     ----------
     tolerance : ours: on the judged error of the node's `residuals`. `Solver.stopping` says what an adapter makes of it.
-    seconds : wall-clock limit (enforced from outside; a solver that has one of its own is told).
+    seconds : wall-clock limit (enforced from outside; a solver that has its own limit gets it).
     iterations : the most iterations, None for the solver's own bound. seed : for solvers that draw.
     """
 
@@ -151,7 +151,7 @@ Record: TypeAlias = Callable[[int, float, Callable[[], Any]], None]
 """Called by a solver with (iteration, its residual, what makes its iterate an answer to the node's problem).
 
 The iterations rise from call to call, 0 is the start; the residual is NaN where it was not measured. The third
-argument is called at once or not at all, so that an iterate that nobody keeps costs nothing. The receiver keeps the
+argument is called at once or not at all, so that an iterate that is not kept costs nothing. The receiver keeps the
 time, less what it takes itself. An answer must not depend on whether somebody records.
 """
 
@@ -221,7 +221,7 @@ class Solver(ABC):
         self, prepared: Any, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
     ) -> SolverOutput:
         """Solve what `setup` returned. May raise: the message becomes the row of an `error`; NotApplicable,
-        Unavailable and Ended (a process of its own died) have rows of their own."""
+        Unavailable and Ended (a separate process died) have rows of their own."""
 
     def collect(self, output: SolverOutput) -> SolverOutput:
         """Bring the answer back from where it was found. Never timed, as `hand_over`."""

@@ -34,7 +34,7 @@ def load(path: str | Path, *, format: str | None = None) -> Problem:
 
     `format` may say more, in brackets: ``[symmetric=upper]``, ``cvxopt[symmetric=lower]`` (see `reading`).
 
-    Raises FormatError when the file is not readable as a problem, UnknownName on a format nobody knows.
+    Raises FormatError when the file is not readable as a problem, UnknownName on an unknown format.
     """
     file, member = split_address(path)
     wanted, half = reading(format)

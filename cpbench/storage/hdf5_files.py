@@ -38,7 +38,7 @@ def members_of(root: Tree) -> list[str]:
 
 def locate(root: Tree, member: str) -> tuple[Tree, str]:
     """Group of the problem `member`, and its FCLIB group ("" for a native one); raises FormatError."""
-    # one of many is looked for by its name: who reads all of them would list them as often
+    # one of many is looked for by its name: reading all would list them as often
     direct = member and "/" not in member and not _is_problem(root) and member in root and _is_member(root, member)
     found = [member] if direct else members_of(root)
     if not found:
@@ -78,7 +78,7 @@ def encode_pack(
     *,
     compress: bool = True,
 ) -> bytes:
-    """Encode a pack: every problem in a group of its own, with its solution and starting points.
+    """Encode a pack: every problem in a separate group, with its solution and starting points.
 
     Raises FormatError on a name that cannot be one.
     """

@@ -76,7 +76,7 @@ class Tree:
         raw = name.encode()
         if not self.gid.links.exists(raw):
             raise self.error(name, f"is missing, expected {expected}")
-        # an external link could name any file of whoever reads this one
+        # an external link could name any file of this one's reader
         if self.gid.links.get_info(raw).type != h5l.TYPE_HARD:
             raise self.error(name, "is a soft or external link: links are not followed, expected the data itself")
         result = h5o.open(self.gid, raw)

@@ -55,7 +55,7 @@ class LP(Format):
 
 
 def _extract(path: Path) -> None:
-    """Read a file by HiGHS and write what it finds beside it: in a process of its own, for HiGHS prints."""
+    """Read a file by HiGHS and write what it finds beside it: in a separate process, for HiGHS prints."""
     import highspy
 
     with open(os.devnull, "wb") as nowhere:

@@ -17,7 +17,7 @@ MINOR = to_mof.VERSION["minor"]
 
 @MODELS.of("nlp")
 def nlp(problem: Any) -> Written:
-    """Write every row as a function of its own, as simple as it reads back; g, or h, as one vector where its rows share
+    """Write every row as a separate function, as simple as it reads back; g, or h, as one vector where its rows share
     so much that this would be far longer.
     """
     names = numbered("z", problem.start.size)

@@ -2,7 +2,7 @@
 
 A file of Siconos carries no word of its kind. One is accepted when exactly one layout (`siconos_linear`,
 `siconos_contact`) reads it to its last number (`Cursor.finish` says what may follow); its name and its folder are no
-evidence. Two kinds cannot be told at all: an AVI, whose polyhedron has no place in the file, is written like an LCP,
+evidence. Two kinds cannot be detected: an AVI, whose polyhedron has no place in the file, is written like an LCP,
 and rolling friction in the plane like plasticity of old. What we write ends with a line that names its format, which
 Siconos does not read and we do.
 """

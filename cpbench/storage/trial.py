@@ -1,4 +1,4 @@
-"""First try of a foreign reader in a process of its own, which a damaged file may kill."""
+"""First try of a foreign reader in a separate process, which a damaged file may kill."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cpbench.foundation.child_processes import fork
 
 def require_survivor(path: Path, read: Callable[[], object], reader: str, seconds: float = 0.0) -> None:
     """Raise FormatError when `read` kills the process that it runs in, or needs more than `seconds` of processor time
-    (0: no limit); what it raises is nobody's concern here.
+    (0: no limit); what it raises is ignored.
 
     Reading twice costs less than sending the arrays over, and the process that asks reads the same bytes.
     """

@@ -161,7 +161,7 @@ def _cp() -> Named:
 
 @plants("nlp")
 def _nlp() -> Named:
-    """Build convex ones and qualified ones, qualified by nobody's word, stationary points, nothing but bounds, nothing
+    """Build convex ones and qualified ones, ones without that word, stationary points, nothing but bounds, nothing
     at all."""
     named: Named = {
         "convex": plant.nlp(_rng(420), 8, 4, 2),

@@ -31,7 +31,7 @@ INFO = Info(
 
 
 def _written(form: Format, cases: list[Case], folder: Path) -> Iterator[tuple[Case, Path]]:
-    """Yield the cases the format takes, each in a file of its own; what it refuses must be a FormatError."""
+    """Yield the cases the format takes, each in a separate file; what it refuses must be a FormatError."""
     for k, case in enumerate(cases):
         if case.problem.node in form.writes:
             path = folder / f"{k}{form.suffixes[0]}"

@@ -28,7 +28,7 @@ PROVED = ("infeasible", "unbounded")
 
 
 def check_problems_are_of_the_node(collection: Collection, cases: list[Case]) -> None:
-    """Check that there are some, each with a name of its own that a file can carry."""
+    """Check that there are some, each with its own name that a file can carry."""
     instances = collection.instances()
     assert instances, "makes no problem"
     formulations.get(collection.node)

@@ -170,7 +170,7 @@ def check_infeasibility_is_proved_or_not_claimed_solved(solver: Solver, cases: l
         if solver.obstacle(case.problem) is None:
             try:
                 output = _run(solver, case)
-            except Exception:  # no claim: the runner gives it a row of its own
+            except Exception:  # no claim: the runner gives it its own row
                 continue
             assert output.claim is not Claim.SOLVED, f"{case.name}: claims to solve what has no solution"
             if output.certificate is not None:
@@ -200,7 +200,7 @@ def check_warm_starts_are_taken(solver: Solver, cases: list[Case]) -> None:
         why = _false(solver, case, warm, TOLERANCE)
         assert why is None, why
         counted = "iterations" in warm.counters and "iterations" in cold.counters
-        assert counted, f"{case.name}: counts no iterations, so that nobody can tell what a start is worth"
+        assert counted, f"{case.name}: counts no iterations, so that the worth of a start cannot be measured"
         few, many = warm.counters["iterations"], cold.counters["iterations"]
         assert few <= many, f"{case.name}: {few} iterations from the solution, {many} from 0"
         assert warm.claim is Claim.SOLVED or cold.claim is not Claim.SOLVED, (
@@ -243,7 +243,7 @@ def check_histories_end_in_the_answer(solver: Solver, cases: list[Case]) -> None
 
 
 def check_watching_changes_nothing(solver: Solver, cases: list[Case]) -> None:
-    """Check that answer and counters are the same whether nobody records, or takes none or all iterates."""
+    """Check that answer and counters are the same without a recorder, and with one that takes none or all iterates."""
     only_for({Trait.HISTORY, Trait.DETERMINISTIC} <= solver.spec.traits, "deterministic solvers with the trait history")
     for case in _open(solver, cases):
         alone = _run(solver, case)
@@ -281,7 +281,7 @@ def check_options_are_known_by_name(solver: Solver, cases: list[Case]) -> None:
     for option in dataclasses.fields(options):
         assert option.default is not dataclasses.MISSING, f"the option {option.name} has no default"
     assert parse_options(solver.spec, {}) == options()
-    with refused(UnknownName, "option", "an option that nobody knows"):
+    with refused(UnknownName, "option", "an unknown option"):
         parse_options(solver.spec, {"no_such_option": "1"})
 
 

@@ -1,6 +1,6 @@
 """One check of one plugin, and the mark it earns; what a plugin file registers.
 
-A plugin that is being checked may do anything: whoever has not written it calls this in a process of its own
+A plugin that is being checked may do anything: code of others is called in a separate process
 (`cpbench check` does).
 """
 
@@ -132,7 +132,7 @@ def conduct(item: Item, check: str) -> Mark:
 
 
 def planted(node: str) -> list[Case]:
-    """Return cases of a node for one check: copies, so that a plugin that spoils them spoils them for nobody else.
+    """Return cases of a node for one check: copies, so that a plugin that spoils them spoils its own alone.
 
     Raises AssertionError without any.
     """

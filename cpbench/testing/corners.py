@@ -1,6 +1,6 @@
 """Planted cases at the edge of what the data may be: units of 1e±8, zero rows and matrices, ties, nothing to find.
 
-A change of units changes no mathematics: whoever solves a problem in newtons should solve it in units of 1e-8 N.
+A change of units changes no mathematics: a solver of a problem in newtons should solve it in units of 1e-8 N.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def _qp() -> dict[str, tuple[Problem, Any]]:
     lower = push >= 0  # every unknown at a bound, two of the multipliers 0
     boxed = QP.build(Q, push - Q @ at, lb=np.where(lower, at, at - 1.0), ub=np.where(lower, np.inf, at))
     corners["at-its-bounds"] = (boxed, _qp_point(at, nu=push))
-    unit = 10.0 ** np.array([-4, 4, 0, 2, -2, 3])  # every unknown in a unit of its own: Q from 1e-8 to 1e8
+    unit = 10.0 ** np.array([-4, 4, 0, 2, -2, 3])  # every unknown in its own unit: Q from 1e-8 to 1e8
     corners["many-units"] = (
         QP.build(Q * unit[:, None] * unit, p * unit, A * unit, b, C * unit, d, problem.lb / unit, problem.ub / unit),
         QPPoint(z=z / unit, lam=lam, mu=mu, nu=nu * unit),

@@ -40,7 +40,7 @@ class Cell:
         None when none took one. ∞ when one could not go there and back.
     pushed : for how many of them no solver's answer was as good as asked, there or here, so that the planted solution
         was pushed instead.
-    rounding : error of the planted solution of `case` with its last digits changed; no answer can be told from that.
+    rounding : error of the planted solution of `case` with its last digits changed; no answer differs from that.
     amplified : cases, with errors here, where the best answer that passed there does not pass here: the lift, or a
         measure that says less there, makes more of it; the planted solution was pushed then.
     reason : why there is no error.

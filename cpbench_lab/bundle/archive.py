@@ -35,7 +35,7 @@ _PART = re.compile(r"[A-Za-z0-9_.+=@-][A-Za-z0-9_.+=@ -]*")
 """Characters of the parts of a name: none that a shell, a terminal or a file system takes for something else."""
 _CHUNK = 2**20
 _DAMAGE = (zipfile.BadZipFile, zlib.error, struct.error, EOFError, RuntimeError, ValueError)
-"""Exceptions of zipfile on damaged archives: of methods that nobody has, encryption and names that are not text too."""
+"""Exceptions of zipfile on damaged archives: of unknown methods, encryption and names that are not text too."""
 _DATE = (1980, 1, 1, 0, 0, 0)
 
 
@@ -103,7 +103,7 @@ def unpack(path: Path, folder: Path) -> dict[str, Any]:
     """Unpack the bundle at `path` into `folder`, every file checked against its hash; what `BUNDLE.json` says.
 
     The folder is made; one that has this very bundle is gone on with, any other is refused. Raises BundleError: not a
-    bundle, a newer version, a changed file, a name that leads elsewhere, sizes that nobody has room for.
+    bundle, a newer version, a changed file, a name that leads elsewhere, sizes beyond the memory.
     """
     with _opened(path) as archive:
         raw = _manifest(path, archive)

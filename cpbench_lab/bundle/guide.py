@@ -85,7 +85,7 @@ def _builtin(place: Mapping[str, Any]) -> bool:
 
 
 def _withheld(places: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return a line each; whoever has the problem gives its folder to `cpbench reproduce --problems`."""
+    """Return a line each; who has the problem gives its folder to `cpbench reproduce --problems`."""
     return [
         f"- {code(p['address'])} ({plain(p['node'])}, fingerprint {plain(p['fingerprint'])}): {plain(p['withheld'])}"
         + (f"; from {plain(p['source'])}" if p["source"] else "")

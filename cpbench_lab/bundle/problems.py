@@ -112,7 +112,7 @@ def gather(
 
 
 def _place(row: Row, used: set[str], scenes: dict[tuple[str, str], str]) -> Place:
-    """Return a name of its own below the folder of the node; steps of a scene in a folder of their scene."""
+    """Return a separate name below the folder of the node; steps of a scene in a folder of their scene."""
     node, problem, scene = row.node, row.problem, row.sequence or ""
     base = f"{FOLDER}/{name_of(node)}/{name_of(scene or problem)}"
     if scene:

@@ -1,6 +1,6 @@
-"""Running a bundle again: what it would run is told before, the plan is read with suspicion, the rest is a run.
+"""Running a bundle again: what it would run is shown before, the plan is read with suspicion, the rest is a run.
 
-Nothing of a bundle is executed before whoever has it agreed to each plugin. A plan that names more than problems of the
+Nothing of a bundle is executed before its user agreed to each plugin. A plan that names more than problems of the
 bundle and solvers by name (a program, a cluster, a file elsewhere) is refused: `cpbench bundle` writes none.
 """
 
@@ -93,7 +93,7 @@ def open_bundle(path: Path, folder: Path) -> Bundle:
 
 
 def adopt(bundle: Bundle, candidates: Sequence[str]) -> int:
-    """Take problems that the bundle was made without from files of whoever runs it; how many."""
+    """Take problems that the bundle was made without from files of its user; how many."""
     wanted: dict[str, list[str]] = {}
     for place in bundle.about["problems"]:
         if place.get("withheld") and archive.is_plain(str(place["address"])):

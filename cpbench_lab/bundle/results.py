@@ -95,6 +95,6 @@ def _meta(store: Store, names: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _placed(sheet: Mapping[str, Any], names: Mapping[str, str]) -> dict[str, Any]:
-    """Return what is told of a solver, with its plugin where it is in the bundle."""
+    """Return the description of a solver, with its plugin where it is in the bundle."""
     plugin = str(sheet.get("plugin") or "")
     return {**sheet, "plugin": names.get(plugin, plugin)}

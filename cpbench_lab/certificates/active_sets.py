@@ -48,7 +48,7 @@ def states_of(P: Mixed, x: Vector) -> States:
     weights = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
     weighted: Any = sp.csc_array(sp.diags_array(weights) @ abs(P.K))
     effect = np.asarray(weighted.max(axis=0).toarray()).ravel() if weighted.nnz else np.zeros(x.size)
-    # who is at a bound to the last bit was put there, by a method with a basis
+    # what is at a bound to the last bit was put there, by a method with a basis
     with np.errstate(invalid="ignore"):
         low = (f * weights + TIE * (x == P.lo) > (x - P.lo) * effect) & np.isfinite(P.lo)
         high = (-f * weights + TIE * (x == P.hi) > (P.hi - x) * effect) & np.isfinite(P.hi)

@@ -27,7 +27,7 @@ class Mixed:
     Attributes
     ----------
     K : (N, N). c, lo, hi : (N,). answer : (k, N) of 0 and ±1, takes x to the unknowns of the problem that are compared.
-    parts : first and last of those, of each vector among them that has a size of its own.
+    parts : first and last of those, of each vector among them that has its own size.
     """
 
     K: Sparse

@@ -31,7 +31,7 @@ ANSWER = 15.0
 """Seconds in which a scheduler is to answer."""
 _LOCAL = {
     "threads_per_worker": 1,
-    "memory_limit": 0,  # a slot has limits of its own
+    "memory_limit": 0,  # a slot has its own limits
     "dashboard_address": ":0",  # any port: several runs may go on side by side
     "preload": ["import os; os.setpgid(0, 0)"],  # Ctrl-C is for the client, which ends them
 }
@@ -39,7 +39,7 @@ _KEYS = {"cluster", "jobs", "arguments"}
 
 
 def to_scheduler(address: str, setting: Setting) -> DaskExecutor:
-    """Return the executor behind the scheduler at `tcp://host:port`; raises CpbenchError when nobody answers there."""
+    """Return the executor behind the scheduler at `tcp://host:port`; raises CpbenchError without an answer."""
     distributed = _optional("distributed", "clusters need Dask")
     if not re.fullmatch(r"\w+://.+:\d+", address):
         raise CpbenchError(f"'{address}' is no address of a Dask scheduler: expected one like tcp://host:8786")
@@ -53,7 +53,7 @@ def to_scheduler(address: str, setting: Setting) -> DaskExecutor:
 
 
 def start(what: str, setting: Setting, jobs: int | None = None) -> DaskExecutor:
-    """Return an executor with workers of its own: `local` processes, jobs of a batch system with dask-jobqueue's
+    """Return an executor with its own workers: `local` processes, jobs of a batch system with dask-jobqueue's
     configuration, or what a file describes; `jobs` workers (of a batch system: jobs) go before the number in the file.
 
     Raises CpbenchError, with the reason, when it cannot be started.

@@ -26,7 +26,7 @@ from cpbench_lab.cluster.remote_worker import RequestEnded, WorkerSetup
 IDLE = 300.0
 """Seconds after which a remote worker ends that nothing was asked of."""
 CLOSING = 5.0
-"""Seconds in which a remote worker that was told to end may do so by itself."""
+"""Seconds which a remote worker may take to end by itself."""
 _MAIN = "from cpbench_lab.cluster.remote_worker import main; main()"
 Contents: TypeAlias = Mapping[str, bytes]
 """A file and those that belong to it, by name."""
@@ -111,7 +111,7 @@ class RemoteWorker:
     def ask(self, worker: str, request: bytes, copies: Mapping[str, Contents]) -> TaskResult:
         """Return all that the process answers."""
         result, code = self._ask(worker, request, copies)
-        if code == 0 and not result.replies:  # nobody had asked it for so long that it ended as the request came
+        if code == 0 and not result.replies:  # idle for so long that it ended as the request came
             result, _ = self._ask(worker, request, copies)
         return result
 

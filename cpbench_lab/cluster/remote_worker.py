@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # what knows solvers and conversions looks for plugins when i
     from cpbench.bench.slot import Slot
 
 CLOSING = 20.0
-"""Seconds this process may take to end once nobody is at the other end of its pipe."""
+"""Seconds this process may take to end once the other end of its pipe is closed."""
 
 
 @dataclass(frozen=True)

@@ -52,7 +52,7 @@ def command(
     """Reduce a problem on which a solver fails to the smallest and simplest that still fails.
 
     The command removes contacts, bodies, unknowns and rows, and rounds numbers, as long as the solver fails as before;
-    each candidate is solved in a process of its own. The folder then has the problem, a picture, a report for an issue,
+    each candidate is solved in a separate process. The folder then has the problem, a picture, a report for an issue,
     and programs in C, Python and Julia that contain the data. After an interruption, the same command continues.
 
     \b

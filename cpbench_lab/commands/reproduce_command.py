@@ -73,7 +73,7 @@ def command(
 
 
 def _ask(bundle: Bundle, agreed: bool) -> None:
-    """Show the code in a bundle and have it agreed to; raises CpbenchError where nobody can be asked."""
+    """Show the code in a bundle and have it agreed to; raises CpbenchError without a terminal."""
     code = bundle.code()
     if not bundle.loaded:
         return

@@ -1,7 +1,7 @@
-"""Solves in a process of its own, which may hang or die without taking anything along.
+"""Solves in a separate process, which may hang or die without taking anything along.
 
 One process serves solve after solve; one that ends it, or takes too long, has failed, and the next gets a new process.
-What comes back is a claim and numbers; they are measured by whoever asked.
+What comes back is a claim and numbers; they are measured by the caller.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ def draw(problem: Problem | None = None, point: Point | None = None, *, weight: 
 
 def _panel(axes: Axes, function: ncp.NCPFunction, w: np.ndarray, z: np.ndarray) -> None:
     value = function.psi(w, z)
-    shade = np.sign(value) * np.sqrt(np.abs(value))  # small values near the zeros are told apart
+    shade = np.sign(value) * np.sqrt(np.abs(value))  # small values near the zeros are distinguished
     axes.pcolormesh(w, z, shade, cmap="RdBu", vmin=-3.5, vmax=3.5, shading="gouraud", rasterized=True, alpha=0.75)
     axes.contour(w, z, value, LEVELS, colors="#555555", linewidths=0.5)
     axes.contour(w, z, value, [0.0], colors=canvas.INK, linewidths=2.2)

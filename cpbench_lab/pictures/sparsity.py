@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 CELLS = 220
 """Cells a side, at most."""
 LINES = 24
-"""Contacts that are told apart by lines, at most."""
+"""Contacts that are separated by lines, at most."""
 LEAST = 0.16
 """The least share of the picture that a matrix gets, however few its rows or columns."""
 

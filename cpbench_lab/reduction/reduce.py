@@ -1,7 +1,7 @@
 """A problem on which a solver fails, made as small and as simple as the failure lets it be.
 
 Parts are left out (`parts`), then numbers made simple (`numbers`), and again, until nothing changes. Every candidate is
-a file that the program reads, and the failure is looked for in a solve of it, in a process of its own (`trials`). What
+a file that the program reads, and the failure is looked for in a solve of it, in a separate process (`trials`). What
 the problem was stays: positive semidefinite where it was, and solved by another solver where it was.
 """
 

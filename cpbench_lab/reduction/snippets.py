@@ -1,6 +1,6 @@
 """A reduced problem as a program in Python, C and Julia: its data, a claimed and a true answer, and the check of both.
 
-The programs need nothing but their language: whoever gets one can put the data into the solver at hand. They print how
+The programs need nothing but their language: their users can put the data into the solver at hand. They print how
 far each answer is from meeting the conditions, and end with 0 where that is what was found here.
 """
 

@@ -44,7 +44,7 @@ class APGDOptions:
 
 @dataclass(frozen=True)
 class ScaledProgram:
-    """The program in units of its own, x of the problem is `unit` times x here."""
+    """The program in its own units, x of the problem is `unit` times x here."""
 
     problem: ConeQP
     Q: Matrix

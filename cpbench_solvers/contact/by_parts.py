@@ -40,7 +40,7 @@ from cpbench_solvers.contact.sweeps import BlockRows, scaled_contacts
 from cpbench_solvers.traits import ITERATIVE
 
 SURE = 0.995
-"""Share of the tolerance that is claimed: the verdict has an equilibration of its own, to a thousandth."""
+"""Share of the tolerance that is claimed: the verdict has its own equilibration, to a thousandth."""
 
 contact_spec = partial(SolverSpec, node="fc", traits=ITERATIVE)
 """The spec of a solver of local contact problems, with what most of them share."""

@@ -6,7 +6,7 @@ In unknowns (r_N, β, λ) a contact, r_T = Dβ with the ν vertices D of a polyg
 
 (Stewart and Trinkle 1996, Anitescu and Potra 1997). M is copositive for W ⪰ 0, so that Lemke's method with a rule
 against cycling ends. In two dimensions D = [1, −1] is the disk. In three the answer is right where contacts stick or
-slide along a vertex, and up to 180°/ν off in direction elsewhere. Then every contact gets a polygon of its own, with
+slide along a vertex, and up to 180°/ν off in direction elsewhere. Then every contact gets its own polygon, with
 three vertices within an angle of the direction against its velocity that is halved in every round.
 """
 

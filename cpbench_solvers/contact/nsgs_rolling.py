@@ -68,7 +68,7 @@ class NSGSRolling(SolverByParts):
         while True:
             until, state[rolling.RISKED] = min(limit, done + piece), 0
             going = True
-            while going:  # who watches sees every evaluation, and changes nothing
+            while going:  # an observer sees every evaluation, and changes nothing
                 sweeps(*data, *iterate, budget.tolerance, until, state, measured, record is not None)
                 done, error = int(state[rolling.ITERATION]), float(measured[rolling.ERROR])
                 ended = error <= budget.tolerance or not np.isfinite(error)

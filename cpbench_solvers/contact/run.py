@@ -38,7 +38,7 @@ class ContactMethod(ABC):
     def step(self, many: int, error: float, seconds: float) -> str | None:
         """Make `many` iterations from an iterate of that judged error; return the obstacle, else None.
 
-        seconds : the time that is left; only who makes long iterations looks at it.
+        seconds : the time that is left; only long iterations look at it.
         """
 
 

@@ -250,7 +250,7 @@ class ScaledContacts:
 
 
 def scaled_contacts(problem: FrictionContact) -> ScaledContacts:
-    """Return the problem for sweeps, and scaled for who asks."""
+    """Return the problem for sweeps, and scaled where asked."""
     return ScaledContacts(block_rows(problem))
 
 

@@ -1,7 +1,7 @@
 """One row of 3×3 blocks times a vector, in vector registers.
 
 Compilers keep the three sums of a row in scalars, one multiplication at a time. Here a block lies by columns, so that
-u += x₀·(column 0) + x₁·(column 1) + x₂·(column 2) is three multiply-adds of four lanes, each with a sum of its own;
+u += x₀·(column 0) + x₁·(column 1) + x₂·(column 2) is three multiply-adds of four lanes, each with its own sum;
 the fourth lane reads on into the next column and is never looked at. That is why `blocks` has a number more
 than it needs. On processors with narrower registers LLVM splits the lanes.
 """

@@ -1,4 +1,4 @@
-"""Gauss–Seidel sweeps over contacts by colours: contacts of one colour share no block, whoever solves them when.
+"""Gauss–Seidel sweeps over contacts by colours: contacts of one colour share no block, whatever their order.
 
 The kernels leave Python's lock alone while they run.
 """

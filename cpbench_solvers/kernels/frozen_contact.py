@@ -143,7 +143,7 @@ def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, stat
 
 @njit(void(INDEX, INDEX, DATA, DATA, DATA, int64, DATA, DATA, DATA, int64, VECTOR, int64), **QUICK)
 def sweeps(start, column, blocks, diagonal, step, kind, p, mu, radius, d, x, count):
-    """Make `count` Gauss–Seidel sweeps, in place on x: each contact by projected gradient steps of its own length.
+    """Make `count` Gauss–Seidel sweeps, in place on x: each contact by projected gradient steps of its length.
 
     diagonal : (nc·d·d,) blocks W_cc. step : (nc,) 1 over the largest eigenvalue of their symmetric parts.
     """

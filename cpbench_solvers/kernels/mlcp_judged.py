@@ -77,5 +77,5 @@ def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
 
 @njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), **COMPILED)
 def error_of(K, k, n, row_unit, unit, v_unit, push, x):
-    """Run `error_with` in workspace of its own."""
+    """Run `error_with` in its own workspace."""
     return error_with(K, k, n, row_unit, unit, v_unit, push, x, np.empty(k.size), np.empty(k.size))

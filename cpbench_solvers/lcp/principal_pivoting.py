@@ -128,11 +128,11 @@ class PrincipalPivoting(Solver):
     ) -> SolverOutput:
         kernel = load("cpbench_solvers.kernels.principal_pivoting")
         problem, n, zero = prepared.problem, prepared.q.size, options.feasibility_tolerance
-        nobody = np.empty(0, dtype=np.int64)
+        empty = np.empty(0, dtype=np.int64)
         tableau = None
         if start is not None:
             tableau = self.begin(prepared, np.flatnonzero(guessed(prepared, start.z / prepared.z_unit)), zero)
-        tableau = tableau or transform(dense(prepared.M), prepared.q, nobody)
+        tableau = tableau or transform(dense(prepared.M), prepared.q, empty)
         assert tableau is not None
         limit = budget.iterations or options.max_pivots or 50 * n + 1000
         deadline = time.monotonic() + budget.seconds

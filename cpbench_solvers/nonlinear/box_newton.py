@@ -56,7 +56,7 @@ class CountedBox:
 
     @property
     def start(self) -> Vector:
-        """Where to begin when nobody says."""
+        """Where to begin without a start."""
         return self.problem.start
 
     def point(self, z: Vector) -> Any:

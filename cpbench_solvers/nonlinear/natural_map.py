@@ -74,7 +74,7 @@ class AffineVI:
 
 @dataclass(frozen=True)
 class ScaledVI:
-    """An affine variational inequality in units of its own: x of the problem is `unit` times that of `vi`."""
+    """An affine variational inequality in its own units: x of the problem is `unit` times that of `vi`."""
 
     vi: AffineVI
     unit: Vector

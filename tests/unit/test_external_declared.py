@@ -125,7 +125,7 @@ def test_a_mistake_is_one_line_with_file_table_and_key(text: str, tmp_path: Path
         ("[solver.'lemke@x']", "says nothing that differs: interpreter, command, serve or env"),
         ("[solver.'lemke@x']\nnode = 'qp'\nserve = 'y'", "node = 'qp': unknown key"),
         ("[solver.'lemke@inner8']\nserve = 'y'", "inner8 is the name of a route"),
-        ("[solver.m]\nnode = 'lcp'\nserve = 'm'\n[solver.'m@x']\ninterpreter = 'p'", "m is a program of its own"),
+        ("[solver.m]\nnode = 'lcp'\nserve = 'm'\n[solver.'m@x']\ninterpreter = 'p'", "m is a separate program"),
     ],
 )
 def test_a_file_is_refused_in_one_line(text: str, told: str, tmp_path: Path) -> None:

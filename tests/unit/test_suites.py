@@ -125,7 +125,7 @@ def test_options_win_over_the_suite() -> None:
 
 
 def test_problems_and_a_suite_exclude_each_other() -> None:
-    with pytest.raises(CpbenchError, match=r"suite full: has problems of its own, and mine\.h5 is named too"):
+    with pytest.raises(CpbenchError, match=r"suite full: has its own problems, and mine\.h5 is named too"):
         _made({"suite": "full", "problems": ("mine.h5",)})
     with pytest.raises(CpbenchError, match="leave one out"):
         _made({"suite": "full"}, {"name": "a", "problems": ("a.h5",)})

@@ -37,8 +37,8 @@ class Assembly:
     """The pairs of a plan, and findings about its files.
 
     `read`, `refused` : addresses of files that are problems, and of those that are none, with the reason. `unread` :
-    those among the latter of which nobody could say what they hold: the plan lacks their pairs, if they have any.
-    `absent` : how to install the solvers that are not there and that nobody asked for by name.
+    those among the latter whose content is unknown: the plan lacks their pairs, if they have any.
+    `absent` : how to install the solvers that are missing and were not asked for by name.
     `twins` : (address, address of the same problem before it). `surveys` : facts of problems, in their order.
     """
 
@@ -102,7 +102,7 @@ def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: R
         for address in addresses:
             wanted.setdefault((address, part.format), {}).update({request.name: request for request in asks})
     alone = {entry.solver for kept in entries for entry in kept}
-    if len(alone) == 1 and not (asked.dask or asked.cluster):  # else who is first depends on the problems
+    if len(alone) == 1 and not (asked.dask or asked.cluster):  # else the first one depends on the problems
         slot.workers.begin(alone.pop(), asked.memory)
     guesses = any(parse_start(start).guess == EVERY for part in asked.sets for start in part.start)
     surveys, refused, unread = _survey(slot, wanted, max(part.timeout for part in asked.sets), reading, guesses)

@@ -1,4 +1,4 @@
-"""The automatic choice: which of cpbench's own choosers a problem goes to, where nobody names a solver."""
+"""The automatic choice: which of cpbench's own choosers a problem goes to where no solver is named."""
 
 from __future__ import annotations
 

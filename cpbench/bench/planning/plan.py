@@ -164,7 +164,7 @@ def facets(how: str, count: int) -> list[Request]:
 def pinned(via: Iterable[str], parameters: Mapping[str, Any]) -> Request:
     """Return a request through the named conversions, with their knobs where they have them.
 
-    A text may set knobs of its own: ``compliant[compliance=1e-3]``. Raises CpbenchError, UnknownName.
+    A text may set its own knobs: ``compliant[compliance=1e-3]``. Raises CpbenchError, UnknownName.
     """
     steps: list[tuple[str, Mapping[str, Any]]] = []
     for text in via:

@@ -33,7 +33,7 @@ class ProblemSet:
     timeout [s], memory [bytes], repeats, history, throughput : limits of a solve. measure : the number that decides,
     None: all. start : start policies, one pair each. format : of the files. family, where, keyword, split,
     max_problems, seed : the selection.
-    suite : the suite that its problems, and the other values that nobody said, are of; empty where problems were named.
+    suite : the suite that its problems, and the other values not given, are of; empty where problems were named.
     chosen : whether somebody named the solvers, which a suite does not.
     """
 
@@ -88,7 +88,7 @@ class RunPlan:
     ----------
     sets : the parts. output : results file. report : folder of the report, empty for one named after the results,
     None for no report. keep : answers to keep. seed : of the random order. threads : of every library.
-    jobs : number of solves at a time. isolate : worker or fresh. affinity : whether each slot gets cores of its own.
+    jobs : number of solves at a time. isolate : worker or fresh. affinity : whether each slot gets its own cores.
     dask, cluster : other machines. shard : (i, n), the i-th of n parts of all blocks. rerun : what is run again of
     an old file (empty: nothing). retry : times a pair that crashed or ran out of time is run again.
     fail_on : statuses that make the command end with 1, or `contradiction`.
@@ -189,7 +189,7 @@ def _part(table: Mapping[str, Any], suite: Callable[[str], Mapping[str, Any]] | 
     """Return a set, with the values of its suite where it names no problems."""
     if table.get("suite") and "problems" in table:
         raise CpbenchError(
-            f"suite {table['suite']}: has problems of its own, and {table['problems'][0]} is named too; leave one out"
+            f"suite {table['suite']}: has its own problems, and {table['problems'][0]} is named too; leave one out"
         )
     if "problems" in table or suite is None:
         return ProblemSet(**table)

@@ -1,4 +1,4 @@
-"""Restricts a worker to write to a temporary folder of its own, caches and devices, where the system can enforce it.
+"""Restricts a worker to write to its own temporary folder, caches and devices, where the system can enforce it.
 
 The results file, the problems, cpbench itself and the key of the seals are then out of its reach.
 """

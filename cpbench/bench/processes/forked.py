@@ -16,7 +16,7 @@ from cpbench.foundation.child_processes import fork
 
 
 def run_forked(work: Callable[[], Any]) -> Any:
-    """Return what `work` returns in a process of its own, data for JSON of at most 4 KiB.
+    """Return what `work` returns in a separate process, data for JSON of at most 4 KiB.
 
     Where that process ends by a signal or an exit code, this one ends by the same.
     """

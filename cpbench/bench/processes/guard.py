@@ -93,7 +93,7 @@ def _exit_status(worker: int) -> int | None:
 
 
 def begin() -> None:
-    """Take the first steps of a process that runs a solver: a process group of its own, its orphans come to it, it dies
+    """Take the first steps of a process that runs a solver: its own process group, its orphans come to it, it dies
     with its parent."""
     os.setpgid(0, 0)
     isolation.adopt_orphans()

@@ -72,7 +72,7 @@ _MEANING = {
     },
     "kill": {
         "cgroup": "cgroup.kill (cgroup v2): a solver and all it started die at once, daemons too",
-        "group": "session and descendants (no writable cgroup v2 here): repeated until nobody is left",
+        "group": "session and descendants (no writable cgroup v2 here): repeated until none is left",
         "tree": "descendants, one by one: a child whose parent has ended is not found",
     },
     "memory": {
@@ -81,7 +81,7 @@ _MEANING = {
         "watch": "resident memory, of every process by itself, looked at 20 times a second: a burst gets beyond it",
     },
     "guard": {
-        "True": "orphans stay findable (child subreaper), and nobody outlives the runner (a pipe to it)",
+        "True": "orphans stay findable (child subreaper), and none outlives the runner (a pipe to it)",
         "False": "none: children of a solver whose parent ended, and those of a killed runner, may live on",
     },
     "forks": {

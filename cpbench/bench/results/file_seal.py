@@ -1,7 +1,7 @@
 """The seal over a whole results file: evidence of what is in it beside its rows, and of which rows it has.
 
 It has the name of a key, a digest of every table in `TABLES`, one of the sorted seals of all rows (`OPEN` until a run
-has ended), and a digest of these with the key. Whoever writes a file knows what it has written (`Contents`), and seals
+has ended), and a digest of these with the key. A writer of a file knows what it has written (`Contents`), and seals
 that: never what SQLite hands back.
 """
 

@@ -34,7 +34,7 @@ ELSEWHERE = "another machine"
 
 @dataclass(frozen=True)
 class Origin:
-    """The origin of answers: who made them, where, with how many threads, and by what they are judged."""
+    """The origin of answers: what made them, where, with how many threads, and by what they are judged."""
 
     solver: str
     machine: str = ELSEWHERE

@@ -24,7 +24,7 @@ from cpbench.errors import StoreError
 
 FLAG = "mixed"
 PREFER = ("first", "last")
-"""Which of two rows of one key is taken. The better one is not an option: it would favour whoever ran twice."""
+"""Which of two rows of one key is taken. The better one is not an option: it would favour solvers that ran twice."""
 _TABLES = {"refused", "references"}
 """Facts of a run that have tables of their own."""
 _OF_ALL_ROWS = {"contradictions"}

@@ -2,7 +2,7 @@
 
 A seal has five parts: the name of the key, digests of what was planned, of what was measured and of what is kept
 (answer, history, proof), and a digest of these with the key. Anybody can check the digests, which finds bits that were
-flipped; whoever has the key can check the last part, which finds rows that somebody else wrote. Columns without a value
+flipped; whoever has the key can check the last part, which finds rows written by others. Columns without a value
 are not in a digest: a later version may add some.
 """
 

@@ -238,7 +238,7 @@ class Store(SealedStore):
             self._seal(db, key, planned, seals.measured_digest(measured, state.key), kept)
 
     def note_proved_problems(self, data: Iterable[tuple[str, bytes]]) -> None:
-        """Keep the data of problems by fingerprint, for whoever checks the proofs of answers."""
+        """Keep the data of problems by fingerprint, for a check of the proofs of answers."""
         with self._database.transaction() as db:
             db.executemany("INSERT OR IGNORE INTO proved_problems VALUES (?, ?)", data)
 

@@ -63,7 +63,7 @@ def whole_table(database: Database, owner: Callable[[str | None], str]) -> pd.Da
     `owner` says it."""
     import pandas as pd
 
-    with pd.option_context("mode.string_storage", "python"):  # where pyarrow is, each cell would be a text of its own
+    with pd.option_context("mode.string_storage", "python"):  # where pyarrow is, each cell would be a separate text
         frame, ranks = _joined(_read_rows(database), owner)
     frame["error"] = frame["error"].fillna(float("inf"))
     order = _order(ranks["problem"], ranks["label"], frame["key"])

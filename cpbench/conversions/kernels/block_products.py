@@ -194,7 +194,7 @@ def multiply_blocks(
 ):
     """Fill indptr, indices and W, canonical CSR; return how many entries are zero.
 
-    `begin` and `most` are as count_blocks told them.
+    `begin` and `most` are those of count_blocks.
 
     The rows are made body by body, whatever their order: what is needed of a body is then still in the cache.
     """

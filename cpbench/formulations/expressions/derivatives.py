@@ -75,7 +75,7 @@ def _summed(to: Algebra, places: list[int], terms: list[int]) -> Row:
 
 
 class _Differentiated:
-    """A map within an algebra. Derivatives by inputs are told by the inputs' places."""
+    """A map within an algebra. Derivatives by inputs have the inputs' indices."""
 
     def __init__(self, to: Algebra, F: Map, inputs: list[int]) -> None:
         self._to, self._F = to, F

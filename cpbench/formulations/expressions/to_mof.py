@@ -21,7 +21,7 @@ from cpbench.formulations.expressions.plain_rows import PlainRows
 DEPTH = 12
 """Terms inside each other: parsers of JSON and readers of people go that deep without trouble."""
 REPEATED = 2
-"""How often, on average, an operation may be written when every row is a function of its own."""
+"""How often, on average, an operation may be written when every row is a separate function."""
 Term = Any
 
 

@@ -1,4 +1,4 @@
-"""Quadratic programs written in CVXPY, and solved by whom it is told: what a modelling layer adds to its backends.
+"""Quadratic programs written in CVXPY, and solved by a backend of choice: what a modelling layer adds to its backends.
 
 CVXPY's multipliers have the signs of qpsolvers' (`qp_standard_form`); its backends take the settings that they take
 alone, from the same table.

@@ -52,5 +52,5 @@ def most_rows() -> int | None:
     try:
         text = licence_file().read_text(errors="replace")
     except (ImportError, OSError):
-        return DEMO_ROWS  # whoever asks cannot solve anyway; without gamspy the demo licence is what comes with it
+        return DEMO_ROWS  # the caller cannot solve anyway; without gamspy the demo licence is what comes with it
     return DEMO_ROWS if "GAMS_Demo" in text else None

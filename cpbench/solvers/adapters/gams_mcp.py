@@ -1,6 +1,6 @@
 """Complementarity solvers of GAMS, through gamspy: one process of GAMS a worker, one model, data replaced.
 
-GAMS runs in a process of its own, which is started in the warm-up; the numbers
+GAMS runs in a separate process, which is started in the warm-up; the numbers
 reach it in `hand_over`, untimed, as those of a solver in this process are in its memory. What is timed is the solve
 statement: GAMS generates the model, runs the solver in yet another process and reads its answer. GAMS' own count of
 seconds (resUsd) has the launch of that process in it, so that it is not handed on as what the solver reports.

@@ -125,7 +125,7 @@ def explained(solver: str) -> Iterator[None]:
     except Unavailable:
         raise
     except Exception as error:
-        lost = _workspaces.pop(os.getpid(), None)  # nobody knows what is left of it
+        lost = _workspaces.pop(os.getpid(), None)  # what is left of it is unknown
         code = lost.ended() if lost else None
         refused, message = _refusal()
         if refused == gams_licence.LICENSING:

@@ -68,7 +68,7 @@ class Bound(IntEnum):
     """Steps of ADMM on the global form, each of which solves with M."""
     NEWTON = 1_000
     OUTER = 200
-    """Loops with a solver inside that has a bound of its own."""
+    """Loops with a solver inside that has its own bound."""
 
 
 def stopping(test: ErrorTest, default: float, tolerance: float, problem: Any = None) -> Stopping:

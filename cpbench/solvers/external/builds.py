@@ -7,7 +7,7 @@
 
 ROOT is a checkout and PLUGIN a file in it, in words of ROOT. The tables of two checkouts, in one file for `--plugin`,
 are two builds in one run, each pair of them on the same problem at about the same time. A program is the one of its
-checkout. A solver in Python runs in a process of its own, which loads the plugin of its checkout and imports from there
+checkout. A solver in Python runs in a separate process, which loads the plugin of its checkout and imports from there
 first; with ``--python .venv/bin/python`` (in words of ROOT) under the interpreter of its checkout, which needs cpbench.
 Each build has its own options and defaults: what a change adds to them is not asked of the build before.
 """
@@ -79,7 +79,7 @@ def _classes(root: Path, path: Path, python: str | None) -> Tables:
 
 
 def _defaults(options: Any) -> dict[str, Any]:
-    """Return the defaults that a table can have; a solver that is not told of an option takes its own default."""
+    """Return the defaults that a table can have; a solver that does not get an option takes its own default."""
     values = {field.name: getattr(options, field.name) for field in dataclasses.fields(options)}
     return {
         name: value

@@ -52,7 +52,7 @@ class CommandSolver(Solver):
     ----------
     spec : name, node, options, ... as of any solver.
     command : words split as a shell does, in which `PLACEHOLDERS` and names of options may stand in braces. The rest
-    is as for `ServedSolver`. Raises CpbenchError when the command cannot be split, or names what nobody knows.
+    is as for `ServedSolver`. Raises CpbenchError when the command cannot be split, or has an unknown placeholder.
     """
 
     def __init__(

@@ -46,7 +46,7 @@ _NAME = re.compile(r"[A-Za-z0-9][\w.+-]*")
 _ROUTE = re.compile(r"exact|(inner|outer|facets)\d+.*|necessary|relaxed")
 """Requests of routes, which stand behind an @ in the labels of rows."""
 _SAFE = {"PYTHONSAFEPATH": "1", DECLARED: ""}
-"""A module in the folder of a run is nobody's import; another cpbench need not know what is declared here."""
+"""A module in the folder of a run is not imported; another cpbench need not know what is declared here."""
 
 MOST = 2**17 - 2**8
 """Bytes of all tables together: Linux starts no process with a longer variable."""
@@ -175,7 +175,7 @@ def _program(name: str, table: Table) -> Solver:
     spec = SolverSpec(
         name=name,
         node=table["node"],
-        summary=table.get("summary", f"a program of its own: {table.get('serve') or table.get('command')}"),
+        summary=table.get("summary", f"a separate program: {table.get('serve') or table.get('command')}"),
         method=table.get("method", "external program"),
         install=table.get("install", ""),
         licence=table.get("licence", "not told"),
@@ -197,7 +197,7 @@ def _variant(name: str, table: Table, base: Solver) -> Solver:
     if external:  # a command that becomes a served program launches no more
         spec = dataclasses.replace(spec, traits=spec.traits - {Trait.LAUNCHES})
     if "interpreter" in table and external:
-        raise CpbenchError(f"{base.spec.name} is a program of its own: say serve or command")
+        raise CpbenchError(f"{base.spec.name} is a separate program: say serve or command")
     given: dict[str, Any] = {"exchange": "npy-dir", "matrices": "as-is"}
     if external:
         given = {"exchange": base.exchange, "matrices": base.matrices, "cwd": base.cwd}

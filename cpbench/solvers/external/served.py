@@ -13,7 +13,7 @@ answer. Loading, compiling and writing stay outside of what is timed. The reques
 `start` is the path of a point, written as an answer is; infinity is null. `claim` is one of solved, inaccurate,
 infeasible, unbounded, max_iter, failed; where it is neither solved nor inaccurate `write` may write nothing. In place
 of {"ok": true}: {"error": "what"}, {"unsupported": "why"}, {"memory": "what"}, {"unavailable": "why", "state":
-"missing|broken|licence"}. Keys that nobody knows are ignored.
+"missing|broken|licence"}. Unknown keys are ignored.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from cpbench.solvers.external.session import ProgramError, Session
 
 PROTOCOL = 1
 BACKSTOP = 600.0
-"""Seconds for any answer but that to `solve`, should nobody else end a program that hangs: a run does, much earlier."""
+"""Seconds for any answer but that to `solve`, should nothing else end a hanging program: a run does, much earlier."""
 MATRICES = ("as-is", "dense", "csr")
 CLAIM = "claim.json"
 """File of a command's claims, beside its answer or in its folder."""
@@ -119,7 +119,7 @@ class HandedOver:
 
 
 class ServedSolver(Solver):
-    """A solver in a program of its own.
+    """A solver in a separate program.
 
         ServedSolver(spec, command, exchange="npy-dir", matrices="as-is", env=None, cwd=None)
 
@@ -248,7 +248,7 @@ def _round_trip(session: Session) -> float:
 
 
 def backstop(seconds: float) -> float:
-    """Return when a program that does not heed its limit is killed, should nobody else do it: a run does, at the
+    """Return when a program that does not heed its limit is killed, should nothing else do it: a run does, at the
     limit."""
     return 1.5 * seconds + 5.0
 
@@ -280,7 +280,7 @@ class _Greeting:
 
 _greetings: dict[Key, _Greeting] = {}
 _spare: tuple[Key, Session] | None = None
-"""The program that was asked last whether it is available: whoever runs it next need not start it again."""
+"""The program that was asked last whether it is available, so that its next run need not start it again."""
 
 
 def missing_executable(command: str, solver: Any) -> str:

@@ -30,7 +30,7 @@ WORDS = 4000
 LAST_WORDS = 0.5
 """Seconds that a program has to end after it closed its stdout."""
 PARTING = 0.5
-"""Seconds in which a program that was told to quit may do so."""
+"""Seconds which a program may take to quit."""
 _LOOK = 0.05
 """Seconds between two looks at the process, where the system does not tell of its end."""
 _CHUNK = 2**16
@@ -59,7 +59,7 @@ class Session:
     ) -> None:
         self.name = name
         self.holds: Any = None
-        """The problem that the program has loaded, for whoever made it load one."""
+        """The problem that the program has loaded."""
         self._rest, self._words = b"", b""
         self._passing_on = False
         try:
@@ -91,7 +91,7 @@ class Session:
         return self._words.decode(errors="replace").strip()[-WORDS:]
 
     def ended(self) -> bool:
-        """Return whether the program has ended while nobody asked it anything."""
+        """Return whether the program has ended between requests."""
         if self.alive and self._end is not None:
             return any(descriptor == self._end for descriptor, _ in self._poll.poll(0))
         return not self.alive or self._code() is not None
@@ -125,7 +125,7 @@ class Session:
         if self.alive:
             with contextlib.suppress(OSError):
                 os.write(self._in, b'{"do": "quit"}\n')
-            for pipe in (self._process.stdin, self._process.stdout):  # who waits for more meets the end
+            for pipe in (self._process.stdin, self._process.stdout):  # a reader that waits for more meets the end
                 if pipe is not None:
                     pipe.close()
             wait_by(self._process, self._end, PARTING)

@@ -173,7 +173,7 @@ def _mcp(data: Mapping[str, Any], solver: str) -> Called:
     def make_old(called: Called) -> int:
         F = called.pointer(F_OLD, lambda n, v, out: smooth.evaluate(v, out))
         J = called.pointer(F_OLD, lambda n, v, out: smooth.differentiate(v, out))
-        none = (POINTER, None)  # mcp_old_driver_init has memory of its own
+        none = (POINTER, None)  # mcp_old_driver_init has its own memory
         return structure(n1=(INT, n1), n2=(INT, n2), F=F, nabla_F=J, values=none, matrix=none)
 
     if solver == "SICONOS_MCP_OLD_FB":

@@ -23,7 +23,7 @@ LEAST = 1e-3
 
 
 def next_stop(done: int, until: int, record: Record | None) -> int:
-    """Return where compiled iterations, which could run from `done` to `until`, come back: earlier only for who
+    """Return where compiled iterations, which could run from `done` to `until`, come back: earlier only for what
     records."""
     return until if record is None else min(until, done + 1 + done // SHARE)
 

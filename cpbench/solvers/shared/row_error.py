@@ -1,4 +1,4 @@
-"""Natural map with every row and unknown in a unit of its own: what an iterate must meet before it counts as an answer.
+"""Natural map with every row and unknown in its own unit: what an iterate must meet before it counts as an answer.
 
 ‖z − P(z − F)‖ over one size hides a miss in rows that are small beside others, as are prices beside quantities, and an
 unknown that is nearly 0 where a row feels it, as a price beside a pole. So it is only what methods descend by.

@@ -8,7 +8,7 @@
     folder = "data"                 # of the files in the source
     licence = "Apache-2.0"          # an SPDX identifier; NONE: the source has no licence
     citation = "..."
-    count = 138                     # files of the set in the source; without it nobody counted them
+    count = 138                     # files of the set in the source; left out where they were not counted
     names = ["*.nl"]                # patterns of the files that a user may bring, where no hashes are known
     [files]
     "AUG2D.mat" = { size = 391224, sha256 = "..." }

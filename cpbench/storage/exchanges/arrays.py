@@ -103,7 +103,7 @@ class NpyFolder(_ArrayExchange):
 
     def _put(self, path: Path, arrays: Arrays, header_bytes: bytes | None) -> None:
         path.mkdir(exist_ok=True)
-        for left in path.iterdir():  # nobody is to read an array of the problem before
+        for left in path.iterdir():  # no array of the problem before may be read
             left.unlink()
         if header_bytes is not None:
             (path / HEADER).write_bytes(header_bytes)

@@ -2,7 +2,7 @@
 
 A map F of n unknowns is the arrays F.inputs (n, alone), F.constants, F.heads, F.left, F.right and F.outputs of `Map`;
 its Jacobian is one more map, to the entries of a CSR, in F.jacobian.constants and so on, with F.jacobian.indices and
-F.jacobian.indptr. What the heads mean is told by `cpbench.formulations.expressions.operators`, which needs NumPy alone.
+F.jacobian.indptr. What the heads mean is in `cpbench.formulations.expressions.operators`, which needs NumPy alone.
 """
 
 from __future__ import annotations

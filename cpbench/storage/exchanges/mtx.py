@@ -90,7 +90,7 @@ def _lines(value: Any) -> Iterator[str]:
 def _put(path: Path, files: dict[str, bytes]) -> None:
     try:
         path.mkdir(exist_ok=True)
-        for left in path.iterdir():  # nobody is to read an array of the problem before
+        for left in path.iterdir():  # no array of the problem before may be read
             left.unlink()
         for name, data in files.items():
             (path / name).write_bytes(data)
