@@ -35,7 +35,7 @@ all that are meant to be semidefinite stay above -2e-14, and all others are belo
 SYMMETRY_TOLERANCE = 1e-12
 """`asymmetry` up to which a matrix counts as symmetric; beside M_ij, what M_ij + M_ji may be where it should be 0."""
 FULL_ROWS, FULL_SHARE = 300, 0.2
-"""A sparse matrix is factorized as an array up to so many rows, and where it has more than this share of all entries."""
+"""A sparse matrix is factorized as an array up to so many rows, and with more than this share of its entries."""
 EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
 _MARK = "_cpbench_adopted"
 """Attribute of a CSR that keeps the arrays it was adopted with."""
