@@ -18,8 +18,8 @@ Unknowns that a problem leaves free may be of any size, and must hide nothing. T
   sizes has no objective of its own: its gap is compared with the objective of the whole program. An objective of ε² of
   what sides and prices make it is 0.
 - Growth: the same error, with sizes by the constants alone (`_sizes_of_constants`), squared. Within √ε it is no
-  objection, for a solution may be large beside the constants. Of programs it is taken of the rows beside multipliers; a gradient counts by what it
-  could change in the objective.
+  objection, for a solution may be large beside the constants. Of programs it is taken of the rows beside multipliers; a
+  gradient counts by what it could change in the objective.
 
 Rounding of terms that cancel, 8 eps Σ|terms|, is no error there. Where it hides `UNKNOWN` of the constants, the answer
 would solve other constants as well, and is `unresolvable`.
