@@ -237,8 +237,8 @@ def _written(column: pd.Series[str]) -> pd.Series[str]:
     """Write counters as words, a name never being two of them."""
 
     def words(written: str) -> str:
-        found: dict[str, int] = json.loads(written) if written else {}
-        return " ".join(f"{quote(name, safe='')}={count}" for name, count in sorted(found.items()))
+        counts: dict[str, int] = json.loads(written) if written else {}
+        return " ".join(f"{quote(name, safe='')}={count}" for name, count in sorted(counts.items()))
 
     return column.map({written: words(written) for written in column.unique()}).astype(object)
 

@@ -136,7 +136,7 @@ def _censored(design: Any, y: Floats, censored: Bools, start: Any, sigma: float)
         hessian[2, 2] += len(above) / p[2] ** 2
         return hessian
 
-    found = optimize.minimize(
+    fit = optimize.minimize(
         loss,
         np.array([*(start / sigma), 1 / sigma]),
         jac=lambda p: -gradients(p).sum(axis=0),
@@ -144,7 +144,7 @@ def _censored(design: Any, y: Floats, censored: Bools, start: Any, sigma: float)
         method="trust-exact",
         options={"gtol": 1e-8 * len(y), "initial_trust_radius": 1.0, "max_trust_radius": 1e6},
     )
-    p = found.x
+    p = fit.x
     # d(a, b, σ) / d(α, β, θ), by which covariances go there and scores come back
     theta = p[2]
     jacobian = np.array([[1 / theta, 0, -p[0] / theta**2], [0, 1 / theta, -p[1] / theta**2], [0, 0, -1 / theta**2]])

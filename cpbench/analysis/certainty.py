@@ -32,12 +32,12 @@ def by_label(table: pd.DataFrame) -> pd.DataFrame:
     rows = sought(table)
     met = rows_of.met(rows)
     lies = rows["status"].isin(FALSE_CLAIMS)
-    found: list[dict[str, object]] = []
+    records: list[dict[str, object]] = []
     for label, own in rows.groupby("label", sort=True):
         good, bad = own[met[own.index]], own[lies[own.index]]
         distances = good["distance"].dropna()
         counts = {level: int((good["certainty"] == level).sum()) for level in LEVELS}
-        found.append(
+        records.append(
             {
                 "label": label,
                 "verified": len(good),
@@ -48,7 +48,7 @@ def by_label(table: pd.DataFrame) -> pd.DataFrame:
                 "disproved": int(disproved(bad).sum()),
             }
         )
-    return pd.DataFrame(found)
+    return pd.DataFrame(records)
 
 
 def disproved(table: pd.DataFrame) -> pd.Series:

@@ -50,9 +50,9 @@ def order(clean: pd.DataFrame) -> Integers | None:
     if _in_order(*columns):
         return None
     places = [codes(column)[0] for column in reversed(columns)]
-    found = np.lexsort(places)
-    same = np.all([np.diff(place[found]) == 0 for place in places], axis=0)
-    return np.lexsort([codes(clean["key"])[0], *places]) if same.any() else found  # no two keys are alike
+    order = np.lexsort(places)
+    same = np.all([np.diff(place[order]) == 0 for place in places], axis=0)
+    return np.lexsort([codes(clean["key"])[0], *places]) if same.any() else order  # no two keys are alike
 
 
 def _in_order(problem: pd.Series[str], fingerprint: pd.Series[str], label: pd.Series[str]) -> bool:

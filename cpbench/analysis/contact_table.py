@@ -50,8 +50,8 @@ class ContactTable:
 
     def counts(self) -> dict[str, int]:
         """Return how many contacts are in each state, for the states that occur."""
-        found = {state: int((self.state == state).sum()) for state in (*map(str, State), ROLLS)}
-        return {state: count for state, count in found.items() if count}
+        counts = {state: int((self.state == state).sum()) for state in (*map(str, State), ROLLS)}
+        return {state: count for state, count in counts.items() if count}
 
 
 def contact_table(problem: ContactProblem, point: Point, tolerance: float = 1e-6) -> ContactTable:

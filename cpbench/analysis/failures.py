@@ -49,13 +49,13 @@ def failures(table: pd.DataFrame, *, refused: bool = False) -> list[Reason]:
     chosen = chosen.assign(
         at=at, kind=chosen["kind"].where(~rows_of.exact(chosen), ""), cause=chosen["message"].map(patterns)
     ).sort_values(["problem", "label"], kind="stable")
-    found: list[Reason] = []
+    reasons: list[Reason] = []
     for (status, kind, _), rows in chosen.groupby(["status", "kind", "cause"], sort=False):  # type: ignore[misc]
         labels = {str(label): int(count) for label, count in rows["label"].value_counts().sort_index().items()}
         example = table.iloc[rows["at"].iloc[0]]
-        found.append(Reason(str(status), str(kind), str(example["message"]), labels, example))
+        reasons.append(Reason(str(status), str(kind), str(example["message"]), labels, example))
     order = rows_of.STATUSES.index
-    return sorted(found, key=lambda r: (order(r.status), r.kind, -r.count, r.message, tuple(r.labels)))
+    return sorted(reasons, key=lambda r: (order(r.status), r.kind, -r.count, r.message, tuple(r.labels)))
 
 
 def unsolved(group: pd.DataFrame) -> pd.DataFrame:

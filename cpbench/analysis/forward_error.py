@@ -67,8 +67,8 @@ def apart(M: Matrix, q: Vector, one: Vector, other: Vector, tolerance: float) ->
     """
     if not (np.asarray(M.diagonal()) > 0.0).all() or not (one.any() or other.any()):
         return None
-    found = [by_bound(M, q, one, other, tolerance) for by_bound in (_by_comparison, _by_definiteness)]
-    known = [result for result in found if result is not None]
+    bounds = [by_bound(M, q, one, other, tolerance) for by_bound in (_by_comparison, _by_definiteness)]
+    known = [result for result in bounds if result is not None]
     return max(known, key=lambda result: result.distance / result.allowed, default=None)
 
 

@@ -174,16 +174,16 @@ def means(
     done = np.isfinite(seconds)
     without = _lost(whole, lost)
     failed = (~done).sum(axis=0) - without
-    found = _averages(seconds, failed, len(whole) - without, shift, cost, kind)
+    averages = _averages(seconds, failed, len(whole) - without, shift, cost, kind)
     reasons = [_reason(int(n), done, shift, cost, kind) for n in failed]
-    found[[bool(reason) for reason in reasons]] = math.nan
+    averages[[bool(reason) for reason in reasons]] = math.nan
     table = pd.DataFrame(
         {
             "planned": len(whole),
             "solved": done.sum(axis=0),
             "charged": failed,
             "lost": without,
-            "mean": found,
+            "mean": averages,
             "reason": reasons,
         },
         index=pd.Index([str(label) for label in whole.columns], name="label"),

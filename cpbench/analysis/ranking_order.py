@@ -51,7 +51,7 @@ def tiers(solved: pd.DataFrame) -> list[list[str]]:
     left = sorted((str(label) for label in solved), key=lambda label: (-int(counts[label]), label))
     none = [label for label in left if not counts[label]]
     left = left[: len(left) - len(none)]
-    found: list[list[str]] = []
+    groups: list[list[str]] = []
     while left:
         first = solved[left[0]]
         with_first = [
@@ -59,9 +59,9 @@ def tiers(solved: pd.DataFrame) -> list[list[str]]:
             for label in left
             if mcnemar(int((first & ~solved[label]).sum()), int((solved[label] & ~first).sum())) >= LEVEL
         ]
-        found.append(with_first)
+        groups.append(with_first)
         left = [label for label in left if label not in with_first]
-    return [*found, none] if none else found
+    return [*groups, none] if none else groups
 
 
 def mean_times(rows: pd.DataFrame, times: pd.DataFrame) -> Mapping[str, float]:

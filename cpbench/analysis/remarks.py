@@ -59,11 +59,14 @@ def changed_files(table: pd.DataFrame) -> list[str]:
     >>> changed_files(pd.DataFrame(rows))[0][:62]
     'p.h5: its 3 rows are of 2 problems: the file changed, or was r'
     """
-    found = table.groupby("address", sort=True)["fingerprint"].agg(["nunique", "size"])
-    found = found[found["nunique"] > 1].sort_values("size", ascending=False, kind="stable")
+    by_address = table.groupby("address", sort=True)["fingerprint"].agg(["nunique", "size"])
+    by_address = by_address[by_address["nunique"] > 1].sort_values("size", ascending=False, kind="stable")
     lines = [
         f"{address}: its {size} rows are of {problems} problems: the file changed, or was read in several formats; the "
         "rows of all of them are kept and counted, and another results file (-o) leaves the former ones out"
-        for address, problems, size in found.head(LISTED).itertuples()
+        for address, problems, size in by_address.head(LISTED).itertuples()
     ]
-    return [*lines, *([f"{len(found) - LISTED} more files are of several problems"] if len(found) > LISTED else [])]
+    return [
+        *lines,
+        *([f"{len(by_address) - LISTED} more files are of several problems"] if len(by_address) > LISTED else []),
+    ]

@@ -120,8 +120,8 @@ def points(group: pd.DataFrame, symbol: str) -> pd.DataFrame:
     it was `stopped`.
     """
     x, seconds, stopped, known, sized = _measured(group, symbol, None)
-    found = pd.DataFrame({"label": group["label"].to_numpy(), "x": x, "seconds": seconds, "stopped": stopped})
-    return found[known & sized].reset_index(drop=True)
+    points = pd.DataFrame({"label": group["label"].to_numpy(), "x": x, "seconds": seconds, "stopped": stopped})
+    return points[known & sized].reset_index(drop=True)
 
 
 def _measured(

@@ -30,11 +30,11 @@ def texts(kind: str, words: Mapping[str, str], lang: str, node: str) -> dict[str
         which = f"a {kind} in {lang}" if kind == "solver" else f"a {kind}"
         refusal = f"there is no template of {which} for '{node}', but for {', '.join(nodes)}"
         raise CpbenchError(f"{refusal}: take --node {nodes[0]}, and change it")
-    found = {file.name: file for file in own.iterdir()}
-    if f"{node}{PART}" in found:
-        part = found[f"{node}{PART}"].read_text("utf-8").rstrip()
+    templates = {file.name: file for file in own.iterdir()}
+    if f"{node}{PART}" in templates:
+        part = templates[f"{node}{PART}"].read_text("utf-8").rstrip()
         words = {**_of_node(folder / "nodes.toml", node), "PART": part, **words}
-    whole = {_filled(name, words, "{}"): file for name, file in found.items() if not name.endswith(PART)}
+    whole = {_filled(name, words, "{}"): file for name, file in templates.items() if not name.endswith(PART)}
     return {name.removesuffix(".in"): _filled(file.read_text("utf-8"), words, "@{}@") for name, file in whole.items()}
 
 

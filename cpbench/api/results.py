@@ -103,16 +103,16 @@ class Results:
         from cpbench.report.chosen import Choice
         from cpbench.report.run import assembled
 
-        found = figure_kinds.find(plots.__name__, kind)
+        kinds = figure_kinds.find(plots.__name__, kind)
         for name in options:
-            if name not in found.options:
+            if name not in kinds.options:
                 from cpbench.errors import UnknownName
 
-                raise UnknownName(f"option of the figure {kind}", name, found.options)
+                raise UnknownName(f"option of the figure {kind}", name, kinds.options)
         choice = Choice(node, tuple(solvers), tuple(families), tolerance, start)
         run = assembled(self._run, Path(), history.table(self._histories))
         with run_canvas.drawing():
-            figure = found.draw(run, choice, **options).figure
+            figure = kinds.draw(run, choice, **options).figure
         setattr(figure, "_repr_png_", lambda: _png(figure))  # noqa: B010  (it came without pyplot, which notebooks know)
         return figure
 

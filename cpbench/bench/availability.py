@@ -74,7 +74,7 @@ def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[SolverStat
     """Yield the states of solvers as they become known: those of one guest are imported in one process, two processes
     at a time. With `warm` they are warmed up too, so that compiled code is in the cache for the first run."""
     waiting: queue.SimpleQueue[list[str]] = queue.SimpleQueue()
-    found: queue.SimpleQueue[SolverState | BaseException] = queue.SimpleQueue()
+    states: queue.SimpleQueue[SolverState | BaseException] = queue.SimpleQueue()
     left = 0
     for _, members in groupby(sorted(chosen, key=_guest), key=_guest):
         glances = [(solver, glance(solver)) for solver in members]
@@ -84,12 +84,12 @@ def examine(chosen: Iterable[Solver], warm: bool = False) -> Iterator[SolverStat
         if names:
             waiting.put(names)
             left += len(names)
-    threads = [_ImportThread(context(1), waiting, found, warm) for _ in range(min(SIDE_BY_SIDE, waiting.qsize()))]
+    threads = [_ImportThread(context(1), waiting, states, warm) for _ in range(min(SIDE_BY_SIDE, waiting.qsize()))]
     try:
         for thread in threads:
             thread.start()
         for _ in range(left):
-            one = found.get()
+            one = states.get()
             if isinstance(one, BaseException):
                 raise one
             yield one

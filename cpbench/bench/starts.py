@@ -207,16 +207,16 @@ def carry(point: Any, converted: Problem, steps: int) -> Any:
 
 def known_solution(problem: Problem, address: str, tolerance: float) -> Any:
     """Return the file's solution, if it is one; raises NotApplicable with what was measured."""
-    found = storage.solution(address)
-    if found is None:
+    solution = storage.solution(address)
+    if solution is None:
         raise NotApplicable("start perturbed", "the file has no solution to start near to")
-    verdict = verification.judge(problem, found[0], tolerance)
+    verdict = verification.judge(problem, solution[0], tolerance)
     if not verdict.within:
         raise NotApplicable(
             "start",
             f"the solution in the file does not solve it: error {verdict.error:.1e}, tolerance {tolerance:.0e}",
         )
-    return found[0]
+    return solution[0]
 
 
 def perturbed(problem: Problem, solution: Any, sigma: float, seed: int) -> Any:

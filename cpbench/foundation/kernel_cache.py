@@ -203,11 +203,11 @@ def is_compiled(module: str) -> bool:
     """Return whether the cache has kernels of this module that are younger than its source."""
     source, directory = _file(module), ensure_cache_dir()
     if os.environ.get(VARIABLE):  # then what lies beside the source is not looked at
-        found = directory.rglob(f"{source.stem}.*.nbi")
+        files = directory.rglob(f"{source.stem}.*.nbi")
     else:
-        found = (source.parent / "__pycache__").glob(f"{source.stem}.*.nbi")
+        files = (source.parent / "__pycache__").glob(f"{source.stem}.*.nbi")
     changed = source.stat().st_mtime
-    return any(index.stat().st_mtime >= changed for index in found)
+    return any(index.stat().st_mtime >= changed for index in files)
 
 
 def _is_loaded(module: str) -> bool:
@@ -244,10 +244,10 @@ def _file(module: str) -> Path:
 @cache
 def _folder(package: str) -> Path:
     """Return where a package lies; nothing of it is imported but the packages above it."""
-    found = importlib.util.find_spec(package)
-    if found is None or not found.submodule_search_locations:
+    spec = importlib.util.find_spec(package)
+    if spec is None or not spec.submodule_search_locations:
         raise ModuleNotFoundError(f"no package {package}", name=package)
-    return Path(next(iter(found.submodule_search_locations)))
+    return Path(next(iter(spec.submodule_search_locations)))
 
 
 def _taken(module: str) -> list[tuple[str, Path]]:

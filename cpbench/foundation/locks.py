@@ -47,8 +47,8 @@ class Lock:
             descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
             try:
                 exclusive(descriptor)
-                found = os.stat(self._path)
-                if os.path.samestat(found, os.fstat(descriptor)):
+                status = os.stat(self._path)
+                if os.path.samestat(status, os.fstat(descriptor)):
                     return descriptor
             except FileNotFoundError:
                 pass  # its holder has just removed it: what is locked is no longer what others will find

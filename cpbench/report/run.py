@@ -132,8 +132,8 @@ class Run:
     @cached_property
     def refusals(self) -> list[Reason]:
         """Reasons why pairs were never started although their solver is there."""
-        found = failures.failures(self.rows, refused=True)
-        return [reason for reason in found if reason.status != Status.UNAVAILABLE]
+        failed = failures.failures(self.rows, refused=True)
+        return [reason for reason in failed if reason.status != Status.UNAVAILABLE]
 
 
 def assembled(

@@ -40,9 +40,9 @@ class ArrayFile(Format):
 
     def _read(self, path: Path, member: str, half: Half | None) -> Problem:
         no_member(path, member)
-        found = headers(path)
-        dialect, _ = array_problems.choose(path, found, self.dialect)
-        require_shapes(path, dialect, found)  # before the numbers are read
+        entries = headers(path)
+        dialect, _ = array_problems.choose(path, entries, self.dialect)
+        require_shapes(path, dialect, entries)  # before the numbers are read
         arrays = NamedArrays(path, values(path, dialect.known()), half)
         return array_problems.problem(arrays, *array_problems.choose(path, shapes_of(arrays.values), self.dialect))
 

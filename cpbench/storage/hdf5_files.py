@@ -32,27 +32,27 @@ def members_of(root: Tree) -> list[str]:
         return [""]
     if side_by_side:
         return side_by_side
-    found = [name for name in root.names() if _is_member(root, name)]
-    return found or ([""] if _are_arrays(root) else [])
+    members = [name for name in root.names() if _is_member(root, name)]
+    return members or ([""] if _are_arrays(root) else [])
 
 
 def locate(root: Tree, member: str) -> tuple[Tree, str]:
     """Group of the problem `member`, and its FCLIB group ("" for a native one); raises FormatError."""
     # one of many is looked for by its name: reading all would list them as often
     direct = member and "/" not in member and not _is_problem(root) and member in root and _is_member(root, member)
-    found = [member] if direct else members_of(root)
-    if not found:
+    members = [member] if direct else members_of(root)
+    if not members:
         raise root.error("", _nothing(root))
     if not member:
-        if len(found) > 1:
-            shown = ", ".join(found[:4]) + (", ..." if len(found) > 4 else "")
+        if len(members) > 1:
+            shown = ", ".join(members[:4]) + (", ..." if len(members) > 4 else "")
             raise root.error(
-                "", f"holds {len(found)} problems ({shown}): name one, as in {root.path}{SEPARATOR}{found[0]}"
+                "", f"holds {len(members)} problems ({shown}): name one, as in {root.path}{SEPARATOR}{members[0]}"
             )
-        member = found[0]
-    elif member not in found:
-        shown = ", ".join(found[:8]) + (", ..." if len(found) > 8 else "")
-        what = "is one problem, it has no members" if found == [""] else f"has the members {shown}"
+        member = members[0]
+    elif member not in members:
+        shown = ", ".join(members[:8]) + (", ..." if len(members) > 8 else "")
+        what = "is one problem, it has no members" if members == [""] else f"has the members {shown}"
         raise root.error("", f"has no member '{member}': it {what}")
     if member in _PARTS and _PARTS[member] in root:
         return root, _PARTS[member]

@@ -61,10 +61,10 @@ class NamedArrays:
         """Return the one number in `name`; `otherwise` where it is absent. Raises FormatError."""
         if name not in self.values:
             return otherwise
-        found = self.vector(name)
-        if found.size != 1:
-            raise self.error(name, f"has {found.size} numbers, expected one")
-        return float(found[0])
+        vector = self.vector(name)
+        if vector.size != 1:
+            raise self.error(name, f"has {vector.size} numbers, expected one")
+        return float(vector[0])
 
     def error(self, name: str, cause: str) -> FormatError:
         return FormatError(self.path, name, cause)

@@ -161,8 +161,8 @@ def _read_maps(own: Tree, cls: type[Problem], sizes: dict[str, int]) -> dict[str
         name: counted(symbol, sizes) if symbol.lstrip("0123456789") in sizes else None
         for name, symbol in declared.items()
     }
-    found = from_mof.maps(own.text("mof").encode(), f"{own.path}: {own.where}/mof", inputs)
-    return {name: found.get(name, Map.empty(size or 0)) for name, size in inputs.items()}
+    maps = from_mof.maps(own.text("mof").encode(), f"{own.path}: {own.where}/mof", inputs)
+    return {name: maps.get(name, Map.empty(size or 0)) for name, size in inputs.items()}
 
 
 def _read_fields(own: Tree, attributes: dict[str, Any], cls: type[Problem]) -> dict[str, Any]:

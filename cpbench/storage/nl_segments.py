@@ -202,12 +202,12 @@ class Segments:
         if source.whole() != max(n - 1, 0):
             source.refuse(f"has another number of lengths than {max(n - 1, 0)}, one less than variables")
         source.end()
-        found = list[int]()
+        numbers = list[int]()
         for _ in range(n - 1):
             source.line()
-            found.append(source.whole())
+            numbers.append(source.whole())
             source.end()
-        self._columns = found
+        self._columns = numbers
 
     def _starts(self) -> None:
         count = self._source.whole()

@@ -14,8 +14,8 @@ def lines(text: str) -> list[str]:
     >>> lines("a\r\nb\x0bc\n")
     ['a', 'b\x0bc']
     """
-    found = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    return found if found[-1] else found[:-1]
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return lines if lines[-1] else lines[:-1]
 
 
 def words(line: str) -> list[str]:

@@ -301,8 +301,8 @@ def check_known_failures_still_fail(solver: Solver, cases: list[Case]) -> None:
     excused = [case for case in cases if f"case-{case.name}" in solver.spec.known_failures]
     only_for(bool(excused), "solvers that excuse a case")
     for case in excused:
-        found = any(_fails(solver, case, tolerance) for tolerance in (1e-4, TOLERANCE))
-        assert found, f"{case.name} no longer fails: take case-{case.name} out of known_failures"
+        fails = any(_fails(solver, case, tolerance) for tolerance in (1e-4, TOLERANCE))
+        assert fails, f"{case.name} no longer fails: take case-{case.name} out of known_failures"
 
 
 def _fails(solver: Solver, case: Case, tolerance: float) -> bool:

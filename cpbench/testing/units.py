@@ -26,8 +26,8 @@ def in_unit(case: Case, unit: float) -> Case | None:
 
 
 def _times(whole: Any, names: str, unit: float) -> dict[str, Any]:
-    found = {name: getattr(whole, name) for name in names.split()}
-    return {name: _scaled(value, unit) if isinstance(value, Map) else value * unit for name, value in found.items()}
+    values = {name: getattr(whole, name) for name in names.split()}
+    return {name: _scaled(value, unit) if isinstance(value, Map) else value * unit for name, value in values.items()}
 
 
 def _scaled(F: Map, unit: float) -> Map:

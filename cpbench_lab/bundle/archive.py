@@ -239,9 +239,9 @@ def _extract(
     try:
         # x: never through a link that somebody put there meanwhile
         with archive.open(entry) as source, partial.open("xb") as out:
-            found = _copy(source, out, entry.file_size)
-        if found != sheet["sha256"]:
-            raise BundleError(path, f"was changed: {entry.filename} is not what was bundled (SHA-256 {found[:16]}…)")
+            copied = _copy(source, out, entry.file_size)
+        if copied != sheet["sha256"]:
+            raise BundleError(path, f"was changed: {entry.filename} is not what was bundled (SHA-256 {copied[:16]}…)")
         partial.replace(target)
     finally:
         partial.unlink(missing_ok=True)

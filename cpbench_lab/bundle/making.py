@@ -54,11 +54,11 @@ def make(source: Path, target: Path, options: BundleOptions = BundleOptions()) -
         store.audit().require()
         folder = Path(temporary)
         rows = results.rows_of(store)
-        found = plugins.gather(store, rows)
+        gathered = plugins.gather(store, rows)
         builtin = problems.shipped(options.builtin) if options.builtin is not None else {}
         places = problems.gather(store, rows, folder, builtin, options.withhold)
-        plugins.write(found, folder)
-        about = _write(store, rows, places, found, folder, options)
+        plugins.write(gathered, folder)
+        about = _write(store, rows, places, gathered, folder, options)
         if options.report is not None:
             options.report(folder / results.NAME, folder / REPORT, source.stem)
         archive.pack(folder, target, about)
@@ -67,9 +67,9 @@ def make(source: Path, target: Path, options: BundleOptions = BundleOptions()) -
         pairs=len(rows),
         problems=len(_unique(places)) - len(withheld),
         withheld=len(withheld),
-        plugins=len(found.loaded),
+        plugins=len(gathered.loaded),
         bytes=target.stat().st_size,
-        remarks=(*_remarks(withheld, found), *_restricted(about)),
+        remarks=(*_remarks(withheld, gathered), *_restricted(about)),
     )
 
 

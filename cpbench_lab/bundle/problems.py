@@ -208,8 +208,8 @@ def _points(address: str) -> tuple[list[Point], Point | None]:
     """Return starting points and the solution of a file, none where it is not of a kind that has any, or they are
     damaged."""
     try:
-        found = storage.solution(address)
-        return storage.guesses(address), found[0] if found is not None else None
+        solution = storage.solution(address)
+        return storage.guesses(address), solution[0] if solution is not None else None
     except FormatError:
         return [], None
 

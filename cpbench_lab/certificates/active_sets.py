@@ -31,10 +31,10 @@ def candidates(P: Mixed, x: Vector) -> Iterator[tuple[States, Vector]]:
     yield first, x
     seen, states, near = {first.tobytes()}, first, x
     for _ in range(STEPS):
-        found = solved(P, states, near)
-        if found is None:
+        solution = solved(P, states, near)
+        if solution is None:
             break
-        near, states = found, states_of(P, found)
+        near, states = solution, states_of(P, solution)
         if states.tobytes() in seen:
             yield states, near
             break

@@ -71,10 +71,10 @@ def basic_solutions(problem: Problem) -> list[list[Any]] | None:
     if P is None:
         return None
     try:
-        found = {_numbers(x): x for x, many, _ in _of_all_bases(P) if not many}
+        solutions = {_numbers(x): x for x, many, _ in _of_all_bases(P) if not many}
     except TimeoutError:
         return None
-    return list(found.values())
+    return list(solutions.values())
 
 
 def _numbers(x: Sequence[Any]) -> tuple[Any, ...]:

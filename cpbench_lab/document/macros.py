@@ -75,8 +75,8 @@ def _latin(character: str) -> str:
     base = unicodedata.normalize("NFD", character)[0]
     if base.isascii():
         return base
-    found = re.fullmatch(r"GREEK \w+ LETTER ([A-Z]+)", unicodedata.name(base, ""))
-    return found[1].lower() if found else ""
+    matched = re.fullmatch(r"GREEK \w+ LETTER ([A-Z]+)", unicodedata.name(base, ""))
+    return matched[1].lower() if matched else ""
 
 
 def _suffix(place: int) -> str:

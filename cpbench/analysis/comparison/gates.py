@@ -182,10 +182,10 @@ def _changes(before: Mapping[str, float], after: Mapping[str, float], margin: fl
 def _read(text: str) -> Mapping[str, float]:
     """Parse the counters of a row; drop what is not a number."""
     try:
-        found = json.loads(text) if text else {}
+        read = json.loads(text) if text else {}
     except ValueError:
         return {}
-    items = found.items() if isinstance(found, dict) else ()
+    items = read.items() if isinstance(read, dict) else ()
     return {str(k): float(v) for k, v in items if isinstance(v, int | float) and math.isfinite(v)}
 
 

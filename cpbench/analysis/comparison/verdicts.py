@@ -196,11 +196,11 @@ def _sides(
 def _compare(
     base: ComparisonSide, new: ComparisonSide, settings: Thresholds, loose: Sequence[str], equal: pd.DataFrame | None
 ) -> Comparison:
-    found = pairs.match(base.table, new.table, loose)
-    if not len(found.pairs):
+    matched = pairs.match(base.table, new.table, loose)
+    if not len(matched.pairs):
         raise CpbenchError(_nothing_common(base, new))
-    started = ~(found.pairs["status_base"].isin(REFUSED) & found.pairs["status_new"].isin(REFUSED))
-    own = found.pairs[started].reset_index(drop=True)
+    started = ~(matched.pairs["status_base"].isin(REFUSED) & matched.pairs["status_new"].isin(REFUSED))
+    own = matched.pairs[started].reset_index(drop=True)
     interleaved = bool(loose)  # two labels of one run
     one_machine = _one_machine(own, base, new, settings, interleaved)
     noise = _noise(base, new, settings, interleaved, equal)
@@ -214,14 +214,14 @@ def _compare(
         pairs=judged,
         suites=by_label,
         noise=noise,
-        only_base=found.only_base,
-        only_new=found.only_new,
-        changed=found.changed,
+        only_base=matched.only_base,
+        only_new=matched.only_new,
+        changed=matched.changed,
         idle=int((~started).sum()),
         notes=(
             *notes.on_publishing([base.table, new.table], [base.meta, new.meta]),
             *notes.on_files([base.table, new.table], [base.meta, new.meta]),
-            *notes.on_pairs(judged, found, int((~started).sum())),
+            *notes.on_pairs(judged, matched, int((~started).sum())),
             *notes.on_stationary(judged, settings.count_stationary),
             *notes.on_times(judged, noise, interleaved, bool(one_machine.any())),
         ),

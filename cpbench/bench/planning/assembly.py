@@ -187,7 +187,7 @@ def _survey(
     reading: Reading,
     guesses: bool,
 ) -> tuple[dict[tuple[str, str | None], Surveyed], list[tuple[str, str]], list[str]]:
-    found: dict[tuple[str, str | None], Surveyed] = {}
+    surveys: dict[tuple[str, str | None], Surveyed] = {}
     refused: list[tuple[str, str]] = []
     unread: list[str] = []
     asked = [
@@ -197,12 +197,12 @@ def _survey(
         read = zip(asked, answers, strict=True)
         for address, (problem, answer) in zip(reading([one.address for one in asked]), read, strict=True):
             if not isinstance(answer, CpbenchError):
-                found[address, problem.format] = answer
+                surveys[address, problem.format] = answer
                 continue
             refused.append((address, str(answer)))
             if isinstance(answer, Unread):
                 unread.append(address)
-    return found, refused, unread
+    return surveys, refused, unread
 
 
 def _twins(surveys: Iterable[Surveyed]) -> list[tuple[str, str]]:

@@ -47,9 +47,9 @@ def named(texts: Iterable[str]) -> set[str]:
 
 def entries(texts: Iterable[str]) -> list[Entry]:
     """Return all entries of the texts, each once, in their order; raises UnknownName and CpbenchError."""
-    found = [entry for text in texts for entry in grid(text)]
+    entries = [entry for text in texts for entry in grid(text)]
     # a solver that is named as well takes every problem, not only those whose automatic choice it is
-    return list({entry.label: entry for entry in sorted(found, key=lambda entry: not entry.nearest)}.values())
+    return list({entry.label: entry for entry in sorted(entries, key=lambda entry: not entry.nearest)}.values())
 
 
 def grid(text: str) -> list[Entry]:

@@ -21,10 +21,10 @@ def seconds(text: str) -> float:
     """
     if text.strip().lower() == "none":
         return math.inf
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(ms|s|m|h)?", text.strip())
-    if not found or float(found[1]) <= 0:
+    matched = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(ms|s|m|h)?", text.strip())
+    if not matched or float(matched[1]) <= 0:
         raise CpbenchError(f"'{text}' is no duration; write 500ms, 10s, 5m, 2h or none")
-    value = float(found[1]) * _SECONDS[found[2] or ""]
+    value = float(matched[1]) * _SECONDS[matched[2] or ""]
     if value > LARGEST:
         raise CpbenchError(f"'{_short(text)}' is too long a duration; write none for no limit")
     return value
@@ -38,10 +38,10 @@ def size(text: str) -> int:
     """
     if text.strip().lower() == "none":
         return 0
-    found = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?", text.strip(), re.IGNORECASE)
-    if not found:
+    matched = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([KMGT]?)(?:i?B)?", text.strip(), re.IGNORECASE)
+    if not matched:
         raise CpbenchError(f"'{text}' is no size; write 512M, 4G or none")
-    value = float(found[1]) * 1024 ** _PREFIXES.index((found[2] or " ").upper())
+    value = float(matched[1]) * 1024 ** _PREFIXES.index((matched[2] or " ").upper())
     if value > LARGEST:
         raise CpbenchError(f"'{_short(text)}' is too large a size; write none for no limit")
     return int(value)

@@ -160,8 +160,8 @@ def _joined(parts: list[Expression], decisive: bool) -> Expression:
     """Join by `or` (decided by a True) or `and` (by a False); unknown when only an unknown could decide."""
 
     def value(facts: Facts) -> Value:
-        found = [part.value(facts) for part in parts]
-        return decisive if decisive in found else None if None in found else not decisive
+        values = [part.value(facts) for part in parts]
+        return decisive if decisive in values else None if None in values else not decisive
 
     return Expression(TRUTH, value)
 
@@ -170,11 +170,11 @@ def _applied(kind: str, operation: Callable[..., Any], *parts: Expression) -> Ex
     """Apply an operation to floats, so that no power takes long; unknown where the result is not finite."""
 
     def value(facts: Facts) -> Value:
-        found = [part.value(facts) for part in parts]
-        if None in found:
+        values = [part.value(facts) for part in parts]
+        if None in values:
             return None
         try:
-            result = operation(*(float(v) if type(v) is int else v for v in found))
+            result = operation(*(float(v) if type(v) is int else v for v in values))
         except (ArithmeticError, ValueError):
             return None
         return result if math.isfinite(result) else None

@@ -15,7 +15,7 @@ def citations(store: Store) -> dict[str, str]:
     One problem of each file is read; the citations of one family's files are joined.
     """
     formats: Mapping[str, str] = store.meta().get("formats", {})
-    found: dict[str, list[str]] = {}
+    citing: dict[str, list[str]] = {}
     seen: set[tuple[str, str]] = set()
     for row in store.rows():
         family, address = row.family or "", row.address
@@ -28,6 +28,6 @@ def citations(store: Store) -> dict[str, str]:
         except CpbenchError:
             continue
         citation = problem.info.citation
-        if problem.fingerprint == row.fingerprint and citation and citation not in found.setdefault(family, []):
-            found[family].append(citation)
-    return {family: "; ".join(citations) for family, citations in found.items() if citations}
+        if problem.fingerprint == row.fingerprint and citation and citation not in citing.setdefault(family, []):
+            citing[family].append(citation)
+    return {family: "; ".join(citations) for family, citations in citing.items() if citations}

@@ -93,10 +93,10 @@ def _require(differing: frozenset[tuple[str, str, str, str]]) -> None:
 def version(db: sqlite3.Connection) -> int | None:
     """Return the version of a file's tables: 0 for an empty file, None for one of something else."""
     tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
-    found = int(db.execute("PRAGMA user_version").fetchone()[0])
-    if not tables and found == 0:
+    version = int(db.execute("PRAGMA user_version").fetchone()[0])
+    if not tables and version == 0:
         return 0
-    return found if found > 0 and tables >= _OURS else None
+    return version if version > 0 and tables >= _OURS else None
 
 
 def migrate(db: sqlite3.Connection, found: int) -> None:

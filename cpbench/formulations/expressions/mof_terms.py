@@ -83,8 +83,8 @@ class MofTerms:
     def _enter(self, term: Any) -> int:
         """Return the value of a term, −1 when it has arguments, which now wait on the stack."""
         if isinstance(term, str):
-            found = self._column.get(term)
-            return found if found is not None else self._variable(term)
+            column = self._column.get(term)
+            return column if column is not None else self._variable(term)
         if isinstance(term, float) and math.isfinite(term):
             return self._build.constant(term)
         if isinstance(term, int | float):

@@ -21,17 +21,17 @@ class PlainRows:
 
     def summands(self, value: int) -> list[tuple[float, int]]:
         """Return (1 or -1, value) of the terms of a sum, in their order."""
-        found: list[tuple[float, int]] = []
+        terms: list[tuple[float, int]] = []
         operation = self._build.operation(value)
         while operation is not None and operation[0] in (Operator.ADD, Operator.SUB):
             head, left, right = operation
-            found.append((1.0 if head == Operator.ADD else -1.0, right))
+            terms.append((1.0 if head == Operator.ADD else -1.0, right))
             value, operation = left, self._build.operation(left)
         if operation is not None and operation[0] == Operator.NEG:
-            found.append((-1.0, operation[1]))
+            terms.append((-1.0, operation[1]))
         else:
-            found.append((1.0, value))
-        return found[::-1]
+            terms.append((1.0, value))
+        return terms[::-1]
 
     def function(self, value: int) -> Affine | Quadratic | None:
         """Return the function that a value is, None where it is neither affine nor quadratic, or has two constants."""

@@ -22,7 +22,7 @@ _OTHER_SETS = frozenset({("mlcp", "A"), ("qp", "Q"), ("coneqp", "Q"), ("soclcp",
 
 def of_problem(problem: Problem) -> tuple[Fact, ...]:
     """Return all facts of a problem, matrix by matrix in the order of its definition."""
-    found: list[Fact] = []
+    facts: list[Fact] = []
     contact = isinstance(problem, ContactProblem)
     for f in fields(problem):
         shape = f.metadata.get("shape", ())
@@ -30,13 +30,13 @@ def of_problem(problem: Problem) -> tuple[Fact, ...]:
             continue
         M = getattr(problem, f.name)
         classes = not contact and (problem.node, f.name) not in _OTHER_SETS
-        found += of_matrix(M, f.name, square=shape[0] == shape[1], classes=classes)
+        facts += of_matrix(M, f.name, square=shape[0] == shape[1], classes=classes)
     if isinstance(problem, MLCP):
         whole = matrices.block([[problem.A, problem.C], [problem.D, problem.B]])
-        found.append(definiteness(whole, "[[A, C], [D, B]]"))
+        facts.append(definiteness(whole, "[[A, C], [D, B]]"))
     if contact:
-        found += _contact(problem, {f.matrix: f for f in found if f.name == "rank"})
-    return tuple(map(decided, found))
+        facts += _contact(problem, {f.matrix: f for f in facts if f.name == "rank"})
+    return tuple(map(decided, facts))
 
 
 def of_matrix(M: Matrix, name: str, *, square: bool | None = None, classes: bool = True) -> list[Fact]:

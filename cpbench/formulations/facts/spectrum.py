@@ -115,23 +115,23 @@ def rank(M: Matrix, name: str, *, known: Fact | None = None) -> Fact:
         tall: Any = M if rows >= cols else matrices.transpose(M)
         rng = np.random.default_rng(0)
         sketched = np.asarray(tall.T @ rng.standard_normal((tall.shape[0], full + 10)))
-        found = int(np.linalg.matrix_rank(sketched))
-        return Fact(label, name, found, How.ESTIMATE, evidence=f"rank of its product with {full + 10} random vectors")
+        rank = int(np.linalg.matrix_rank(sketched))
+        return Fact(label, name, rank, How.ESTIMATE, evidence=f"rank of its product with {full + 10} random vectors")
     gram = _gram(M, known)
     if gram is not None:
         G, what, relative = gram
         threshold = relative * float(abs(G).sum(axis=1).max())
         lu = _symmetric_lu(G, -threshold)
         if lu is not None:  # the pivots have the signs of the eigenvalues (Sylvester)
-            found = int((lu.U.diagonal() > 0).sum())
+            rank = int((lu.U.diagonal() > 0).sum())
             return Fact(
-                label, name, found, How.FACTORIZATION, tolerance=threshold, evidence=f"eigenvalues of {what} above it"
+                label, name, rank, How.FACTORIZATION, tolerance=threshold, evidence=f"eigenvalues of {what} above it"
             )
     if matrices.nnz(M) * SKETCH <= 10 * PRODUCT_WORK:
         Y = np.asarray(M @ np.random.default_rng(0).standard_normal((cols, SKETCH)))
-        found = int(np.linalg.matrix_rank(Y))
-        if found < SKETCH:
-            return Fact(label, name, found, How.ESTIMATE, evidence=f"rank of its product with {SKETCH} random vectors")
+        rank = int(np.linalg.matrix_rank(Y))
+        if rank < SKETCH:
+            return Fact(label, name, rank, How.ESTIMATE, evidence=f"rank of its product with {SKETCH} random vectors")
     return undecided(label, name, f"{rows}x{cols} with {matrices.nnz(M)} nonzeros is too large to factor")
 
 

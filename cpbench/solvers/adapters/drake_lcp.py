@@ -68,8 +68,8 @@ class DrakeLCP(Solver):
             result = self.guest().Solve(program, None, None)
         except SystemExit as abort:  # pydrake's way to pass on a failed assertion
             raise RuntimeError(f"Drake aborts: {abort}") from None
-        found = np.asarray(result.GetSolution(z), dtype=float)
-        point = LCPPoint(found) if np.isfinite(found).all() else None
+        solution = np.asarray(result.GetSolution(z), dtype=float)
+        point = LCPPoint(solution) if np.isfinite(solution).all() else None
         claim = Claim.SOLVED if result.is_success() else Claim.FAILED
         return SolverOutput(claim=claim, point=point, message=result.get_solution_result().name)
 

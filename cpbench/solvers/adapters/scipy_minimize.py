@@ -161,7 +161,7 @@ class ScipySLSQP(ScipyMinimize):
             for kind, F in (("eq", problem.h), ("ineq", problem.g))
             if F.rows
         ]
-        found = minimize(
+        minimum = minimize(
             problem.objective,
             first,
             jac=lambda z: problem.f.jacobian(z).toarray().ravel(),
@@ -171,9 +171,9 @@ class ScipySLSQP(ScipyMinimize):
             callback=look,
             options={"maxiter": limit, **self.stopping(tolerance).settings},
         )
-        k, own = problem.h.rows, np.ravel(found.get("multipliers", []))
+        k, own = problem.h.rows, np.ravel(minimum.get("multipliers", []))
         own = own if own.size == k + problem.g.rows else np.zeros(k + problem.g.rows)
-        return found, answer(problem, found.x, own[k:], own[:k])
+        return minimum, answer(problem, minimum.x, own[k:], own[:k])
 
 
 @register
@@ -215,7 +215,7 @@ class ScipyTrustConstr(ScipyMinimize):
             if judged(problem, point(z, state.v)) <= tolerance:
                 raise StopIteration
 
-        found = minimize(
+        minimum = minimize(
             problem.objective,
             first,
             jac=lambda z: problem.f.jacobian(z).toarray().ravel(),
@@ -226,4 +226,4 @@ class ScipyTrustConstr(ScipyMinimize):
             callback=watch,
             options={"maxiter": limit, **STUCK},
         )
-        return found, point(found.x, found.v)
+        return minimum, point(minimum.x, minimum.v)

@@ -143,11 +143,11 @@ class SiconosSolver(ServedSolver):
         return str(about(interpreter()).get("version", ""))
 
     def availability(self) -> Availability:
-        found = about(interpreter())
-        if "version" not in found:
-            return Availability(found["state"], found["detail"])
-        if self.row.constant not in found["constants"]:
-            return Availability("missing", f"Siconos {found['version']} has no {self.row.constant}")
+        about_python = about(interpreter())
+        if "version" not in about_python:
+            return Availability(about_python["state"], about_python["detail"])
+        if self.row.constant not in about_python["constants"]:
+            return Availability("missing", f"Siconos {about_python['version']} has no {self.row.constant}")
         return Availability("ok")
 
 

@@ -44,12 +44,12 @@ def tables(label: str, root: Path, plugin: str, python: str | None = None) -> Ta
     if path.suffix == registry.TABLES:
         if python is not None:
             raise CpbenchError(f"{path}: declares programs; --python is for solvers in Python")
-        found = _programs(path)
+        programs = _programs(path)
     else:
-        found = _classes(root, path, python)
-    if not found:
+        programs = _classes(root, path, python)
+    if not programs:
         raise CpbenchError(f"{path}: has no solver")
-    return {f"{name}{declared.AT}{label}": table for name, table in found.items()}
+    return {f"{name}{declared.AT}{label}": table for name, table in programs.items()}
 
 
 def _programs(path: Path) -> Tables:

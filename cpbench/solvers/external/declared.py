@@ -97,12 +97,12 @@ def declare_file(path: str | Path) -> None:
     """Register the solvers of a file with tables [solver.NAME]; raises CpbenchError."""
     path = Path(path)
     try:
-        found = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as cause:
         raise CpbenchError(f"{path}: is not valid TOML: {cause}") from None
     except OSError as cause:
         raise CpbenchError(f"{path}: cannot be read ({cause.strerror or cause})") from None
-    declare_all(found.get("solver"), path)
+    declare_all(tables.get("solver"), path)
 
 
 def declare_all(tables: Any, path: Path) -> None:
@@ -140,13 +140,13 @@ def declare_text(text: str) -> str | None:
     if not equals or AT not in name or "[" in name or not table.startswith("{"):
         return None
     try:
-        found = tomllib.loads(f"table = {table}")
+        tables = tomllib.loads(f"table = {table}")
     except (ValueError, RecursionError) as cause:
         reason = str(cause).replace("(at line 1, column", "(column")
         raise CpbenchError(
             f"solver '{text}': is not an inline table of TOML, as {{serve=\"./mine\"}}: {reason}"
         ) from None
-    declare(name, found["table"], "")
+    declare(name, tables["table"], "")
     _texts[name] = text.strip()
     return name
 

@@ -113,13 +113,13 @@ class NpyFolder(_ArrayExchange):
     def _get(self, path: Path, wanted: Iterable[str]) -> tuple[Arrays, bytes]:
         if not path.is_dir():
             raise FormatError(path, "", "is a file, expected a folder" if path.exists() else "no such folder")
-        found: dict[str, NDArray[Any]] = {}
+        arrays: dict[str, NDArray[Any]] = {}
         for name in wanted:
             data = _bytes(path, f"{name}.npy")
             array = read_npy(path, name, data) if data is not None else None
             if array is not None:
-                found[name] = array
-        return found, _bytes(path, HEADER) or b""
+                arrays[name] = array
+        return arrays, _bytes(path, HEADER) or b""
 
 
 class NpzFile(_ArrayExchange):
@@ -137,9 +137,9 @@ class NpzFile(_ArrayExchange):
             np.savez(file, allow_pickle=False, **entries)
 
     def _get(self, path: Path, wanted: Iterable[str]) -> tuple[Arrays, bytes]:
-        found = read_npz(path)
-        header_bytes = found.get(HEADER, np.zeros(0, np.uint8))
-        return {name: found[name] for name in wanted if name in found}, header_bytes.tobytes()
+        arrays = read_npz(path)
+        header_bytes = arrays.get(HEADER, np.zeros(0, np.uint8))
+        return {name: arrays[name] for name in wanted if name in arrays}, header_bytes.tobytes()
 
 
 def _bytes(folder: Path, name: str) -> bytes | None:

@@ -71,15 +71,15 @@ class MathOptFormat(Exchange):
         write_atomic(path, json.dumps(lists).encode(), force=True)
 
     def read_answer(self, path: Path, problem: Problem) -> Any:
-        found = load_json(path)
-        named = "primal" in found
+        document = load_json(path)
+        named = "primal" in document
         parts: dict[str, Vector] = {}
         for name, size in problem.point_sizes.items():
             if named:
                 group, label = _NAMED.get(problem.node, {}).get(name, ("primal", name))
-                parts[name] = _by_name(path, found, group, label, size)
+                parts[name] = _by_name(path, document, group, label, size)
             else:
-                parts[name] = _listed(path, found, name, size)
+                parts[name] = _listed(path, document, name, size)
         return problem.point_type(**parts)
 
 

@@ -150,8 +150,8 @@ def _numbers(path: Path, lines: list[str], at: int, count: int) -> tuple[Vector,
     """Return the numbers of that many lines, and where the next line is."""
     if at + count > len(lines):
         raise FormatError(path, f"line {at + 1}", f"has {max(len(lines) - at, 0)} lines behind it, expected {count}")
-    found = [_number(path, f"line {at + k + 1}", lines[at + k]) for k in range(count)]
-    return np.array(found, float), at + count
+    numbers = [_number(path, f"line {at + k + 1}", lines[at + k]) for k in range(count)]
+    return np.array(numbers, float), at + count
 
 
 def _number(path: Path, where: str, text: str) -> float:
