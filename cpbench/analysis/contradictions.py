@@ -106,7 +106,7 @@ def of_claims(table: pd.DataFrame) -> Iterator[Contradiction]:
     A claim counts as `table.contradicted` says, a proof beside every answer that meets the tolerance.
     """
     proved = table["status"].isin(PROVEN)
-    said = table["claim"].where(~proved, table["status"])
+    claims = table["claim"].where(~proved, table["status"])
     deniers = table[rows_of.contradicted(table) | proved]
     met = table[table["status"].isin(MET_TOLERANCE) & table["fingerprint"].isin(deniers["fingerprint"].unique())]
     answered = dict(list(met.groupby("fingerprint", sort=False)))
@@ -118,7 +118,7 @@ def of_claims(table: pd.DataFrame) -> Iterator[Contradiction]:
             f"it is proved to be {what} (row of {named(own['label'])})"
             if by_proof
             else f"{named(own['label'])} claim{'s' if own['label'].nunique() == 1 else ''} that it is {what}"
-            for (by_proof, what), own in rows.groupby([proved[rows.index], said[rows.index]], sort=True)
+            for (by_proof, what), own in rows.groupby([proved[rows.index], claims[rows.index]], sort=True)
         ]
         have = "has" if with_answer["label"].nunique() == 1 else "have"
         words = f"{' and '.join(parts)}; {named(with_answer['label'])} {have} a verified answer."

@@ -139,7 +139,7 @@ def _arbitrated(
     addresses = dict(zip(rows["fingerprint"], rows["address"], strict=True))
     answers = [[(label, store.ending(key)[1]) for key, label in zip(c.rows, c.labels, strict=True)] for c in found]
     kept = [[(label, blob) for label, blob in own if blob is not None] for own in answers]
-    said = list(found)
+    arbitrated = list(found)
     for place in sorted(range(len(found)), key=lambda place: max((len(blob) for _, blob in kept[place]), default=0)):
         one = found[place]
         words = "none was sought, the time was over"
@@ -148,24 +148,24 @@ def _arbitrated(
         elif time.perf_counter() < end:
             problem = problems.get(str(addresses[one.fingerprint]), one.fingerprint)
             words = "" if problem is None else _arbitration(problem, one.kind, kept[place], end)
-        said[place] = replace(one, arbitration=words)
-    return said
+        arbitrated[place] = replace(one, arbitration=words)
+    return arbitrated
 
 
 def _arbitration(problem: Problem, kind: str, answers: Sequence[tuple[str, bytes]], end: float) -> str:
     """Return what certificates say of the first answers, `end` the time at which no other is sought."""
     if sum(problem.point_sizes.values()) > LARGEST:
         return f"none was sought, the answer has more than {LARGEST} numbers"
-    said: dict[str, list[str]] = {}
+    by_words: dict[str, list[str]] = {}
     for label, blob in answers[:ROWS]:
         left = end - time.perf_counter()
         if left <= 0:
             break
         there, words = _certified(problem, unpack(blob), min(EACH, left))
-        said.setdefault(words, []).append(label)
+        by_words.setdefault(words, []).append(label)
         if there and kind == Conflict.EXISTENCE:
             return f"{label}: {words}, so that there is a solution"
-    return "; ".join(f"{contradictions.named(labels)}: {words}" for words, labels in said.items())
+    return "; ".join(f"{contradictions.named(labels)}: {words}" for words, labels in by_words.items())
 
 
 def _certified(problem: Problem, answer: Any, seconds: float) -> tuple[bool, str]:

@@ -176,8 +176,8 @@ def solve_there(
     better = second.status in MET_TOLERANCE
     kept, other = (second, first) if better else (first, second)
     which = "first" if better else "second"
-    said = f"asked twice, then for {smaller:.1e}; the {which} answer: {other.status}, error {other.error:.1e}"
-    message = "; ".join(filter(None, (kept.message, said)))
+    retried = f"asked twice, then for {smaller:.1e}; the {which} answer: {other.status}, error {other.error:.1e}"
+    message = "; ".join(filter(None, (kept.message, retried)))
     return replace(kept, message=message), missed_again if better else missed
 
 

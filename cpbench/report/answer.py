@@ -62,12 +62,12 @@ def answer(run: Run) -> Iterator[str]:
 def _sentence(ranking: Ranking) -> str:
     """Return what to use, after the formulation and what it is called in full."""
     title = f" ({plain(ranking.title)})" if ranking.title else ""
-    said = ranking.advice
-    if not said.winner:
-        return f"- **{plain(ranking.formulation)}**{title}: {plain(said.text)}"
-    gap = " " if said.after.startswith(" ") else ""  # `plain` leaves blanks at the ends out
-    advice = f"{plain(said.before)} **{code(said.winner)}**{gap}{plain(said.after)}"
-    return f"- **{plain(ranking.formulation)}**{title}: {advice}"
+    advice = ranking.advice
+    if not advice.winner:
+        return f"- **{plain(ranking.formulation)}**{title}: {plain(advice.text)}"
+    gap = " " if advice.after.startswith(" ") else ""  # `plain` leaves blanks at the ends out
+    sentence = f"{plain(advice.before)} **{code(advice.winner)}**{gap}{plain(advice.after)}"
+    return f"- **{plain(ranking.formulation)}**{title}: {sentence}"
 
 
 def _lines(run: Run, ranking: Ranking, most: int) -> Iterator[list[str]]:

@@ -66,8 +66,8 @@ def _extract(path: Path) -> None:
     reader.setOptionValue("small_matrix_value", 1e-12)  # the least that HiGHS allows
     status = reader.readModel(os.fspath(path))
     lines = [line.strip() for line in log.read_text("latin-1").splitlines()] if log.exists() else []
-    told = [line for line in lines if line and not line.startswith(("Running HiGHS", "Includes third", "|", "-->"))]
-    words = " ".join(told).replace(os.fspath(path), path.name)
+    printed = [line for line in lines if line and not line.startswith(("Running HiGHS", "Includes third", "|", "-->"))]
+    words = " ".join(printed).replace(os.fspath(path), path.name)
     model = reader.getModel()
     lp, Q = model.lp_, model.hessian_
     names = list(lp.col_names_) or [f"x{j + 1}" for j in range(lp.num_col_)]

@@ -170,7 +170,7 @@ def _claimed_output(solver: str, handed: HandedOver) -> SolverOutput:
                 raise ProgramError(f"{solver}: wrote a {CLAIM} that is not a JSON object: {text[:200]!r}")
             return output(solver, {"claim": "solved", **claimed}, handed)
     try:
-        said = handed.exchange.claim(answer)
+        claim = handed.exchange.claim(answer)
     except FormatError as cause:
         raise ProgramError(f"{solver}: wrote an answer that cannot be read: {cause.field} {cause.cause}") from None
-    return output(solver, {"claim": "solved", **said}, handed)
+    return output(solver, {"claim": "solved", **claim}, handed)
