@@ -8,7 +8,8 @@ time and QDLDL four times as much, whose solves are the fastest where there is l
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
@@ -31,16 +32,27 @@ class Factors:
     entries: int | None
 
 
+@contextmanager
+def memory_errors() -> Iterator[None]:
+    """Raise MemoryError where SuperLU got no memory, which it says by a RuntimeError, as it does at a pivot of 0."""
+    try:
+        yield
+    except RuntimeError as cause:
+        if "malloc" in str(cause).lower():
+            raise MemoryError(str(cause)) from None
+        raise
+
+
 def factor_on_diagonal(A: Any) -> Any | None:
     """Factor by SuperLU a square sparse matrix in an order of its symmetric structure; None at a pivot that is exactly
     0.
 
     Two to four times as fast as with SuperLU's pivoting by columns, with half to three quarters of the fill.
     """
+    options = {"SymmetricMode": True}
     try:
-        return spla.splu(
-            sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-        )
+        with memory_errors():
+            return spla.splu(sp.csc_array(A), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
     except RuntimeError:
         return None
 

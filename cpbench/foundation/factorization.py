@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from cpbench.errors import ProblemError
+from cpbench.foundation.definite import memory_errors
 from cpbench.foundation.matrices import (
     SYMMETRY_TOLERANCE,
     Dense,
@@ -59,7 +60,8 @@ def sparse_lu(A: Any, *, symmetric_structure: bool = False) -> Any | None:
     if symmetric_structure:
         options = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": PREFERENCE, "options": {"SymmetricMode": True}}
     try:
-        return spla.splu(sp.csc_array(A), **options)
+        with memory_errors():
+            return spla.splu(sp.csc_array(A), **options)
     except RuntimeError:  # an exactly zero pivot
         return None
 
@@ -305,7 +307,8 @@ class _SparseLU:
 
     def solve(self, B: NDArray[np.float64], transpose: bool) -> NDArray[np.float64]:
         def core(right: NDArray[np.float64]) -> NDArray[np.float64]:
-            return self.lu.solve(np.ascontiguousarray(right), "T" if transpose else "N")
+            with memory_errors():
+                return self.lu.solve(np.ascontiguousarray(right), "T" if transpose else "N")
 
         return _between(core, B, self.scales, transpose)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from typing import Any, get_args
 
 import numpy as np
@@ -70,3 +72,29 @@ def test_a_nonsymmetric_matrix_is_refused(by: By) -> None:
     solver = solvers.get("admm-fc")
     with pytest.raises(NotApplicable, match="not symmetric"):
         solver.run(problem, Budget(), solver.spec.options(factors=by))
+
+
+WITHOUT_MEMORY = """
+import resource, sys
+from pathlib import Path
+import numpy as np, scipy.sparse as sp
+from cpbench.foundation.factorization import Factorization
+
+n = 2000
+A = sp.csr_array(sp.diags_array([np.full(n - 1, -1.0), np.full(n, 4.0), np.full(n - 1, -1.0)], offsets=[-1, 0, 1]))
+factors, right = Factorization(A), np.ones((n, 5000))
+factors.solve(right[:, :2])
+used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + right.nbytes * 3 // 2,) * 2)  # SuperLU takes two copies
+try:
+    factors.solve(right)
+except MemoryError as cause:
+    sys.exit(0 if "SUPERLU" in str(cause) else "not of SuperLU")
+sys.exit("solved")
+"""
+
+
+def test_superlu_without_memory_is_out_of_memory() -> None:
+    """It says so by a RuntimeError, as it says that a matrix is singular: the status was `error`, or `singular`."""
+    done = subprocess.run([sys.executable, "-c", WITHOUT_MEMORY], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
