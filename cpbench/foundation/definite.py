@@ -8,7 +8,7 @@ time and QDLDL four times as much, whose solves are the fastest where there is l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
@@ -33,7 +33,7 @@ class Factors:
 
 
 @contextmanager
-def memory_errors() -> Iterator[None]:
+def memory_errors() -> Generator[None]:
     """Raise MemoryError where SuperLU got no memory, which it says by a RuntimeError, as it does at a pivot of 0."""
     try:
         yield

@@ -332,13 +332,16 @@ def _specs_without(file: str, packages: tuple[str, ...]) -> str:
 
 _BLOCKED = """
 import importlib.util, sys
+from cpbench.registry import Registry
+add = Registry.add
+def added(registry, name, *item):
+    print(name)
+    return add(registry, name, *item)
+Registry.add = added
 for package in sys.argv[2:]:
     sys.modules[package] = None  # importing it raises ModuleNotFoundError
 found = importlib.util.spec_from_file_location("module_under_check", sys.argv[1])
 module = importlib.util.module_from_spec(found)
 sys.modules[found.name] = module
 found.loader.exec_module(module)
-for value in vars(module).values():
-    if isinstance(value, type) and hasattr(value, "spec") and value.__module__ == module.__name__:
-        print(value.spec.name)
 """

@@ -12,7 +12,7 @@ FOUNDATION: dict[str, set[str]] = {
     "foundation.definite": {"errors"},
     "foundation.matrices": {"errors", "foundation.definite"},
     "foundation.transversal": {"foundation.matrices"},
-    "foundation.factorization": {"errors", "foundation.matrices", "foundation.transversal"},
+    "foundation.factorization": {"errors", "foundation.definite", "foundation.matrices", "foundation.transversal"},
     "foundation.cones": {"foundation.matrices"},
     "foundation.product_cones": {"foundation.matrices", "foundation.cones"},
     "foundation.frames": set(),
