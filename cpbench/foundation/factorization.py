@@ -302,7 +302,8 @@ class _SparseLU:
             rmatmat=lambda X: self.lu.solve(np.ascontiguousarray(X), "T"),
             dtype=np.float64,
         )
-        inverse_size = float(spla.onenormest(inverse))
+        with memory_errors():
+            inverse_size = float(spla.onenormest(inverse))
         return 1.0 / (self.size * inverse_size) if np.isfinite(inverse_size) and inverse_size > 0 else 0.0
 
     def solve(self, B: NDArray[np.float64], transpose: bool) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
 
 from cpbench.foundation import matrices
-from cpbench.foundation.definite import factor_on_diagonal
+from cpbench.foundation.definite import factor_on_diagonal, memory_errors
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
 
 REGULARISATION = 1e-11
@@ -66,7 +66,8 @@ class ShiftedSystem:
         self._sum.data[self._diagonal] += shift
         if self._free:
             try:
-                lu: Any = spla.splu(self._sum)
+                with memory_errors():
+                    lu: Any = spla.splu(self._sum)
             except RuntimeError:
                 return False
         else:  # the symmetric part is positive definite
