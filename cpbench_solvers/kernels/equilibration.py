@@ -19,28 +19,48 @@ FARTHEST = 3.0
 """A Newton step changes no log D_i by more: it is right near 0 only."""
 LEAST = 1e-3
 """Of a diagonal entry, what elimination leaves of it at least: rounding may leave none."""
-LARGEST = 80.0
-"""Logarithms of entries that the guess leaves are cut off here, so that sums of them are numbers."""
+LARGEST = 1e35
+"""Entries that the guess leaves are cut off here and at 1 over it, so that sums of them are numbers."""
+EXPONENT, BIAS = np.log(2.0) * 2.0**-52, 1023.0 * np.log(2.0)
+"""Logarithms from the bits of a number are linear between powers of two, wrong by 0.06 at most: enough for a guess."""
+
+
+@njit(float64(INDEX, INDEX, DATA, int64, DATA), fastmath=FAST, **COMPILED)
+def _row(start, column, weight, i, x):
+    """Return (Wx)_i."""
+    begin, end, total = start[i], start[i + 1], 0.0
+    if end > begin and column[end - 1] - column[begin] == end - 1 - begin:  # columns in a row need no indices
+        values, part = weight[begin:end], x[column[begin] :]
+        for k in range(values.size):
+            total += values[k] * part[k]
+    else:
+        for k in range(begin, end):
+            total += weight[k] * x[column[k]]
+    return total
+
+
+@njit(float64(INDEX, INDEX, VECTOR, int64, DATA), fastmath=FAST, **COMPILED)
+def _scale_row(start, column, weight, i, x):
+    """Set W_ij ← x_i W_ij x_j in a row; return its sum."""
+    total = 0.0
+    for k in range(start[i], start[i + 1]):
+        weight[k] *= x[i] * x[column[k]]
+        total += weight[k]
+    return total
 
 
 @njit(void(INDEX, INDEX, DATA, DATA, int64, VECTOR), fastmath=FAST, **COMPILED)
 def _eliminate(start, column, weight, diagonal, head, x):
     """Write the rows from `head` on of x, so that these rows of (diag(diagonal) + W) x are 0."""
     for i in range(head, x.size):
-        total = 0.0
-        for k in range(start[i], start[i + 1]):
-            total += weight[k] * x[column[k]]
-        x[i] = -total / diagonal[i] if diagonal[i] > 0.0 else 0.0
+        x[i] = -_row(start, column, weight, i, x) / diagonal[i] if diagonal[i] > 0.0 else 0.0
 
 
 @njit(void(INDEX, INDEX, DATA, DATA, int64, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
 def _product(start, column, weight, diagonal, head, x, y):
     """Write the rows before `head` of diag(diagonal) x + Wx."""
     for i in range(head):
-        total = diagonal[i] * x[i]
-        for k in range(start[i], start[i + 1]):
-            total += weight[k] * x[column[k]]
-        y[i] = total
+        y[i] = diagonal[i] * x[i] + _row(start, column, weight, i, x)
 
 
 @njit(void(INDEX, INDEX, DATA, DATA, int64, VECTOR, VECTOR, float64, int64), **COMPILED)
@@ -94,23 +114,23 @@ def equilibrate(start, column, size, head, D):
     columns before it alone."""
     n = D.size
     count, r, x, weight = np.empty(n), np.empty(n), np.empty(n), np.ones(size.size)
-    logs, total = np.log(size), float(size.size)
+    bits, total = size.view(np.int64), float(size.size)
     for i in range(n):
         count[i], r[i] = start[i + 1] - start[i], 0.0
         for k in range(start[i], start[i + 1]):
-            r[i] -= logs[k]  # Curtis and Reid: least squares of logarithms, whose matrix is the pattern
+            # Curtis and Reid: least squares of logarithms, whose matrix is the pattern
+            r[i] -= EXPONENT * bits[k] - BIAS
     _solve(start, column, weight, count, head, r, x, GUESSED * GUESSED * total, CG_STEPS)
     for i in range(n):
         D[i] = np.exp(x[i])
+    sums = np.zeros(n)
+    for i in range(n):
         for k in range(start[i], start[i + 1]):
-            weight[k] = np.exp(min(max(logs[k] + x[i] + x[column[k]], -LARGEST), LARGEST))
-    sums = np.empty(n)
+            weight[k] = min(max(size[k] * D[i] * D[column[k]], 1.0 / LARGEST), LARGEST)
+            sums[i] += weight[k]
     for _ in range(STEPS):
         off = 0.0
         for i in range(n):
-            sums[i] = 0.0
-            for k in range(start[i], start[i + 1]):
-                sums[i] += weight[k]
             r[i] = count[i] - sums[i]  # the gradient of the convex function, by log D_i
             if count[i] > 0.0:
                 off += r[i] * r[i] / count[i]
@@ -129,5 +149,4 @@ def equilibrate(start, column, size, head, D):
                 x[i] = np.exp(min(max(x[i], -FARTHEST), FARTHEST))
         for i in range(n):
             D[i] *= x[i]
-            for k in range(start[i], start[i + 1]):
-                weight[k] *= x[i] * x[column[k]]
+            sums[i] = _scale_row(start, column, weight, i, x)

@@ -159,6 +159,37 @@ def factor(indptr, indices, data, diagonals, parent, starts, rows, L, D, S, tail
     return True
 
 
+@njit(types.boolean(OUT2, OUT, types.int64, types.int64), **COMPILED)
+def _factor_block(S, diagonals, begin, end):
+    """Overwrite a diagonal block by its L and D; False at a NaN and at a pivot of 0."""
+    for i in range(begin, end):
+        row = S[i]
+        for c in range(begin, i):
+            row[c] -= dot(row[begin:c], S[c, begin:c])  # L[i, c] D[c] until the row is done
+        pivot = row[i]
+        for c in range(begin, i):
+            value = row[c] / S[c, c]
+            pivot -= value * row[c]
+            row[c] = value
+        row[i] = diagonals[i] if pivot * diagonals[i] <= 0.0 else pivot
+        if not abs(row[i]) > 0.0:
+            return False
+    return True
+
+
+@njit(OUT2(OUT2, types.int64, types.int64), **COMPILED)
+def _inverse_block(S, begin, end):
+    """Return the inverse of the unit lower triangle of a diagonal block."""
+    inverse = np.zeros((end - begin, end - begin))
+    for i in range(end - begin):
+        inverse[i, i] = 1.0
+        for k in range(i):
+            value = S[begin + i, begin + k]
+            for c in range(k + 1):
+                inverse[i, c] -= value * inverse[k, c]
+    return inverse
+
+
 @njit(types.boolean(OUT2, OUT), **COMPILED)
 def dense_factor(S, diagonals):
     """Overwrite the lower triangle of a quasi-definite S by L below its diagonal and D on it; False at a NaN.
@@ -169,32 +200,22 @@ def dense_factor(S, diagonals):
     for begin in range(0, N, BLOCK):
         end = min(begin + BLOCK, N)
         width = end - begin
-        for i in range(begin, N):
-            row = S[i]
-            last = min(i, end)
-            # row[c] holds L[i, c] D[c] until the row is done
-            for c in range(begin, last):
-                row[c] -= dot(row[begin:c], S[c, begin:c])
-            if i < end:
-                pivot = row[i]
-                for k in range(begin, i):
-                    value = row[k] / S[k, k]
-                    pivot -= value * row[k]
-                    row[k] = value
-                row[i] = diagonals[i] if pivot * diagonals[i] <= 0.0 else pivot
-                if not abs(row[i]) > 0.0:
-                    return False
+        if not _factor_block(S, diagonals, begin, end):
+            return False
         if end == N:
             return True
-        # copies that lie together, for one product of matrices
-        scaled, plain = np.empty((N - end, width)), np.empty((N - end, width))
+        plain = np.empty((N - end, width))  # a copy that lies together, for products of matrices
         for i in range(N - end):
             for c in range(width):
-                scaled[i, c] = S[end + i, begin + c]
+                plain[i, c] = S[end + i, begin + c]
+        # by the inverse of a block: substitution row by row would be the larger part of the time
+        scaled = np.dot(plain, _inverse_block(S, begin, end).T)
+        for i in range(N - end):
+            for c in range(width):
                 plain[i, c] = scaled[i, c] / S[begin + c, begin + c]
                 S[end + i, begin + c] = plain[i, c]
-        for left in range(end, N, 4 * BLOCK):  # only the lower triangle, by strips: half of the products
-            right = min(left + 4 * BLOCK, N)
+        for left in range(end, N, 2 * BLOCK):  # only the lower triangle, by strips: half of the products
+            right = min(left + 2 * BLOCK, N)
             change = np.dot(plain[left - end :], scaled[left - end : right - end].T)
             for i in range(left, N):
                 for c in range(left, min(i + 1, right)):

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit, types
 
 from cpbench_solvers.kernels.array_types import COMPILED
+from cpbench_solvers.kernels.qp_dense import dot
 from cpbench_solvers.kernels.qp_ldl import (
     CSR,
     INT,
@@ -38,8 +39,12 @@ ACCURATE = 1e-9
 def times(M, x, y):
     """Set y ← Mx."""
     for i in range(y.size):
+        begin, end = M[0][i], M[0][i + 1]
+        if end - begin == x.size:  # a full row needs no indices
+            y[i] = dot(M[2][begin:end], x)
+            continue
         total = 0.0
-        for q in range(M[0][i], M[0][i + 1]):
+        for q in range(begin, end):
             total += M[2][q] * x[M[1][q]]
         y[i] = total
 
@@ -49,8 +54,13 @@ def add_transposed(M, by, x, y):
     """Set y ← y + by Mᵀx."""
     for i in range(x.size):
         value = by * x[i]
-        if value != 0.0:
-            for q in range(M[0][i], M[0][i + 1]):
+        begin, end = M[0][i], M[0][i + 1]
+        if value != 0.0 and end - begin == y.size:
+            row = M[2][begin:end]
+            for j in range(y.size):
+                y[j] += row[j] * value
+        elif value != 0.0:
+            for q in range(begin, end):
                 y[M[1][q]] += M[2][q] * value
 
 
@@ -129,10 +139,7 @@ def apply(system, a, b, x, v):
         for k in range(equal.size):
             v[equal[k]] = y[n + k]
         for i in range(rest.size):
-            value = -b[rest[i]]
-            for j in range(n):
-                value += A[i, j] * x[j]
-            v[rest[i]] = by[i] * value
+            v[rest[i]] = by[i] * (dot(A[i], x) - b[rest[i]])
         return
     for k in range(N):
         i = order[k]
