@@ -21,7 +21,7 @@ from cpbench_solvers.kernels.affine_parts import AFFINE
 from cpbench_solvers.kernels.array_types import COMPILED, DATA
 from cpbench_solvers.kernels.qp_gap import NOISE, product, row_products, without
 from cpbench_solvers.kernels.qp_ldl import CSR
-from cpbench_solvers.kernels.qp_rows import BALANCED, is_fixed, is_idle, row_terms
+from cpbench_solvers.kernels.qp_rows import BALANCED, fixed_terms, is_fixed, is_idle, row_terms
 
 
 @njit(float64(float64, float64, float64, float64, float64, float64), **COMPILED)
@@ -40,20 +40,18 @@ def _counted(program, x, f, sizes, sums, own, taken, needed, beside):
     """Write which constants count (1 or 0), and the terms of every row in unknowns that a bound fixes; return of every
     group whether something gives it a size and whether a constant of it counts, and of every part whether its unknowns
     have one."""
-    n, start, column, value, c, low, high, part = program[:8]
+    n, start, column, _, c, low, high, part = program[:8]
+    start, column = start.view(np.uint64), column.view(np.uint64)
     group, constants = program[9], program[10]
     sized, some, known = np.zeros(constants.size), np.zeros(constants.size), np.zeros(part.max() + 1)
+    fixed_terms(program, x, sizes, beside)
     for i in range(x.size):
         terms = sums[i] - taken[i]
         idle = is_idle(low[i], high[i], x[i], f[i]) or abs(f[i]) < 0.5 * taken[i]
         balanced = terms > BALANCED * abs(c[i])
         needed[i] = 1.0 if c[i] != 0.0 and (balanced or not idle) else 0.0
-        beside[i] = 0.0
-        for k in range(start[i], start[i + 1]):
-            j = column[k]
-            if j < n and is_fixed(low[j], high[j], x[j]):
-                sized[group[i]] = 1.0
-                beside[i] += abs(value[k]) * sizes[j]
+        if beside[i] > 0.0:
+            sized[group[i]] = 1.0
         if needed[i] > 0.0:
             sized[group[i]] = some[group[i]] = 1.0
             if i < n and (own[i] > BALANCED * abs(c[i]) or not balanced):
@@ -71,6 +69,7 @@ def _counted(program, x, f, sizes, sums, own, taken, needed, beside):
 def _row_units(program, sizes, sums, taken, needed, sized, some, known, of_x, unit):
     """Write 1 over the size of every row; known : of parts, of_x : of unknowns without multipliers."""
     n, start, column, value, c = program[:5]
+    start, column = start.view(np.uint64), column.view(np.uint64)
     part, D, group, constants = program[7:]
     size, reach, with_rows = np.zeros(constants.size), np.zeros(known.size), n < unit.size
     for i in range(n):
@@ -101,7 +100,7 @@ def _row_units(program, sizes, sums, taken, needed, sized, some, known, of_x, un
 @njit(**COMPILED)
 def _effects(program, unit, counts, effect):
     """Write the largest effect of every unknown on a row that counts."""
-    start, column, value = program[1], program[2], program[3]
+    start, column, value = program[1].view(np.uint64), program[2].view(np.uint64), program[3]
     effect[:] = 0.0
     for i in range(unit.size):
         if counts[i] > 0.0:

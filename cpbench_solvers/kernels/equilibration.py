@@ -6,9 +6,9 @@ begin at the least Σ (log D_i A_ij D_j)² (Curtis and Reid 1972).
 """
 
 import numpy as np
-from numba import float64, int64, njit, void
+from numba import float64, int64, njit, types, void
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, FAST, INDEX, VECTOR
+from cpbench_solvers.kernels.array_types import COMPILED, DATA, FAST, INDEX, START, VECTOR
 
 STEPS, CG_STEPS = 30, 100
 GUESSED, ENOUGH = 0.1, 2e-3
@@ -25,7 +25,7 @@ EXPONENT, BIAS = np.log(2.0) * 2.0**-52, 1023.0 * np.log(2.0)
 """Logarithms from the bits of a number are linear between powers of two, wrong by 0.06 at most: enough for a guess."""
 
 
-@njit(float64(INDEX, INDEX, DATA, int64, DATA), fastmath=FAST, **COMPILED)
+@njit(float64(START, START, DATA, int64, DATA), fastmath=FAST, **COMPILED)
 def _row(start, column, weight, i, x):
     """Return (Wx)_i."""
     begin, end, total = start[i], start[i + 1], 0.0
@@ -39,7 +39,7 @@ def _row(start, column, weight, i, x):
     return total
 
 
-@njit(float64(INDEX, INDEX, VECTOR, int64, DATA), fastmath=FAST, **COMPILED)
+@njit(float64(START, START, VECTOR, int64, DATA), fastmath=FAST, **COMPILED)
 def _scale_row(start, column, weight, i, x):
     """Set W_ij ← x_i W_ij x_j in a row; return its sum."""
     total = 0.0
@@ -49,37 +49,47 @@ def _scale_row(start, column, weight, i, x):
     return total
 
 
-@njit(void(INDEX, INDEX, DATA, DATA, int64, VECTOR), fastmath=FAST, **COMPILED)
+@njit(void(START, START, DATA, DATA, int64, VECTOR), fastmath=FAST, **COMPILED)
 def _eliminate(start, column, weight, diagonal, head, x):
     """Write the rows from `head` on of x, so that these rows of (diag(diagonal) + W) x are 0."""
     for i in range(head, x.size):
         x[i] = -_row(start, column, weight, i, x) / diagonal[i] if diagonal[i] > 0.0 else 0.0
 
 
-@njit(void(INDEX, INDEX, DATA, DATA, int64, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
+@njit(void(START, START, DATA, DATA, int64, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
 def _product(start, column, weight, diagonal, head, x, y):
     """Write the rows before `head` of diag(diagonal) x + Wx."""
     for i in range(head):
         y[i] = diagonal[i] * x[i] + _row(start, column, weight, i, x)
 
 
-@njit(void(INDEX, INDEX, DATA, DATA, int64, VECTOR, VECTOR, float64, int64), **COMPILED)
+@njit(types.UniTuple(float64, 3)(START, START, DATA, int64, DATA, DATA), fastmath=FAST, **COMPILED)
+def _reduced(start, column, weight, i, inverse, moved):
+    """Return Σ W_ij² inverse_j, Σ W_ij moved_j and W_ii."""
+    own = right = same = 0.0
+    for k in range(start[i], start[i + 1]):
+        j, value = column[k], weight[k]
+        right += value * moved[j]
+        own += value * value * inverse[j]
+        same += value if j == i else 0.0
+    return own, right, same
+
+
+@njit(void(START, START, DATA, DATA, int64, VECTOR, VECTOR, float64, int64), **COMPILED)
 def _solve(start, column, weight, diagonal, head, r, x, enough, steps):
     """Write the x of (diag(diagonal) + W) x = r, as far as what is left of r, squared and over the diagonal of the
     matrix without the rows from `head` on, is more than `enough`. Those rows are eliminated; r is overwritten."""
     n = x.size
     p, Ap, pivot, old = np.zeros(n), np.empty(head), np.empty(head), 1.0
+    inverse, moved = np.zeros(n), np.zeros(n)
     x[:] = 0.0
+    for i in range(head, n):
+        inverse[i] = 1.0 / diagonal[i] if diagonal[i] > 0.0 else 0.0
+        moved[i] = r[i] * inverse[i]
     for i in range(head):
-        pivot[i] = diagonal[i]
-        for k in range(start[i], start[i + 1]):
-            j = column[k]
-            if j == i:
-                pivot[i] += weight[k]
-            elif j >= head and diagonal[j] > 0.0:
-                pivot[i] -= weight[k] * weight[k] / diagonal[j]
-                r[i] -= weight[k] * r[j] / diagonal[j]
-        pivot[i] = max(pivot[i], LEAST * diagonal[i])
+        own, right, same = _reduced(start, column, weight, i, inverse, moved)
+        r[i] -= right
+        pivot[i] = max(diagonal[i] + same - own, LEAST * diagonal[i])
     for step in range(steps):
         new = 0.0
         for i in range(head):
@@ -115,6 +125,7 @@ def equilibrate(start, column, size, head, D):
     n = D.size
     count, r, x, weight = np.empty(n), np.empty(n), np.empty(n), np.ones(size.size)
     bits, total = size.view(np.int64), float(size.size)
+    start, column = start.view(np.uint64), column.view(np.uint64)  # signed indices cost a test for negative ones
     for i in range(n):
         count[i], r[i] = start[i + 1] - start[i], 0.0
         for k in range(start[i], start[i + 1]):

@@ -12,6 +12,7 @@ from cpbench_solvers.kernels.array_types import COMPILED, DATA, INDEX, VECTOR
 from cpbench_solvers.kernels.equilibration import equilibrate
 from cpbench_solvers.kernels.qp_ldl import CSR
 from cpbench_solvers.kernels.row_errors import label_sparse
+from cpbench_solvers.kernels.vectors import unsigned
 
 ENDLESS = 1e19
 """Bounds and sides from here on are none."""
@@ -27,7 +28,7 @@ _OUT = types.Tuple((int64, *_OWN, VECTOR, VECTOR, VECTOR, types.int64[::1], VECT
 @njit(_OWN(CSR, CSR), **COMPILED)
 def conditions(Q, G):
     """Return K in CSR, without zeros that are stored."""
-    n, r = Q[0].size - 1, G[0].size - 1
+    n, r, Q, G = Q[0].size - 1, G[0].size - 1, unsigned(Q), unsigned(G)
     start = np.zeros(n + r + 1, np.int64)
     for i in range(n):
         for q in range(Q[0][i], Q[0][i + 1]):

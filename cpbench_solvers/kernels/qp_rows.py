@@ -18,9 +18,9 @@ Rounding of terms that cancel, 8 eps Σ|terms|, is no error in the last two.
 """
 
 import numpy as np
-from numba import boolean, float64, njit
+from numba import boolean, float64, int64, njit, types
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D
+from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, FAST, START
 from cpbench_solvers.kernels.qp_gap import NOISE, gap_errors, gaps, row_products, without
 from cpbench_solvers.kernels.qp_parts import PROGRAM
 
@@ -50,25 +50,47 @@ def is_fixed(low, high, x):
     return beyond or _reached(low, x) or _reached(high, x)
 
 
+@njit(types.UniTuple(float64, 3)(START, START, DATA, int64, DATA, DATA, DATA), fastmath=FAST, **COMPILED)
+def _terms(start, column, value, i, x, sizes, of_z):
+    """Return Σ_j K_ij x_j, Σ_j |K_ij| sizes_j and Σ_j |K_ij| of_z_j."""
+    total = terms = own = 0.0
+    for k in range(start[i], start[i + 1]):
+        j, size = column[k], abs(value[k])
+        total += value[k] * x[j]
+        terms += size * sizes[j]
+        own += size * of_z[j]
+    return total, terms, own
+
+
+@njit(**COMPILED)
+def fixed_terms(program, x, sizes, beside):
+    """Write Σ_j |K_ij| sizes_j over the unknowns that are fixed."""
+    n, start, column, value, _, low, high = program[:7]
+    start, column = start.view(np.uint64), column.view(np.uint64)
+    fixed = np.zeros(x.size)
+    for i in range(n):
+        if is_fixed(low[i], high[i], x[i]):
+            fixed[i] = sizes[i]
+    for i in range(x.size):
+        beside[i] = _terms(start, column, value, i, fixed, fixed, fixed)[1]
+
+
 @njit(**COMPILED)
 def row_terms(program, x, f, sizes, sums, own, taken):
     """Write the rows f, the sizes of the unknowns, Σ_j |K_ij||x_j|, that of z alone, and what bounds that are written
     as rows take."""
     n, start, column, value, c, low, high = program[:7]
+    start, column = start.view(np.uint64), column.view(np.uint64)
     for i in range(x.size):
         # outside of its bounds an unknown counts with where it should be, too
         sizes[i] = max(abs(x[i]), abs(min(max(x[i], low[i]), high[i])))
     taken[:] = 0.0
+    of_z = sizes.copy()
+    for i in range(n, x.size):
+        of_z[i] = 0.0
     for i in range(x.size):
-        total, terms, of_z = c[i], 0.0, 0.0
-        for k in range(start[i], start[i + 1]):
-            j = column[k]
-            total += value[k] * x[j]
-            size = abs(value[k]) * sizes[j]
-            terms += size
-            if j < n:
-                of_z += size
-        f[i], sums[i], own[i] = total, terms, of_z
+        total, sums[i], own[i] = _terms(start, column, value, i, x, sizes, of_z)
+        f[i] = c[i] + total
         if i >= n:
             if start[i + 1] - start[i] == 1:
                 # a row of one unknown is a bound: its multiplier belongs to no size
@@ -81,21 +103,19 @@ def row_terms(program, x, f, sizes, sums, own, taken):
 def _counted(program, x, f, sizes, sums, own, taken, needed, beside):
     """Write which constants count (1 or 0), and the terms of every row in unknowns that a bound fixes; return of every
     group of rows (2 · parts) whether something gives it a size, and of every part whether its z is known."""
-    n, start, column, value, c, low, high, part = program[:8]
+    n, start, column, _, c, low, high, part = program[:8]
+    start, column = start.view(np.uint64), column.view(np.uint64)
     count = program[10].size
     sized, some, known = np.zeros(2 * count), np.zeros(2 * count), np.zeros(count)
+    fixed_terms(program, x, sizes, beside)
     for i in range(x.size):
         group = part[i] + (count if i >= n else 0)
         terms = sums[i] - taken[i]
         idle = is_idle(low[i], high[i], x[i], f[i]) or abs(f[i]) < 0.5 * taken[i]
         balanced = terms > BALANCED * abs(c[i])
         needed[i] = 1.0 if c[i] != 0.0 and (balanced or not idle) else 0.0
-        beside[i] = 0.0
-        for k in range(start[i], start[i + 1]):
-            j = column[k]
-            if j < n and is_fixed(low[j], high[j], x[j]):
-                sized[group] = 1.0
-                beside[i] += abs(value[k]) * sizes[j]
+        if beside[i] > 0.0:
+            sized[group] = 1.0
         if needed[i] > 0.0:
             sized[group] = some[group] = 1.0
             if i < n and (own[i] > BALANCED * abs(c[i]) or not balanced):
@@ -112,6 +132,7 @@ def _counted(program, x, f, sizes, sums, own, taken, needed, beside):
 def _units(program, sizes, sums, taken, needed, sized, some, known, unit, effect):
     """Write 1 over the size of every row and of every unknown."""
     n, start, column, value, c, low, high, part, D = program[:9]
+    start, column = start.view(np.uint64), column.view(np.uint64)
     count = known.size
     size, reach = np.zeros(2 * count), np.zeros(count)
     for i in range(n):

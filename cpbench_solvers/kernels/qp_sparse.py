@@ -9,6 +9,7 @@ from numba import njit, types
 from cpbench_solvers.kernels.array_types import COMPILED
 from cpbench_solvers.kernels.qp_dense import at_bounds, largest, of_bounds, reached
 from cpbench_solvers.kernels.qp_ldl import CSR, DATA, OUT
+from cpbench_solvers.kernels.vectors import unsigned
 
 _DENSE = types.Array(types.float64, 2, "C", readonly=True)
 _OWN = types.Tuple((types.int32[::1], types.int32[::1], types.float64[::1]))
@@ -61,7 +62,7 @@ def _roots(size):
 @njit(types.void(_OWN, _OWN, OUT, OUT, types.int64), **COMPILED)
 def equilibrate(H, G, column, row, passes):
     """Scale as `qp_dense.equilibrate` does. column, row : D, E, ones on entry."""
-    n, r = column.size, row.size
+    n, r, H, G = column.size, row.size, unsigned(H), unsigned(G)
     tops, sides = np.empty(n), np.empty(r)
     for _ in range(passes):
         for i in range(n):
@@ -89,6 +90,7 @@ def equilibrate(H, G, column, row, passes):
 @njit(types.boolean(CSR, DATA, DATA), **COMPILED)
 def _at_sides(A, b, z):
     """Return whether a row of A has its size from its side."""
+    A = unsigned(A)
     for i in range(b.size):
         value = 0.0
         for q in range(A[0][i], A[0][i + 1]):
@@ -114,7 +116,7 @@ def _terms(Q, A, b, C, d, lb, ub, z):
 @njit(types.float64(*(CSR, DATA, CSR, DATA, CSR, DATA, DATA, DATA), *(DATA, DATA, DATA, DATA)), **COMPILED)
 def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
     """Return the error of an answer, as `qp_dense` has it; infinite for one that is no number."""
-    n = p.size
+    n, signed, Q, A, C = p.size, (Q, A, C), unsigned(Q), unsigned(A), unsigned(C)
     At, Ct = np.zeros(n), np.zeros(n)
     primal = dual = primal_scale = dual_scale = constraints = side = summed = 0.0
     for i in range(b.size):
@@ -159,6 +161,6 @@ def judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
     sides = max(primal_scale, min(summed, 1.0))
     error = largest(stationarity, scale, price, primal, sides, side, dual, dual_scale, gap, value, curvature)
     if price == 0.0 and side > 0.0 and stationarity > 0.0:
-        terms = _terms(Q, A, b, C, d, lb, ub, z)
+        terms = _terms(signed[0], signed[1], b, signed[2], d, lb, ub, z)
         error = max(error, stationarity / max(terms, scale) if terms > 0.0 else 0.0)
     return error

@@ -21,15 +21,17 @@ from cpbench_solvers.kernels.qp_ldl import (
     factor,
     forward,
 )
-from cpbench_solvers.kernels.vectors import put
+from cpbench_solvers.kernels.vectors import put, unsigned
 
 _COLUMNS = types.int32[::1]
 SYSTEM = types.Tuple(
     (*(INT, INT, _COLUMNS, _COLUMNS, OUT, OUT, INT, INT), *(ROWS, OUT, OUT, OUT2), *(INT, INT, OUT2, OUT, OUT))
 )
 """head : columns before the dense rest, or −1 for a dense system. order, indptr, indices, data, diagonal, parent,
-starts, rows, L, D, S : as in `qp_ldl`. rest, equal : rows with θ > 0, and with θ = 0 or nearly so. A : the
-rest, dense. by : their 1/(θ + δ). work : (5 (n + r),)."""
+starts, rows, L, D, S : as in `qp_ldl`. rest, equal : rows with θ > 0, and with θ = 0 or nearly so. A : (n, ·),
+the columns of the rest, dense. by : their 1/(θ + δ). work : (5 (n + r),)."""
+STRIP = 96
+"""Columns of AᵀΘ⁻¹A that one product of matrices makes, without most of what is above the diagonal."""
 REFINEMENTS = 4
 ACCURATE = 1e-9
 """What is left of a right-hand side, relative to it, that needs no further refinement."""
@@ -38,6 +40,7 @@ ACCURATE = 1e-9
 @njit(types.void(CSR, OUT, OUT), **COMPILED)
 def times(M, x, y):
     """Set y ← Mx."""
+    M = unsigned(M)
     for i in range(y.size):
         begin, end = M[0][i], M[0][i + 1]
         if end - begin == x.size:  # a full row needs no indices
@@ -52,6 +55,7 @@ def times(M, x, y):
 @njit(types.void(CSR, types.float64, OUT, OUT), **COMPILED)
 def add_transposed(M, by, x, y):
     """Set y ← y + by Mᵀx."""
+    M = unsigned(M)
     for i in range(x.size):
         value = by * x[i]
         begin, end = M[0][i], M[0][i + 1]
@@ -77,19 +81,22 @@ def largest(x):
 def factor_system(H, G, system, w, theta, delta):
     """Factor; return False where it breaks down."""
     head, order, indptr, indices, data, diagonal, parent, starts, rows, L, D, S, rest, equal, A, by, work = system
-    n = w.size
+    n, H = w.size, unsigned(H)
     if head[0] < 0:
         if rest.size:
             scaled = np.empty(A.shape)
             for i in range(rest.size):
                 by[i] = 1.0 / (theta[rest[i]] + delta)
-                root = np.sqrt(by[i])
-                for j in range(n):
-                    scaled[i, j] = root * A[i, j]  # AᵀΘ⁻¹A as a product with itself: symmetric, by BLAS
-            product = np.dot(scaled.T, scaled)
-            for i in range(n):
-                for j in range(i + 1):
-                    S[i, j] = product[i, j]
+            roots = np.sqrt(by)
+            for j in range(n):
+                for i in range(rest.size):
+                    scaled[j, i] = roots[i] * A[j, i]
+            for left in range(0, n, STRIP):  # the lower triangle
+                right = min(left + STRIP, n)
+                product = np.dot(scaled[left:], scaled[left:right].T)
+                for i in range(left, n):
+                    for j in range(left, min(i + 1, right)):
+                        S[i, j] = product[i - left, j - left]
         else:
             S[:] = 0.0
         own = work[: n + equal.size]  # what the diagonal was, by which a pivot of the wrong sign is known
@@ -97,8 +104,9 @@ def factor_system(H, G, system, w, theta, delta):
             S[i, i] += w[i] + delta
             own[i] = w[i] + delta
             for q in range(H[0][i], H[0][i + 1]):
-                if H[1][q] <= i:  # only the lower triangle is read
-                    S[i, H[1][q]] += H[2][q]
+                if H[1][q] > i:  # only the lower triangle is read
+                    break
+                S[i, H[1][q]] += H[2][q]
                 if H[1][q] == i:
                     own[i] += H[2][q]
         for k in range(equal.size):
@@ -128,18 +136,24 @@ def apply(system, a, b, x, v):
     if head[0] < 0:
         y = work[: n + equal.size]
         put(y[:n], a)
+        some = np.empty(rest.size)
         for i in range(rest.size):
-            value = by[i] * b[rest[i]]
-            for j in range(n):
-                y[j] += A[i, j] * value
+            some[i] = by[i] * b[rest[i]]
+        for j in range(n):
+            y[j] += dot(A[j], some)
         for k in range(equal.size):
             y[n + k] = b[equal[k]]
         dense_solve(S, y)
         put(x, y[:n])
         for k in range(equal.size):
             v[equal[k]] = y[n + k]
+        some[:] = 0.0
+        for j in range(n):
+            row, value = A[j], x[j]
+            for i in range(rest.size):
+                some[i] += row[i] * value
         for i in range(rest.size):
-            v[rest[i]] = by[i] * (dot(A[i], x) - b[rest[i]])
+            v[rest[i]] = by[i] * (some[i] - b[rest[i]])
         return
     for k in range(N):
         i = order[k]

@@ -2,7 +2,15 @@
 
 import math
 
+import numpy as np
 from numba import njit
+
+
+@njit(error_model="numpy")
+def unsigned(M):
+    """Return a matrix (row pointers, columns, numbers) with unsigned indices: each signed one costs a test for negative
+    ones, which takes as long as the rest of a product."""
+    return M[0].view(np.uint32), M[1].view(np.uint32), M[2]
 
 
 @njit(error_model="numpy")

@@ -70,10 +70,10 @@ class KKT:
 
     def _dense(self, m: int, k: int) -> tuple[Any, ...]:
         none, index, nothing = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32), np.empty(0)
-        A, at, G = np.zeros((m, self.n)), np.full(self._r, -1), self._G
+        A, at, G = np.zeros((self.n, m)), np.full(self._r, -1), self._G
         at[self._rest] = np.arange(m)
         rows = np.repeat(at, np.diff(G[0]))
-        A[rows[rows >= 0], G[1][rows >= 0]] = G[2][rows >= 0]
+        A[G[1][rows >= 0], rows[rows >= 0]] = G[2][rows >= 0]
         pattern = none, index, index, nothing, nothing, none, none
         factor = np.empty(0, dtype=np.uint32), nothing, nothing, np.zeros((self.n + k, self.n + k))
         return np.array([-1]), *pattern, *factor, self._rest, self._equal, A
@@ -101,7 +101,7 @@ class KKT:
         starts = np.concatenate([[0], np.cumsum(count)])
         factor = np.empty(starts[-1], dtype=np.uint32), np.empty(starts[-1]), np.empty(tail), np.zeros((rest, rest))
         none = np.empty(0, dtype=np.int64)
-        return np.array([tail]), *pattern, starts, *factor, none, none, np.empty((0, self.n))
+        return np.array([tail]), *pattern, starts, *factor, none, none, np.empty((self.n, 0))
 
     def factor(self, w: Vector, theta: Vector) -> bool:
         """Factor; return False where it breaks down."""
