@@ -17,7 +17,7 @@ import os
 import pkgutil
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Generic, TypeVar, cast
 
@@ -37,6 +37,8 @@ TABLES = ".toml"
 """Suffix of plugin files that are tables."""
 _READER = "cpbench.solvers.external.declared"
 """The module that makes solvers of tables, imported where there are any."""
+_included: dict[str, list[str]] = {}
+"""Packages that plugins have added to registries, by the kind of what is registered."""
 _environment: tuple[str, str] | None = None
 """`CPBENCH_PLUGINS` and `CPBENCH_SOLVERS` as they were when plugins were last loaded."""
 _read: set[Path] = set()
@@ -93,6 +95,15 @@ def load_plugin(path: Path) -> None:
         raise FormatError(path, f"line {where}" if where else "", f"{type(cause).__name__}: {reason}") from cause
 
 
+def include(kind: str, *packages: str) -> None:
+    """Have the registry of a kind ("format") import the modules of these packages, too, on first use.
+
+    A plugin calls it where the module of the registry would take long to import; `Registry.include` does the same.
+    """
+    listed = _included.setdefault(kind, [])
+    listed += [package for package in packages if package not in listed]
+
+
 class Registry(Generic[T]):
     """Named plugins of one kind, in name order whatever the order of registration.
 
@@ -109,7 +120,7 @@ class Registry(Generic[T]):
         self._renamed = dict(renamed or {})
         self._warned: set[str] = set()
         self._items: dict[str, T] = {}
-        self._discovered = False
+        self._imported: set[str] = set()
 
     def add(self, name: str, item: T) -> T:
         """Register `item`; raises DuplicateName when `name` is taken by another one, or was its name before."""
@@ -135,21 +146,19 @@ class Registry(Generic[T]):
     def include(self, *packages: str) -> None:
         """Import the modules of these packages, too, on first use: a plugin with many modules calls it."""
         self._packages += tuple(package for package in packages if package not in self._packages)
-        if self._discovered:
-            self._import(packages)
 
     def discover(self) -> None:
-        """Import the registry's packages, once, and plugins that were not loaded yet."""
+        """Import the registry's packages, each once, and plugins that were not loaded yet."""
         load_plugins()  # first: they may have packages of their own
-        if not self._discovered:
-            self._discovered = True
-            self._import(self._packages)
-
-    def _import(self, packages: Iterable[str]) -> None:
-        for package in packages:
+        for package in self._waiting():
+            self._imported.add(package)
             module = importlib.import_module(package)
             for info in pkgutil.iter_modules(module.__path__, f"{package}."):
                 importlib.import_module(info.name)
+
+    def _waiting(self) -> list[str]:
+        """Return the packages whose modules were not imported yet."""
+        return [name for name in (*self._packages, *_included.get(self.kind, ())) if name not in self._imported]
 
     def get(self, name: str) -> T:
         """Return the item called `name`, or called so before; raises UnknownName with the nearest names."""
@@ -159,7 +168,7 @@ class Registry(Generic[T]):
                 logger.warning("%s '%s' is now called '%s'", self.kind, name, self._renamed[name])
             name = self._renamed[name]
         load_plugins()
-        if name not in self._items and not self._discovered:
+        if name not in self._items:
             self._seek(name)
         if name not in self._items:
             self.discover()
@@ -171,7 +180,7 @@ class Registry(Generic[T]):
     def knows(self, name: str) -> bool:
         """Return whether an item has this name; imports plugins, and only those modules in which the name stands."""
         load_plugins()
-        if name not in self._items and not self._discovered:
+        if name not in self._items:
             self._seek(name)
         return name in self._items
 
@@ -181,7 +190,7 @@ class Registry(Generic[T]):
         One solver is asked for more often than all: to import every module takes longer than most problems.
         """
         quoted, likely = f'"{name}"', name.replace("-", "_")
-        for package in self._packages:
+        for package in self._waiting():
             place = importlib.util.find_spec(package)
             folders = list(place.submodule_search_locations or ()) if place else []
             files = [file for folder in folders for file in Path(folder).glob("*.py")]

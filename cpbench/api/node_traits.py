@@ -49,15 +49,14 @@ def trait_table(node: str) -> tuple[str, list[tuple[str, str, str]]]:
 
 def tables() -> tuple[NodeTable[Any], ...]:
     """Return the tables of cpbench, and those of installed packages (``cpbench.hooks``: `node_tables`)."""
-    from cpbench.storage import nl, siconos_text  # noqa: F401  # pyright: ignore[reportUnusedImport]
-    from cpbench.storage.mof import MODELS
-    from cpbench.storage.nl_write import WRITERS
+    from cpbench.storage import formats
     from cpbench.verification.measures import BY_PARTS, SYSTEMS
     from cpbench.verification.merit_functions import BOUNDS
     from cpbench.verification.tables import STACKED
 
     others: tuple[NodeTable[Any], ...] = hook("node_tables")() if "node_tables" in added(HOOKS) else ()
-    return (SYSTEMS, BY_PARTS, STACKED, BOUNDS, MODELS, WRITERS, *others)
+    written = {one.table.trait: one.table for one in formats if one.table is not None}
+    return (SYSTEMS, BY_PARTS, STACKED, BOUNDS, *written.values(), *others)
 
 
 def _of_class(kind: type[Problem]) -> Iterator[NodeTrait]:

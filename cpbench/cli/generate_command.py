@@ -5,6 +5,7 @@ from __future__ import annotations
 import filecmp
 import sys
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from click.core import ParameterSource
 from cpbench.cli.options import Command, ListOption, force_option, seed_option, tolerance_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import COUNT, DURATION, FILE
+from cpbench.foundation.extensions import hook
 from cpbench.generators.base import SMALL, TIERS
 from cpbench.generators.collection import NAME, TIER_SHEETS, VERSION, builtin_folder, write_collections
 from cpbench.storage.base import require_new
@@ -118,19 +120,26 @@ def _write_tier(folder: Path, tier: str) -> None:
 def _simulate(name: str, output: Path | None, steps: int | None, solver: str | None, tolerance: float, force: bool,
               **chosen: Any) -> None:  # fmt: skip
     """Simulate a scene, with a counter on a terminal, and write it."""
-    from cpbench.api import scenes
-
     if output is None:
         raise click.UsageError("--scene needs -o FILE, the file to write")
     require_new(output, force)
-    scene = scenes.scene_of(name, **chosen)
-    simulation = scenes.Simulation(scene, solver, tolerance)
+    simulation = hook("simulate_scene")(name, solver, tolerance, **chosen)
     count = steps or 50
     with click.progressbar(simulation.run(count), length=count, label=name, file=sys.stderr) as made:
         for _ in made:
             pass
-    print_lines(
-        scenes.write(simulation, output, scenes.command_of(name, count, solver, tolerance, chosen), force=force)
-    )
+    source = command_of(name, count, solver, tolerance, chosen)
+    print_lines(hook("write_scene")(simulation, output, source, force=force))
     if simulation.missed:
         sys.exit(1)
+
+
+def command_of(name: str, steps: int, solver: str | None, tolerance: float, chosen: Mapping[str, Any]) -> str:
+    """Return the command that makes a scene again, without the name of its file; what is None is left out.
+
+    >>> command_of("tower", 50, None, 1e-6, {"size": 8, "mass_ratio": None, "seed": 0})
+    'cpbench generate --scene tower --steps 50 --tolerance 1e-06 --size 8 --seed 0'
+    """
+    values = {"steps": steps, "solver": solver, "tolerance": tolerance, **chosen}
+    given = (f"--{key.replace('_', '-')} {value}" for key, value in values.items() if value is not None)
+    return " ".join(["cpbench generate --scene", name, *given])

@@ -41,7 +41,7 @@ def load(group: str, name: str) -> Any:
     if entry is None:
         from cpbench.errors import CpbenchError
 
-        raise CpbenchError(f"'{name}' is in no installed package (entry points {group}); cpbench_lab has it")
+        raise CpbenchError(f"'{name}' is in no installed package (entry points {group}): install cpbench again")
     return entry.load()
 
 

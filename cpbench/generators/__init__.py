@@ -1,7 +1,6 @@
-"""Problems from formulas: one family a file, with what is known of their solutions.
+"""Families of problems with what is known of their solutions, and the collection that they make.
 
-Data are made of small dyadic fractions wherever a solution is planted, so that products and sums are exact in
-double precision and the files come out bit for bit alike on every machine.
+The families are in other packages; each registers itself (`base.collection`).
 """
 
 from cpbench.generators.base import Collection, Instance, generators

@@ -84,7 +84,7 @@ class Collection:
         return replace(instance, problem=replace(instance.problem, info=info))
 
 
-generators: Registry[Collection] = Registry("generator", "cpbench.generators")
+generators: Registry[Collection] = Registry("generator")
 
 
 def collection(

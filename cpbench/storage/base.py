@@ -17,6 +17,7 @@ from typing import Any, BinaryIO, ClassVar
 
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Point, Problem
+from cpbench.formulations.node_table import NodeTable
 from cpbench.registry import Registry
 from cpbench.storage.compressed import is_compressed, plain, unpacked
 from cpbench.storage.half_stored import Half
@@ -36,6 +37,7 @@ class Format(ABC):
     by_suffix : whether a file is written in this format because its name ends in one of `suffixes`.
     keeps_provenance : whether an answer to a written file can be lifted. keeps_guesses : whether it has
     starting points. text : whether its files are text, which may also be compressed (NAME.SUFFIX.gz).
+    table : how it writes each formulation, where a package may enter its own.
     """
 
     name: ClassVar[str]
@@ -46,6 +48,7 @@ class Format(ABC):
     keeps_provenance: ClassVar[bool] = False
     keeps_guesses: ClassVar[bool] = False
     text: ClassVar[bool] = False
+    table: ClassVar[NodeTable[Any] | None] = None
 
     @abstractmethod
     def recognises(self, path: Path, head: bytes) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from page_parts import table
 
-from cpbench.generators.scenes.motions import DT, MOTIONS
+from cpbench_problems.scenes.motions import DT, MOTIONS
 
 FOLDER = Path(__file__).resolve().parents[2] / "reports/motion"
 INTRODUCTION = f"""# Does the motion come out right?

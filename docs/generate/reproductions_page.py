@@ -15,7 +15,7 @@ from typing import Any
 
 from page_parts import table
 
-from cpbench.generators.scenes.motions import incline
+from cpbench_problems.scenes.motions import incline
 
 REPORTS = Path(__file__).resolve().parents[2] / "reports"
 FOLDER = REPORTS / "reproductions"

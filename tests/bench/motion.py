@@ -3,7 +3,7 @@
     python tests/bench/motion.py reports/motion                # measures: table.csv, and draws motion.svg
     python tests/bench/motion.py reports/motion --draw         # draws again from table.csv
 
-Each scene has a closed form (`cpbench.generators.scenes.motions`), which the time stepping follows to rounding where
+Each scene has a closed form (`cpbench_problems.scenes.motions`), which the time stepping follows to rounding where
 every step is solved exactly: what is left at the end is the solver's. No times are measured.
 """
 
@@ -15,11 +15,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from cpbench.api.scenes import NotSolved, Simulation
 from cpbench.errors import CpbenchError
-from cpbench.generators.scenes.motions import MOTIONS
 from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing
+from cpbench_problems.scenes.motions import MOTIONS
+from cpbench_problems.scenes.simulation import NotSolved, Simulation
 
 SOLVERS = (
     "auto-gfc",

@@ -26,12 +26,12 @@ import numpy as np
 import cpbench as cp
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.foundation.product_cones import Cone, ProductCone
-from cpbench.generators.symbols import log, mapped, unknowns
 from cpbench.verification import PROVEN
 from cpbench_lab.diagnosis.attempts import SolverTrial, attempt
 from cpbench_lab.diagnosis.complaint import complaint_of
 from cpbench_lab.diagnosis.diagnose import diagnose
 from cpbench_lab.diagnosis.diagnosis import Diagnosis
+from cpbench_problems.generators.symbols import log, mapped, unknowns
 
 Random = np.random.Generator
 

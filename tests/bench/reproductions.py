@@ -24,15 +24,15 @@ import numpy as np
 import pandas as pd
 
 from cpbench import storage
-from cpbench.api import scenes
 from cpbench.api.results import Results
 from cpbench.formulations.base import Point, Problem
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation.matrices import Dense, dense
-from cpbench.generators.lcp_classics import fathi, murty
-from cpbench.generators.scenes.kinematics import own_axes
-from cpbench.generators.scenes.motions import incline
-from cpbench.generators.scenes.stepper import contact_problem
+from cpbench_problems.generators.lcp_classics import fathi, murty
+from cpbench_problems.scenes import simulation as scenes
+from cpbench_problems.scenes.kinematics import own_axes
+from cpbench_problems.scenes.motions import incline
+from cpbench_problems.scenes.stepper import contact_problem
 
 FOLDER = Path(__file__).resolve().parents[2] / "reports" / "reproductions"
 COLUMNS = ("problem", "solver", "tolerance", "status", "time", "count", "what", "message")

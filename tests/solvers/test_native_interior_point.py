@@ -13,10 +13,10 @@ from claims import assert_claim
 from cpbench import storage
 from cpbench.formulations import LCP, MLCP, LCPPoint
 from cpbench.foundation.matrices import dense as dense_array
-from cpbench.generators.lcp_classics import fathi, murty
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
+from cpbench_problems.generators.lcp_classics import fathi, murty
 from cpbench_solvers.lcp.interior_point_system import ShiftedSystem
 
 

@@ -12,10 +12,10 @@ from claims import assert_claim, assert_own_measure, row_error
 from cpbench import storage
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.foundation import kernel_cache
-from cpbench.generators.lcp_classics import csizmadia, fathi, isolated_perturbed, munson1, murty, unbounded_ray
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
+from cpbench_problems.generators.lcp_classics import csizmadia, fathi, isolated_perturbed, munson1, murty, unbounded_ray
 from cpbench_solvers.lcp.claims import error_of
 
 ALL = ("lemke", "bpp", "newton-min", "pgs", "psor")

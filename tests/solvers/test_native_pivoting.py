@@ -10,10 +10,10 @@ import scipy.sparse as sp
 
 from cpbench.formulations import LCP, LCPPoint
 from cpbench.foundation import kernel_cache
-from cpbench.generators.lcp_classics import csizmadia, isolated_perturbed, murty, unbounded_ray
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
+from cpbench_problems.generators.lcp_classics import csizmadia, isolated_perturbed, murty, unbounded_ray
 from cpbench_solvers.lcp.changing_basis import ChangingBasis
 from cpbench_solvers.lcp.principal_pivoting import transform
 

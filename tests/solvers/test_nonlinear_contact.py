@@ -11,9 +11,9 @@ import pytest
 from cpbench.errors import UnknownName
 from cpbench.formulations import GFCPoint, NFCPoint, NonlinearFrictionContact
 from cpbench.formulations.expressions import Map
-from cpbench.generators import contact_nonlinear
 from cpbench.solvers import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.verification import judge
+from cpbench_problems.generators import contact_nonlinear
 
 INSTANCES = {i.name: i for i in contact_nonlinear.build()}
 

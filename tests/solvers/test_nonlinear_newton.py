@@ -21,11 +21,11 @@ from cpbench.formulations.expressions import Map
 from cpbench.formulations.ncp_functions import evtushenko_purtov, fischer_burmeister, minimum, penalized, smoothed
 from cpbench.foundation.cones import box_defect, project_box
 from cpbench.generators.base import generators
-from cpbench.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, SolverSpec, solvers
 from cpbench.solvers.shared.row_error import row_error
 from cpbench.verification import judge
 from cpbench_lab.figures.active_sets import ActiveSide, active_set
+from cpbench_problems.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
 from cpbench_solvers.lcp.box_linear import BoxLinear
 from cpbench_solvers.nonlinear.normal_path import NormalPath, normal_point
 from cpbench_solvers.nonlinear.reformulation import Reformulation

@@ -24,7 +24,7 @@ from cpbench.formulations.facts.copositivity import simplex_minima
 from cpbench.formulations.facts.fact import Fact, decided, undecided
 from cpbench.formulations.facts.sign_classes import exact_minor, least_ratio
 from cpbench.foundation import matrices
-from cpbench.generators.lcp_classics import csizmadia, fathi, murty
+from cpbench_problems.generators.lcp_classics import csizmadia, fathi, murty
 
 small_matrices = st.integers(1, 5).flatmap(
     lambda n: st.lists(st.integers(-2, 3), min_size=n * n, max_size=n * n).map(

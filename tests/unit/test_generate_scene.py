@@ -13,8 +13,8 @@ from command_line import cpbench
 from cpbench import graph, storage
 from cpbench.cli.generate_command import command
 from cpbench.foundation import matrices
-from cpbench.generators.scenes.bodies import families
 from cpbench.verification import judge
+from cpbench_problems.scenes.bodies import families
 
 pytestmark = pytest.mark.needs("cpbench_solvers")
 

@@ -15,10 +15,10 @@ from cpbench.cli.generate_command import command
 from cpbench.formulations.transfer import BY_ID, transfer
 from cpbench.foundation import matrices
 from cpbench.generators import generators
-from cpbench.generators.contact_global import GRAVITY
-from cpbench.generators.contact_sequence import DT, SPIN, scene
 from cpbench.solvers import Budget, solvers
 from cpbench.verification import judge
+from cpbench_problems.generators.contact_global import GRAVITY
+from cpbench_problems.generators.contact_sequence import DT, SPIN, scene
 
 LOCAL, GLOBAL = "contact-sequence", "contact-sequence-global"
 SPHERES = 18

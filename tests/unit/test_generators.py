@@ -69,7 +69,7 @@ def test_sheets_and_files_agree() -> None:
 @pytest.mark.needs("cpbench_solvers")
 def test_the_radial_obstacle_is_met_where_theory_says() -> None:
     """Majava and Tai 2004: u touches ψ inside r* = 0.6980 (the root of r²(1 − log(r/2)) = 1), and is free outside."""
-    from cpbench.generators.obstacles import RADIUS, radial_obstacle
+    from cpbench_problems.generators.obstacles import RADIUS, radial_obstacle
 
     assert RADIUS**2 * (1 - np.log(RADIUS / 2)) == pytest.approx(1.0, abs=1e-14)
     n = 25
@@ -88,7 +88,7 @@ def test_the_radial_obstacle_is_met_where_theory_says() -> None:
 
 @pytest.mark.needs("cpbench_solvers")
 def test_an_american_put_is_worth_no_less_than_its_payoff_and_falls_with_the_price() -> None:
-    from cpbench.generators.obstacles import american_put
+    from cpbench_problems.generators.obstacles import american_put
 
     n = 100
     z = solvers.get("lemke").run(american_put(n).problem, Budget(tolerance=1e-9)).point.z
@@ -101,7 +101,7 @@ def test_an_american_put_is_worth_no_less_than_its_payoff_and_falls_with_the_pri
 
 def test_a_stack_carries_its_weight() -> None:
     """Sum of the normal impulses under each level = weight of the boxes from there up, times the step."""
-    from cpbench.generators.contact_global import GRAVITY, STEP, box_stack
+    from cpbench_problems.generators.contact_global import GRAVITY, STEP, box_stack
 
     instance = box_stack(5)
     normal = instance.solution.r.reshape(-1, 3)[:, 0].reshape(5, 4).sum(axis=1)

@@ -9,8 +9,8 @@ import pytest
 
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation.matrices import dense
-from cpbench.generators.animation import BLOCK, LEAST, blocked, contact, contact_pattern, fluid
 from cpbench.generators.base import Instance, generator
+from cpbench_problems.generators.animation import BLOCK, LEAST, blocked, contact, contact_pattern, fluid
 
 
 @pytest.mark.parametrize("instance", [fluid(4), contact(10)], ids=lambda instance: instance.name)

@@ -10,11 +10,20 @@ import pytest
 
 from cpbench.formulations import LCP
 from cpbench.foundation import matrices
-from cpbench.generators import belts, bimatrix, circuits, control, linear_twins, plastic, spatial, support_vectors
 from cpbench.generators.collection import builtin_folder, catalogue
-from cpbench.generators.lcp_classics import isolated, munson1
-from cpbench.generators.lcp_hard import csizmadia_degenerate, cycling
 from cpbench.solvers import Budget, solvers
+from cpbench_problems.generators import (
+    belts,
+    bimatrix,
+    circuits,
+    control,
+    linear_twins,
+    plastic,
+    spatial,
+    support_vectors,
+)
+from cpbench_problems.generators.lcp_classics import isolated, munson1
+from cpbench_problems.generators.lcp_hard import csizmadia_degenerate, cycling
 
 
 def _exact(M: np.ndarray) -> list[list[Fraction]]:

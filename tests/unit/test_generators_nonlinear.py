@@ -19,10 +19,11 @@ from cpbench.formulations import NCP, VI, Equation, MiCP, NCPPoint, QVIPoint
 from cpbench.formulations.expressions import Map, Operator
 from cpbench.formulations.expressions.recording import maximum
 from cpbench.foundation import matrices
-from cpbench.generators import Instance, generators, membranes, oligopoly, portable, traffic, vi_sets, walras
-from cpbench.generators import ncp_classics as classics
+from cpbench.generators import Instance, generators
 from cpbench.testing.checks_problem import KNOWN, _marks
 from cpbench.testing.planted_nonlinear import graph
+from cpbench_problems.generators import membranes, oligopoly, portable, traffic, vi_sets, walras
+from cpbench_problems.generators import ncp_classics as classics
 
 FAMILIES = (
     "ncp-classics", "nash-cournot", "walras", "walras-simplex", "scarf-activities", "harker-pang", "harker-pang-sets",

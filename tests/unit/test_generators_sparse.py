@@ -9,11 +9,11 @@ import pytest
 
 from cpbench import verification
 from cpbench.foundation.matrices import dense
-from cpbench.generators import affine_inequalities, belts, cone_maps, contact_nonlinear, rolling, vi_sets
-from cpbench.generators.anisotropic import _chain as anisotropic_chain
 from cpbench.generators.base import Instance, generator
-from cpbench.generators.contact_joints import condensed
-from cpbench.generators.contact_planted import chain
+from cpbench_problems.generators import affine_inequalities, belts, cone_maps, contact_nonlinear, rolling, vi_sets
+from cpbench_problems.generators.anisotropic import _chain as anisotropic_chain
+from cpbench_problems.generators.contact_joints import condensed
+from cpbench_problems.generators.contact_planted import chain
 
 MADE: dict[str, Callable[[], Instance]] = {
     "avi": lambda: affine_inequalities._sparse(80, generator(1)),

@@ -34,7 +34,6 @@ from cpbench.formulations.nlp import NLPPoint
 from cpbench.formulations.qvi import QVIPoint
 from cpbench.foundation.matrices import dense
 from cpbench.generators import generators
-from cpbench.generators.equations import powell_singular
 from cpbench.testing import planted, planted_contact
 from cpbench.testing.cases import Case, cases
 from cpbench.verification import judge
@@ -42,6 +41,7 @@ from cpbench.verification.backward_error import backward_error
 from cpbench.verification.equilibration import equilibrate, equilibrate_apart
 from cpbench.verification.frame import Terms
 from cpbench.verification.measures import SYSTEMS, measure
+from cpbench_problems.generators.equations import powell_singular
 
 
 def test_the_error_of_an_lcp_holds_in_80_digits(rng: np.random.Generator) -> None:

@@ -21,8 +21,8 @@ from cpbench import storage
 from cpbench.errors import FormatError
 from cpbench.formulations import NCP, NLP, QP, MiCP
 from cpbench.formulations.expressions import Builder, Map, Operator
-from cpbench.storage.nl_operators import UNWRITTEN
 from cpbench.testing.cases import draw
+from cpbench_problems.formats.nl_operators import UNWRITTEN
 
 FORMATS = ("nl", "nl-binary")
 NODES = ("nlp", "ncp", "micp", "qp")

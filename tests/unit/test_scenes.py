@@ -14,15 +14,15 @@ from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from cpbench import graph
-from cpbench.api.scenes import LOCAL, NotSolved, Simulation, scene_of
 from cpbench.errors import ProblemError, UnknownName
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.foundation import matrices
-from cpbench.generators.scenes import motions, stepper
-from cpbench.generators.scenes.bodies import BodyScene, families
-from cpbench.generators.scenes.kinematics import rotations
 from cpbench.solvers import Budget, solvers
 from cpbench.solvers.base import Claim, Solver, SolverOutput, SolverSpec
+from cpbench_problems.scenes import motions, stepper
+from cpbench_problems.scenes.bodies import BodyScene, families
+from cpbench_problems.scenes.kinematics import rotations
+from cpbench_problems.scenes.simulation import LOCAL, NotSolved, Simulation, scene_of
 
 pytestmark = pytest.mark.needs("cpbench_solvers")
 

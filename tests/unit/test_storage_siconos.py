@@ -28,7 +28,7 @@ from cpbench.formulations import (
 )
 from cpbench.formulations.conic import cone_fields
 from cpbench.foundation.product_cones import Cone, ProductCone
-from cpbench.storage import siconos_matrix
+from cpbench_problems.formats import siconos_matrix
 
 SYSTEM_PYTHON = "/usr/bin/python3"
 

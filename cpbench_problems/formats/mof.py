@@ -1,0 +1,93 @@
+"""MathOptFormat (JSON, schema 1.x), which JuMP and MathOptInterface read.
+
+lcp    variables z[1]...z[n] ≥ 0; the vector (Mz + q, z) in Complements(2n)
+mlcp   u[1]... free, v[1]... ≥ 0; (Au + Cv + a, Du + Bv + b, u, v) in Complements: what stands beside a free one is 0
+relay  z between its bounds; (Mz + q, z) in Complements; so is an avi whose set is a box
+qp     min ½zᵀQz + pᵀz; rows A[1]... ≥ b, rows C[1]... = d; bounds of z
+ncp    (F(z), z) in Complements, z ≥ 0; micp: z between its bounds
+nlp    min f(z); rows g[1]... ≥ 0, rows h[1]... = 0; bounds of z
+
+In a quadratic function the coefficient of a pair i ≠ j is that of zᵢzⱼ, that of (i, i) is twice that of zᵢ², so that
+both are entries of Q; where rounding has made Qᵢⱼ and Qⱼᵢ different, there are two terms, with half of each. Nonlinear
+functions are read back bit for bit (`expressions.to_mof`); starts are the variables' `primal_start`; a parameter of a
+map is one more variable, in Parameter(value), of the name it has. The description
+begins with the formulation; a file without that becomes what its functions and bounds say (`mof_read`). Second-order
+cones, plain and rotated, are read and not written.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import BinaryIO
+
+import cpbench_problems.formats.mof_nonlinear  # noqa: F401  # pyright: ignore[reportUnusedImport]  (enters its models)
+from cpbench.errors import FormatError
+from cpbench.formulations.base import Point, Problem, formulations
+from cpbench.formulations.contact import ContactProblem
+from cpbench.formulations.equation import Equation
+from cpbench.storage.base import Format, formats, no_member
+from cpbench_problems.formats import mof_read
+from cpbench_problems.formats.mof_linear import obstacle
+from cpbench_problems.formats.mof_write import MODELS, joined
+
+__all__ = ["MOF", "SUFFIX", "obstacle", "text"]
+
+SUFFIX = ".mof.json"
+LARGEST = 5_000_000
+"""Coefficients or operations beyond which a file would take gigabytes; HDF5 takes matrices of any size."""
+
+
+class MOF(Format):
+    name = "mof"
+    summary = "MathOptFormat 1.x (JSON), as JuMP reads it: complementarity problems, quadratic and nonlinear programs"
+    suffixes = (SUFFIX,)
+    text = True
+    table = MODELS
+    writes = frozenset(MODELS)
+
+    def recognises(self, path: Path, head: bytes) -> bool:
+        return path.name.lower().endswith(SUFFIX)
+
+    def why_not(self, node: str) -> str:
+        kind = formulations.get(node)
+        if issubclass(kind, ContactProblem):
+            return "a cone with friction is none of MathOptFormat's sets"
+        if issubclass(kind, Equation):
+            return "MathOptFormat has optimization and complementarity; an equation is a micp without bounds"
+        if not kind.has_maps():
+            return ""
+        return (
+            "MathOptFormat has complementarity between bounds alone (Complements): convert it to micp, where it can be"
+        )
+
+    def load(self, path: Path, member: str) -> Problem:
+        no_member(path, member)
+        return mof_read.read(path)
+
+    def write(self, problem: Problem, file: BinaryIO, *, compress: bool, guesses: Sequence[Point] = ()) -> None:
+        for part in text(problem):
+            file.write(part.encode())
+
+
+def text(problem: Problem) -> Iterator[str]:
+    """Yield the file in pieces; raises FormatError when it would be too large, or the set of an avi is not a box."""
+    model = MODELS[problem.node](problem)
+    if model.entries > LARGEST:
+        raise FormatError(
+            problem.name or problem.node, "", f"has {model.entries} coefficients or operations, too many: use .h5"
+        )
+    described = f"{mof_read.MARK}{problem.node}{model.remark}: {', '.join(problem.relations)}"
+    named = f'"name": {json.dumps(problem.name)},\n' if problem.name else ""
+    version = f'{{"major": 1, "minor": {model.minor}}}'
+    yield f'{{"version": {version},\n{named}"description": {json.dumps(described)},\n"variables": ['
+    yield from joined(model.variables())
+    yield '],\n"objective": '
+    yield from model.objective
+    yield ',\n"constraints": [\n'
+    yield from joined((*model.bounds(), *model.rows), ",\n")
+    yield "\n]}\n"
+
+
+formats.add("mof", MOF())

@@ -1,0 +1,112 @@
+"""AMPL's .nl format, which AMPL, Pyomo and JuMP write and many solvers read: in text (g) and in binary (b).
+
+nlp    min f(z); rows g ≥ 0, rows h = 0; bounds of z
+qp     min ½zᵀQz + pᵀz; rows Az ≥ b, rows Cz = d; bounds of z
+ncp    row k complementary to unknown k, z ≥ 0; micp: z between its bounds
+
+The first line of a written file names the formulation behind `# problem NAME`, as a comment. A file without that is
+what its rows say (`model_problem`): with complementarity conditions a complementarity problem where it is square
+(`squares`), else a qp or an nlp. Binary and integer variables, logical constraints, imported functions and special
+ordered sets are refused. The parameters of maps are written as numbers, without their names.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import re
+from pathlib import Path
+from typing import ClassVar
+
+from cpbench.errors import FormatError
+from cpbench.formulations.base import Problem
+from cpbench.storage.base import Format, formats, no_member, read_head, stem
+from cpbench_problems.formats.model_problem import problem_of
+from cpbench_problems.formats.nl_encoders import Binary, Encoder, Text
+from cpbench_problems.formats.nl_model import model_of
+from cpbench_problems.formats.nl_segments import read_segments
+from cpbench_problems.formats.nl_write import CONVEX, WRITERS, encoded
+from cpbench_problems.formats.squares import squared
+
+logger = logging.getLogger("cpbench.storage")
+SUFFIX = ".nl"
+COLUMNS = ".col"
+"""Suffix of the file with the names of the variables, as AMPL and Pyomo write it beside the .nl."""
+LARGEST_FILE = 1 << 28
+"""Bytes of a file that is read, in some minutes."""
+_MARK = re.compile(r"(.*?)\s*\(cpbench (nlp convex|nlp|ncp|micp|qp)\)")
+
+
+class NL(Format):
+    """One problem a file; reads text and binary."""
+
+    name = "nl"
+    summary = "AMPL's .nl, text or binary: programs and complementarity problems, as AMPL, Pyomo and JuMP write them"
+    suffixes = (SUFFIX,)
+    table = WRITERS
+    writes = frozenset(WRITERS)
+    text: ClassVar[bool] = True
+    encoder: ClassVar[Encoder] = Text()
+
+    def recognises(self, path: Path, head: bytes) -> bool:
+        return path.suffix.lower() == SUFFIX
+
+    def load(self, path: Path, member: str) -> Problem:
+        no_member(path, member)
+        return read(path)
+
+    def encode(self, problem: Problem, *, compress: bool) -> bytes:
+        return encoded(problem, self.encoder)
+
+
+class BinaryNL(NL):
+    """The same, written in binary."""
+
+    name = "nl-binary"
+    summary = "AMPL's .nl in binary (nl reads both)"
+    encoder = Binary()
+    by_suffix = False  # .nl is text
+
+    def recognises(self, path: Path, head: bytes) -> bool:
+        return False
+
+
+def read(path: Path) -> Problem:
+    """Read the problem in a file; raises FormatError."""
+    read_head(path)
+    size = path.stat().st_size
+    if size > LARGEST_FILE:
+        raise FormatError(path, "", f"has {size / 1e6:.0f} MB, at most {LARGEST_FILE / 1e6:.0f} are read")
+    segments = read_segments(path, path.read_bytes())
+    remark = segments.header.remark
+    marked = _MARK.fullmatch(remark)
+    name, formulation = (marked[1], marked[2]) if marked else (remark, "")
+    node = formulation.removesuffix(CONVEX)
+    # the functions of a written nlp are kept as they are, also where they are quadratic
+    model, left_out = model_of(path, segments, quadratic=node != "nlp"), ""
+    if model.complementary:
+        model, left_out = squared(model, f"{model.sense}imized" if model.objective is not None else "")
+    own = stem(path) if name in ("", "unknown") else name
+    convex, names = formulation == f"nlp{CONVEX}", _names(path, len(model.names))
+    problem = problem_of(model, path, own, node, convex, names)
+    if not left_out:
+        return problem
+    logger.warning("%s: %s", path, left_out)
+    return dataclasses.replace(problem, info=dataclasses.replace(problem.info, description=left_out))
+
+
+def _names(path: Path, count: int) -> list[str]:
+    """Return the names of the variables, a line each in the .col file beside the .nl; none where that has another
+    number of lines, which a warning says."""
+    beside = path.with_suffix(COLUMNS)
+    if not beside.is_file() or beside.stat().st_size > LARGEST_FILE:
+        return []
+    names = beside.read_text(encoding="utf-8", errors="replace").splitlines()
+    if len(names) == count:
+        return names
+    logger.warning("%s: has %d names, %s has %d variables: the names are not used", beside, len(names), path, count)
+    return []
+
+
+formats.add("nl", NL())
+formats.add("nl-binary", BinaryNL())
