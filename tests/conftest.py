@@ -50,7 +50,7 @@ collect_ignore = [
     "faults/forging_solvers.py",
     "faults/served_faults.py",
     *(name.removeprefix("cpbench_") for name in ABSENT),
-    *(("docs", "browser") if ABSENT else ()),  # what is said of all three packages
+    *(("docs", "browser") if ABSENT else ()),  # what is said of all packages
 ]
 LONG = ("faults", "browser", "lab")
 """Folders whose tests wait for processes, pages and proofs."""

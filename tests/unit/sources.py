@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-CORE, SOLVERS, LAB = PACKAGES = (ROOT / "cpbench", ROOT / "cpbench_solvers", ROOT / "cpbench_lab")
+CORE, SOLVERS, LAB = ROOT / "cpbench", ROOT / "cpbench_solvers", ROOT / "cpbench_lab"
+PROBLEMS = ROOT / "cpbench_problems"
+PACKAGES = (CORE, SOLVERS, LAB, PROBLEMS)
 TEMPLATES = "templates"
 """Folder of sources with gaps, which are no modules."""
 

@@ -6,7 +6,7 @@ import ast
 from pathlib import Path
 
 from sources import CORE as PACKAGE
-from sources import LAB, SOLVERS
+from sources import LAB, PROBLEMS, SOLVERS
 
 FOUNDATION: dict[str, set[str]] = {
     "foundation.definite": {"errors"},
@@ -107,14 +107,55 @@ def test_imports_point_one_way() -> None:
 
 
 ALLOWED_TO_SOLVERS = BASE | {"formulations", "solvers"}
-NOT_TO_SOLVERS = ("cpbench_lab", "cpbench.solvers.adapters")
+NOT_TO_SOLVERS = ("cpbench_lab", "cpbench_problems", "cpbench.solvers.adapters")
 
 
-def test_the_benchmark_imports_neither_its_contestants_nor_the_laboratory() -> None:
+def test_the_benchmark_imports_neither_its_contestants_nor_the_laboratory_nor_sources_of_problems() -> None:
     """They come in by entry points, as another package does."""
-    outside = ("cpbench_solvers", "cpbench_lab")
+    outside = ("cpbench_solvers", "cpbench_lab", "cpbench_problems")
     wrong = [f"{path.relative_to(PACKAGE)} imports {name}" for path in FILES for name in sorted(_modules(path))
              if name.split(".")[0] in outside]  # fmt: skip
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_text_of_the_benchmark_names_a_module_of_the_sources_of_problems() -> None:
+    """By which `import_module` or a registry would import it."""
+    named = [
+        f"{path.relative_to(PACKAGE)}:{node.lineno}"
+        for path in sorted(PACKAGE.rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and "cpbench_problems" in node.value
+    ]
+    assert not named, "\n".join(named)
+
+
+ALLOWED_TO_PROBLEMS = {
+    "generators": BASE | {"formulations", "generators"},
+    "formats": BASE | {"formulations", "formulations.exchange", "storage"},
+    "scenes": DATA | {"graph", "generators", "api"},
+    "__init__.py": {"registry"},
+}
+"""What each room of `cpbench_problems` may import of cpbench."""
+
+
+def test_sources_of_problems_import_data_and_the_room_that_takes_them() -> None:
+    """Families know no file, formats no family, and neither knows a solver."""
+    wrong: list[str] = []
+    for path in sorted(PROBLEMS.rglob("*.py")):
+        relative = path.relative_to(PROBLEMS)
+        wrong += [
+            f"{relative} imports {room}" for room in sorted(_imports(path) - ALLOWED_TO_PROBLEMS[relative.parts[0]])
+        ]
+        others = ("cpbench_solvers", "cpbench_lab", *(f"cpbench_problems.{room}" for room in ALLOWED_TO_PROBLEMS
+                                                      if room != relative.parts[0]))  # fmt: skip
+        wrong += [f"{relative} imports {name}" for name in sorted(_modules(path)) if name.startswith(others)]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_other_package_imports_sources_of_problems() -> None:
+    wrong = [f"{path.relative_to(root.parent)} imports {name}" for root in (SOLVERS, LAB)
+             for path in sorted(root.rglob("*.py")) for name in sorted(_modules(path))
+             if name.split(".")[0] == "cpbench_problems"]  # fmt: skip
     assert not wrong, "\n".join(wrong)
 
 
