@@ -16,7 +16,7 @@ from cpbench.formulations import formulations
 from cpbench.foundation import matrices
 from cpbench.generators import Instance
 from cpbench.generators.base import Collection
-from cpbench.generators.collection import write_collections
+from cpbench.generators.collection import builtin_folder, write_collections
 from cpbench.testing import checks_formulation
 from cpbench.testing.cases import Case
 from cpbench.verification import certified_infeasible, judge, prove
@@ -119,8 +119,8 @@ def check_files_keep_them(collection: Collection, cases: list[Case]) -> None:
 def check_its_origin_is_written_down(collection: Collection, cases: list[Case]) -> None:
     assert collection.summary, "there is no summary"
     assert collection.citation, "there is no citation: say where the family was published"
-    ours = collection.build.__module__.partition(".")[0] == "cpbench"
-    assert ours or not collection.builtin, "says that it is shipped with cpbench: builtin=False"
+    shipped = (builtin_folder() / collection.node / f"{collection.name}.h5").is_file()
+    assert shipped or not collection.builtin, "says that its file is shipped with cpbench, and it is not: builtin=False"
 
 
 def _marks(instances: list[Instance]) -> list[str]:

@@ -46,7 +46,7 @@ def with_plugins(folder: Path, *arguments: str, **variables: str) -> CompletedPr
             registry.discover()
             ours = {name: item for name, item in registry._items.items() if not of_others(item)}
             stack.enter_context(mock.patch.object(registry, "_items", ours))
-            stack.enter_context(mock.patch.object(registry, "_discovered", False))
+            stack.enter_context(mock.patch.object(registry, "_imported", set()))
         stack.enter_context(mock.patch.object(plugged, "_environment", ("", "")))
         stack.enter_context(mock.patch.object(plugged, "_read", set()))
         stack.enter_context(mock.patch.object(declared, "_declared", {}))
