@@ -35,8 +35,6 @@ if TYPE_CHECKING:  # what follows is found on first use, which a type checker do
     from cpbench.api.problems import verify as verify
     from cpbench.api.results import Results as Results
     from cpbench.api.runs import run as run
-    from cpbench.api.simulators import from_mujoco as from_mujoco
-    from cpbench.api.simulators import from_pinocchio as from_pinocchio
     from cpbench.api.solution import Solution as Solution
     from cpbench.api.solver_list import list_solvers as list_solvers
     from cpbench.api.solving import solve as solve
@@ -76,8 +74,6 @@ _HOMES = {
     "from_qpsolvers": "api.modelled",
     "from_cvxpy": "api.modelled",
     "Modelled": "api.modelled",
-    "from_mujoco": "api.simulators",
-    "from_pinocchio": "api.simulators",
     "convert": "api.problems",
     "Converted": "api.problems",
     "explain": "api.problems",

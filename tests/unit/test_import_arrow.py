@@ -133,6 +133,7 @@ ALLOWED_TO_PROBLEMS = {
     "generators": BASE | {"formulations", "generators"},
     "formats": BASE | {"formulations", "formulations.exchange", "storage"},
     "scenes": DATA | {"graph", "generators", "api"},
+    "simulators.py": BASE | {"formulations"},
     "__init__.py": {"registry"},
 }
 """What each room of `cpbench_problems` may import of cpbench."""
