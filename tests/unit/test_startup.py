@@ -63,6 +63,17 @@ def test_the_command_line_itself_is_small() -> None:
     assert _said(code).splitlines()[-1].split() == [*(f"cpbench{name}" for name in ours), *packages]
 
 
+def test_a_plugin_names_its_packages_and_imports_none_of_them() -> None:
+    """Nor the registries that take them: what a format or a family needs is loaded when one is asked for."""
+    code = (
+        "import sys, cpbench_problems; print([m for m in ('numpy', 'h5py', 'cpbench.storage') if m in sys.modules]); "
+        "from cpbench.generators import generators; generators.get('lcp-classics'); "
+        "few = sum('cpbench_problems.' in m for m in sys.modules); "
+        "print('american-put' in generators.names(), 2 * few < sum('cpbench_problems.' in m for m in sys.modules))"
+    )
+    assert _said(code).splitlines() == ["[]", "True True"]
+
+
 LIBRARIES = (
     "import scipy.sparse.linalg\n"
     "from cpbench.foundation.kernel_cache import load\nload('cpbench_solvers.kernels.tableau')"
