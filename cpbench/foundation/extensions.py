@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 NATIVE = "cpbench_solvers"
 """The package whose solvers count as cpbench's own: they run in its processes, as trusted as it is itself."""
+ADAPTERS = "cpbench_adapters"
+"""The package whose solvers hand problems to those of other people; it comes with cpbench, too."""
 COMMANDS, FUNCTIONS, HOOKS = "cpbench.commands", "cpbench.functions", "cpbench.hooks"
 EXECUTORS, FIGURES = "cpbench.executors", "cpbench.figures"
 

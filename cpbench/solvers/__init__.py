@@ -1,4 +1,4 @@
-"""Solvers: native ones (`native`, hot loops in `kernels`) and third-party packages (`adapters`)."""
+"""The base of all solvers, their registry, and programs as solvers (`external`)."""
 
 from cpbench.solvers.base import (
     Availability,

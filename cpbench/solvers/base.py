@@ -19,7 +19,7 @@ from cpbench import __version__
 from cpbench.errors import NotApplicable, UnknownName
 from cpbench.formulations.base import Kind, Point, Problem
 from cpbench.formulations.stack import Stack
-from cpbench.foundation.extensions import NATIVE
+from cpbench.foundation.extensions import ADAPTERS, NATIVE
 from cpbench.foundation.matrices import Vector
 from cpbench.registry import Registry
 from cpbench.solvers import clock
@@ -195,8 +195,7 @@ class Solver(ABC):
     @property
     def origin(self) -> str:
         """`native` for a method of cpbench, `adapter` for what it hands to other packages, else `plugin`."""
-        module = type(self).__module__
-        return next((origin for package, origin in ORIGINS.items() if module.startswith(package)), "plugin")
+        return ORIGINS.get(type(self).__module__.partition(".")[0], "plugin")
 
     @property
     def round_trip(self) -> float | None:
@@ -347,9 +346,9 @@ def _typed(solver: str, key: str, raw: str, default: Any) -> Any:
         raise UnknownName(f"value of {solver}[{key}] ({type(default).__name__})", raw, [str(default)]) from None
 
 
-ORIGINS = {f"{NATIVE}.": "native", "cpbench.solvers.adapters.": "adapter"}
+ORIGINS = {NATIVE: "native", ADAPTERS: "adapter"}
 """Packages of solvers that come with cpbench."""
-solvers: Registry[Solver] = Registry("solver", "cpbench.solvers.adapters", renamed=RENAMED)
+solvers: Registry[Solver] = Registry("solver", renamed=RENAMED)
 
 
 def register(cls: type[Solver]) -> type[Solver]:

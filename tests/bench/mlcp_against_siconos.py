@@ -100,7 +100,7 @@ def serve(folder: Path) -> None:
     import numpy as np
 
     # how cpbench's adapters bring a problem into their memory
-    sys.path.insert(0, str(Path(__file__).parents[2] / "cpbench" / "solvers" / "guests"))
+    sys.path.insert(0, str(Path(__file__).parents[2] / "cpbench_adapters" / "guests"))
     import siconos_problems  # pyright: ignore[reportMissingImports]
     from siconos_memory import LIBRARY, numerics  # pyright: ignore[reportMissingImports]
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from cpbench import storage
 from cpbench.formulations import QP
-from cpbench.solvers.adapters.qp_tolerances import translate
 from cpbench.solvers.base import Budget
+from cpbench_adapters.qp_tolerances import translate
 
 BACKENDS = ("daqp", "piqp", "proxqp")
 """Dense backends that come with cpbench, each called through qpsolvers by every harness."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from cpbench.formulations import MiCP
 from cpbench.formulations.expressions import Map, Operator
-from cpbench.solvers.adapters import gams_licence
+from cpbench_adapters import gams_licence
 
 SIGNS = {Operator.ADD: "+", Operator.SUB: "-", Operator.MUL: "*", Operator.DIV: "/"}
 FUNCTIONS = {

@@ -6,8 +6,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 CORE, SOLVERS, LAB = ROOT / "cpbench", ROOT / "cpbench_solvers", ROOT / "cpbench_lab"
-PROBLEMS = ROOT / "cpbench_problems"
-PACKAGES = (CORE, SOLVERS, LAB, PROBLEMS)
+ADAPTERS, PROBLEMS = ROOT / "cpbench_adapters", ROOT / "cpbench_problems"
+PACKAGES = (CORE, SOLVERS, LAB, ADAPTERS, PROBLEMS)
 TEMPLATES = "templates"
 """Folder of sources with gaps, which are no modules."""
 

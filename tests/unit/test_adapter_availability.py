@@ -12,8 +12,8 @@ from tiers import some_by_day
 
 from cpbench.formulations.base import Kind
 from cpbench.solvers import solvers
-from cpbench.solvers.adapters.qp_tolerances import TABLE
 from cpbench.solvers.base import probe
+from cpbench_adapters.qp_tolerances import TABLE
 
 ADAPTERS = sorted([*TABLE, "cvxpy-qp", "cvxpy-relaxation"])
 LICENCES = {

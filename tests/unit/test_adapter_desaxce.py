@@ -13,8 +13,8 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.adapters.desaxce_fixed_point import DeSaxceOptions
 from cpbench.verification import judge
+from cpbench_adapters.desaxce_fixed_point import DeSaxceOptions
 
 
 @pytest.fixture(params=["clarabel-de-saxce", "scs-de-saxce"])

@@ -16,10 +16,10 @@ from tiers import by_night, some_by_day
 
 from cpbench.formulations import LCP, MLCP
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.solvers.adapters import gams_licence
-from cpbench.solvers.adapters.scaled_mcp import scaled_mcp
 from cpbench.testing import planted
 from cpbench.verification import judge
+from cpbench_adapters import gams_licence
+from cpbench_adapters.scaled_mcp import scaled_mcp
 
 ON_LCP = (
     "casadi-fischer-burmeister",

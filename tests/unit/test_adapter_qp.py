@@ -20,11 +20,11 @@ from tiers import by_night, some_by_day
 from cpbench.errors import Unavailable
 from cpbench.formulations.qp import QP, QPPoint
 from cpbench.solvers import Budget, Claim, SolverOutput, Trait, solvers
-from cpbench.solvers.adapters.cvxpy_qp import CvxpyQPOptions
-from cpbench.solvers.adapters.qp_backend import DENSE_LIMIT
-from cpbench.solvers.adapters.qp_standard_form import standard_form
-from cpbench.solvers.adapters.qp_tolerances import TABLE, translate
 from cpbench.verification import Status, judge, no_answer, status
+from cpbench_adapters.cvxpy_qp import CvxpyQPOptions
+from cpbench_adapters.qp_backend import DENSE_LIMIT
+from cpbench_adapters.qp_standard_form import standard_form
+from cpbench_adapters.qp_tolerances import TABLE, translate
 
 BACKENDS = sorted(TABLE)
 TIMED = ("casadi-qpoases", "clarabel", "copt", "daqp", "gurobi", "highs", "mosek", "osqp", "qpalm", "scs", "sip")

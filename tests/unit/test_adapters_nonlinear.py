@@ -10,11 +10,11 @@ from cpbench.formulations import NLP, Equation, EquationPoint, MiCP
 from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.formulations.expressions.recording import MapRecorder, maximum
 from cpbench.generators import generators
-from cpbench.solvers.adapters import gams_model
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.testing import cases
 from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
+from cpbench_adapters import gams_model
 
 PROGRAMS = {i.name: i.problem for c in generators if c.name.startswith("hock-schittkowski") for i in c.instances()}
 """Those of the Hock-Schittkowski subset that are nonlinear programs."""

@@ -17,7 +17,7 @@ CORE = {
     if "extra ==" not in text or re.search(r"extra == ['\"](casadi|backends)['\"]", text)
 }
 """Packages that come with cpbench and its backends."""
-OWN, FOREIGN = "cpbench_solvers.", "cpbench.solvers.adapters."
+OWN, FOREIGN = "cpbench_solvers.", "cpbench_adapters."
 WATCHED = """
 import os, sys
 import numba

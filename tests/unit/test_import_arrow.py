@@ -5,8 +5,9 @@ from __future__ import annotations
 import ast
 from pathlib import Path
 
+import pytest
+from sources import ADAPTERS, LAB, PACKAGES, PROBLEMS, SOLVERS
 from sources import CORE as PACKAGE
-from sources import LAB, PROBLEMS, SOLVERS
 
 FOUNDATION: dict[str, set[str]] = {
     "foundation.definite": {"errors"},
@@ -107,12 +108,12 @@ def test_imports_point_one_way() -> None:
 
 
 ALLOWED_TO_SOLVERS = BASE | {"formulations", "solvers"}
-NOT_TO_SOLVERS = ("cpbench_lab", "cpbench_problems", "cpbench.solvers.adapters")
+"""What native solvers and adapters may import of cpbench."""
 
 
 def test_the_benchmark_imports_neither_its_contestants_nor_the_laboratory_nor_sources_of_problems() -> None:
     """They come in by entry points, as another package does."""
-    outside = ("cpbench_solvers", "cpbench_lab", "cpbench_problems")
+    outside = {path.name for path in PACKAGES} - {PACKAGE.name}
     wrong = [f"{path.relative_to(PACKAGE)} imports {name}" for path in FILES for name in sorted(_modules(path))
              if name.split(".")[0] in outside]  # fmt: skip
     assert not wrong, "\n".join(wrong)
@@ -147,31 +148,35 @@ def test_sources_of_problems_import_data_and_the_room_that_takes_them() -> None:
         wrong += [
             f"{relative} imports {room}" for room in sorted(_imports(path) - ALLOWED_TO_PROBLEMS[relative.parts[0]])
         ]
-        others = ("cpbench_solvers", "cpbench_lab", *(f"cpbench_problems.{room}" for room in ALLOWED_TO_PROBLEMS
-                                                      if room != relative.parts[0]))  # fmt: skip
+        others = ("cpbench_solvers", "cpbench_adapters", "cpbench_lab", *(f"cpbench_problems.{room}"
+                  for room in ALLOWED_TO_PROBLEMS if room != relative.parts[0]))  # fmt: skip
         wrong += [f"{relative} imports {name}" for name in sorted(_modules(path)) if name.startswith(others)]
     assert not wrong, "\n".join(wrong)
 
 
 def test_no_other_package_imports_sources_of_problems() -> None:
-    wrong = [f"{path.relative_to(root.parent)} imports {name}" for root in (SOLVERS, LAB)
+    wrong = [f"{path.relative_to(root.parent)} imports {name}" for root in (SOLVERS, ADAPTERS, LAB)
              for path in sorted(root.rglob("*.py")) for name in sorted(_modules(path))
              if name.split(".")[0] == "cpbench_problems"]  # fmt: skip
     assert not wrong, "\n".join(wrong)
 
 
-def test_the_contestants_import_data_and_the_base_of_solvers_alone() -> None:
-    wrong = [f"{path.relative_to(SOLVERS)} imports {room}" for path in sorted(SOLVERS.rglob("*.py"))
+@pytest.mark.parametrize("package", [SOLVERS, ADAPTERS], ids=lambda path: path.name)
+def test_the_contestants_import_data_and_the_base_of_solvers_alone(package: Path) -> None:
+    """And nothing of each other or of the laboratory."""
+    others = {path.name for path in PACKAGES} - {PACKAGE.name, package.name}
+    files = sorted(package.rglob("*.py"))
+    wrong = [f"{path.relative_to(package)} imports {room}" for path in files
              for room in sorted(_imports(path) - ALLOWED_TO_SOLVERS)]  # fmt: skip
-    wrong += [f"{path.relative_to(SOLVERS)} imports {name}" for path in sorted(SOLVERS.rglob("*.py"))
-              for name in sorted(_modules(path)) if name.startswith(NOT_TO_SOLVERS)]  # fmt: skip
+    wrong += [f"{path.relative_to(package)} imports {name}" for path in files
+              for name in sorted(_modules(path)) if name.split(".")[0] in others]  # fmt: skip
     assert not wrong, "\n".join(wrong)
 
 
 def test_the_laboratory_finds_solvers_by_the_registry() -> None:
     """And only its commands read options as the command line does."""
     wrong = [f"{path.relative_to(LAB)} imports {name}" for path in sorted(LAB.rglob("*.py"))
-             for name in sorted(_modules(path)) if name.startswith("cpbench_solvers")
+             for name in sorted(_modules(path)) if name.startswith(("cpbench_solvers", "cpbench_adapters"))
              or (name.startswith("cpbench.cli") and path.parent.name != "commands")]  # fmt: skip
     assert not wrong, "\n".join(wrong)
 
@@ -237,7 +242,8 @@ def test_the_judge_shares_no_mathematics_with_solvers() -> None:
 
 def test_solvers_do_not_read_the_judge() -> None:
     wrong: list[str] = []
-    for path in [*sorted((PACKAGE / "solvers").rglob("*.py")), *sorted(SOLVERS.rglob("*.py"))]:
-        read = sorted(n for n in _names(path) if n.startswith("cpbench.verification"))
-        wrong += [f"{path.name} imports {name}" for name in read]
+    for folder in (PACKAGE / "solvers", SOLVERS, ADAPTERS):
+        for path in sorted(folder.rglob("*.py")):
+            read = sorted(n for n in _names(path) if n.startswith("cpbench.verification"))
+            wrong += [f"{path.name} imports {name}" for name in read]
     assert not wrong, "\n".join(wrong)

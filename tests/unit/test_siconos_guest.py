@@ -21,14 +21,14 @@ from cpbench.errors import Ended
 from cpbench.formulations import FrictionContact
 from cpbench.foundation import matrices
 from cpbench.solvers import solvers
-from cpbench.solvers.adapters import siconos
-from cpbench.solvers.adapters.siconos import SiconosSolver
-from cpbench.solvers.adapters.siconos_families import SiconosContact
-from cpbench.solvers.adapters.siconos_tolerances import NAME, Bound, limit, stopping
 from cpbench.solvers.base import Budget, Claim
 from cpbench.storage import save
 from cpbench.testing import planted
 from cpbench.verification import judge
+from cpbench_adapters import siconos
+from cpbench_adapters.siconos import SiconosSolver
+from cpbench_adapters.siconos_families import SiconosContact
+from cpbench_adapters.siconos_tolerances import NAME, Bound, limit, stopping
 
 TABLES = [solver for solver in solvers if isinstance(solver, SiconosSolver)]
 

@@ -21,12 +21,12 @@ from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.foundation.product_cones import Cone
 from cpbench.generators.base import generators
 from cpbench.solvers import solvers
-from cpbench.solvers.adapters import siconos, siconos_nonlinear
 from cpbench.solvers.base import Budget, Claim
 from cpbench.solvers.external.session import ProgramError
 from cpbench.testing import cases
 from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
+from cpbench_adapters import siconos, siconos_nonlinear
 from cpbench_problems.generators.ncp_classics import DEGENERATE, MCPLIB_STARTS, REGULAR
 
 NCP_SOLVERS = ("siconos-ncp-newton-fb", "siconos-ncp-newton-min-fb", "siconos-ncp-pathsearch")

@@ -20,14 +20,14 @@ from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.formulations import NCP, MiCP, NCPPoint
 from cpbench.formulations.expressions.recording import recorded
-from cpbench.solvers.adapters import siconos, siconos_families
-from cpbench.solvers.adapters.qp_stopping import TESTS
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.solvers.stopping import Stopping, second_tolerance
 from cpbench.testing import planted
 from cpbench.testing.cases import Case
 from cpbench.testing.units import in_unit
 from cpbench.verification import judge
+from cpbench_adapters import siconos, siconos_families
+from cpbench_adapters.qp_stopping import TESTS
 
 
 def _package(tolerance: float) -> Stopping:

@@ -1,0 +1,198 @@
+"""Complementarity solvers of GAMS, through gamspy: one process of GAMS a worker, one model, data replaced.
+
+GAMS runs in a separate process, which is started in the warm-up; the numbers
+reach it in `hand_over`, untimed, as those of a solver in this process are in its memory. What is timed is the solve
+statement: GAMS generates the model, runs the solver in yet another process and reads its answer. GAMS' own count of
+seconds (resUsd) has the launch of that process in it, so that it is not handed on as what the solver reports.
+"""
+
+from __future__ import annotations
+
+import os
+from abc import abstractmethod
+from collections.abc import Mapping
+from functools import cache
+from typing import Any, ClassVar
+
+import numpy as np
+
+from cpbench.errors import Unavailable
+from cpbench.formulations import LCP, MLCP
+from cpbench.foundation.matrices import Matrix
+from cpbench.solvers.base import (
+    Availability,
+    Budget,
+    Claim,
+    Record,
+    Solver,
+    SolverOutput,
+    SolverSpec,
+    Trait,
+    package_version,
+)
+from cpbench.solvers.stopping import Stopping
+from cpbench_adapters import gams_licence
+from cpbench_adapters.gams_stopping import stopping
+from cpbench_adapters.gams_workspace import explained, workspace
+from cpbench_adapters.scaled_mcp import ScaledMCP, scaled_mcp, share
+
+CLAIMS = {
+    ("NormalCompletion", "OptimalGlobal"): Claim.SOLVED,
+    ("NormalCompletion", "OptimalLocal"): Claim.SOLVED,
+    ("NormalCompletion", "InfeasibleGlobal"): Claim.INFEASIBLE,
+    "IterationInterrupt": Claim.MAX_ITER,
+    "ResourceInterrupt": Claim.MAX_ITER,
+}
+"""Solver status, or solver and model status -> our claim; every other end is FAILED."""
+
+
+class GamsMCP(Solver):
+    """One solver of GAMS for LCP and MLCP. Tolerance: on the residual of the scaled problem (`scaled_mcp`)."""
+
+    guest: ClassVar[str]
+    """Its name in GAMS."""
+
+    @abstractmethod
+    def settings(self, tolerances: Mapping[str, float], budget: Budget) -> Mapping[str, Any]:
+        """Return the lines of its option file, with its tolerances by their names."""
+
+    def stopping(self, tolerance: float, problem: LCP | MLCP | None = None) -> Stopping:
+        return stopping(self.guest, share(tolerance) if problem is None else scaled_mcp(problem).share(tolerance))
+
+    def rows(self, problem: LCP | MLCP) -> int:
+        """Return rows of the model that is solved in the end."""
+        return sum(problem.point_sizes.values())
+
+    def availability(self) -> Availability:
+        found = super().availability()
+        return gams_availability(self.guest) if found.ok else found
+
+    def obstacle(self, problem: LCP | MLCP) -> str | None:
+        n = sum(problem.point_sizes.values())
+        if n == 0:
+            return "has no unknown (n = 0): GAMS refuses an empty model"
+        most = gams_licence.most_rows()
+        if most is not None and self.rows(problem) > most:
+            return f"n = {n} makes a model of {self.rows(problem)} rows: the demo licence of GAMS ends at {most}"
+        rows, columns = _empty(problem)
+        if rows or columns:
+            return (
+                f"{rows} rows and {columns} columns of {n} have no entry: GAMS refuses to match an empty equation, "
+                "and an unknown that occurs nowhere"
+            )
+        return None
+
+    def hand_over(self, problem: LCP | MLCP) -> ScaledMCP:
+        mcp = scaled_mcp(problem)
+        with explained(self.spec.name):
+            workspace().load(mcp)
+        return mcp
+
+    def solve(
+        self, prepared: ScaledMCP, budget: Budget, options: Any, start: Any | None = None, record: Record | None = None
+    ) -> SolverOutput:
+        with explained(self.spec.name):
+            gams = workspace()
+            gams.load(prepared)
+            tolerances = stopping(self.guest, prepared.share(budget.tolerance)).settings
+            settings = self.settings(tolerances, budget)
+            gams.solve(self.guest, settings, budget, prepared.start(start))
+            model, x = gams.model, gams.x.toDense()
+            ended, found = model.solve_status.name, model.status.name
+            if "LicenseError" in (ended, found):
+                raise Unavailable("licence", f"{self.guest}: {ended}, {found}; {gams_licence.ADVICE}")
+        claim = CLAIMS.get((ended, found)) or CLAIMS.get(ended, Claim.FAILED)
+        return SolverOutput(
+            claim=claim,
+            point=prepared.point(x) if np.isfinite(x).all() else None,
+            counters={"iterations": int(model.num_iterations)} if _known(model.num_iterations) else {},
+            message=f"{ended}, {found}",
+        )
+
+    def warmup(self) -> None:
+        """Start GAMS, which stays: its threads and its process are no solve's."""
+        one = np.eye(1)
+        problems = {
+            "lcp": LCP(M=np.eye(2), q=np.array([-1.0, -2.0])),
+            "mlcp": MLCP(A=one, B=one, C=one, D=-one, a=np.ones(1), b=-np.ones(1)),
+        }
+        self.run(problems[self.spec.node])
+
+    def version(self) -> str:
+        """Return the version of GAMS, whose solvers have no other."""
+        return package_version("gamspy_base")
+
+
+def gams_spec(
+    name: str,
+    node: str,
+    *,
+    summary: str,
+    method: str,
+    citation: str,
+    install: str,
+    starts: bool = False,
+    **more: Any,
+) -> Any:
+    """Return the spec of one of them; `starts`: it begins at the levels that its variables have."""
+    return SolverSpec(
+        name=name,
+        node=node,
+        summary=summary,
+        method=method,
+        citation=citation,
+        requires=("gamspy",),
+        install=install,
+        licence="proprietary",
+        publishing=gams_licence.PUBLISHING,
+        traits=frozenset(
+            {Trait.SPARSE, Trait.DETERMINISTIC, Trait.LAUNCHES} | ({Trait.WARM_START} if starts else set())
+        ),
+        **more,
+    )
+
+
+@cache
+def gams_availability(guest: str) -> Availability:
+    """Return whether GAMS starts with its licence and has the solver; costs one start of GAMS a process, 20 ms."""
+    try:
+        return _installed(guest) or _licensed()
+    except Exception as error:
+        return Availability("broken", f"{type(error).__name__}: {error}")
+
+
+def _installed(guest: str) -> Availability | None:
+    """Return `missing` for a solver that GAMS does not know yet, else None."""
+    from gamspy.utils import getInstalledSolvers
+
+    if guest.upper() in getInstalledSolvers(os.fspath(gams_licence.system_directory())):
+        return None
+    return Availability("missing", f"gamspy install solver {guest}")
+
+
+@cache
+def _licensed() -> Availability:
+    code, message = gams_licence.refusal()
+    if code == 0:
+        return Availability("ok")
+    licence = code == gams_licence.LICENSING
+    return Availability("licence", f"{message}; {gams_licence.ADVICE}") if licence else Availability("broken", message)
+
+
+def _empty(problem: LCP | MLCP) -> tuple[int, int]:
+    """Return how many rows and columns of the problem's matrix have no entry."""
+    if isinstance(problem, LCP):
+        return _idle(problem.M, axis=1), _idle(problem.M, axis=0)
+    A, B, C, D = problem.A, problem.B, problem.C, problem.D
+    rows = _idle(A, C, axis=1) + _idle(D, B, axis=1)
+    return rows, _idle(A, D, axis=0) + _idle(C, B, axis=0)
+
+
+def _idle(*matrices: Matrix, axis: int) -> int:
+    """Return rows (axis 1) or columns (axis 0) in which none of the matrices has an entry that is not 0."""
+    return int((sum(np.asarray((M != 0).sum(axis=axis)).ravel() for M in matrices) == 0).sum())
+
+
+def _known(value: Any) -> bool:
+    """Return whether GAMS knows the value: it has numbers beyond 1e299 for what it does not."""
+    return value is not None and 0.0 <= value < 1e299
