@@ -98,7 +98,7 @@ class CvxpyRelaxation(Solver):
         mean = float(problem.W.diagonal().mean())
         w = mean if mean > 0 else 1.0
         s = matrices.max_abs(problem.q) or 1.0
-        W = problem.W / w
+        W: Any = problem.W / w
         x = cp.Variable(problem.q.size)
         rubs, slides = np.flatnonzero(mu > 0), np.flatnonzero(mu == 0)
         constraints: list[Any] = []

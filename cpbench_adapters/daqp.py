@@ -54,12 +54,11 @@ class Daqp(QPBackend):
         import daqp
 
         n = form.q.size
-        bounds = 0 if form.lb is None else n
         rows = [M for M in (form.G, form.A) if M is not None]
-        h = np.zeros(0) if form.h is None else form.h
-        b = np.zeros(0) if form.b is None else form.b
-        upper = np.concatenate([form.ub[:bounds] if bounds else h[:0], h, b])
-        lower = np.concatenate([form.lb[:bounds] if bounds else h[:0], np.full(h.size, -np.inf), b])
+        lb, ub, h, b = (np.zeros(0) if v is None else v for v in (form.lb, form.ub, form.h, form.b))
+        bounds = lb.size
+        upper = np.concatenate([ub, h, b])
+        lower = np.concatenate([lb, np.full(h.size, -np.inf), b])
         sense = np.zeros(upper.size, dtype=np.intc)
         sense[bounds + h.size :] = _EQUALITY
         # DAQP counts an absent bound as 1e30

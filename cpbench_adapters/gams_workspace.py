@@ -12,7 +12,7 @@ import math
 import os
 import signal
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from typing import Any
 
 import numpy as np
@@ -105,7 +105,7 @@ def workspace() -> Workspace:
 
 
 @contextlib.contextmanager
-def _own_interrupt() -> Iterator[None]:
+def _own_interrupt() -> Generator[None]:
     """Return gamspy takes SIGINT for itself; it stays ours."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -118,7 +118,7 @@ def _own_interrupt() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def explained(solver: str) -> Iterator[None]:
+def explained(solver: str) -> Generator[None]:
     """Return gamspy's exception as what it is: a refused licence, a dead process, or its own summary of errors."""
     try:
         yield

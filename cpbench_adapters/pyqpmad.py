@@ -76,14 +76,14 @@ class Pyqpmad(QPBackend):
         gradient = form.P @ x + form.q
         if bounds:
             gradient += z_box
-        if h.size:
+        if form.G is not None:
             gradient += form.G.T @ z
         fixed = form.lb == form.ub if bounds else np.zeros(x.size, dtype=bool)
         y = np.zeros(k)
-        if k and not fixed.all():
+        if form.A is not None and not fixed.all():
             y = sla.lstsq(form.A[:, ~fixed].T, -gradient[~fixed], check_finite=False)[0]
         if fixed.any():
-            z_box[fixed] = -(gradient + (form.A.T @ y if k else 0.0))[fixed]
+            z_box[fixed] = -(gradient + (0.0 if form.A is None else form.A.T @ y))[fixed]
         return BackendAnswer(
             status=status.name,
             x=x,
