@@ -1,4 +1,5 @@
-"""What makes a solver known to another command: a file to load, or the words of the command line that declared it."""
+"""What makes a solver known to another command: a file to load, or the words of the command line that declared it.
+And whether it comes with cpbench."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from cpbench import registry
 from cpbench.errors import UnknownName
 from cpbench.solvers.base import solvers
 from cpbench.solvers.external import declared
+from cpbench.testing import reference
 
 
 @pytest.fixture(autouse=True)
@@ -42,6 +44,13 @@ def test_a_variant_of_the_command_line_is_written_out() -> None:
     text = 'pgs@x={env={A="1"}}'
     declared.declare_text(text)
     assert declared.origin("pgs@x") == ("", text)
+
+
+def test_a_plugin_is_neither_a_native_solver_nor_an_adapter() -> None:
+    """Only what comes with cpbench may write compiled loops into its cache, and has its version."""
+    registry.load_plugin(Path(reference.__file__).with_name("lemke.py"))
+    assert solvers.get("reference-lemke").origin == "plugin"
+    assert {s.origin for s in solvers if "clarabel" in s.spec.requires} == {"adapter"}
 
 
 def test_an_unknown_solver_may_be_one_of_a_file() -> None:
