@@ -6,7 +6,7 @@ begin at the least Σ (log D_i A_ij D_j)² (Curtis and Reid 1972).
 """
 
 import numpy as np
-from numba import float64, int64, njit, types, void
+from numba import float64, int64, njit, void
 
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, FAST, INDEX, START, VECTOR
 
@@ -21,25 +21,28 @@ LEAST = 1e-3
 """Of a diagonal entry, what elimination leaves of it at least: rounding may leave none."""
 LARGEST = 1e35
 """Entries that the guess leaves are cut off here and at 1 over it, so that sums of them are numbers."""
+LONG, ONE = np.uint64(16), np.uint64(1)
+"""Entries of a row from which on it is worth asking whether their columns follow each other."""
 EXPONENT, BIAS = np.log(2.0) * 2.0**-52, 1023.0 * np.log(2.0)
 """Logarithms from the bits of a number are linear between powers of two, wrong by 0.06 at most: enough for a guess."""
 
 
-@njit(float64(START, START, DATA, int64, DATA), fastmath=FAST, **COMPILED)
-def _row(start, column, weight, i, x):
-    """Return (Wx)_i."""
-    begin, end, total = start[i], start[i + 1], 0.0
-    if end > begin and column[end - 1] - column[begin] == end - 1 - begin:  # columns in a row need no indices
-        values, part = weight[begin:end], x[column[begin] :]
-        for k in range(values.size):
-            total += values[k] * part[k]
-    else:
-        for k in range(begin, end):
-            total += weight[k] * x[column[k]]
-    return total
+@njit(void(START, START, DATA, int64, int64, DATA, VECTOR), fastmath=FAST, **COMPILED)
+def _times(start, column, weight, first, last, x, y):
+    """Write the rows from `first` to `last` of Wx."""
+    for i in range(first, last):
+        begin, end, total = start[i], start[i + 1], 0.0
+        if end - begin > LONG and column[end - ONE] - column[begin] == end - begin - ONE:
+            row, part = weight[begin:end], x[column[begin] :]  # columns that follow each other need no indices
+            for k in range(row.size):
+                total += row[k] * part[k]
+        else:
+            for k in range(begin, end):
+                total += weight[k] * x[column[k]]
+        y[i] = total
 
 
-@njit(float64(START, START, VECTOR, int64, DATA), fastmath=FAST, **COMPILED)
+@njit(inline="always")
 def _scale_row(start, column, weight, i, x):
     """Set W_ij ← x_i W_ij x_j in a row; return its sum."""
     total = 0.0
@@ -52,18 +55,20 @@ def _scale_row(start, column, weight, i, x):
 @njit(void(START, START, DATA, DATA, int64, VECTOR), fastmath=FAST, **COMPILED)
 def _eliminate(start, column, weight, diagonal, head, x):
     """Write the rows from `head` on of x, so that these rows of (diag(diagonal) + W) x are 0."""
+    _times(start, column, weight, head, x.size, x, x)  # columns of these rows are before them
     for i in range(head, x.size):
-        x[i] = -_row(start, column, weight, i, x) / diagonal[i] if diagonal[i] > 0.0 else 0.0
+        x[i] = -x[i] / diagonal[i] if diagonal[i] > 0.0 else 0.0
 
 
 @njit(void(START, START, DATA, DATA, int64, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
 def _product(start, column, weight, diagonal, head, x, y):
     """Write the rows before `head` of diag(diagonal) x + Wx."""
+    _times(start, column, weight, 0, head, x, y)
     for i in range(head):
-        y[i] = diagonal[i] * x[i] + _row(start, column, weight, i, x)
+        y[i] += diagonal[i] * x[i]
 
 
-@njit(types.UniTuple(float64, 3)(START, START, DATA, int64, DATA, DATA), fastmath=FAST, **COMPILED)
+@njit(inline="always")
 def _reduced(start, column, weight, i, inverse, moved):
     """Return Σ W_ij² inverse_j, Σ W_ij moved_j and W_ii."""
     own = right = same = 0.0

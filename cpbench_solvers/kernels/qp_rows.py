@@ -18,9 +18,9 @@ Rounding of terms that cancel, 8 eps Σ|terms|, is no error in the last two.
 """
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types
+from numba import boolean, float64, njit
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, FAST, START
+from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, FAST
 from cpbench_solvers.kernels.qp_gap import NOISE, gap_errors, gaps, row_products, without
 from cpbench_solvers.kernels.qp_parts import PROGRAM
 
@@ -50,7 +50,7 @@ def is_fixed(low, high, x):
     return beyond or _reached(low, x) or _reached(high, x)
 
 
-@njit(types.UniTuple(float64, 3)(START, START, DATA, int64, DATA, DATA, DATA), fastmath=FAST, **COMPILED)
+@njit(inline="always")
 def _terms(start, column, value, i, x, sizes, of_z):
     """Return Σ_j K_ij x_j, Σ_j |K_ij| sizes_j and Σ_j |K_ij| of_z_j."""
     total = terms = own = 0.0
@@ -62,7 +62,7 @@ def _terms(start, column, value, i, x, sizes, of_z):
     return total, terms, own
 
 
-@njit(**COMPILED)
+@njit(fastmath=FAST, **COMPILED)
 def fixed_terms(program, x, sizes, beside):
     """Write Σ_j |K_ij| sizes_j over the unknowns that are fixed."""
     n, start, column, value, _, low, high = program[:7]
@@ -75,7 +75,7 @@ def fixed_terms(program, x, sizes, beside):
         beside[i] = _terms(start, column, value, i, fixed, fixed, fixed)[1]
 
 
-@njit(**COMPILED)
+@njit(fastmath=FAST, **COMPILED)
 def row_terms(program, x, f, sizes, sums, own, taken):
     """Write the rows f, the sizes of the unknowns, Σ_j |K_ij||x_j|, that of z alone, and what bounds that are written
     as rows take."""
