@@ -177,17 +177,18 @@ def _factor_block(S, diagonals, begin, end):
     return True
 
 
-@njit(OUT2(OUT2, types.int64, types.int64), **COMPILED)
-def _inverse_block(S, begin, end):
-    """Return the inverse of the unit lower triangle of a diagonal block."""
-    inverse = np.zeros((end - begin, end - begin))
-    for i in range(end - begin):
-        inverse[i, i] = 1.0
-        for k in range(i):
-            value = S[begin + i, begin + k]
-            for c in range(k + 1):
-                inverse[i, c] -= value * inverse[k, c]
-    return inverse
+@njit(types.void(OUT2, types.int64, types.int64, OUT2), **COMPILED)
+def _substitute(S, begin, end, columns):
+    """Set every column of `columns`, (end - begin, ·), to L⁻¹ times it, L that of a diagonal block.
+
+    All columns at once: loops over rows of L are short.
+    """
+    for c in range(end - begin):
+        row = columns[c]
+        for k in range(c):
+            value, earlier = S[begin + c, begin + k], columns[k]
+            for i in range(row.size):
+                row[i] -= value * earlier[i]
 
 
 @njit(types.boolean(OUT2, OUT), **COMPILED)
@@ -204,19 +205,18 @@ def dense_factor(S, diagonals):
             return False
         if end == N:
             return True
-        plain = np.empty((N - end, width))  # a copy that lies together, for products of matrices
+        scaled, plain = np.empty((width, N - end)), np.empty((N - end, width))
         for i in range(N - end):
             for c in range(width):
-                plain[i, c] = S[end + i, begin + c]
-        # by the inverse of a block: substitution row by row would be the larger part of the time
-        scaled = np.dot(plain, _inverse_block(S, begin, end).T)
+                scaled[c, i] = S[end + i, begin + c]
+        _substitute(S, begin, end, scaled)
         for i in range(N - end):
             for c in range(width):
-                plain[i, c] = scaled[i, c] / S[begin + c, begin + c]
+                plain[i, c] = scaled[c, i] / S[begin + c, begin + c]
                 S[end + i, begin + c] = plain[i, c]
         for left in range(end, N, 2 * BLOCK):  # only the lower triangle, by strips: half of the products
             right = min(left + 2 * BLOCK, N)
-            change = np.dot(plain[left - end :], scaled[left - end : right - end].T)
+            change = np.dot(plain[left - end :], np.ascontiguousarray(scaled[:, left - end : right - end]))
             for i in range(left, N):
                 for c in range(left, min(i + 1, right)):
                     S[i, c] -= change[i - left, c - left]

@@ -104,9 +104,8 @@ def factor_system(H, G, system, w, theta, delta):
             S[i, i] += w[i] + delta
             own[i] = w[i] + delta
             for q in range(H[0][i], H[0][i + 1]):
-                if H[1][q] > i:  # only the lower triangle is read
-                    break
-                S[i, H[1][q]] += H[2][q]
+                if H[1][q] <= i:  # only the lower triangle is read
+                    S[i, H[1][q]] += H[2][q]
                 if H[1][q] == i:
                     own[i] += H[2][q]
         for k in range(equal.size):

@@ -29,9 +29,9 @@ FULL = 0.25
 
 
 def entries(M: Matrix) -> Entries:
-    """Return a matrix as the kernels take it."""
+    """Return a matrix as the kernels take it, the columns of each row in order: they read full rows without them."""
     if matrices.is_sparse(M):
-        S: Any = M
+        S: Any = M if M.has_sorted_indices else M.sorted_indices()
         indptr, indices = (np.ascontiguousarray(part, dtype=np.int32) for part in (S.indptr, S.indices))
         return indptr, indices, np.ascontiguousarray(S.data)
     return load("cpbench_solvers.kernels.qp_sparse").rows_of(np.ascontiguousarray(M))
