@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
@@ -69,10 +68,9 @@ class AutomaticChoice(Solver):
         """Return the error of an answer of which no member of our own says that it is solved."""
         return problem.residuals(point, tolerance).error
 
-    @abstractmethod
     def phases(self, problem: Any) -> Sequence[SolverPhase]:
-        """Return the solvers to try, in this order, from facts that cost less than solving. Pure: the same for the
-        same problem."""
+        """Return the solvers to try, in this order, from facts that cost less than solving: here all, as they stand."""
+        return [SolverPhase(name) for name in self.members]
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:
         phases = tuple(self.phases(problem))
@@ -118,13 +116,6 @@ class AutomaticChoice(Solver):
 @cache
 def _default(options: type) -> Any:
     return options()
-
-
-class InOrder(AutomaticChoice):
-    """The same order for every problem."""
-
-    def phases(self, problem: Any) -> Sequence[SolverPhase]:
-        return [SolverPhase(name) for name in self.members]
 
 
 def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
@@ -202,15 +193,8 @@ class _Run:
     def concluded(self) -> SolverOutput:
         """Return the answer that solves it, the certificate that none does, or the best that was found."""
         if self._ended is not None:
-            messages = [self._ended.message] if not self._messages else self._messages
-            ended, message = self._ended, "; ".join(messages)
-            return SolverOutput(
-                claim=ended.claim,
-                point=ended.point,
-                counters=self._counters,
-                message=message,
-                certificate=ended.certificate,
-            )
+            message = "; ".join(self._messages) or self._ended.message
+            return replace(self._ended, counters=self._counters, message=message, reported=None)  # by one of several
         best = [f"best error {self._error:.1e}"] if math.isfinite(self._error) else []
         messages = "; ".join([*self._messages, *best]) or "no solver was asked within the limits"
         return SolverOutput(claim=self._last, point=self._best, counters=self._counters, message=messages)

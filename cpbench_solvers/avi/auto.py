@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, ClassVar
 
 from cpbench.formulations.avi import AVI
@@ -43,12 +42,8 @@ class _ByParts(AutomaticChoice):
         if record is not None and output.point is not None:
             ends = (0, problem.zero_point()), (max(1, output.counters.get("iterations", 0)), output.point)
             for iteration, point in ends:
-                record(iteration, error_of(problem, point, budget.tolerance), partial(_same, point))
+                record(iteration, error_of(problem, point, budget.tolerance), lambda point=point: point)
         return output
-
-
-def _same(point: Any) -> Any:
-    return point
 
 
 @register
@@ -57,9 +52,6 @@ class AutoAVI(_ByParts):
 
     spec: ClassVar[SolverSpec] = automatic_spec("avi", "auto-avi", "pivoting from a vertex, then extragradients")
     members: ClassVar[tuple[str, ...]] = ("lemke-avi", "extragradient-avi")
-
-    def phases(self, problem: AVI) -> Sequence[SolverPhase]:
-        return [SolverPhase(name) for name in self.members]
 
 
 @register

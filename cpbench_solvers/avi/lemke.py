@@ -26,7 +26,7 @@ from cpbench_solvers import linear_program
 from cpbench_solvers.avi.bounded_lemke import BoxLCP, PivotOptions, Walk
 from cpbench_solvers.avi.claims import error_of
 from cpbench_solvers.avi.polyhedron_vertex import ACTIVE, ScaledPolyhedron
-from cpbench_solvers.lcp.claims import CLOSE, DENSE_BYTES, concluded
+from cpbench_solvers.lcp.claims import CLOSE, concluded, size_obstacle
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 
 
@@ -94,10 +94,7 @@ class _Pivoting(Solver):
     """Base of the solvers of the two nodes."""
 
     def obstacle(self, problem: AVI | Relay) -> str | None:
-        size = sum(problem.point_sizes.values())
-        if 8.0 * size * size <= DENSE_BYTES:
-            return None
-        return f"needs dense {size}x{size} matrices (at most {DENSE_BYTES / 1e9:.0f} GB): use a Newton method"
+        return size_obstacle(sum(problem.point_sizes.values()), "a Newton method")
 
     def setup(self, problem: AVI | Relay, budget: Budget, options: PivotOptions) -> MultiplierBox:
         return MultiplierBox.of(problem)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -75,7 +74,7 @@ class ConicSolver(Solver):
         best = form.answer(method.x, method.s, method.y) if start is None else start
         error, done, check = form.error(best), 0, 0
         if record is not None:
-            record(0, error, partial(_same, best))
+            record(0, error, lambda point=best: point)
         claim, message = Claim.MAX_ITER, f"{limit} iterations"
         while error > tolerance and done < limit:
             why = method.step()
@@ -88,7 +87,7 @@ class ConicSolver(Solver):
                 point = form.answer(method.x, method.s, method.y)
                 reached = form.error(point)
                 if record is not None:
-                    record(done, reached, partial(_same, point))
+                    record(done, reached, lambda point=point: point)
                 if reached < error:
                     best, error = point, reached
                 why = None if error <= tolerance else progress.trouble(done, reached)
@@ -98,7 +97,7 @@ class ConicSolver(Solver):
         before = best
         best, error = self.finish(form, best, error, tolerance, method.counters)
         if record is not None and best is not before:
-            record(done + 1, error, partial(_same, best))
+            record(done + 1, error, lambda point=best: point)
         if claim is Claim.FAILED and error <= CLOSE * tolerance:
             claim = Claim.INACCURATE
         return concluded(best, error, budget, dict(method.counters), claim, f"{message}, error {error:.1e}")
@@ -108,7 +107,3 @@ class ConicSolver(Solver):
     ) -> tuple[Any, float]:
         """Finish with the best iterate."""
         return best, error
-
-
-def _same(point: Any) -> Any:
-    return point

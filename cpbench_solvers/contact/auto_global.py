@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -116,7 +116,7 @@ def _locally(
     enough."""
     small, end = prepared.condensed, budget.deadline()
     begin = None if start is None else FCPoint(start.r)
-    passing = None if record is None else _lifting(record, small)
+    passing = None if record is None else lambda done, error, local: record(done, error, lambda: small.lift(local()))
     finer, counters = replace(budget, tolerance=FINER * budget.tolerance), Counter[str]()
     while True:
         output = solver.solve(prepared.local, finer, prepared.options, begin, passing)
@@ -136,12 +136,3 @@ def _locally(
         finer = left
     message = f"condensed, {LOCAL}" + (f": {output.message}" if output.message else "")
     return replace(output, claim=claim, point=point, counters=dict(counters), message=message)
-
-
-def _lifting(record: Record, small: Condensed) -> Record:
-    """Return a record of local points that passes on the global ones."""
-
-    def passing(iteration: int, error: float, point: Callable[[], Any]) -> None:
-        record(iteration, error, lambda: small.lift(point()))
-
-    return passing

@@ -27,7 +27,7 @@ from cpbench.foundation.matrices import Dense, Vector, dense
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput, SolverSpec, Trait, register
 from cpbench_solvers.contact.by_parts import SolverByParts
 from cpbench_solvers.contact.sweeps import ScaledContacts, conclude
-from cpbench_solvers.lcp.claims import DENSE_BYTES
+from cpbench_solvers.lcp.claims import size_obstacle
 from cpbench_solvers.lcp.lemke import Lemke
 
 PIVOTED = 1e-10
@@ -64,11 +64,7 @@ class FacetsLemke(SolverByParts):
     )
 
     def obstacle(self, problem: FrictionContact) -> str | None:
-        n = problem.nc * (FacetsOptions().facets + 2 if problem.dimension == 3 else 4)
-        size = 8.0 * n * n
-        if size <= DENSE_BYTES:
-            return None
-        return f"needs a dense {n}x{n} matrix ({size / 1e9:.1f} GB, at most {DENSE_BYTES / 1e9:.0f}): use nsgs"
+        return size_obstacle(problem.nc * (FacetsOptions().facets + 2 if problem.dimension == 3 else 4), "nsgs")
 
     def warmup(self) -> None:
         Lemke().warmup()

@@ -35,14 +35,8 @@ SHORTER = 8
 
 def counters(sweeps: int) -> dict[str, int]:
     """Return the counters after so many sweeps and nothing else."""
-    return {
-        "iterations": sweeps,
-        "sweeps": sweeps,
-        "newton_steps": 0,
-        "admm_iterations": 0,
-        "interior_steps": 0,
-        "factorizations": 0,
-    }
+    none = dict.fromkeys(("newton_steps", "admm_iterations", "interior_steps", "factorizations"), 0)
+    return {"iterations": sweeps, "sweeps": sweeps, **none}
 
 
 class Phases:

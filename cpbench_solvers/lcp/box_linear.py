@@ -44,15 +44,12 @@ class BoxLinear:
         """Return the z that the solver finds, whatever it claims of it; None without an answer or where it refuses."""
         try:
             if solver.spec.node == "avi":
-                return self._as_avi(solver, budget)
+                problem = AVI(M=self.M, q=self.q, lb=self.lb, ub=self.ub)
+                point = _answer(solver, problem, AVIPoint(self.present), budget)
+                return None if point is None else point.z
             return self._as_complementarity(solver, budget)
         except (CpbenchError, np.linalg.LinAlgError):
             return None
-
-    def _as_avi(self, solver: Solver, budget: Budget) -> Vector | None:
-        problem = AVI(M=self.M, q=self.q, lb=self.lb, ub=self.ub)
-        point = _answer(solver, problem, AVIPoint(self.present), budget)
-        return None if point is None else point.z
 
     def _as_complementarity(self, solver: Solver, budget: Budget) -> Vector | None:
         moving = self.lb < self.ub

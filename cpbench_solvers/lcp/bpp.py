@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar
 
@@ -159,6 +159,4 @@ class BlockPrincipalPivoting(Solver):
         if record is not None and isinstance(found.point, LCPPoint):
             record(counters["iterations"] + 1, error_of(problem, found.point.z), partial(LCPPoint, found.point.z))
         message = f"{why}; Lemke's method: {found.message or found.claim}"
-        return SolverOutput(
-            claim=found.claim, point=found.point, counters=counters, certificate=found.certificate, message=message
-        )
+        return replace(found, counters=counters, message=message)

@@ -57,12 +57,12 @@ def dense_obstacle(problem: LCP) -> str | None:
     return size_obstacle(problem.q.size)
 
 
-def size_obstacle(n: int) -> str | None:
-    """Return why a dense (n, n) matrix is out of the question, else None."""
+def size_obstacle(n: int, instead: str = "a sparse solver") -> str | None:
+    """Return why a dense (n, n) matrix is out of the question, and what to use instead; else None."""
     size = 8.0 * n * n
     if size <= DENSE_BYTES:
         return None
-    return f"needs a dense {n}x{n} matrix ({size / 1e9:.1f} GB, at most {DENSE_BYTES / 1e9:.0f}): use a sparse solver"
+    return f"needs a dense {n}x{n} matrix ({size / 1e9:.1f} GB, at most {DENSE_BYTES / 1e9:.0f}): use {instead}"
 
 
 def solve_linear(A: Matrix, b: Vector) -> Vector | None:

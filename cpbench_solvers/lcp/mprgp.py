@@ -64,13 +64,11 @@ def scaled_box(problem: Any, A: Matrix, q: Vector, lower: Vector, upper: Vector,
     diagonal = np.array(A.diagonal())
     unit = np.ldexp(1.0, -(np.frexp(np.where(diagonal > 0, diagonal, 1.0))[1] // 2))
     scaled = matrices.scaled_both(A, unit)
-    none = np.zeros(0, np.int64)
-    start, column, values = none, none, np.zeros(0)
     if sp.issparse(scaled):
-        start, column, values = scaled.indptr.astype(np.int64), scaled.indices.astype(np.int64), scaled.data
+        matrix = scaled.indptr.astype(np.int64), scaled.indices.astype(np.int64), scaled.data
     else:
-        values = np.ascontiguousarray(scaled).ravel()
-    return ScaledBox(problem, start, column, values, q * unit, lower / unit, upper / unit, unit, size or 1.0)
+        matrix = np.zeros(0, np.int64), np.zeros(0, np.int64), np.ascontiguousarray(scaled).ravel()
+    return ScaledBox(problem, *matrix, q * unit, lower / unit, upper / unit, unit, size or 1.0)
 
 
 def definite_obstacle(A: Matrix, symmetric: bool, instead: str) -> str | None:

@@ -26,6 +26,7 @@ from cpbench.solvers.base import (
     solvers,
 )
 from cpbench_solvers.lcp.claims import after_ray
+from cpbench_solvers.lcp.lemke_run import LemkeOptions
 from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale, warm_up
 
 SMALL = 64
@@ -249,13 +250,8 @@ class _Run:
             code = kernel.lemke(M, q, z, self._limit, options.pivot_tolerance, options.tie_tolerance)
             self.pivots += code // kernel.CODES
             return code % kernel.CODES, z
-        lemke = solvers.get("lemke")
-        names = {
-            "max_pivots": self._limit,
-            "pivot_tolerance": options.pivot_tolerance,
-            "tie_tolerance": options.tie_tolerance,
-        }
-        found = lemke.run(LCP(M=M, q=q), self._budget, lemke.spec.options(**names))
+        lemke_options = LemkeOptions(self._limit, options.pivot_tolerance, options.tie_tolerance)
+        found = solvers.get("lemke").run(LCP(M=M, q=q), self._budget, lemke_options)
         self.pivots += found.counters["pivots"]
         codes = {Claim.MAX_ITER: kernel.LIMIT, Claim.FAILED: kernel.RAY, Claim.INFEASIBLE: kernel.RAY}
         z = np.zeros(m) if found.point is None else found.point.z

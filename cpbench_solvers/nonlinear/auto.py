@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import ClassVar
 
 from cpbench.solvers.base import SolverSpec, register
-from cpbench_solvers.automatic import InOrder, automatic_spec
+from cpbench_solvers.automatic import AutomaticChoice, automatic_spec
 
 
 @register
-class AutoMiCP(InOrder):
+class AutoMiCP(AutomaticChoice):
     """Josephy–Newton with a path search, the normal map, the Fischer–Burmeister equation, its smoothing.
 
     Where the first stops at a point that is none, the next one's merit function has its stationary points elsewhere.
@@ -28,7 +28,7 @@ class AutoMiCP(InOrder):
 
 
 @register
-class AutoVI(InOrder):
+class AutoVI(AutomaticChoice):
     """Newton's method; then methods that need monotonicity, or less than that, and no derivative."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("vi", "auto-vi", "Newton's method, then projections")
@@ -36,7 +36,7 @@ class AutoVI(InOrder):
 
 
 @register
-class AutoQVI(InOrder):
+class AutoQVI(AutomaticChoice):
     """Newton's method, then projections on the moving set."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("qvi", "auto-qvi", "Newton's method, then projections")

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from cpbench.formulations.equation import Equation, EquationPoint
+from cpbench.formulations.qvi import QVI
 from cpbench.formulations.vi import VI
 from cpbench.foundation.matrices import Vector
-from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, register
-from cpbench_solvers.nonlinear.natural_newton import NaturalNewton, NaturalNewtonOptions, VIConditions
-from cpbench_solvers.nonlinear.projection_run import exponential, run
+from cpbench.solvers.base import Budget, SolverSpec, register
+from cpbench_solvers.nonlinear.natural_newton import NaturalNewtonOptions, VIConditions
+from cpbench_solvers.nonlinear.projection_run import exponential
+from cpbench_solvers.nonlinear.vi_newton import NaturalMapSolver
 from cpbench_solvers.traits import ITERATIVE
 
 
@@ -19,7 +21,7 @@ class _System(VIConditions):
 
 
 @register
-class EquationNewton(Solver):
+class EquationNewton(NaturalMapSolver):
     """F(z) = 0 as an inequality over the whole space: Φ = F, d = −F′⁻¹F; εI added, Levenberg–Marquardt or
     extragradient steps where that does not descend or F or F′ is no number. Tolerance: on ‖F‖ and on every
     row, with a step or two beyond."""
@@ -34,25 +36,10 @@ class EquationNewton(Solver):
         options=NaturalNewtonOptions,
     )
 
-    def setup(self, problem: Equation, budget: Budget, options: NaturalNewtonOptions) -> VI:
-        whole = VI(F=problem.F, start=problem.start)
-        field = _System(whole)
-        field.F(whole.start)  # compiles it, and its derivative
-        field.derivative(whole.start)
-        return whole
+    conditions = _System
+
+    def setup(self, problem: Any, budget: Budget, options: NaturalNewtonOptions) -> VI | QVI:
+        return super().setup(VI(F=problem.F, start=problem.start), budget, options)
 
     def warmup(self) -> None:
         self.run(Equation(F=exponential()))
-
-    def solve(
-        self,
-        prepared: VI,
-        budget: Budget,
-        options: NaturalNewtonOptions,
-        start: Any = None,
-        record: Record | None = None,
-    ) -> SolverOutput:
-        field = _System(prepared)
-        limit = budget.iterations or options.max_iterations
-        first = prepared.start if start is None else start.z
-        return run(field, NaturalNewton(field, options, budget.seed), budget, limit, first, record)

@@ -28,7 +28,7 @@ from scipy.linalg import lapack
 
 from cpbench.foundation.factorization import sparse_lu
 from cpbench.foundation.matrices import Matrix, Sparse, Vector, dense, identity, norm
-from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, solved
 from cpbench.solvers.shared.progress import Progress
 from cpbench_solvers.lcp.claims import solve_linear
 
@@ -94,20 +94,7 @@ class NaturalMapNewton(Solver):
         vi = prepared.vi
         x = np.zeros_like(prepared.unit) if start is None else start.vector
         limit = budget.iterations or options.max_iterations
-        end = run(vi, vi.project(x / prepared.unit), budget, limit, record)
-        message = end.message and f"{end.message}, error {end.error:.1e}"
-        return SolverOutput(claim=end.claim, point=vi.answer(end.x), counters=end.counters, message=message)
-
-
-@dataclass(frozen=True)
-class NaturalMapResult:
-    """The best iterate, its judged error, and what to say of it when that is not small enough."""
-
-    x: Vector
-    error: float
-    claim: Claim
-    message: str
-    counters: dict[str, int]
+        return run(vi, vi.project(x / prepared.unit), budget, limit, record)
 
 
 def equilibrate(M: Matrix, groups: Any) -> Vector:
@@ -138,7 +125,7 @@ def congruent(M: Matrix, d: Vector) -> Matrix:
     return sp.csr_array(sp.diags_array(d) @ M @ sp.diags_array(d)) if sp.issparse(M) else M * d[:, None] * d
 
 
-def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record | None) -> NaturalMapResult:
+def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record | None) -> SolverOutput:
     """Take steps until the judged error is at most the tolerance, or nothing gains, or the limits are reached."""
     counters = {"iterations": 0, "factorizations": 0, "projections": 0}
     x, F = start, _natural(vi, start, counters)
@@ -149,16 +136,21 @@ def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record 
     contract: Callable[[Vector], Vector | None] | None = None
     waiting = 0
     progress, deadline = Progress(STALL), time.monotonic() + budget.seconds
+
+    def ended(claim: Claim, why: str) -> SolverOutput:
+        message = f"{why}, error {error:.1e}"
+        return SolverOutput(claim=claim, point=vi.answer(best), counters=counters, message=message)
+
     while True:
         done = counters["iterations"]
         if error <= budget.tolerance:
-            return NaturalMapResult(best, error, Claim.SOLVED, "", counters)
+            return solved(vi.answer(best), counters)
         if norm(F) <= ROUNDING * (norm(x) + norm(vi.q)):
-            return NaturalMapResult(best, error, Claim.INACCURATE, "converged up to rounding", counters)
+            return ended(Claim.INACCURATE, "converged up to rounding")
         if done >= limit:
-            return NaturalMapResult(best, error, Claim.MAX_ITER, f"{limit} iterations", counters)
+            return ended(Claim.MAX_ITER, f"{limit} iterations")
         if time.monotonic() > deadline:
-            return NaturalMapResult(best, error, Claim.FAILED, f"out of time after {done} iterations", counters)
+            return ended(Claim.FAILED, f"out of time after {done} iterations")
         step = None
         if waiting == 0:
             step = _newton(vi, x, F, min(accepted, norm(F)), counters)
@@ -171,9 +163,7 @@ def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record 
                 contract = _contraction(vi, counters)
             shift = contract(F)
             if shift is None:
-                return NaturalMapResult(
-                    best, error, Claim.FAILED, f"I + M is singular, after {done} iterations", counters
-                )
+                return ended(Claim.FAILED, f"I + M is singular, after {done} iterations")
             x = x - GAMMA * shift
             step = x, _natural(vi, x, counters)
             waiting -= 1
@@ -186,7 +176,7 @@ def run(vi: AffineVI, start: Vector, budget: Budget, limit: int, record: Record 
             best, error = x, reached
         why = progress.trouble(counters["iterations"], reached)
         if why is not None:
-            return NaturalMapResult(best, error, Claim.FAILED, why, counters)
+            return ended(Claim.FAILED, why)
 
 
 def _natural(vi: AffineVI, x: Vector, counters: dict[str, int]) -> Vector:

@@ -20,12 +20,13 @@ class NaturalMapSolver(ProjectionSolver):
     box, with a step or two beyond."""
 
     method = NaturalNewton
+    conditions: ClassVar[type[VIConditions]] = VIConditions
 
-    def obstacle(self, problem: VI | QVI) -> str | None:
+    def obstacle(self, problem: Any) -> str | None:
         return None
 
     def setup(self, problem: VI | QVI, budget: Budget, options: Any) -> VI | QVI:
-        field = VIConditions(problem)
+        field = self.conditions(problem)
         x = np.concatenate([problem.start, np.zeros(field.size - field.n)])
         field.F(x)  # compiles it, and its derivative
         field.derivative(x)
@@ -34,7 +35,7 @@ class NaturalMapSolver(ProjectionSolver):
     def solve(
         self, prepared: VI | QVI, budget: Budget, options: Any, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
-        field = VIConditions(prepared)
+        field = self.conditions(prepared)
         first = np.concatenate([prepared.start, np.zeros(field.size - field.n)])
         if start is not None:
             first = start.vector

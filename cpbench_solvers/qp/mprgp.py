@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -99,19 +99,12 @@ def descent_without_end(problem: QP, ray: Vector, budget: Budget) -> Vector | No
     d = np.clip(ray / (max_abs(ray) or 1.0), low, high)
     if _falls(problem, d):
         return d
-
-    options: dict[str, Any] = {"primal_feasibility_tolerance": 1e-10}
-    if np.isfinite(budget.seconds):
-        options["time_limit"] = budget.seconds
-    bounds: Any = np.column_stack([low, high])
-    flat: Any = problem.Q / (max_abs(problem.Q) or 1.0)
-    cost = problem.p / (max_abs(problem.p) or 1.0)
-    program = linear_program.load()(
-        cost, A_eq=flat, b_eq=np.zeros(d.size), bounds=bounds, method="highs", options=cast(Any, options)
-    )
-    if program.x is None:
+    flat, cost = problem.Q / (max_abs(problem.Q) or 1.0), problem.p / (max_abs(problem.p) or 1.0)
+    bounds = np.column_stack([low, high])
+    x = linear_program.multipliers(cost, budget, A_eq=flat, b_eq=np.zeros(d.size), bounds=bounds)
+    if x is None:
         return None
-    d = np.clip(program.x, low, high)
+    d = np.clip(x, low, high)
     return d if _falls(problem, d) else None
 
 
