@@ -40,8 +40,7 @@ class PivotOptions:
 
 @dataclass(frozen=True)
 class Walk:
-    """Result of a path: how it ended ("complementary", "ray", ...), the x of its last basis, the unknowns in it, and
-    the pivots."""
+    """Result of a path: how it ended ("complementary", "ray", ...), x and unknowns of its last basis, the pivots."""
 
     outcome: str
     x: Vector

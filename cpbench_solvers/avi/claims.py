@@ -17,8 +17,7 @@ _PROGRAMS: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 
 
 def data_of(problem: AVI | Relay) -> Any:
-    """Return M, the rows of A and then of C, their sides, and how many are of A, as compiled loops take them, made
-    once."""
+    """Return M, the rows of A and then of C, their sides, and how many are of A, for compiled loops; made once."""
     if problem in _DATA:
         return _DATA[problem]
     if isinstance(problem, AVI) and not problem.only_box:

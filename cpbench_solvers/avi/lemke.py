@@ -152,8 +152,7 @@ def _from_vertex(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_]
 
 
 def _from_start(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_], Vector]:
-    """Return the unknowns between their bounds and the rows with a force at the start, as far as they are
-    independent."""
+    """Return the unknowns between bounds and the rows with a force at the start, as far as they are independent."""
     z, lam, mu = prepared.parts
     x, found = prepared.unknowns(start), prepared.polyhedron()
     felt = x[lam] > ACTIVE * (1.0 + max_abs(x[lam]))

@@ -40,8 +40,7 @@ class ScaledPolyhedron:
     ub: Vector
 
     def vertex(self, cost: Vector) -> Vector | None:
-        """Return a vertex where costᵀz is least, or any one where that has no end; None where the simplex method
-        finds none."""
+        """Return a vertex of least costᵀz, or any where that has no end; None where the simplex method finds none."""
         n = cost.size
         if not n or not (self.b.size or self.d.size):
             return np.clip(np.where(cost < 0, self.ub, self.lb), *_finite(self.lb, self.ub))

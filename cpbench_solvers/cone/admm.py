@@ -113,8 +113,7 @@ _spec = partial(SolverSpec, method="operator splitting", traits=ITERATIVE, optio
 
 @register
 class ADMMCone(_ADMM):
-    """A method that converges for every Q ⪰ 0, with A and K of any kind, linearly in the end where the solution is not
-    degenerate."""
+    """A method that converges for every Q ⪰ 0, with any A and K; linearly in the end at a nondegenerate solution."""
 
     spec: ClassVar[SolverSpec] = _spec(
         name="admm-coneqp",

@@ -67,8 +67,7 @@ class ContactSplitting(ContactMethod):
 
     @property
     def entries(self) -> int:
-        """Number of entries of the factors; 0 before the first step, where ρ has just changed, and where it is not
-        known."""
+        """Number of entries of the factors; 0 before the first step, after a change of ρ, and where it is not known."""
         return 0 if self._factors is None else self._factors.entries or 0
 
     def step(self, many: int = 1, error: float = math.inf, seconds: float = math.inf) -> str | None:

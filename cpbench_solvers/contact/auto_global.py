@@ -112,8 +112,7 @@ def _left(finer: Budget, counters: Mapping[str, int], budget: Budget, end: float
 def _locally(
     solver: Solver, prepared: PreparedCondensed, budget: Budget, start: Any | None, record: Record | None
 ) -> SolverOutput:
-    """Solve the condensed problem more finely than is asked for, and again where the lifted answer is not good
-    enough."""
+    """Solve the condensed problem more finely than is asked for, again where the lifted answer is not good enough."""
     small, end = prepared.condensed, budget.deadline()
     begin = None if start is None else FCPoint(start.r)
     passing = None if record is None else lambda done, error, local: record(done, error, lambda: small.lift(local()))

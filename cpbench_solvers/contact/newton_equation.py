@@ -74,8 +74,7 @@ class ContactEquation:
             self._blocks = np.ascontiguousarray(blocks.data.swapaxes(1, 2))
 
     def near(self, centre: Vector, alpha: float) -> ContactEquation:
-        """Return the equation of W′ + αI and q′ − α·centre: that of the proximal point of `centre`; shares the
-        matrix."""
+        """Return the equation of W′ + αI and q′ − α·centre, of the proximal point of `centre`; shares the matrix."""
         other = copy.copy(self)
         other._alpha, other._centre = alpha, centre
         return other

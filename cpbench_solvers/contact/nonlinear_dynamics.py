@@ -148,8 +148,7 @@ def _linear_step(
     budget: Budget,
     counters: dict[str, int],
 ) -> NFCPoint | None:
-    """Return (v, r) of the problem linearized at `point`, whatever the inner solver says of it; None where there is
-    none."""
+    """Return (v, r) of the problem linearized at `point`, whatever the inner solver claims; None without one."""
     linear = problem.linearized(point.v)
     if tau > 0.0:
         D = sp.diags_array(tau * row_sizes(linear.M))

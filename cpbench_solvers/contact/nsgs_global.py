@@ -28,8 +28,7 @@ LARGEST = 256
 
 
 def whitening(M: Sparse) -> Sparse:
-    """Return L⁻¹ of M = LLᵀ over the components of M; raises numpy.linalg.LinAlgError when one is not positive
-    definite."""
+    """Return L⁻¹ of M = LLᵀ by components of M; raises numpy.linalg.LinAlgError when one is not positive definite."""
     parts = diagonal_blocks(M, LARGEST)
     lower = [Blocks(part.unknowns, np.tril(np.linalg.inv(np.linalg.cholesky(part.values)))) for part in parts]
     return assembled(lower, M.shape)

@@ -128,8 +128,7 @@ class ContactParts:
 
 
 def claimed(point: Any, counters: dict[str, int], failed: list[tuple[int, SolverOutput]], count: int) -> SolverOutput:
-    """Return the answer of `count` parts, solved where all are; `failed` : those that are not, each with the number of
-    its contacts."""
+    """Return the answer of `count` parts, solved where all are; `failed` : contacts and output of the others."""
     if not failed:
         return solved(point, counters)
     contacts, output = failed[0]

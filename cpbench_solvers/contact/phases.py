@@ -164,8 +164,7 @@ class Phases:
         return sweeps.done - before
 
     def _started(self) -> AcceleratedSweeps:
-        """Start from the best point; after a failure without acceleration, after the next from nothing in a drawn
-        order."""
+        """Start from the best point; after a failure unaccelerated, after the next from nothing in a drawn order."""
         rows, times = self._contacts.rows, self._starts
         begun = 1.0 if times and times % 2 == 0 else self.error
         self._progress = replace(self._progress, sweeps=0, begun=begun, error=begun)

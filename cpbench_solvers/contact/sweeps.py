@@ -123,8 +123,7 @@ class Sweeps:
         self._measured = np.array([np.inf, np.inf, 0.0])
 
     def sweep(self, r: Vector, count: int, tolerance: float) -> float:
-        """Return the judged error of r, changed in place, after `count` sweeps or as soon as it is at most
-        `tolerance`."""
+        """Sweep in place on r until its judged error, which is returned, is at most `tolerance`, or `count` times."""
         rows, state = self._rows, np.array([0, count, 0, 0, 0, 0])  # the error is evaluated at the end
         iterate, kept = (r, self._lam, rows.order), (self._measured, *self._log, self._best)
         self._sweeps(*rows.law, *iterate, 1.0, False, tolerance, count, state, *kept)

@@ -56,8 +56,7 @@ def _dot(a, b):
 
 @njit(error_model="numpy")
 def _least_squares(gram, count, last, L, diagonal, gamma):
-    """Compute γ of the columns `last`, `last` − 1, … (cyclic), by LDLᵀ of their Gram matrix; `gamma` comes with
-    ⟨Δf_j, f⟩."""
+    """Turn ⟨Δf_j, f⟩ in `gamma` into γ of the columns `last`, `last` − 1, … (cyclic), by LDLᵀ of their Gram matrix."""
     size = gram.shape[0]
     for j in range(count):
         at = (last - j) % size
@@ -137,8 +136,7 @@ def _follow(state, residual, before, memory, r, g, f, g_old, f_old, root, table)
 
 @njit(error_model="numpy")
 def _no_contact_closes(q, dimension):
-    """Return whether the error of r = 0 is exactly 0: no free velocity is towards the obstacle, so that every û is
-    in K*."""
+    """Return whether the error of r = 0 is exactly 0: no free velocity closes a contact, so every û is in K*."""
     closing = False
     for k in range(0, q.size, dimension):
         closing = closing or q[k] < 0.0

@@ -59,8 +59,7 @@ def count(indptr, indices, width, apart, start):
     **KEPT,
 )
 def fill(indptr, indices, data, width, apart, down, right, start, column, blocks):
-    """Write the blocks that `count` counted: columns, and entries that lie `down` and `right` apart in `blocks` of
-    zeros."""
+    """Write the columns of the blocks that `count` counted, and their entries, `down` and `right` apart, over zeros."""
     nc = start.size - 1
     d = (indptr.size - 1) // nc
     at, end = np.empty(d, np.int64), np.empty(d, np.int64)
@@ -84,8 +83,7 @@ def fill(indptr, indices, data, width, apart, down, right, start, column, blocks
 
 @njit(void(BLOCKS, float64[:, ::1]), **KEPT)
 def one_contact_constants(D, local):
-    """Write the twelve numbers of every contact that `gauss_seidel` names, from the diagonal blocks, shape (nc, 3,
-    3)."""
+    """Write the twelve numbers of every contact that `gauss_seidel` names, from the diagonal blocks, (nc, 3, 3)."""
     for i in range(D.shape[0]):
         top = 0.0
         for t in range(3):
@@ -183,8 +181,7 @@ def from_dense(W, start, column, blocks, diagonal, local, rho):
     **COMPILED,
 )
 def from_sparse(indptr, indices, data, start, column, blocks, diagonal, local, rho):
-    """Write what `from_dense` does from a matrix in CSR whose blocks `count` has counted, into `blocks` and `diagonal`
-    of zeros."""
+    """Write as `from_dense` does, from CSR whose blocks `count` has counted, into `blocks` and `diagonal` of zeros."""
     d = diagonal.shape[1]
     down, right = (1, d) if d == 3 else (d, 1)
     fill(indptr, indices, data, d, True, down, right, start, column, blocks)

@@ -16,8 +16,7 @@ from cpbench_solvers.kernels.vectors import finite
 
 @njit("int64(float64[::1], float64[::1], float64[::1], int64[::1], float64, int64[::1], float64, float64)", **COMPILED)
 def blocking(col, rhs, upper, basic, own, ties, pivot_tolerance, tie_tolerance):
-    """Return how many rows block the entering variable, the rows in `ties`, n for its own upper bound `own`; -1 -
-    row where z_0 is among them."""
+    """Count the rows that block the entering variable, in `ties`, n for its bound `own`; -1 - row where z_0 does."""
     n = rhs.size
     best, first = own, n
     for i in range(n):

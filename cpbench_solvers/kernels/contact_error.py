@@ -113,8 +113,7 @@ def _lengths(q, rho, r, dimension):
 def looked(
     start, column, blocks, diagonal, q, mu, rho, r, dimension, state, until, change, tolerance, measured
 ):  # fmt: skip
-    """Return (whether the error of r is known, the error): always where it is time, else where it is small. change :
-    of the sweep that made r."""
+    """Return (whether the error of r is known, the error): where it is time or small. change : of the last sweep."""
     it, square = state[ITERATION], tolerance * tolerance
     natural_most = energy_most = np.inf
     if it < state[NEXT_CHECK] and it != until:

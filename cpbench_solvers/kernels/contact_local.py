@@ -81,8 +81,7 @@ def project_often(D, w, mu, rho, r, room):
 
 @njit(error_model="numpy")
 def newton(D, w, mu, rho, r, room, A, B, J):
-    """Take damped Newton steps on the function of Alart and Curnier from r, in place; False where they do not
-    converge."""
+    """Take damped Newton steps on Alart and Curnier's function from r, in place; False without convergence."""
     u, phi, d, trial, e = room[0], room[1], room[2], room[3], room[4]
     _velocity(D, w, r, u)
     projections(False, r, u, mu, rho, rho, phi, A, B, e)

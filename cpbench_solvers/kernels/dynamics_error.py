@@ -1,5 +1,4 @@
-"""The error of an answer to a global contact problem: that of the norms, and what every connected part feels
-(`dynamics_rows`)."""
+"""The error of an answer to a global contact problem: of norms, and of every connected part (`dynamics_rows`)."""
 
 import numpy as np
 from numba import boolean, float64, njit, types

@@ -86,7 +86,7 @@ def sweeps_3d(
     start, column, blocks, diagonal, local, q, mu, rho, r, lam, order, omega, shuffle,
     tolerance, until, state, measured, log_iteration, log_error, best,
 ):  # fmt: skip
-    """Return sweep, in place on r, until the judged error is at most `tolerance` or `until` sweeps are done.
+    """Sweep, in place on r, until the judged error is at most `tolerance` or `until` sweeps are done.
 
     Parameters
     ----------

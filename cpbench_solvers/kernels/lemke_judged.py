@@ -28,8 +28,7 @@ def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
 
 @njit(float64(MATRIX), cache=True, nogil=True)
 def spread(M):
-    """Return by how much the largest entries of the rows differ, or those of the columns; those without any do not
-    count."""
+    """Return by how much the largest entries of rows, or of columns, differ; rows and columns of zeros do not count."""
     n = M.shape[0]
     column = np.zeros(n)
     low, high = np.inf, 0.0

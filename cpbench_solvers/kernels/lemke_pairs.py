@@ -32,8 +32,7 @@ def least_served(M, r):
 
 @njit(types.boolean(MATRIX, DATA, int64, int64, MATRIX, float64[::1], float64[::1], float64[::1]), **COMPILED)
 def transform(M, q, r, i, T, t, row_unit, column_unit):
-    """Write M' and q' of the basis {r, i}, rows divided by row_unit and columns multiplied by column_unit; False where
-    its block is singular."""
+    """Write M' and q' of the basis {r, i}, rows over row_unit, columns times column_unit; False if singular."""
     n = q.size
     a, b, c, d = M[r, r], M[r, i], M[i, r], M[i, i]
     size, det = abs(a * d) + abs(b * c), a * d - b * c

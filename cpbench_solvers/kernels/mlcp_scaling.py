@@ -1,5 +1,4 @@
-"""The scaled data of a dense MLCP in one call, as `cpbench_solvers.mlcp.claims.scale` has them: small problems
-would take longer to scale than to solve."""
+"""The data of `mlcp.claims.scale` for a dense MLCP in one call: small ones would take longer to scale than to solve."""
 
 import math
 

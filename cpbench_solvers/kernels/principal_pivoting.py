@@ -110,8 +110,7 @@ def _most_negative(y, x, swapped, zero):
 
 @njit(_STATE, **COMPILED)
 def keller(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
-    """Return lower ½zᵀMz + qᵀz, M symmetric, along z_r with w_r < 0, keeping z ≥ 0, until no w is negative (Keller
-    1973).
+    """Lower ½zᵀMz + qᵀz, M symmetric, along z_r with w_r < 0, keeping z ≥ 0, until no w is negative (Keller 1973).
 
     Only z that are basic, and w_r itself, can block: T restricted to them stays positive definite. Parameters as
     `murty`; between calls x is 0 but for the pair in hand.

@@ -37,8 +37,7 @@ _LAW = (START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA)
 
 @njit(float64(*_LAW, DATA), **KEPT)
 def judged(start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, r):
-    """Return max(natural, energy, opening) of `cpbench.formulations.contact.contact_residuals`; NaN when anything
-    is."""
+    """Return max(natural, energy, opening) of `formulations.contact.contact_residuals`; NaN when anything is."""
     d = q.size // mu.size
     v, u, zero, x = np.empty(d), np.empty(d), np.zeros(d), np.empty(d - 1)
     plain_r, plain_u, plain_q = np.empty(d), np.empty(d), np.empty(d)
@@ -79,8 +78,7 @@ def sweeps(
     start, column, blocks, diagonal, q, mu, mu_r, rho, lengths, schur, to_tangent, to_normal, scalars,
     r, best, warm, order, omega, shuffle, tolerance, until, state, measured, watched,
 ):  # fmt: skip
-    """Return sweep, in place on r, until its judged error is at most `tolerance`, no number, or `until` sweeps are
-    done; less where contacts are hard.
+    """Sweep in place on r to a judged error of at most `tolerance`, NaN, or `until` sweeps; less for hard contacts.
 
     Parameters
     ----------

@@ -1,5 +1,4 @@
-"""A Delassus matrix with rolling friction to rows of blocks, moments in units of lengths, and the constants of the
-one-contact problems."""
+"""A Delassus matrix with rolling friction to rows of blocks, moments in lengths; one-contact constants."""
 
 import numpy as np
 from numba import boolean, float64, njit, uint32, uint64, void

@@ -188,8 +188,7 @@ def _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots):
 
 @njit(error_model="numpy")
 def _slide(S, h, shift, free, b, mu, mu_r, kap, x, dx, A, pivots):
-    """Return (found, λ) for a given κ, by bisection; there is none where r_N < 0 for λ → ∞, which is where κ is too
-    small."""
+    """Return (found, λ) for a given κ, by bisection; none where r_N < 0 for λ → ∞: where κ is too small."""
     regular, rn, t, _ = _at(S, h, shift, free, b, mu, mu_r, 0.0, kap, x, dx, A, pivots)
     if not regular:
         return False, 0.0
@@ -243,8 +242,7 @@ def _nested(S, h, shift, free, b, mu, mu_r, x, dx, A, pivots):
 
 @njit(error_model="numpy")
 def one_contact(S, h, shift, monotone, free, b, mu, mu_r, warm, x, dx, A, pivots):
-    """Return (found, by Newton, r_N), with x = (r_T, m) and `warm` = (λ, κ) in place. h = D_NX/D_NN, free =
-    −v_N/D_NN."""
+    """Return (found, by Newton, r_N); x = (r_T, m), `warm` = (λ, κ) in place. h = D_NX/D_NN, free = −v_N/D_NN."""
     found, rn, lam, kap = _newton(S, h, shift, free, b, mu, mu_r, warm, x, dx, A, pivots)
     easy = found
     if not found and monotone:

@@ -65,8 +65,7 @@ def sweeps_sparse(start, rows, values, diagonal, q, z, w, z_unit, omega, symmetr
 
 @njit(float64(DATA_2D, DATA, DATA, float64, VECTOR), fastmath=FAST, **KEPT)
 def afresh_dense(columns, q, z, z_unit, w):
-    """Return w = Mz + q without what sweeps have left in it, from the columns that z needs; returns the judged
-    error."""
+    """Write w = Mz + q without the rounding of sweeps, from the columns that z needs; return the judged error."""
     put(w, q)
     for i in range(q.size):
         if z[i] != 0.0:

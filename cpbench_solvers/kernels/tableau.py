@@ -20,8 +20,7 @@ CODES = 8
 
 @njit(int64(ANY_ORDER, float64[::1], int64[::1]), **COMPILED)
 def first_row(M, q, ties):
-    """Return the row where q is least; among ties the r whose z_r, raised until w_r = 0, lifts the other w most (Σ_j
-    M_jr/M_rr).
+    """Return the row of the least q; of ties the r whose z_r, raised to w_r = 0, lifts w most (Σ_j M_jr/M_rr).
 
     On the worst cases of Murty and Fathi every row ties, and the first or the last of them costs 2ⁿ pivots.
     """
@@ -93,8 +92,7 @@ def kept(column, col, ties, count, value, unit, tie_tolerance):
 
 @njit("int64(float64[::1], int64[::1], int64)", **COMPILED)
 def largest(col, ties, count):
-    """Return ties that survive every column can only come from rounding: the largest pivot element is then the
-    safest."""
+    """Return the row of the largest pivot, the safest: ties that survive every column can only come from rounding."""
     r = ties[0]
     for t in range(1, count):
         if col[ties[t]] > col[r]:

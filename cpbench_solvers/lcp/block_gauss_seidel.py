@@ -31,8 +31,7 @@ class BlockGSOptions(PGSOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class DiagonalBlocks(MatrixColumns):
-    """M by columns, with its diagonal blocks. `blocks` : the diagonal blocks of `size` unknowns by rows, one after
-    the other."""
+    """M by columns, with its diagonal blocks. `blocks` : of `size` unknowns each, by rows, one after the other."""
 
     size: int
     blocks: Vector

@@ -62,8 +62,7 @@ class ChangingBasis:
         return self._solution if np.isfinite(self._solution).all() else None
 
     def _bordered(self, inside: np.ndarray[Any, Any], size: int) -> Vector | None:
-        """Return z_F in the order of F; None without a factor of a near basis, or where the Schur complement is
-        singular."""
+        """Return z_F, ordered as F; None without a factor of a near basis, or for a singular Schur complement."""
         factor, M = self._base, self._M
         if factor is None:
             return None

@@ -98,8 +98,7 @@ def refined(M: Matrix, q: Vector, z: Vector, active: np.ndarray[Any, Any]) -> Ve
 
 
 def guessed(lcp: ScaledLCP, z: Vector) -> np.ndarray[Any, Any]:
-    """Return components that are positive in the solution near to z: where z > w; a rounding error above 0 is no
-    sign."""
+    """Return the components that are positive in the solution near to z: where z > w, for rounding may be above 0."""
     return z > lcp.M @ z + lcp.q
 
 
@@ -144,8 +143,7 @@ _PARTS: WeakKeyDictionary[LCP, tuple[NDArray[np.int64], Vector]] = WeakKeyDictio
 
 
 def parts(problem: LCP) -> tuple[NDArray[np.int64], Vector]:
-    """Return, for every row, the number of its connected part of M, and for every column 1 over its norm: found once
-    for a problem."""
+    """Return the connected part of M of every row, and 1 over the norm of every column; found once for a problem."""
     if (result := _PARTS.get(problem)) is None:
         kernel, M, n = load("cpbench_solvers.kernels.row_errors"), problem.M, problem.q.size
         part, share = result = _PARTS[problem] = np.empty(n, np.int64), np.empty(n)
@@ -160,8 +158,7 @@ def parts(problem: LCP) -> tuple[NDArray[np.int64], Vector]:
 
 
 def error_of(problem: LCP, z: Vector) -> float:
-    """Return the larger one of the judged error and of the errors of rows (`row_errors`), infinite for an answer that
-    is not finite."""
+    """Return the judged error or, if larger, that of a row (`row_errors`); infinite where z is not finite."""
     M, q, unit, kernel = problem.M, problem.q, problem.z_unit, load("cpbench_solvers.kernels.lcp_error")
     if isinstance(M, np.ndarray):
         error = compiled(kernel.error_dense)(M, q, z, unit, *parts(problem))

@@ -104,8 +104,7 @@ def minimize(
     point: Callable[[Vector], Any],
     record: Record | None,
 ) -> MinimizationResult:
-    """Take steps until the error is at most the tolerance; it is measured where the projected gradient says that
-    it may be, and after every chunk."""
+    """Take steps until the error, measured in every chunk and where the gradient is small, is within the tolerance."""
     kernel = load("cpbench_solvers.kernels.mprgp")
     n = box.q.size
     matrix = box.start, box.column, box.values
@@ -218,8 +217,7 @@ _spec = partial(SolverSpec, node="lcp", method="projection", traits=ITERATIVE, o
 
 @register
 class MPRGP(_OnLCP):
-    """A face is expanded by a step of fixed length along the free gradient: the rate of convergence depends on the
-    condition number alone."""
+    """Faces are expanded by steps of fixed length along the free gradient: the rate depends on the condition alone."""
 
     projected = False
     spec: ClassVar[SolverSpec] = _spec(

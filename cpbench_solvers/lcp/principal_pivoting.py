@@ -1,7 +1,7 @@
 """Principal pivoting on an LCP: w_i and z_i change places, one pair or two at a time, until nothing is negative.
 
 What the methods share (the tableau, a warm start from any complementary basis, the proof in a row of the tableau),
-and the method of Cottle and Dantzig; `murty` and `keller` are the others.
+and the methods of Cottle and Dantzig and of Murty; `keller` is the other.
 """
 
 from __future__ import annotations
@@ -172,8 +172,7 @@ class PrincipalPivoting(Solver):
     def _without_solution(
         self, kernel: Any, outcome: int, prepared: ScaledLCP, tableau: Tableau, budget: Budget, counters: dict[str, int]
     ) -> SolverOutput:
-        """Claim infeasible where a row of the tableau, or a linear program after a ray, proves it; else what
-        happened."""
+        """Claim infeasible where a row of the tableau, or a linear program after a ray, proves it; else say why."""
         problem, pivots = prepared.problem, counters["iterations"]
         if outcome in (kernel.RAY, kernel.NOT_IN_CLASS):
             certificate = tableau.combination()
@@ -224,3 +223,21 @@ class CottleDantzig(PrincipalPivoting):
     )
     loop = "cottle_dantzig"
     promise = "sufficient"
+
+
+@register
+class Murty(PrincipalPivoting):
+    """Any complementary basis will do, feasible or not, so every start is a warm one.
+
+    Finite for P-matrices, though 2ⁿ pivots are possible (Murty 1978). For others it meets a diagonal entry that is
+    not positive, or comes back to a basis it has seen and runs into the limit of pivots.
+    """
+
+    spec: ClassVar[SolverSpec] = pivoting_spec(
+        name="murty",
+        summary="Murty's least-index principal pivoting, for P-matrices",
+        citation="Murty 1974, Linear Algebra Appl. 9:65; Cottle, Pang and Stone 2009, section 4.2",
+        by_default=False,
+    )
+    loop = "murty"
+    promise = "a P-matrix"

@@ -111,8 +111,7 @@ _spec = partial(SolverSpec, node="lcp", method="semismooth Newton", traits=ITERA
 
 @register
 class NewtonMin(_NewtonLCP):
-    """Steps to the basic solution of {w < z}: one factorization of M_FF each, finite on P-problems once F is right. The
-    merit is Fischer and Burmeister's."""
+    """Steps to the basic solution of {w < z}, finite on P-problems near it; the merit is Fischer and Burmeister's."""
 
     psi = staticmethod(minimum)
     merit = staticmethod(fischer_burmeister)
@@ -126,8 +125,7 @@ class NewtonMin(_NewtonLCP):
 
 @register
 class NewtonFB(_NewtonLCP):
-    """Newton's method on z + w − √(z² + w²), whose merit is differentiable and, for P₀-matrices, stationary in
-    solutions only."""
+    """Newton's method on z + w − √(z² + w²): a smooth merit, for P₀-matrices stationary in solutions only."""
 
     psi = merit = staticmethod(fischer_burmeister)
     spec: ClassVar[SolverSpec] = _spec(
@@ -139,8 +137,7 @@ class NewtonFB(_NewtonLCP):
 
 @register
 class NewtonPFB(_NewtonLCP):
-    """Newton's method on the penalized function, whose level sets are bounded for all monotone problems with an
-    interior point."""
+    """Newton's method on the penalized function: bounded level sets if M is monotone with an interior point."""
 
     psi = merit = staticmethod(penalized)
     spec: ClassVar[SolverSpec] = _spec(
@@ -153,8 +150,7 @@ class NewtonPFB(_NewtonLCP):
 
 @register
 class NewtonEP(_NewtonLCP):
-    """Newton's method on zw − ½ min(0, z + w)², differentiable, with a singular Jacobian where z_i = w_i = 0: linear
-    there."""
+    """Newton's method on zw − ½ min(0, z + w)², smooth, with a singular Jacobian where z_i = w_i = 0: linear there."""
 
     psi = merit = staticmethod(evtushenko_purtov)
     spec: ClassVar[SolverSpec] = _spec(

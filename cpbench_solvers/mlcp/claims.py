@@ -56,8 +56,7 @@ class ScaledMLCP:
         return np.concatenate([point.u, np.maximum(point.v, 0.0)]) / self.unit
 
     def error(self, x: Vector) -> float:
-        """Return the larger one of the judged error and of the errors of rows (`row_errors`), infinite for an answer
-        that is not finite."""
+        """Return the judged error or, if larger, that of a row (`row_errors`); infinite where x is not finite."""
         K: Any = self.K
         if matrices.is_sparse(K):
             kernel, N = load("cpbench_solvers.kernels.row_errors"), self.k.size
@@ -101,8 +100,7 @@ def scale(problem: MLCP, *, keep_sparse: bool = False) -> ScaledMLCP:
 
 
 def equilibration(K: Any, n: int) -> tuple[Any, Any]:
-    """Return powers of 2 for the rows and columns of K, the first n apart; of a stack of dense K, (k, N, N), each by
-    itself."""
+    """Return powers of 2 for rows and columns of K, the first n apart, or of each dense K of a stack (k, N, N)."""
     sizes: Any = np.abs(K.data) if matrices.is_sparse(K) else np.abs(K)
     row: Any
     column: Any
@@ -206,8 +204,7 @@ def warm_up(solver: Solver, make: Callable[[Dense], Matrix] = np.asarray) -> Non
 
 
 def farkas(prepared: ScaledMLCP, budget: Budget) -> Vector | None:
-    """Return (y_e, y_v) with y_v ≥ 0, Aᵀy_e + Dᵀy_v = 0, Cᵀy_e + Bᵀy_v ≤ 0, aᵀy_e + bᵀy_v < 0 to rounding; None
-    without."""
+    """Return (y_e, y_v ≥ 0) with Aᵀy_e + Dᵀy_v = 0, Cᵀy_e + Bᵀy_v ≤ 0, aᵀy_e + bᵀy_v < 0 to rounding; None without."""
     n, N = prepared.free, prepared.k.size
     columns: Any = prepared.K.T
     y = linear_program.multipliers(

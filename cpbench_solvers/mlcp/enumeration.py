@@ -70,8 +70,7 @@ class MLCPEnumeration(Solver):
 def refined_answers(
     prepared: ScaledMLCP, reduction: Reduction, found: Enumeration, budget: Budget
 ) -> list[tuple[float, Vector]]:
-    """Return error and x of each solution, refined where that is needed; what is none on the whole problem is left
-    out."""
+    """Return error and x of each solution, refined where needed; without what is none on the whole problem."""
     answers: list[tuple[float, Vector]] = []
     for z in found.solutions:
         x = reduction.recover(z)

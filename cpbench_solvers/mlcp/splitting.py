@@ -38,8 +38,7 @@ class PSORMLCPOptions(PGSOptions):
 
 @dataclass(frozen=True)
 class RPGSMLCPOptions(PGSOptions):
-    """Options of rpgs-mlcp. `rho` : what is added to the sizes of the diagonal entries, the data being scaled to
-    size one."""
+    """Options of rpgs-mlcp. `rho` : added to the sizes of the diagonal entries of data scaled to size one."""
 
     rho: float = 0.1
 
@@ -139,8 +138,7 @@ class _Splitting(Solver):
 
 
 def _ordered(scaled: ScaledMLCP) -> ScaledMLCP:
-    """Return the equalities in the order with the largest product of diagonal entries of A, where it has a zero
-    there."""
+    """Order the equalities by the largest product of diagonal entries of A, where it has a zero there."""
     n, K = scaled.free, scaled.K
     A = sparse(K[:n, :n])
     if A.diagonal().all():
@@ -161,8 +159,7 @@ _spec = partial(SolverSpec, node="mlcp", method="splitting", traits=ITERATIVE)
 
 @register
 class PGSMLCP(_Splitting):
-    """A method that converges where [[A, C], [D, B]] is symmetric positive definite, or an H-matrix with such a
-    diagonal."""
+    """A method that converges where K is symmetric positive definite, or an H-matrix with a positive diagonal."""
 
     spec: ClassVar[SolverSpec] = _spec(
         name="pgs-mlcp",

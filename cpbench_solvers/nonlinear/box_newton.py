@@ -82,8 +82,7 @@ class CountedBox:
         return project_box(z, self.lb, self.ub)
 
     def error(self, z: Vector, F: Vector, tolerance: float) -> float:
-        """Return the natural map of z, of which F is F(z), as a whole; where that is within the tolerance, the larger
-        one of its rows."""
+        """Return the natural map of z, F = F(z), as a whole; where that is within the tolerance, its largest row."""
         with np.errstate(all="ignore"):
             error = scaled(norm(box_defect(z, F, self.lb, self.ub)), self.problem.scale)
             if error <= tolerance:
@@ -241,8 +240,7 @@ def run(
 
 
 def _drawn(box: CountedBox, first: Vector, number: int, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
-    """Return a point within the bounds where F is finite, and F there; around the first start and around P(0) in
-    turn."""
+    """Return a point within the bounds where F is finite, and F; around the first start and around P(0) in turn."""
     centre = box.project(np.zeros(box.n)) if number % 2 else first
     for draw in range(DRAWS):
         size = 10.0 ** rng.uniform(*SPREAD) * np.maximum(1.0, np.abs(first))

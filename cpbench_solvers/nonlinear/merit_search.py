@@ -1,5 +1,4 @@
-"""Nonmonotone line search on the merit ½‖Φ‖² (39), and where Newton's direction fails: Levenberg and Marquardt's, or
-the gradient."""
+"""Nonmonotone line search on the merit ½‖Φ‖² (39); Levenberg–Marquardt or gradient steps where Newton's fail."""
 
 from __future__ import annotations
 
@@ -64,13 +63,11 @@ class Descent:
         return MeritPoint(z, F, phi, alpha, beta, merit if math.isfinite(merit) else math.inf)
 
     def gradient(self, at: MeritPoint, J: Matrix) -> Vector:
-        """Return the gradient of the merit: VᵀΦ for any element V of the generalized derivative, where the merit is
-        smooth."""
+        """Return the gradient of the merit, VᵀΦ for any V of the generalized derivative, where it is smooth."""
         return at.alpha * at.phi + J.T @ (at.beta * at.phi)
 
     def newton(self, at: MeritPoint, J: Matrix) -> Vector | None:
-        """Return −V⁻¹Φ, None where V is singular. Rows in which F does not appear (bounds that are met) are solved
-        first."""
+        """Return −V⁻¹Φ, None where V is singular. Rows without F (bounds that are met) are solved first."""
         decided = (at.beta == 0.0) & (at.alpha != 0.0)
         if not decided.any():
             return self.box.solve(_generalized(at.alpha, at.beta, J), -at.phi)

@@ -113,8 +113,7 @@ class VIConditions(Field):
         return self.problem.g(z) if self.problem.g.rows else np.zeros(0)
 
     def _slopes(self, z: Vector) -> tuple[Sparse, Sparse]:
-        """Return derivatives of all rows: those that forces act along (in y, where g has y and z), and the whole
-        ones."""
+        """Return derivatives of all rows: along which forces act (by y, where g has y and z), and the whole ones."""
         g = self.problem.g
         if not g.rows:
             return self._A, self._A
@@ -147,8 +146,7 @@ class VIConditions(Field):
         return E if np.isfinite(E.data).all() else None
 
     def projection(self, x: Vector, at: Vector) -> tuple[Sparse, Sparse]:
-        """Return J ∈ ∂P(x) of the projection P on the set at `at`, and the derivative of P by `at`; 0 for a fixed
-        set."""
+        """Return J ∈ ∂P(x) of the projection on the set at `at`, and its derivative by `at`; 0 for a fixed set."""
         n, problem = self.n, self.problem
         y = x[:n]
         if isinstance(problem, QVI):

@@ -99,8 +99,7 @@ class Field:
         return VIPoint(x) if isinstance(self.problem, VI) else QVIPoint(x)
 
     def first_step(self, z: Vector, F: Vector) -> float:
-        """Return 1/L, L the change of F over a short way from z, in the direction that a step takes; 1 where it is
-        none."""
+        """Return 1/L, L the change of F over a short way from z, in the direction of a step; 1 without a change."""
         size = norm(F)
         if not size:
             return 1.0

@@ -15,8 +15,7 @@ from cpbench.foundation.matrices import Vector
 
 
 class Reformulation:
-    """Φ for bounds lb ≤ z ≤ ub: Fᵢ where there is none, ψ for one, Billups' composition for two, zᵢ − lbᵢ where they
-    are equal."""
+    """Φ for lb ≤ z ≤ ub: Fᵢ without a bound, ψ for one, Billups' composition for two, zᵢ − lbᵢ for equal ones."""
 
     def __init__(self, lb: Vector, ub: Vector) -> None:
         self.fixed: NDArray[np.bool_] = lb == ub

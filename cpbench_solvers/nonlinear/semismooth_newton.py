@@ -55,8 +55,7 @@ class SemismoothMethod(StepwiseDescent):
         self._psi, self._same, self._project = psi, psi is merit, options.project
 
     def begin(self, z: Vector, F: Vector, strategy: int) -> None:
-        """Begin; the other strategy is to leave the bounds where `project` stays within them, and the other way
-        round."""
+        """Begin; the other strategy leaves the bounds where `project` stays within them, and the other way round."""
         self.descent.project = self._project != bool(strategy)
         super().begin(z, F, strategy)
 
@@ -87,8 +86,7 @@ _spec = partial(SolverSpec, node="micp", method="semismooth Newton", traits=ITER
 
 @register
 class SemismoothNewtonMin(SemismoothNewton):
-    """Newton's method on the natural map, whose Newton steps are those of an active set; the merit is Fischer and
-    Burmeister's."""
+    """Newton's method on the natural map: steps of an active set, the merit of Fischer and Burmeister."""
 
     psi = staticmethod(minimum)
     merit = staticmethod(fischer_burmeister)
@@ -126,8 +124,7 @@ class SemismoothNewtonPFB(SemismoothNewton):
 
 @register
 class SemismoothNewtonEP(SemismoothNewton):
-    """Newton's method on a differentiable function, whose Jacobian is singular where zᵢ = Fᵢ = 0: linear convergence
-    there."""
+    """Newton's method on a smooth function with a singular Jacobian where zᵢ = Fᵢ = 0: linear convergence there."""
 
     psi = merit = staticmethod(evtushenko_purtov)
     spec: ClassVar[SolverSpec] = _spec(

@@ -23,8 +23,7 @@ KORPELEVICH = "Korpelevich 1976, Matecon 12; Khobotov 1987, USSR Comput. Math. M
 
 @dataclass(frozen=True)
 class ExtragradientOptions(VIProjectionOptions):
-    """Options of the methods of this module. `share` : γL must be at most this, below 1. `growth` : of γ after a
-    step that was much shorter than allowed."""
+    """Options of the methods here. `share` : the largest γL, below 1. `growth` : of γ after a much shorter step."""
 
     share: float = 0.9
     growth: float = 1.5

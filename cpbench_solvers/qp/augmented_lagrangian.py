@@ -169,8 +169,7 @@ class _Multipliers(Solver):
 
     @staticmethod
     def _proved(problem: QP, form: ScaledQP, dx: Vector, dy: Vector, counters: dict[str, int]) -> SolverOutput | None:
-        """Return what a step of the centre and of the multipliers proves, when they go on and on (Banjac et al.
-        2019)."""
+        """Return what a step of centre and multipliers proves when they go on and on (Banjac et al. 2019)."""
         n, m = form.g.size, problem.b.size
         rows = dy[n:] * form.E
         found = infeasible(problem, rows[:m], rows[m:], counters) if max_abs(dy) > 1.0 else None

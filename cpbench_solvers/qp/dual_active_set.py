@@ -89,8 +89,7 @@ class ActiveSet:
         return self._kernel.advance(*iterate, *kept, until, CHUNK, self._tolerance)
 
     def climb(self, limit: int, deadline: float, watch: Callable[[], object] | None) -> int:
-        """Return one of the outcomes: LIMIT after `limit` passes in all, or when time is out. Calls `watch` now and
-        then."""
+        """Return an outcome, LIMIT after `limit` passes in all or when time is out; calls `watch` now and then."""
         while True:
             done = self.passes
             until = limit if watch is None else min(limit, done + 1 + done // SHARE)

@@ -118,8 +118,7 @@ _spec = partial(SolverSpec, node="qp", method="projection", traits=ITERATIVE, op
 
 @register
 class MPRGPOnQP(_OnBox):
-    """Modified proportioning with reduced gradient projections: a face is expanded by a step of fixed length along the
-    free gradient."""
+    """Modified proportioning: a face is expanded by a step of fixed length along the free gradient."""
 
     projected = False
     spec: ClassVar[SolverSpec] = _spec(

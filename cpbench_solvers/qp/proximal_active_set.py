@@ -48,16 +48,14 @@ class ProximalActiveSetOptions:
 
 
 def fits_one_call(n: int, rows: int) -> bool:
-    """Return whether one compiled call factorizes and solves with all rows in less time than a look at the clock may
-    take."""
+    """Return whether one compiled call factorizes and solves with all rows between two looks at the clock."""
     return n * n * (n + rows) <= CHUNK
 
 
 def in_one_call(
     problem: QP, tolerance: float, options: ProximalActiveSetOptions, limit: int | None = None
 ) -> SolverOutput | None:
-    """Return the answer that one compiled call finds, or that Q is not convex, or the best after `limit` passes; None
-    where it does not end so."""
+    """Return the answer of one compiled call, that Q is not convex, or the best after `limit` passes; else None."""
     P, (n, m, k) = problem, (problem.p.size, problem.b.size, problem.d.size)
     x, error, counts = np.zeros(2 * n + m + k), np.empty(1), np.zeros(4, dtype=np.int64)
     z, lam, mu, nu = x[:n], x[n : n + m], x[n + m : n + m + k], x[n + m + k :]
