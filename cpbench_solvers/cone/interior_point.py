@@ -108,11 +108,8 @@ class CentralPath:
             return v
         return v + (1.0 - margin) * self._e
 
+    @np.errstate(all="ignore")
     def step(self) -> str | None:
-        with np.errstate(all="ignore"):
-            return self._step()
-
-    def _step(self) -> str | None:
         cones, s, y = self._cones, self._s, self._y
         scaling = GroupScaling.of(cones, s, y)
         lam = scaling.lam
@@ -219,8 +216,7 @@ _spec = partial(
 
 @register
 class InteriorPointCone(_InteriorPoint):
-    """Ten to twenty iterations for Q ⪰ 0 where there is a point inside of K. The last digits by Newton's method on
-    the natural map."""
+    """Ten to twenty iterations for Q ⪰ 0 with a point inside K; the last digits by Newton on the natural map."""
 
     spec: ClassVar[SolverSpec] = _spec(
         name="interior-point-coneqp",

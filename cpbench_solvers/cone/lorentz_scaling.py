@@ -111,7 +111,7 @@ class GroupScaling:
 
     @classmethod
     def of(cls, cones: LorentzCones, s: Vector, y: Vector) -> GroupScaling:
-        """Return s and y inside their cones."""
+        """Return the scaling of s and y, inside their cones."""
         points: list[Dense] = []
         etas: list[Vector] = []
         lam = np.zeros(cones.rows)
@@ -127,17 +127,15 @@ class GroupScaling:
         lam[:] = scaling.times(y)
         return scaling
 
-    def times(self, v: Vector, *, inverse: bool = False) -> Vector:
-        """Return wv, or W⁻¹v; 0 in rows of {0}."""
+    def times(self, v: Vector) -> Vector:
+        """Return Wv; 0 in rows of {0}."""
         result = np.zeros(self.cones.rows)
-        sign = -1.0 if inverse else 1.0
         for rows, w, eta in zip(self.cones.groups, self.w, self.eta, strict=True):
             x = v[rows]
             along = np.einsum("ij,ij->i", w[:, 1:], x[:, 1:])
-            scale = 1.0 / eta if inverse else eta
-            moved = x + (sign * x[:, 0] + along / (1.0 + w[:, 0]))[:, None] * w
-            moved[:, 0] = w[:, 0] * x[:, 0] + sign * along
-            result[rows] = scale[:, None] * moved
+            moved = x + (x[:, 0] + along / (1.0 + w[:, 0]))[:, None] * w
+            moved[:, 0] = w[:, 0] * x[:, 0] + along
+            result[rows] = eta[:, None] * moved
         return result
 
     def squared(self) -> Sparse:

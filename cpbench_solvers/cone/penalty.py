@@ -19,8 +19,7 @@ class StepPenalty:
 
     Attributes
     ----------
-    rho : ρ. least, most : its bounds. longer : by how much longer each new ρ must stay than the one before. balance :
-    whether ρ changes at all.
+    rho : ρ. least, most : its bounds. longer : how much longer each new ρ must stay. balance : whether ρ changes.
     """
 
     rho: float

@@ -19,11 +19,8 @@ class PolyhedralError:
 
     def __init__(self, problem: ConeQP) -> None:
         kind = np.repeat(problem.K.kind, problem.K.size.astype(int))
-        self._inequalities, self._equations, free = (
-            np.flatnonzero(kind == cone) for cone in (Cone.NONNEGATIVE, Cone.ZERO, Cone.FREE)
-        )
-        self._free = free
-        rows, equations = self._inequalities, self._equations
+        rows, equations, self._free = (np.flatnonzero(kind == c) for c in (Cone.NONNEGATIVE, Cone.ZERO, Cone.FREE))
+        self._inequalities, self._equations = rows, equations
         program = QP.build(
             problem.Q, problem.p, problem.A[rows], -problem.b[rows], problem.A[equations], -problem.b[equations]
         )

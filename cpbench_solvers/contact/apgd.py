@@ -27,8 +27,7 @@ PATIENCE, PART = 500, 0.25
 
 @dataclass(frozen=True)
 class APGDContactOptions(MethodOptions):
-    """Options of apgd-fc. `hold` : iterations for which De Saxcé's term is kept in the beginning; longer where
-    errors do not fall."""
+    """Options of apgd-fc. `hold` : iterations with the same De Saxcé's term at first; more where no error falls."""
 
     hold: int = 3
     max_iterations: int = 500_000

@@ -55,8 +55,7 @@ class AutoContactOptions:
 @register
 class AutoContact(SolverByParts):
     """Accelerated sweeps first; then, phase by phase, what `policy` says. The message tells the phases and what they
-    reached where there were several. Work is counted, not timed: the way to an answer is the same on every machine,
-    and on a busy one.
+    reached where there were several. Work is counted, not timed: the way to an answer is the same on every machine.
     """
 
     spec: ClassVar[SolverSpec] = contact_spec(

@@ -25,8 +25,7 @@ LOCAL = "auto-fc"
 KERNELS = ("dynamics_rows", "row_errors", "equilibration", "dynamics_error")
 """Compiled loops by which answers in velocities and reactions are measured."""
 FINER = 0.1
-"""Times the tolerance is what is asked for in r at first: in v and r, part by part, the same answer has a few times its
-error."""
+"""Times the tolerance, asked for in r at first: in v and r, part by part, an answer has a few times that error."""
 
 
 @dataclass(frozen=True)

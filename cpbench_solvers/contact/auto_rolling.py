@@ -15,14 +15,12 @@ from cpbench_solvers.contact.parts import worst_part
 ITERATIONS = 200, 800
 """Iterations of ADMM in the first turns; the last ones have the solvers' own limits."""
 SWEEPS, CONTACTS = 2.5, 100
-"""What takes as long as an iteration of ADMM: so many sweeps, or sweeps over so many contacts where that is more, as on
-all problems of less than 40 contacts."""
+"""Sweeps, or contacts swept where that is more (below 40 contacts), that take as long as an iteration of ADMM."""
 
 
 @register
 class AutoRolling(AutomaticChoice):
-    """Sweeps from contact to contact and ADMM by turns of equal work, each from the best point so far, then each for as
-    long as it gains."""
+    """Sweeps and ADMM by turns of equal work, each from the best point so far, then each for as long as it gains."""
 
     spec: ClassVar[SolverSpec] = automatic_spec("rfc", "auto-rfc", "Gauss-Seidel and ADMM by turns")
     members: ClassVar[tuple[str, ...]] = ("nsgs-rfc", "admm-rfc")

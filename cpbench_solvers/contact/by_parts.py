@@ -29,6 +29,7 @@ from cpbench_solvers.contact.parts import (
     Index,
     MeasuredParts,
     PartSolver,
+    PartsProgress,
     claimed,
     connected_parts,
     part_of,
@@ -105,7 +106,7 @@ class SolverByParts(PartSolver):
                 r, spent = begun
                 counters.update(spent)
                 left_over, warm = np.flatnonzero(~(prepared.whole.errors(r) <= SURE * budget.tolerance)), True
-        progress = None if record is None else _Progress(record, prepared, r, budget)
+        progress = None if record is None else _progress(record, prepared, r, budget)
         for k in left_over:
             part = prepared[k]
             begin = FCPoint(r[part.rows]) if warm else None
@@ -151,25 +152,13 @@ class SolverByParts(PartSolver):
         return SolverOutput(claim=Claim.INACCURATE, point=output.point, counters=output.counters, message=message)
 
 
-class _Progress:
-    """The record of a run over all parts: the error is that of the worst part so far."""
+def _progress(record: Record, parts: ContactParts, r: Vector, budget: Budget) -> PartsProgress:
+    every = [parts[k] for k in range(parts.whole.count)]
+    errors = [part.problem.residuals(FCPoint(r[part.rows]), budget.tolerance).error for part in every]
+    now = r.copy()
 
-    def __init__(self, record: Record, parts: ContactParts, r: Vector, budget: Budget) -> None:
-        self._record, self._parts, self._r = record, [parts[k] for k in range(parts.whole.count)], r.copy()
-        points = [FCPoint(r[part.rows]) for part in self._parts]
-        self._errors = [
-            part.problem.residuals(point, budget.tolerance).error
-            for part, point in zip(self._parts, points, strict=True)
-        ]
+    def put(k: int, point: Any) -> FCPoint:
+        now[every[k].rows] = point.r
+        return FCPoint(now)  # a copy
 
-    def of_part(self, k: int, before: int) -> Record:
-        """Return the record of part k, which begins after `before` iterations."""
-
-        def look(done: int, error: float, point: Any) -> None:
-            self._r = self._r.copy()
-            self._r[self._parts[k].rows] = point().r
-            self._errors[k] = error
-            now = self._r
-            self._record(before + done, max(self._errors), lambda: FCPoint(now))
-
-        return look
+    return PartsProgress(record, errors, put)

@@ -1,7 +1,6 @@
 """Solves the connected parts of a global contact problem, linked by M, H and G, one after the other.
 
-Norms over all parts say little of small ones, and factors and penalties that suit one part suit no other where masses
-or loads are far apart.
+Norms over all parts say little of small ones, and factors and penalties suit no two parts of very different masses.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.foundation.matrices import Vector, entries, is_sparse
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench_solvers.contact.dynamics_error import DynamicsError
-from cpbench_solvers.contact.parts import PartSolver, claimed, rows_of
+from cpbench_solvers.contact.parts import PartSolver, PartsProgress, claimed, rows_of
 from cpbench_solvers.contact.sweeps import kernel
 
 Index = NDArray[np.int64]
@@ -105,7 +104,7 @@ def solve_moving(
     first, d = problem.zero_point() if start is None else start, problem.dimension
     now = first.v.copy(), first.r.copy(), first.lam.copy()
     counters, failed = Counter[str](), []
-    progress = None if record is None else _Progress(record, whole, first)
+    progress = None if record is None else _progress(record, whole, first)
     for k, part in enumerate(whole.parts):
         begin = None if start is None else part.start(start, d)
         look = None if progress is None else progress.of_part(k, counters["iterations"])
@@ -138,23 +137,12 @@ class SolverByMovingParts(PartSolver):
         return solve_moving(prepared, budget, start, record, run)
 
 
-class _Progress:
-    """The record of a run over all parts: the error is that of the worst part so far."""
+def _progress(record: Record, whole: MovingParts, point: GFCPoint) -> PartsProgress:
+    now, d = (point.v.copy(), point.r.copy(), point.lam.copy()), whole.problem.dimension
 
-    def __init__(self, record: Record, whole: MovingParts, point: GFCPoint) -> None:
-        self._record, self._whole = record, whole
-        self._now = point.v.copy(), point.r.copy(), point.lam.copy()
-        d = whole.problem.dimension
-        self._errors = [DynamicsError.of(restricted(whole.problem, x))(x.start(point, d)) for x in whole.parts]
+    def put(k: int, own: GFCPoint) -> GFCPoint:
+        whole.parts[k].put(now, own, d)
+        return GFCPoint(*now)  # a copy
 
-    def of_part(self, k: int, before: int) -> Record:
-        """Return the record of part k, which begins after `before` iterations."""
-        d = self._whole.problem.dimension
-
-        def look(done: int, error: float, point: Any) -> None:
-            self._whole.parts[k].put(self._now, point(), d)
-            self._errors[k] = error
-            here = GFCPoint(*self._now)  # a copy
-            self._record(before + done, max(self._errors), lambda: here)
-
-        return look
+    errors = [DynamicsError.of(restricted(whole.problem, x))(x.start(point, d)) for x in whole.parts]
+    return PartsProgress(record, errors, put)

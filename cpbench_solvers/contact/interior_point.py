@@ -94,7 +94,7 @@ class ContactInteriorPoint(ContactMethod):
         solve = matrix.factors(self._blocks)
         if solve is None:
             return "the linear system is singular"
-        kernel.predict(w, scaling, slope, residual, c, right)
+        kernel.predict(w, slope, residual, c, right)
         kernel.correct(y, w, scaling, slope, residual, solve(right), gap, c, right)
         length = kernel.move(y, w, scaling, c, solve(right), self._options.boundary, SHORTEST)
         if np.isnan(length):

@@ -28,8 +28,7 @@ class AlartCurnierNewton(ContactNewton):
 
 @register
 class JeanMoreauNewton(ContactNewton):
-    """The method of newton-alart-curnier; the friction disk has the radius μ(r_N)₊ of the iterate, not that of its
-    projection."""
+    """The method of newton-alart-curnier; the disk has the radius μ(r_N)₊ of the iterate, not of its projection."""
 
     function = ContactFunction.JEAN_MOREAU
     spec: ClassVar[SolverSpec] = newton_spec(

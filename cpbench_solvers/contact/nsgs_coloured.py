@@ -27,8 +27,7 @@ from cpbench_solvers.contact.sweeps import block_rows, conclude, kernel
 
 @dataclass(frozen=True)
 class ColouredOptions(MethodOptions):
-    """Options of nsgs-coloured. `threads` : among which the contacts of a colour are divided; worth it from some ten
-    thousand contacts on."""
+    """Options of nsgs-coloured. `threads` : that share the contacts of a colour, worth it from 10⁴ contacts on."""
 
     threads: int = 1
 

@@ -32,8 +32,7 @@ DENSE = 100
 class PartSolver(Solver):
     """A solver that solves connected parts of a problem by themselves.
 
-    The answer claims to be solved where every part does. A limit of iterations is one of each part, that of time is one
-    of all.
+    The answer is solved where every part is. A limit of iterations is one of each part, that of time one of all.
     """
 
     @abstractmethod
@@ -125,6 +124,26 @@ class ContactParts:
     @cached_property
     def _made(self) -> dict[int, ContactPart]:
         return {}
+
+
+class PartsProgress:
+    """The record of a run over all parts: the error is that of the worst part so far.
+
+    errors : of the parts at first. put : (k, answer of part k) -> the whole answer with it.
+    """
+
+    def __init__(self, record: Record, errors: list[float], put: Callable[[int, Any], Any]) -> None:
+        self._record, self._errors, self._put = record, errors, put
+
+    def of_part(self, k: int, before: int) -> Record:
+        """Return the record of part k, which begins after `before` iterations."""
+
+        def look(done: int, error: float, point: Callable[[], Any]) -> None:
+            now = self._put(k, point())
+            self._errors[k] = error
+            self._record(before + done, max(self._errors), lambda: now)
+
+        return look
 
 
 def claimed(point: Any, counters: dict[str, int], failed: list[tuple[int, SolverOutput]], count: int) -> SolverOutput:

@@ -23,8 +23,7 @@ from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
 
 @dataclass(frozen=True)
 class ContactProjectionOptions(MethodOptions):
-    """Options of extragradient-fc, de-saxce-fixed-point. `rho` : the first step length. `max_iterations` :
-    projections of a trial."""
+    """Options of extragradient-fc, de-saxce-fixed-point. `rho` : the first step. `max_iterations` : trials."""
 
     rho: float = 1.0
     max_iterations: int = 2_000_000

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from cpbench_solvers.kernels.array_types import COMPILED
-from cpbench_solvers.kernels.pivoting import update
+from cpbench_solvers.kernels.pivoting import pivot, update
 from cpbench_solvers.kernels.tableau import COMPLEMENTARY, LIMIT, NOT_FINITE, RAY
 from cpbench_solvers.kernels.vectors import finite
 
@@ -149,21 +149,7 @@ def follow(
         leaving = basic[r]
         # it leaves at its upper bound; the row of the first pivot is that of the least rhs, whatever the sign
         turned = col[r] < 0.0 and state[2] > 1
-        inverse = 1.0 / col[r]
-        step = (rhs[r] - upper[leaving] if turned else rhs[r]) * inverse
-        entered = E[k]
-        for i in range(n):
-            a = col[i]
-            entered[i] = a
-            col[i] = -a * inverse
-            rhs[i] -= a * step
-        if state[2] > 1:  # before, what is negative is the problem's, after it rounding
-            for i in range(n):
-                rhs[i] = max(rhs[i], 0.0)
-        rhs[r] = step
-        entered[r] = inverse
-        # the slot now has the leaving variable: its unit column after this pivot
-        col[r] = inverse
+        pivot(col, rhs, E[k], r, rhs[r] - upper[leaving] if turned else rhs[r], state[2] > 1)
         age[s] = k + 1
         rows[k] = r
         basic[r], nonbasic[s] = entering, leaving

@@ -34,8 +34,7 @@ def _disk(radius, y1, y2, e):
 
 @njit(error_model="numpy")
 def projections(old_radius, x, v, mu, rho_n, rho_t, phi, A, B, e):
-    """Evaluate Φ of Alart and Curnier, or of Jean and Moreau (`old_radius`) at one contact; x, v, phi: (3,), A, B:
-    (3, 3)."""
+    """Evaluate Φ of Alart and Curnier, or Jean and Moreau (`old_radius`), at a contact; x, v, phi (3,), A, B (3, 3)."""
     A[:] = 0.0
     B[:] = 0.0
     y0, y1, y2 = x[0] - rho_n * v[0], x[1] - rho_t * v[1], x[2] - rho_t * v[2]

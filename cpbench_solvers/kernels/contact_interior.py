@@ -117,8 +117,8 @@ def _reduce(c, slope, residual, right):
         right[i * d] -= along
 
 
-@njit(void(ROWS, ROWS, ROWS, DATA, ROWS, VECTOR), **QUICK)
-def predict(w, scaling, slope, residual, c, right):
+@njit(void(ROWS, ROWS, DATA, ROWS, VECTOR), **QUICK)
+def predict(w, slope, residual, c, right):
     """Write c = −w of the predictor, dw = c − Θdy, and the right-hand side of its linear system."""
     nc, d = w.shape
     for i in range(nc):

@@ -22,8 +22,7 @@ def evaluate(kind, x, v, mu, rho, phi, A, B, moves):
 
     Parameters
     ----------
-    x, v, phi : (nc·d,). rho : (nc, 2), ϱ_N and ϱ_T. A, B : (nc, d, d). moves : (nc,) false where φ is x and nothing
-    else.
+    x, v, phi : (nc·d,). rho : (nc, 2), ϱ_N and ϱ_T. A, B : (nc, d, d). moves : (nc,) false where φ is just x.
     """
     nc = mu.size
     d = x.size // max(nc, 1)

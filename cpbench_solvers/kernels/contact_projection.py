@@ -12,7 +12,7 @@ import numpy as np
 from numba import int64, njit
 
 from cpbench_solvers.kernels.array_types import DATA, FAST, INDEX, QUICK, VECTOR
-from cpbench_solvers.kernels.frozen_contact import CONE, product, project
+from cpbench_solvers.kernels.frozen_contact import CONE, product, projected_step
 from cpbench_solvers.kernels.vectors import put
 
 FIXED_POINT, EXTRAGRADIENT = 0, 1
@@ -36,18 +36,6 @@ def _shifted(start, column, blocks, q, mu, d, x, F):
         F[f] += mu[i] * np.sqrt(square)  # De Saxcé's shift makes the law a variational inequality over the cones
 
 
-@njit(fastmath=FAST, error_model="numpy")
-def _step(x, rho, F, mu, d, y):
-    """Set y = P_K(x − ρF)."""
-    for i in range(mu.size):
-        f = d * i
-        last = x[f + 2] - rho * F[f + 2] if d == 3 else 0.0
-        n, a, b = project(CONE, x[f] - rho * F[f], x[f + 1] - rho * F[f + 1], last, 0.0, 0.0, 0.0, mu[i], 0.0)
-        y[f], y[f + 1] = n, a
-        if d == 3:
-            y[f + 2] = b
-
-
 @njit(int64(INDEX, INDEX, DATA, DATA, DATA, int64, int64, VECTOR, VECTOR, int64), **QUICK)
 def iterate(start, column, blocks, q, mu, d, method, x, rho, iterations):
     """Make `iterations` in place on x and ρ, shape (1,); return the evaluations of F."""
@@ -57,7 +45,7 @@ def iterate(start, column, blocks, q, mu, d, method, x, rho, iterations):
     for _ in range(iterations):
         ratio = 0.0
         for _ in range(REDUCTIONS):
-            _step(x, rho[0], F, mu, d, y)
+            projected_step(CONE, x, rho[0], F, mu, mu, d, y)  # cones have no radius
             _shifted(start, column, blocks, q, mu, d, y, G)
             evaluations += 1
             way = change = 0.0
@@ -69,7 +57,7 @@ def iterate(start, column, blocks, q, mu, d, method, x, rho, iterations):
                 break
             rho[0] *= SHORTER * min(1.0, 1.0 / ratio)
         if method != FIXED_POINT:
-            _step(x, rho[0], G, mu, d, y)
+            projected_step(CONE, x, rho[0], G, mu, mu, d, y)
             _shifted(start, column, blocks, q, mu, d, y, G)
             evaluations += 1
         put(x, y)

@@ -60,23 +60,14 @@ def product(start, column, blocks, d, x, out):
 
 
 @njit(fastmath=FAST, error_model="numpy")
-def _projected_step(kind, z, step, gradient, mu, radius, d, x):
+def projected_step(kind, z, step, gradient, mu, radius, d, x):
     """Set x = P(z − step·gradient)."""
     for i in range(mu.size):
         f = d * i
         z2 = z[f + 2] if d == 3 else 0.0
         g2 = gradient[f + 2] if d == 3 else 0.0
-        n, a, b = project(
-            kind,
-            z[f] - step * gradient[f],
-            z[f + 1] - step * gradient[f + 1],
-            z2 - step * g2,
-            z[f],
-            z[f + 1],
-            z2,
-            mu[i],
-            radius[i],
-        )
+        y0, y1, y2 = z[f] - step * gradient[f], z[f + 1] - step * gradient[f + 1], z2 - step * g2
+        n, a, b = project(kind, y0, y1, y2, z[f], z[f + 1], z2, mu[i], radius[i])
         x[f], x[f + 1] = n, a
         if d == 3:
             x[f + 2] = b
@@ -87,7 +78,7 @@ def gap(start, column, blocks, kind, p, mu, radius, d, x, Wx, work):
     """Return ‖x − P(x − (Wx + p))‖ / max(‖x‖, ‖Wx + p‖, ‖p‖); Wx and `work` are written."""
     product(start, column, blocks, d, x, Wx)
     gradient = Wx + p
-    _projected_step(kind, x, 1.0, gradient, mu, radius, d, work)
+    projected_step(kind, x, 1.0, gradient, mu, radius, d, work)
     apart = xx = gg = pp = 0.0
     for k in range(x.size):
         apart += (x[k] - work[k]) ** 2
@@ -100,8 +91,7 @@ def gap(start, column, blocks, kind, p, mu, radius, d, x, Wx, work):
 
 @njit(int64(INDEX, INDEX, DATA, int64, DATA, DATA, DATA, int64, VECTOR, VECTOR, VECTOR, VECTOR, VECTOR, int64), **QUICK)
 def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, state, iterations):
-    """Make `iterations` of Nesterov's method from (x, z), all of whose vectors are moved; return the products with
-    W.
+    """Make `iterations` of Nesterov's method from (x, z), moving all vectors; return the products with W.
 
     As `native.cone.apgd`: the step is halved until the quadratic bound holds and grows a little in every
     iteration, the momentum is dropped where it points uphill.
@@ -113,7 +103,7 @@ def accelerate(start, column, blocks, kind, p, mu, radius, d, x, Wx, z, Wz, stat
         for k in range(x.size):
             gradient[k] = Wz[k] + p[k]
         for _ in range(HALVINGS):
-            _projected_step(kind, z, step, gradient, mu, radius, d, new)
+            projected_step(kind, z, step, gradient, mu, radius, d, new)
             product(start, column, blocks, d, new, Wnew)
             products += 1
             bent = square = 0.0

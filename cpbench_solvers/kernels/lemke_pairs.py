@@ -1,8 +1,7 @@
 """Lemke's method on a small LCP from bases of two unknowns, where it ends in a ray from w = q: all in one call.
 
 The basis of a pair (r, i) makes of (M, q) its principal transform (M', q'), with the same solutions: w' = (z_B, w_N)
-and z' = (w_B, z_N) for B = {r, i} (Cottle, Pang and Stone 1992, section 2.3). It is formed as a whole, in units of the
-sizes of z_B and of q.
+and z' = (w_B, z_N) for B = {r, i} (Cottle, Pang and Stone 1992, section 2.3), formed as a whole, in units of z_B and q.
 """
 
 import numpy as np

@@ -56,8 +56,7 @@ def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
 
 @njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA, float64[::1], float64[::1]), **COMPILED)
 def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
-    """Return the larger one of the judged error of unit * x and of the errors of rows. K : (N, N). of_u, of_v :
-    (N,), workspace."""
+    """Return the judged error of unit * x or, if larger, that of a row. K : (N, N). of_u, of_v : (N,), workspace."""
     N = k.size
     for i in range(N):
         first = second = 0.0

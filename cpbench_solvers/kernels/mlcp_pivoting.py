@@ -54,6 +54,18 @@ def _number(N, n, basic, nonbasic, row_of, column_of):
         row_of[k] = column_of[k] = n + k
 
 
+@njit(error_model="numpy")
+def _largest(T, rows, columns, left, tolerance):
+    """Return the largest size of the entries that are left, and its places; -1 where none is above the tolerance."""
+    best, p, q = tolerance, -1, -1
+    for i in range(left):
+        for j in range(left):
+            size = abs(T[rows[i], columns[j]])
+            if size > best:
+                best, p, q = size, i, j
+    return best, p, q
+
+
 @njit(int64(MATRIX, int64, INDEX, INDEX, INDEX, INDEX, float64), **KEPT)
 def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
     """Bring the free unknowns into the basis; what is left is an LCP of the pairs (row_of[k], column_of[k]).
@@ -72,12 +84,7 @@ def reduce(T, n, basic, nonbasic, row_of, column_of, tolerance):
     rows, columns = np.arange(n), np.arange(n)
     left = n
     while left > 0:
-        best, p, q = tolerance, -1, -1
-        for i in range(left):
-            for j in range(left):
-                size = abs(T[rows[i], columns[j]])
-                if size > best:
-                    best, p, q = size, i, j
+        best, p, q = _largest(T, rows, columns, left, tolerance)
         if p >= 0:
             exchange(T, basic, nonbasic, rows[p], columns[q])
         else:
@@ -179,12 +186,7 @@ def exchange_support(T, n, start, basic, nonbasic, row_of, column_of, tolerance)
             count += 1
     columns = rows.copy()
     for left in range(count, 0, -1):
-        best, p, q = tolerance, -1, -1
-        for i in range(left):
-            for j in range(left):
-                size = abs(T[rows[i], columns[j]])
-                if size > best:
-                    best, p, q = size, i, j
+        _, p, q = _largest(T, rows, columns, left, tolerance)
         if p < 0:
             return STUCK
         exchange(T, basic, nonbasic, rows[p], columns[q])

@@ -61,6 +61,26 @@ def update(columns, factor, C, age, slot, E, rows, end):
     age[slot] = end
 
 
+@njit(error_model="numpy")
+def pivot(col, rhs, entered, r, room, later):
+    """Let the column `col` enter in row r, whose variable has `room` to its bound: kept in `entered`, taken from rhs.
+
+    Afterwards `col` is the unit column of the leaving variable. later : not the first pivot.
+    """
+    inverse = 1.0 / col[r]
+    step = room * inverse
+    for i in range(rhs.size):
+        a = col[i]
+        entered[i] = a
+        col[i] = -a * inverse
+        rhs[i] -= a * step
+    if later:  # before the first pivot what is negative is the problem's, after it rounding
+        for i in range(rhs.size):
+            rhs[i] = max(rhs[i], 0.0)
+    rhs[r] = step
+    entered[r] = col[r] = inverse  # E keeps the reciprocal: later updates multiply
+
+
 @njit(
     int64(
         *(ANY_ORDER, float64, float64[:, ::1], int64[::1], float64[:, ::1], int64[::1], float64[::1]),
@@ -118,21 +138,7 @@ def advance(
                         update(columns, factor, C, age, slot, E, rows, k)
                     count = kept(C[max(slot, 0)], col, ties, count, value, -slot - 1, tie_tolerance)
                 r = largest(col, ties, count)
-        inverse = 1.0 / col[r]
-        step = rhs[r] * inverse
-        entered = E[k]
-        for i in range(n):
-            a = col[i]
-            entered[i] = a
-            col[i] = -a * inverse
-            rhs[i] -= a * step
-        if state[2] > 0:  # before the first pivot what is negative is the problem's, after it rounding
-            for i in range(n):
-                rhs[i] = max(rhs[i], 0.0)
-        rhs[r] = step
-        entered[r] = inverse  # E keeps the reciprocal: later updates multiply
-        # the slot now has the leaving variable: its unit column after this pivot
-        col[r] = inverse
+        pivot(col, rhs, E[k], r, rhs[r], state[2] > 0)
         age[s] = k + 1
         rows[k] = r
         leaving, entering = basic[r], nonbasic[s]

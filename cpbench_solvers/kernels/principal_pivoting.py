@@ -67,8 +67,7 @@ def murty(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
     ----------
     T : (n, n) tableau. y, x : (n,) values of the basic and the nonbasic variables. swapped : (n,) which y are z.
     state : pivots done, pair in hand (-1: none), major cycles done, pair that ends the run. row : (n,) workspace.
-    until : pivots to stop at. pivot_tolerance : entries up to this are zero. zero : values above minus this are not
-    negative.
+    until : pivots to stop at. pivot_tolerance : entries up to this are zero. zero : values above minus this are ≥ 0.
     """
     n = y.size
     while True:
@@ -97,8 +96,8 @@ def murty(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
         state[2] += 1
 
 
-@njit("int64(float64[::1], float64[::1], boolean[::1], float64)", cache=True, nogil=True)
-def _most_negative(y, x, swapped, zero):
+@njit("int64(float64[::1], float64[::1], float64)", cache=True, nogil=True)
+def _most_negative(y, x, zero):
     """Return the pair whose basic or nonbasic variable lies lowest, the first of several; -1 where none is negative."""
     least, r = -zero, -1
     for i in range(y.size):
@@ -119,7 +118,7 @@ def keller(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
     while True:
         r = state[1]
         if r < 0:
-            r = _most_negative(y, x, swapped, zero)
+            r = _most_negative(y, x, zero)
             state[1] = r
             if r < 0:
                 return SOLVED
@@ -165,7 +164,7 @@ def cottle_dantzig(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
     while True:
         r = state[1]
         if r < 0:
-            r = _most_negative(y, x, swapped, zero)
+            r = _most_negative(y, x, zero)
             state[1] = r
             if r < 0:
                 return SOLVED

@@ -143,8 +143,6 @@ def rows_sparse(start, columns, values, k, x, free, part, share, w, size):
 def largest_dense(K, k, x, free, w, size, error):
     """Return the largest error of a row, at least `error`, which is returned where it is not a number.
 
-    Parameters
-    ----------
     w, size : of `rows_dense`.
     """
     for i in range(k.size):

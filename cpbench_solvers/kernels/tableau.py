@@ -106,10 +106,9 @@ def largest(col, ties, count):
     **COMPILED,
 )
 def whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
-    """Solve one LCP from its data to z of the basis it ends in; scales by max|M| and max|q|.
+    """Solve an LCP, scaled by max|M| and max|q|, to z of the basis that it ends in; return pivots * CODES + outcome.
 
-    Returns pivots * CODES + outcome. M : (n, n). q, z : (n,), z is written. Workspace: T (n, n+1), reals (4, n+1),
-    numbers (4, 2n+1).
+    M : (n, n). q, z : (n,), z is written. Workspace: T (n, n+1), reals (4, n+1), numbers (4, 2n+1).
     """
     n = q.size
     m = p = 0.0

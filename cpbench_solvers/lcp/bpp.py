@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation.matrices import Vector, max_abs
@@ -36,6 +37,33 @@ class BPPOptions:
     max_sweeps: int = 20
     omega: float = 0.6
     max_factorizations: int = 5
+
+
+class _Exchange:
+    """The rule by which components change sides (Júdice and Pires): all infeasible ones at once; the
+    last alone, as Murty does, when PATIENCE such changes have not led to fewer than there ever were.
+
+    least : the least number of infeasible components so far.
+    """
+
+    def __init__(self, n: int) -> None:
+        self.least, self._patience = n + 1, PATIENCE
+        self._seen: set[bytes] = set()
+
+    def chosen(self, inside: NDArray[np.bool_], infeasible: NDArray[np.int64]) -> NDArray[np.int64] | None:
+        """Return those that change sides; None where the active set was there before: M is no P-matrix."""
+        if infeasible.size < self.least:
+            self.least, self._patience = infeasible.size, PATIENCE
+            self._seen.clear()
+        elif self._patience > 0:
+            self._patience -= 1
+        else:
+            key = inside.tobytes()
+            if key in self._seen:
+                return None
+            self._seen.add(key)
+            return infeasible[-1:]
+        return infeasible
 
 
 @register
@@ -70,9 +98,7 @@ class BlockPrincipalPivoting(Solver):
     def solve(
         self, prepared: DenseLCP, budget: Budget, options: BPPOptions, start: Any = None, record: Record | None = None
     ) -> SolverOutput:
-        problem, q = prepared.problem, prepared.problem.q
-        n = q.size
-        w_tolerance = options.feasibility_tolerance * max_abs(q)
+        problem, n = prepared.problem, prepared.problem.q.size
         limit = budget.iterations or options.max_iterations or 10 * n + 200
         deadline = time.monotonic() + budget.seconds
         z, sweeps = np.zeros(n) if start is None else np.maximum(start.z, 0.0), 0
@@ -82,17 +108,24 @@ class BlockPrincipalPivoting(Solver):
             z, sweeps = swept(prepared, min(limit, options.max_sweeps), options.omega, budget.tolerance, limit)
         counters = {"iterations": sweeps, "sweeps": sweeps, "factorizations": 0}
         if error_of(problem, z) <= budget.tolerance or sweeps >= limit:
-            active = prepared.points_to(z, prepared.M @ z + q)
+            active = prepared.points_to(z, prepared.M @ z + problem.q)
             z, error = settled(problem, z, active, budget.tolerance, counters)
             if record is not None and sweeps:
                 record(sweeps, error, partial(LCPPoint, z))
             message = f"error {error:.1e} after {sweeps} sweeps"
             output = conclude(problem, z, budget, counters, error=error, otherwise=Claim.MAX_ITER, message=message)
             return recorded(output, z, problem, record, sweeps + 1)
-        inside = prepared.points_to(z, prepared.M @ z + q)
-        basis = ChangingBasis(prepared.M, prepared.columns, q, problem.symmetric)
-        least, patience = n + 1, PATIENCE
-        seen: set[bytes] = set()
+        return self._pivoted(prepared, budget, options, z, counters, limit, deadline, record)
+
+    def _pivoted(
+        self, prepared: DenseLCP, budget: Budget, options: BPPOptions, z: Vector, counters: dict[str, int],
+        limit: int, deadline: float, record: Record | None,
+    ) -> SolverOutput:  # fmt: skip
+        """Exchange blocks, from the active set that z points to."""
+        problem, sweeps = prepared.problem, counters["sweeps"]
+        w_tolerance = options.feasibility_tolerance * max_abs(problem.q)
+        basis = ChangingBasis(prepared.M, prepared.columns, problem.q, problem.symmetric)
+        inside, exchange = prepared.points_to(z, prepared.M @ z + problem.q), _Exchange(problem.q.size)
         why, many = "", options.max_factorizations or math.inf
         for done in range(1, limit - sweeps + 1):
             counters["iterations"] = done + sweeps
@@ -111,21 +144,13 @@ class BlockPrincipalPivoting(Solver):
                 return output
             if record is not None:
                 record(counters["iterations"], error_of(problem, shown), partial(LCPPoint, shown))
-            if infeasible.size < least:
-                least, patience = infeasible.size, PATIENCE
-                seen.clear()
-            elif patience > 0:
-                patience -= 1
-            else:
-                key = inside.tobytes()
-                if key in seen:
-                    why = f"an active set comes back after {done} bases, M is no P-matrix"
-                    break
-                seen.add(key)
-                infeasible = infeasible[-1:]
-            inside[infeasible] = ~inside[infeasible]
+            chosen = exchange.chosen(inside, infeasible)
+            if chosen is None:
+                why = f"an active set comes back after {done} bases, M is no P-matrix"
+                break
+            inside[chosen] = ~inside[chosen]
             if basis.factorizations >= many:
-                why = f"{least} components infeasible at best after {basis.factorizations} factorizations"
+                why = f"{exchange.least} components infeasible at best after {basis.factorizations} factorizations"
                 break
             if time.monotonic() > deadline:
                 break
@@ -133,13 +158,11 @@ class BlockPrincipalPivoting(Solver):
         if why and options.max_factorizations and time.monotonic() <= deadline:
             return self._by_lemke(prepared, z, budget, deadline, counters, why, record)
         z = np.maximum(z, 0.0)
-        claim = Claim.FAILED if why else Claim.MAX_ITER
-        why = (
-            f"{why}: use lemke"
-            if why
-            else f"{least} components infeasible at best after {counters['iterations']} steps"
-        )
-        output = conclude(problem, z, budget, counters, otherwise=claim, message=why)
+        claim, message = Claim.FAILED, f"{why}: use lemke"
+        if not why:
+            claim = Claim.MAX_ITER
+            message = f"{exchange.least} components infeasible at best after {counters['iterations']} steps"
+        output = conclude(problem, z, budget, counters, otherwise=claim, message=message)
         return recorded(output, z, problem, record, counters["iterations"] + 1)
 
     def _by_lemke(

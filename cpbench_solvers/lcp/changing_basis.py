@@ -26,10 +26,6 @@ class ChangingBasis:
     Parameters
     ----------
     M : (n, n) in C's order. columns : its transpose, in C's order too.
-
-    Attributes
-    ----------
-    factorizations : made so far.
     """
 
     def __init__(self, M: np.ndarray[Any, Any], columns: np.ndarray[Any, Any], q: Vector, symmetric: bool) -> None:

@@ -122,8 +122,9 @@ def settled(
 
 def farkas(problem: LCP, budget: Budget) -> Vector | None:
     """Return a y with y ≥ 0, Mᵀy ≤ 0, qᵀy < 0 to rounding, from min qᵀy over 0 ≤ y ≤ 1; None where there is none."""
-    n = problem.q.size
-    if _feasible_everywhere(problem):
+    n, sums = problem.q.size, np.asarray(problem.M.sum(axis=1)).ravel()
+    # z = t(1, …, 1) is feasible for large t, as in games: no certificate can exist
+    if np.all((sums > 0.0) | ((sums == 0.0) & (problem.q >= 0.0))):
         return None
     c, A = problem.q / (max_abs(problem.q) or 1.0), problem.M.T / (max_abs(problem.M) or 1.0)
     y = linear_program.multipliers(c, budget, A_ub=A, b_ub=np.zeros(n), bounds=(0.0, 1.0))
@@ -131,12 +132,6 @@ def farkas(problem: LCP, budget: Budget) -> Vector | None:
         return None
     y = np.maximum(y, 0.0)
     return y if problem.certifies_infeasibility(y) else None
-
-
-def _feasible_everywhere(problem: LCP) -> bool:
-    """Return whether z = t(1, …, 1) is feasible for large t, so that no certificate can exist; so in games."""
-    sums = np.asarray(problem.M.sum(axis=1)).ravel()
-    return bool(np.all((sums > 0.0) | ((sums == 0.0) & (problem.q >= 0.0))))
 
 
 _PARTS: WeakKeyDictionary[LCP, tuple[NDArray[np.int64], Vector]] = WeakKeyDictionary()

@@ -26,8 +26,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True)
 class EnumerationOptions:
-    """Options of enumeration-lcp, enumeration-mlcp. `max_programs` : singular bases in which a linear program looks
-    for a solution; the others stay open."""
+    """Options of enumeration-lcp, enumeration-mlcp. `max_programs` : singular bases that linear programs look into."""
 
     max_programs: int = 500
 

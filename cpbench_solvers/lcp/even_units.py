@@ -6,7 +6,7 @@ positive diagonal D₁, D₂ the LCP of D₁MD₂ and D₁q has the solutions z 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,9 +38,7 @@ class EvenLCP:
         """Return an answer, or a certificate yᵀM ≤ 0, in the units of the problem."""
         point = None if output.point is None else LCPPoint(output.point.z * self.unknowns)
         certificate = None if output.certificate is None else output.certificate * self.rows
-        return SolverOutput(
-            claim=output.claim, point=point, counters=output.counters, message=output.message, certificate=certificate
-        )
+        return replace(output, point=point, certificate=certificate)
 
 
 def in_even_units(lcp: DenseLCP, by_columns: bool) -> EvenLCP:

@@ -4,8 +4,7 @@ Each step solves, for two right-hand sides, with one factorization of K + diag(0
 
     K_f Δx = −r_f,   K_c Δx − Δw = −r_c,   WΔv + VΔw = σμe − VWe − Δv_aff Δw_aff
 
-where f are the equalities (of free unknowns), c the pairs, r_f and r_c what is missing to Kx + k = (0, w). An LCP is an
-MLCP without free unknowns.
+where f are the equalities (of free unknowns), c the pairs, r_f and r_c what is missing to Kx + k = (0, w).
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ class Lemke(Solver):
             if error <= budget.tolerance:
                 pivots = code // codes
                 return solved(LCPPoint(z), {"iterations": pivots, "pivots": pivots})
-            return LemkeRun(prepared, budget, options).after_call(z, code)
+            return LemkeRun(prepared, budget, options).from_origin(z, code)
         run = LemkeRun(prepared, budget, options)
         if start is not None:
             z = np.maximum(start.z, 0.0)

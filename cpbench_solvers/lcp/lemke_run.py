@@ -102,16 +102,10 @@ class LemkeRun:
         output = ended_in_basis(lcp.problem, z, np.flatnonzero(z), self._budget, self.counters)
         return output if output.claim is Claim.SOLVED else None
 
-    def from_origin(self) -> SolverOutput:
-        """Start from w = q, then other ways where that settles nothing."""
-        return self._settled(self._plain(self._options))
-
-    def after_call(self, z: Vector, code: int) -> SolverOutput:
-        """Go on from the end of the compiled loop at w = q, then other ways where that settles nothing."""
-        return self._settled(self._after_loop(z, code))
-
-    def _settled(self, output: SolverOutput) -> SolverOutput:
-        """Return the output, or the first of the other ways that solves the problem or proves that nothing does."""
+    def from_origin(self, z: Vector | None = None, code: int = 0) -> SolverOutput:
+        """Start from w = q, or go on from z and the code that the compiled loop ended with there; then other ways,
+        until one solves the problem or proves that nothing does."""
+        output = self._plain(self._options) if z is None else self._after_loop(z, code)
         if self._asked or output.claim in SETTLED:  # a limit that was asked for is that of the way from w = q
             return output
         for attempt in self._other_ways():
@@ -147,8 +141,7 @@ class LemkeRun:
             yield from larger
 
     def _first_pair(self, tried: int) -> int:
-        """Pivot from the pairs after those that were tried, until one of them leads to a complementary basis; how many
-        have been tried then, or -1 where none does."""
+        """Pivot from the pairs not yet tried until one ends in a complementary basis; return how many were, else -1."""
         lcp, options = self._lcp, self._options
         self._z, chosen = np.empty(lcp.problem.q.size), order(lcp.problem.q.size)
         rest = chosen, tried, lcp.problem.q.size, options.pivot_tolerance, options.tie_tolerance

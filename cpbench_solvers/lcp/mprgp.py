@@ -43,15 +43,14 @@ class MPRGPOptions:
 
 @dataclass(frozen=True)
 class ScaledBox:
-    """min ½xᵀAx + qᵀx, lower ≤ x ≤ upper, with z = unit·x of the problem; A by rows, `start` empty where dense.
+    """min ½xᵀAx + qᵀx, lower ≤ x ≤ upper, with z = unit·x of the problem.
 
-    `size` : what a projected gradient of the problem is small against.
+    `matrix` : A by rows: start, columns and values; the first two are empty where A is dense. `size` : what a
+    projected gradient of the problem is small against.
     """
 
     problem: Any
-    start: np.ndarray[Any, np.dtype[np.int64]]
-    column: np.ndarray[Any, np.dtype[np.int64]]
-    values: Vector
+    matrix: tuple[Any, ...]
     q: Vector
     lower: Vector
     upper: Vector
@@ -68,7 +67,7 @@ def scaled_box(problem: Any, A: Matrix, q: Vector, lower: Vector, upper: Vector,
         matrix = scaled.indptr.astype(np.int64), scaled.indices.astype(np.int64), scaled.data
     else:
         matrix = np.zeros(0, np.int64), np.zeros(0, np.int64), np.ascontiguousarray(scaled).ravel()
-    return ScaledBox(problem, *matrix, q * unit, lower / unit, upper / unit, unit, size or 1.0)
+    return ScaledBox(problem, matrix, q * unit, lower / unit, upper / unit, unit, size or 1.0)
 
 
 def definite_obstacle(A: Matrix, symmetric: bool, instead: str) -> str | None:
@@ -106,8 +105,7 @@ def minimize(
 ) -> MinimizationResult:
     """Take steps until the error, measured in every chunk and where the gradient is small, is within the tolerance."""
     kernel = load("cpbench_solvers.kernels.mprgp")
-    n = box.q.size
-    matrix = box.start, box.column, box.values
+    n, matrix = box.q.size, box.matrix
     x = np.minimum(np.maximum(first / box.unit, box.lower), box.upper)
     state, work, g, p = np.zeros(kernel.STATES), np.zeros((3, n)), np.empty(n), np.empty(n)
     state[kernel.LENGTH] = options.length

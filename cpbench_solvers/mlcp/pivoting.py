@@ -25,7 +25,7 @@ from cpbench.solvers.base import (
     solved,
     solvers,
 )
-from cpbench_solvers.lcp.claims import after_ray
+from cpbench_solvers.lcp.claims import after_ray, principal
 from cpbench_solvers.lcp.lemke_run import LemkeOptions
 from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, farkas, refined, scale, warm_up
 
@@ -52,9 +52,7 @@ class LemkeMLCPOptions:
 
 @dataclass(frozen=True, eq=False)
 class PivotingData:
-    """Scaled problem and the most pivots; of small problems, one vector that a single compiled call, `whole`, reads
-    and writes.
-    """
+    """Scaled problem and the most pivots; of small problems, the vector that one compiled call, `whole`, works on."""
 
     scaled: ScaledMLCP
     limit: int
@@ -214,7 +212,7 @@ class _Run:
         inside = np.zeros(k.size, np.bool_)
         inside[:n] = inside[n + support] = True
         F, R, s = np.flatnonzero(inside), np.flatnonzero(~inside), support.size
-        factors = Factorization(K[:n, :n] if s == 0 else K[np.ix_(F, F)] if isinstance(K, np.ndarray) else K[F][:, F])
+        factors = Factorization(K[:n, :n] if s == 0 else principal(K, F))
         self.factorizations += int(F.size > 0)
         if factors.rcond < REGULAR:
             return self._kernel.STUCK, np.zeros(k.size)

@@ -96,15 +96,8 @@ class _Splitting(Solver):
         divisors = prepared.diagonal
         if isinstance(options, RPGSMLCPOptions):
             divisors = divisors + np.where(divisors < 0.0, -options.rho, options.rho)
-        law = (
-            divisors,
-            scaled.k,
-            n,
-            scaled.row_unit,
-            scaled.unit,
-            scaled.problem.v_unit,
-            scaled.problem.equality_scale,
-        )
+        units = scaled.row_unit, scaled.unit, scaled.problem.v_unit, scaled.problem.equality_scale
+        law = divisors, scaled.k, n, *units
         x = scaled.start(start)
         best, least = x, scaled.error(x)
         limit = budget.iterations or options.max_iterations

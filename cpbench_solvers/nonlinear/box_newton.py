@@ -2,8 +2,7 @@
 records and starts again elsewhere.
 
 A method that is stuck (no step lowers its merit, or nothing is gained for long) begins again: at the same point by its
-other strategies, if it has any, then at random points, drawn with the budget's seed, its strategies in turn;
-`restarts` counts that.
+other strategies, if it has any, then at random points, drawn with the budget's seed; `restarts` counts that.
 """
 
 from __future__ import annotations

@@ -171,6 +171,13 @@ def fall_back(descent: Descent, at: MeritPoint, J: Matrix, gradient: Vector) -> 
     return descent.search(at, -gradient, -float(gradient @ gradient))
 
 
+def fall_back_afresh(descent: Descent, z: Vector, F: Vector, J: Matrix) -> MeritPoint | None:
+    """Return what `fall_back` does from z, of which F is F(z), whatever merits were there before."""
+    at = descent.at(z, F)
+    descent.begin(at)
+    return fall_back(descent, at, J, descent.gradient(at, J))
+
+
 def _generalized(alpha: Vector, beta: Vector, J: Matrix) -> Matrix:
     """Return diag(α) + diag(β) F′(z)."""
     if sp.issparse(J):

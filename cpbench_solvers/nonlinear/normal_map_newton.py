@@ -16,7 +16,7 @@ from cpbench.formulations.ncp_functions import fischer_burmeister
 from cpbench.foundation.matrices import Matrix, Vector, identity, max_abs, norm
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
-from cpbench_solvers.nonlinear.merit_search import ARMIJO, SHARES, Descent, damped, fall_back
+from cpbench_solvers.nonlinear.merit_search import ARMIJO, SHARES, Descent, damped, fall_back_afresh
 from cpbench_solvers.nonlinear.normal_path import PERTURBATIONS, cell_matrix, normal_point
 from cpbench_solvers.traits import ITERATIVE
 
@@ -107,10 +107,7 @@ class _NormalMap(BoxMethod):
                 yield d
 
     def _merit_step(self, J: Matrix) -> bool:
-        descent = self._descent
-        at = descent.at(self.z, self.F)
-        descent.begin(at)
-        found = fall_back(descent, at, J, descent.gradient(at, J))
+        found = fall_back_afresh(self._descent, self.z, self.F, J)
         if found is None:
             return False
         # the two merits are not bounds of each other: what was reached by this one counts afresh in the other

@@ -155,11 +155,9 @@ class _PathSearch(DescentMethod):
         for _ in range(HALVINGS):
             end = self._end_of_path(good, J, t)
             if end is not None:
-                if end.merit <= (1.0 - SUFFICIENT * t) * reference and norm(end.z - good.z) > 0.0:
-                    self._good(end)
-                    return True
                 d = end.z - good.z
-                found = descent.search(good, d, float(gradient @ d))
+                falls = end.merit <= (1.0 - SUFFICIENT * t) * reference and norm(d) > 0.0
+                found = end if falls else descent.search(good, d, float(gradient @ d))
                 if found is not None:
                     self._good(found)
                     return True

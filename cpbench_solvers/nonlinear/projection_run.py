@@ -189,17 +189,11 @@ def rows_obstacle(problem: VI | QVI) -> str | None:
     return f"has rows ({found}), whose set has no projection in closed form: use {instead}"
 
 
+@np.errstate(all="ignore")
 def run(
     field: Field, method: ProjectionMethod, budget: Budget, limit: int, start: Vector, record: Record | None
 ) -> SolverOutput:
     """Take steps until the error is at most the tolerance, or the limits are reached, or nothing gains."""
-    with np.errstate(all="ignore"):
-        return _run(field, method, budget, limit, start, record)
-
-
-def _run(
-    field: Field, method: ProjectionMethod, budget: Budget, limit: int, start: Vector, record: Record | None
-) -> SolverOutput:
     counters = field.counters
     deadline, progress = time.monotonic() + budget.seconds, Progress(STALL)
     begun = _beginning(field, start)

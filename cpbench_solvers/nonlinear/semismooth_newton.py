@@ -36,8 +36,7 @@ class SemismoothOptions:
 
 
 class SemismoothNewton(BoxNewton):
-    """Newton with V = diag(α) + diag(β) F′(z), α and β by hand; Levenberg–Marquardt where V is nearly singular, the
-    gradient of the merit where that fails too."""
+    """Newton with V = diag(α) + diag(β) F′(z); Levenberg–Marquardt or gradient steps where that does not descend."""
 
     psi: ClassVar[NCPFunction]
     merit: ClassVar[NCPFunction]

@@ -13,7 +13,7 @@ from cpbench.formulations.ncp_functions import fischer_burmeister
 from cpbench.foundation.matrices import Vector, norm
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.nonlinear.box_newton import BoxMethod, BoxNewton, CountedBox
-from cpbench_solvers.nonlinear.merit_search import ARMIJO, Descent, MeritPoint, fall_back
+from cpbench_solvers.nonlinear.merit_search import ARMIJO, Descent, MeritPoint, fall_back_afresh
 from cpbench_solvers.traits import ITERATIVE
 
 BACKTRACKS = 25
@@ -97,9 +97,7 @@ class _Smoothing(BoxMethod):
         d = self._descent.newton(target, J)
         if d is not None and self._search(d, shrink, merit):
             return True
-        plain = self._descent.at(self.z, self.F)
-        self._descent.begin(plain)
-        found = fall_back(self._descent, plain, J, self._descent.gradient(plain, J))
+        found = fall_back_afresh(self._descent, self.z, self.F, J)
         if found is None:
             return False
         self._merits.clear()

@@ -16,8 +16,7 @@ from cpbench_solvers.traits import ITERATIVE
 
 
 class NaturalMapSolver(ProjectionSolver):
-    """Newton on the natural map of the optimality conditions. Tolerance: on that map, as a whole and in every row of a
-    box, with a step or two beyond."""
+    """Newton on the natural map of the optimality conditions. Tolerance: on that map, and on every row of a box."""
 
     method = NaturalNewton
     conditions: ClassVar[type[VIConditions]] = VIConditions

@@ -138,12 +138,8 @@ class _Answer:
         if certificate is not None:
             part, certificate = certificate, np.zeros(self.y.size)
             certificate[at[at >= n] - n] = part
-        return SolverOutput(
-            claim=output.claim,
-            counters=self.counters,
-            certificate=certificate,
-            message=f"part {q + 1}: {output.message}",
-        )
+        message = f"part {q + 1}: {output.message}"
+        return SolverOutput(claim=output.claim, counters=self.counters, certificate=certificate, message=message)
 
     def concluded(self, budget: Budget) -> SolverOutput:
         """Return the answer with a claim."""

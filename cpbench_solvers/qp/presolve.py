@@ -43,8 +43,7 @@ def dense_problem(data: SparseQP) -> QP:
 
 
 def presolved(data: SparseQP) -> tuple[SparseQP, Callable[[Parts], Parts]] | None:
-    """Return what is left of a QP and the way back; None where nothing can be done, or the QP seems to have no
-    solution, which is for others to prove."""
+    """Return what is left of a QP and the way back; None where nothing is done or there seems to be no solution."""
     kernel = load("cpbench_solvers.kernels.qp_presolve")
     n, m, r = data.p.size, data.b.size, data.b.size + data.d.size
     right = np.concatenate([data.b, data.d])

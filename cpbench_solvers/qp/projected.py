@@ -42,8 +42,7 @@ LARGE = 1e4
 
 @dataclass(frozen=True)
 class ProjectedOptions:
-    """Options of nesterov-qp, projected-gradient. `step` : by 1/L. `max_iterations` : each a product with Q, or a
-    solution with it and products with the rows."""
+    """Options of nesterov-qp, projected-gradient. `step` : by 1/L. `max_iterations` : a product or solve with Q."""
 
     step: float = 1.0
     max_iterations: int = 10_000

@@ -83,7 +83,7 @@ def test_the_corrector_is_mehrotras(rng: np.random.Generator, d: int) -> None:
     found = prepared(y, w)
     scaling, slope, residual, theta = found.values()
     c, right = np.empty((20, d)), np.empty(20 * d)
-    KERNEL.predict(w, scaling, slope, residual, c, right)
+    KERNEL.predict(w, slope, residual, c, right)
     np.testing.assert_allclose(right.reshape(20, d), -w)
     gap = float((y * w).sum()) / 20
     KERNEL.correct(y, w, scaling, slope, residual, predicted.ravel(), gap, c, right)
