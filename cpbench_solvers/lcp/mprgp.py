@@ -93,6 +93,17 @@ class MinimizationResult:
     ray: Vector | None = None
 
 
+def _begun(kernel: Any, box: ScaledBox, length: float, first: Vector) -> tuple[Vector, ...]:
+    """Return x of a start within the bounds, and what steps write: state, workspace, gradient and direction."""
+    n = box.q.size
+    x = np.minimum(np.maximum(first / box.unit, box.lower), box.upper)
+    state, work = np.zeros(kernel.STATES), np.zeros((3, n))
+    state[kernel.LENGTH] = length
+    # a fixed vector without structure: two runs find the same length of step
+    kernel.power(*box.matrix, np.cos(np.arange(n)), work[0], state)
+    return x, state, work, np.empty(n), np.empty(n)
+
+
 def minimize(
     box: ScaledBox,
     options: MPRGPOptions,
@@ -105,15 +116,10 @@ def minimize(
 ) -> MinimizationResult:
     """Take steps until the error, measured in every chunk and where the gradient is small, is within the tolerance."""
     kernel = load("cpbench_solvers.kernels.mprgp")
-    n, matrix = box.q.size, box.matrix
-    x = np.minimum(np.maximum(first / box.unit, box.lower), box.upper)
-    state, work, g, p = np.zeros(kernel.STATES), np.zeros((3, n)), np.empty(n), np.empty(n)
-    state[kernel.LENGTH] = options.length
-    weight, law = 1.0 / box.unit, (box.q, box.lower, box.upper)
+    x, state, work, g, p = _begun(kernel, box, options.length, first)
+    matrix, law, weight = box.matrix, (box.q, box.lower, box.upper), 1.0 / box.unit
     limit, deadline = budget.iterations or options.max_iterations, time.monotonic() + budget.seconds
     progress, done, threshold = Progress(options.stall_window), 0, budget.tolerance * box.size
-    # a fixed vector without structure: two runs find the same length of step
-    kernel.power(*matrix, np.cos(np.arange(n)), work[0], state)
     best, error = x * box.unit, error_of(x * box.unit)
     least, ray, claim, message = error, None, Claim.MAX_ITER, f"{limit} steps"
     if record is not None:
