@@ -69,7 +69,7 @@ class AutomaticChoice(Solver):
         return problem.residuals(point, tolerance).error
 
     def phases(self, problem: Any) -> Sequence[SolverPhase]:
-        """Return the solvers to try, in this order, from facts that cost less than solving: here all, as they stand."""
+        """Return the solvers to try, in this order, from facts that cost less than solving; pure. Here: all members."""
         return [SolverPhase(name) for name in self.members]
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Plan:

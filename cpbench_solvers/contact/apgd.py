@@ -27,7 +27,7 @@ PATIENCE, PART = 500, 0.25
 
 @dataclass(frozen=True)
 class APGDContactOptions(MethodOptions):
-    """Options of apgd-fc. `hold` : iterations with the same De Saxcé's term at first; more where no error falls."""
+    """Options of apgd-fc. `hold` : iterations that De Saxcé's term is kept at first; more where errors do not fall."""
 
     hold: int = 3
     max_iterations: int = 500_000

@@ -22,7 +22,8 @@ LARGEST = 64
 
 @dataclass(frozen=True)
 class BlockGSOptions(PGSOptions):
-    """Options of block-gs. `block` : unknowns solved together (a contact's rows), 1 to 64. `omega` : in ]0, 2[."""
+    """Options of block-gs. `block` : unknowns solved together, 1 to 64: for contacts, the rows of one of them.
+    `omega` : relaxation, in ]0, 2[."""
 
     block: int = 6
     omega: float = 1.0

@@ -250,7 +250,7 @@ class InteriorPointLCP(_InteriorPoint):
 
 @register
 class InteriorPointMLCP(_InteriorPoint):
-    """A method that converges where K is monotone on Au + Cv = 0 and there is a strictly feasible point."""
+    """A method that converges where [[A, C], [D, B]] is monotone on Au + Cv = 0 and strictly feasible points exist."""
 
     spec: ClassVar[SolverSpec] = _spec(
         name="interior-point-mlcp",

@@ -221,7 +221,7 @@ _spec = partial(SolverSpec, node="lcp", method="projection", traits=ITERATIVE, o
 
 @register
 class MPRGP(_OnLCP):
-    """Faces are expanded by steps of fixed length along the free gradient: the rate depends on the condition alone."""
+    """Faces are expanded by steps of fixed length along the free gradient: the rate is that of the condition number."""
 
     projected = False
     spec: ClassVar[SolverSpec] = _spec(

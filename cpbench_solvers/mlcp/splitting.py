@@ -152,7 +152,7 @@ _spec = partial(SolverSpec, node="mlcp", method="splitting", traits=ITERATIVE)
 
 @register
 class PGSMLCP(_Splitting):
-    """A method that converges where K is symmetric positive definite, or an H-matrix with a positive diagonal."""
+    """A method that converges for symmetric positive definite [[A, C], [D, B]], or H-matrices of positive diagonal."""
 
     spec: ClassVar[SolverSpec] = _spec(
         name="pgs-mlcp",
