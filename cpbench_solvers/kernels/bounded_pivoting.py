@@ -83,6 +83,15 @@ def largest(col, ties, count):
     return r
 
 
+@njit(error_model="numpy")
+def _turn(column, other, sign, pair):
+    """Count a pair from its other bound: the columns of its two variables change their signs."""
+    sign[pair] = -sign[pair]
+    for i in range(column.size):
+        column[i] = -column[i]
+        other[i] = -other[i]
+
+
 @njit(
     "int64(float64[:,::1], float64[:,::1], int64[::1], float64[:,::1], int64[::1], float64[::1], float64[::1],"
     " int64[::1], int64[::1], int64[::1], float64[::1], int64[::1], int64[::1], float64[::1], int64, float64, float64)",
@@ -137,14 +146,10 @@ def follow(
         state[2] += 1
         if r == n:
             # the entering variable goes from one bound to the other, and its complement drives
-            pair = entering if entering < n else entering - n
-            slot = where[entering + n if entering < n else entering - n]
             for i in range(n):
                 rhs[i] = max(rhs[i] - col[i] * upper[entering], 0.0)
-                col[i] = -col[i]
-                C[slot, i] = -C[slot, i]
-            sign[pair] = -sign[pair]
-            state[1] = slot
+            state[1] = where[entering + n if entering < n else entering - n]
+            _turn(col, C[state[1]], sign, entering if entering < n else entering - n)
             continue
         leaving = basic[r]
         # it leaves at its upper bound; the row of the first pivot is that of the least rhs, whatever the sign
@@ -160,9 +165,5 @@ def follow(
         complement = leaving + n if leaving < n else leaving - n
         state[1] = where[complement]
         if turned:
-            pair = min(leaving, complement)
-            sign[pair] = -sign[pair]
             update(D.T, -1.0, C, age, state[1], E, rows, k + 1)
-            for i in range(n):
-                col[i] = -col[i]
-                C[state[1], i] = -C[state[1], i]
+            _turn(col, C[state[1]], sign, min(leaving, complement))
