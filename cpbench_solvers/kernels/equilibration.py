@@ -19,8 +19,8 @@ FARTHEST = 3.0
 """A Newton step changes no log D_i by more: it is right near 0 only."""
 LEAST = 1e-3
 """Of a diagonal entry, what elimination leaves of it at least: rounding may leave none."""
-LARGEST = 1e35
-"""Entries that the guess leaves are cut off here and at 1 over it, so that sums of them are numbers."""
+LARGEST, LEAST_ENTRY = 1e35, 1e-35
+"""Entries are cut off where they are less; where the guess leaves one that is more, another scaling is the guess."""
 LONG, ONE = np.uint64(16), np.uint64(1)
 """Entries of a row from which on it is worth asking whether their columns follow each other."""
 EXPONENT, BIAS = np.log(2.0) * 2.0**-52, 1023.0 * np.log(2.0)
@@ -123,12 +123,25 @@ def _solve(start, column, weight, diagonal, head, r, x, enough, steps):
             x[i] += r[i] / diagonal[i]
 
 
+@njit(float64(START, START, DATA, DATA, VECTOR, VECTOR), **COMPILED)
+def _weigh(start, column, size, D, weight, top):
+    """Write the entries D_i A_ij D_j and the largest of each row; return the largest of all."""
+    most = 0.0
+    for i in range(D.size):
+        top[i] = 0.0
+        for k in range(start[i], start[i + 1]):
+            weight[k] = min(max(size[k] * D[i] * D[column[k]], LEAST_ENTRY), LARGEST * LARGEST)
+            top[i] = max(top[i], weight[k])
+        most = max(most, top[i])
+    return most
+
+
 @njit(void(INDEX, INDEX, DATA, int64, VECTOR), **COMPILED)
 def equilibrate(start, column, size, head, D):
     """Write D; 1 for rows that are empty. The matrix is in CSR, with `size` > 0; rows from `head` on have entries in
     columns before it alone."""
     n = D.size
-    count, r, x, weight = np.empty(n), np.empty(n), np.empty(n), np.ones(size.size)
+    count, r, x, sums, weight = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.ones(size.size)
     bits, total = size.view(np.int64), float(size.size)
     start, column = start.view(np.uint64), column.view(np.uint64)  # signed indices cost a test for negative ones
     for i in range(n):
@@ -139,10 +152,13 @@ def equilibrate(start, column, size, head, D):
     _solve(start, column, weight, count, head, r, x, GUESSED * GUESSED * total, CG_STEPS)
     for i in range(n):
         D[i] = np.exp(x[i])
-    sums = np.zeros(n)
+    if _weigh(start, column, size, D, weight, sums) > LARGEST:
+        for i in range(n):  # cut off, it would be another matrix: the largest entry of every row is 1 at most
+            D[i] /= np.sqrt(sums[i]) if sums[i] > 0.0 else 1.0
+        _weigh(start, column, size, D, weight, sums)
     for i in range(n):
+        sums[i] = 0.0
         for k in range(start[i], start[i + 1]):
-            weight[k] = min(max(size[k] * D[i] * D[column[k]], 1.0 / LARGEST), LARGEST)
             sums[i] += weight[k]
     for _ in range(STEPS):
         off = 0.0
