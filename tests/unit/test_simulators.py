@@ -50,6 +50,7 @@ def test_a_box_in_mujoco() -> None:
     assert problem.contacts.bodies.tolist() == [[0, 1]] * 4
 
 
+@pytest.mark.needs("cpbench_solvers")
 @pytest.mark.parametrize(("speed", "sliding"), [(0.01, False), (1.0, True)])
 def test_the_plane_carries_the_weight_and_brakes_by_friction(speed: float, sliding: bool) -> None:
     """Normal impulses m g dt; braking μ m g dt while it slides, else m·speed."""
@@ -127,6 +128,7 @@ def pinocchio_state(height: float) -> Any:
     return model, data, geometry, found, q
 
 
+@pytest.mark.needs("cpbench_solvers")
 def test_a_ball_in_pinocchio() -> None:
     """The inertia of a ball is 2mr²/5; velocities of a free flyer are those of its own axes, here the world's."""
     model, data, geometry, found, q = pinocchio_state(0.0999)
