@@ -91,7 +91,7 @@ def of_objectives(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Cont
     Where all terms vanish at the solution, they do not measure what an error of the answer does: z off by ε of each
     component changes zᵀQz by ε² |z|ᵀ|Q||z|. That much is allowed too, and rounding. Beside an answer of which all terms
     vanish, others count from the size of the data on (`objective_unit`); beside z = 0 and without that, not at all.
-    Where the terms of both are within the tolerance of that size, they are what the answers are off by.
+    Where the terms of both are within OFF tolerances of that size, they are what the answers are off by.
     """
     if not isinstance(problem, PROGRAMS) or len(good) < 2:
         return
@@ -107,7 +107,7 @@ def of_objectives(problem: Problem, good: Sequence[KeptAnswer]) -> Iterator[Cont
     unit = objective_unit(problem)
     vanishing = np.minimum.outer(terms, terms) <= share
     small = (np.maximum.outer(terms, terms) <= unit) | ((unit == 0.0) & (np.minimum.outer(gross, gross) == 0.0))
-    noise = np.maximum.outer(terms, terms) <= np.maximum.outer(tolerance, tolerance) * unit
+    noise = np.maximum.outer(terms, terms) <= OFF * np.maximum.outer(tolerance, tolerance) * unit
     share = np.where((vanishing & small) | noise, np.inf, share)
     d = np.add.outer(squares, squares) - G - G.T
     for differences, what in ((abs(np.subtract.outer(f, f)), "objectives"), (d / 8.0, "answers")):
