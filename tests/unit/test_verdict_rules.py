@@ -8,17 +8,23 @@ import pytest
 from cpbench.formulations import (
     AVI,
     MLCP,
+    NLP,
     QP,
+    VI,
     AVIPoint,
     FCPoint,
     FrictionContact,
     GFCPoint,
     GlobalFrictionContact,
     LCPPoint,
+    MiCP,
     MLCPPoint,
     QPPoint,
     Relay,
 )
+from cpbench.formulations.micp import MiCPPoint
+from cpbench.formulations.nlp import NLPPoint
+from cpbench.testing.planted_nonlinear import graph
 from cpbench.verification import judge
 
 
@@ -164,3 +170,38 @@ def test_free_velocities_that_are_rounding_of_others_set_no_size(coupling: float
     problem = FrictionContact(W=W, q=q, mu=np.full(3, 0.5), dimension=2)
     verdict = judge(problem, FCPoint(r=np.array([0.0, 0.0, 1.0, 0.0, 0.0, r])), 1e-6)
     assert verdict.solved == solved, (verdict.error, verdict.flags)
+
+
+@pytest.mark.parametrize(("z1", "solved"), [(1e-8, True), (1.5e-8, False), (0.0, False)])
+def test_an_unknown_beyond_a_finite_set_is_wrong_where_no_nonlinear_row_depends_on_it(z1: float, solved: bool) -> None:
+    """0 ≤ z₁ ≤ 10⁻⁸ beside exp(z₂) − 3 = −1, which holds it at its upper bound."""
+    F = graph(2, lambda z: np.array([np.exp(z[1]) - 3.0, np.exp(z[1]) - 2.0], dtype=object))
+    problem = MiCP(F=F, lb=[0.0, -np.inf], ub=[1e-8, np.inf], start=np.zeros(2))
+    assert judge(problem, MiCPPoint(z=np.array([z1, np.log(2.0)])), 1e-6).solved == solved
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-8, 1e8])
+def test_an_unknown_at_a_bound_sizes_a_nonlinear_row_without_a_constant(unit: float) -> None:
+    """z₁ ≥ 1 beside z₁² + z₂² and z₂ ≥ 0 beside z₂² − z₁²: z = (1, 1), in any unit of the rows."""
+    F = graph(2, lambda z: np.array([unit * (z[0] ** 2 + z[1] ** 2), unit * (z[1] ** 2 - z[0] ** 2)], dtype=object))
+    problem = MiCP(F=F, lb=[1.0, 0.0], ub=np.full(2, np.inf), start=np.ones(2))
+    assert judge(problem, MiCPPoint(z=np.ones(2)), 1e-6).solved
+    assert judge(problem, MiCPPoint(z=np.array([1.0, 2.0])), 1e-6).error == pytest.approx(0.3)
+
+
+def test_a_derivative_that_vanishes_at_the_answer_says_nothing_of_units() -> None:
+    """Hock and Schittkowski's problem 39, min −z₁ over z₂ = z₁³ + z₃², z₁² = z₂ + z₄²: z = (1, 1, 0, 0), μ = (1, 1).
+    z₃ is off by 10⁻⁷, beside −2 z₃ μ₁."""
+    rows = graph(4, lambda z: np.array([z[1] - z[0] ** 3 - z[2] ** 2, z[0] ** 2 - z[1] - z[3] ** 2], dtype=object))
+    problem = NLP(f=graph(4, lambda z: -z[0]), h=rows, start=np.full(4, 2.0))
+    point = NLPPoint(z=np.array([1.0, 1.0, 1e-7, 0.0]), lam=np.zeros(0), mu=np.ones(2), nu=np.zeros(4))
+    assert judge(problem, point, 1e-6).error <= 1e-7
+
+
+@pytest.mark.parametrize(("off", "solved"), [(0.0, True), (1e-4, False)])
+def test_forces_of_curved_rows_have_a_size_where_constants_are_small(off: float, solved: bool) -> None:
+    """F(z) = (10⁻⁹ − z₁, −z₂) over |z| ≤ 1, z = (0.6, 0.8) with the multiplier ½: right to 10⁻⁹."""
+    F = graph(2, lambda z: np.array([1e-9 - z[0], -z[1]], dtype=object))
+    problem = VI(F=F, g=graph(2, lambda z: 1.0 - z[0] ** 2 - z[1] ** 2))
+    point = problem.point_from_vector(np.array([0.6 + off, 0.8, 0.5]))
+    assert judge(problem, point, 1e-6).solved == solved
