@@ -53,7 +53,11 @@ def equilibrate_apart(A: Any, part: Any = None) -> tuple[Vector, Vector]:
     pattern = _at_places_of(A, (_entries(A) > 0).astype(np.float64))
     counts, beside = pattern @ np.ones(A.shape[1]), pattern.T @ np.ones(A.shape[0])
     D, C = _first_guess(A, pattern, counts, beside, part)
-    W = _at_places_of(A, np.exp(np.clip(_logs(A) + _by_entry(A, D, C), -LARGEST, LARGEST)) * _entries(pattern))
+    logs = _logs(A) + _by_entry(A, D, C)
+    if (logs * _entries(pattern) > LARGEST).any():  # cut off, it would be another matrix
+        D, C = _largest_one(A, D, C)
+        logs = _logs(A) + _by_entry(A, D, C)
+    W = _at_places_of(A, np.exp(np.clip(logs, -LARGEST, LARGEST)) * _entries(pattern))
     turned, enough = W.T, ENOUGH**2 * _sums(counts, part)
     d, c, before = _ratio(counts, W @ np.ones(A.shape[1])), np.ones(A.shape[1]), np.inf
     for _ in range(SWEEPS):
@@ -82,6 +86,17 @@ def _first_guess(A: Any, pattern: Any, counts: Vector, beside: Vector, part: Any
     enough = GUESSED**2 * _sums(counts, part)
     d = _solved(pattern, 1.0, per_column, counts, r, enough, part)
     return d, e - per_column * (pattern.T @ d)
+
+
+def _largest_one(A: Any, D: Vector, C: Vector) -> tuple[Vector, Vector]:
+    """Return the logarithms D and C so that the largest entry of every row and of every column is 1 at most."""
+    entries: Any = sp.coo_array(A)
+    (i, j), logs, D, C = entries.coords, np.log(entries.data), D.copy(), C.copy()
+    for scale, at in ((D, i), (C, j)):
+        largest = np.full(scale.size, -np.inf)
+        np.maximum.at(largest, at, logs + D[i] + C[j])
+        scale -= np.where(np.isfinite(largest), largest, 0.0)
+    return D, C
 
 
 def _solved(W: Any, left: Any, weights: Vector, diagonal: Vector, r: Vector, enough: Any, part: Any) -> Vector:

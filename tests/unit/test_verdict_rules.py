@@ -7,6 +7,7 @@ import pytest
 
 from cpbench.formulations import (
     AVI,
+    LCP,
     MLCP,
     NLP,
     QP,
@@ -205,3 +206,13 @@ def test_forces_of_curved_rows_have_a_size_where_constants_are_small(off: float,
     problem = VI(F=F, g=graph(2, lambda z: 1.0 - z[0] ** 2 - z[1] ** 2))
     point = problem.point_from_vector(np.array([0.6 + off, 0.8, 0.5]))
     assert judge(problem, point, 1e-6).solved == solved
+
+
+@pytest.mark.parametrize("n", [20, 250])
+def test_entries_that_decay_to_nothing_hide_no_row(n: int) -> None:
+    """w = Mz + q, M the inverse of a band matrix, whose entries fall to 10⁻⁹⁶: one unknown is off by half of it."""
+    band = 4.0 * np.eye(n) - sum(np.eye(n, k=k) + 0.2 * np.eye(n, k=2 * k) for k in (-1, 1))
+    M, z = np.abs(np.linalg.inv(band)), 1.0 + np.arange(n) / n
+    problem, off = LCP(M=M, q=-M @ z), np.where(np.arange(n) == n // 2, 1.5, 1.0)
+    assert judge(problem, LCPPoint(z=z), 1e-6).solved
+    assert judge(problem, LCPPoint(z=z * off), 1e-6).error > 0.01
