@@ -31,7 +31,8 @@ FULL = 0.25
 def entries(M: Matrix) -> Entries:
     """Return a matrix as the kernels take it, the columns of each row in order: they read full rows without them."""
     if matrices.is_sparse(M):
-        S: Any = M if M.has_sorted_indices else M.sorted_indices()
+        S: Any = M
+        S = S if S.has_sorted_indices else S.sorted_indices()
         indptr, indices = (np.ascontiguousarray(part, dtype=np.int32) for part in (S.indptr, S.indices))
         return indptr, indices, np.ascontiguousarray(S.data)
     return load("cpbench_solvers.kernels.qp_sparse").rows_of(np.ascontiguousarray(M))
