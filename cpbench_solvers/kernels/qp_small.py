@@ -10,7 +10,8 @@ import numpy as np
 from numba import njit, types
 
 from cpbench_solvers.kernels.array_types import COMPILED
-from cpbench_solvers.kernels.qp_dense import dot, equilibrate, judged_error
+from cpbench_solvers.kernels.dense_cholesky import BY_BLOCKS, backward, cholesky, forward, forward_by_blocks
+from cpbench_solvers.kernels.qp_dense import equilibrate, judged_error
 from cpbench_solvers.kernels.qp_dual import (
     FIRST_PART,
     INFEASIBLE,
@@ -47,49 +48,6 @@ PROGRAM = (MATRIX, VECTOR, MATRIX, VECTOR, MATRIX, VECTOR, VECTOR, VECTOR)
 """Q, p, A, b, C, d, lb, ub."""
 
 
-@njit(types.float64(_OUT2, _OUT2, types.float64, types.boolean), **COMPILED)
-def _cholesky(H, L, shift, unit):
-    """Write the lower factor of H + shift·diag(H) (`unit`), or of H + shift·I, and return the least share that is left
-    of a number on the diagonal; 0 at the first one of which nothing is. Where `unit`, a row with the diagonal entry 0
-    must be 0, and stands for one of the identity."""
-    least = 1.0
-    for i in range(H.shape[0]):
-        row = L[i]
-        for j in range(i):
-            row[j] = (H[i, j] - dot(row[:j], L[j, :j])) / L[j, j]
-        if unit and H[i, i] == 0.0:
-            for j in range(H.shape[0]):
-                if H[i, j] != 0.0:
-                    return 0.0
-            row[i] = 1.0  # an unknown without curvature: semidefinite, if nothing else is in its row
-            continue
-        whole = H[i, i] + (shift * H[i, i] if unit else shift)
-        pivot = whole - dot(row[:i], row[:i])
-        if not pivot > 0.0:
-            return 0.0
-        least = min(least, pivot / whole)  # the share that is left says how near to singular H is
-        row[i] = np.sqrt(pivot)
-    return least
-
-
-@njit(types.void(_OUT2, _OUT, types.int64), **COMPILED)
-def _forward(L, x, first):
-    """Set x ← L⁻¹x, whose numbers before `first` are 0."""
-    for i in range(first, x.size):
-        x[i] = (x[i] - dot(L[i, first:i], x[first:i])) / L[i, i]  # column by column would be strided: L lies by rows
-
-
-@njit(types.void(_OUT2, _OUT), **COMPILED)
-def _backward(L, x):
-    """Set x ← L⁻ᵀx."""
-    for i in range(x.size - 1, -1, -1):
-        value = x[i] / L[i, i]
-        x[i] = value
-        row = L[i]
-        for j in range(i):
-            x[j] -= row[j] * value  # L by its rows, used as columns of Lᵀ
-
-
 @njit(types.float64(_OUT2, _OUT, types.float64, types.float64, _OUT2), **COMPILED)
 def _factor(H, g, psd, proximal, L):
     """Write L of H + εI and return ε, which is 0 where H is positive definite; −1 where it is not semidefinite.
@@ -101,12 +59,12 @@ def _factor(H, g, psd, proximal, L):
         least, size = min(least, H[i, i]), max(size, abs(g[i]))
         for j in range(n):
             top = max(top, abs(H[i, j]))
-    if least > 0.0 and _cholesky(H, L, 0.0, False) > n * np.sqrt(eps):
+    if least > 0.0 and cholesky(H, L, 0.0, False) > n * np.sqrt(eps):
         return 0.0
-    if not (least >= 0.0 and _cholesky(H, L, max(psd, SEMIDEFINITE * n * eps), True) > 0.0):
+    if not (least >= 0.0 and cholesky(H, L, max(psd, SEMIDEFINITE * n * eps), True) > 0.0):
         return -1.0
     epsilon = proximal * (max(top, LEAST * max(top, size)) or 1.0)
-    return epsilon if _cholesky(H, L, epsilon, False) > 0.0 else -1.0
+    return epsilon if cholesky(H, L, epsilon, False) > 0.0 else -1.0
 
 
 @njit(
@@ -119,15 +77,21 @@ def _write_sides(G, b, d, lb, ub, L, D, E, M, place, lower, upper, norms):
         if lb[i] > -np.inf or ub[i] < np.inf:
             M[at, i], place[at] = 1.0, i
             lower[at], upper[at] = lb[i] / D[i], ub[i] / D[i]
-            _forward(L, M[at], i)  # e_i has zeros before i, and L⁻¹e_i too
             at += 1
     for i in range(E.size):
         put(M[at], G[i])
         place[at] = n + i
         lower[at] = (b[i] if i < m else d[i - m]) * E[i]
         upper[at] = np.inf if i < m else lower[at]
-        _forward(L, M[at], 0)
         at += 1
+    if n >= BY_BLOCKS and at:
+        columns = np.ascontiguousarray(M.T)
+        forward_by_blocks(L, columns)
+        for k in range(at):
+            put(M[k], columns[:, k])
+    else:
+        for k in range(at):
+            forward(L, M[k], place[k] if place[k] < n else 0)  # e_i has zeros before i, and L⁻¹e_i too
     normalise(M, norms)
     for k in range(at):
         if norms[k] > 0.0:
@@ -235,7 +199,7 @@ def solve(
         counts[1] += 1
         for i in range(n):
             v0[i] = epsilon * x[i] - g[i]
-        _forward(L, v0, 0)
+        forward(L, v0, 0)
         passes = state[PASSES]
         state[:] = 0
         state[PASSES], state[PART] = passes, FIRST_PART  # passes count over all proximal steps
@@ -248,7 +212,7 @@ def solve(
         if outcome == INFEASIBLE:
             return INFEASIBLE
         put(x, v)
-        _backward(L, x)
+        backward(L, x)
         top = _write_answer(x, y, place, norms, D, E, lb, ub, z, lam, mu, nu)
         now = _error_of(Q, p, A, b, C, d, lb, ub, tolerance, z, lam, mu, nu, judge)
         if now < GAIN * error[0]:

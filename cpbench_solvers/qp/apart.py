@@ -38,6 +38,8 @@ class PartedQP:
 
 def parted(problem: QP) -> PartedQP | None:
     """Return a problem of several connected parts with these; None where it is one, or has a row without entries."""
+    if not matrices.is_sparse(problem.Q) and problem.Q.size and np.all(matrices.dense(problem.Q)[0]):
+        return None  # this row joins all unknowns
     G = load(SPARSE_KERNEL).stacked(entries(problem.A), entries(problem.C))
     Q, n = entries(problem.Q), problem.p.size
     part = load(PARTS_KERNEL).labels(Q, G)

@@ -41,7 +41,7 @@ ON_SMALL = SolverPhase("proximal-active-set"), SolverPhase("interior-point-qp"),
 SMALL, SMALL_SPARSE = 100, 50
 """Unknowns up to which the active set is first whatever it takes, where matrices are full and where they are sparse: of
 these the interior point takes advantage, once there is more to eliminate than to put in order."""
-TURNS, AHEAD = 8, 7.0
+TURNS, AHEAD = 6, 7.0
 """Iterations that the interior point takes where matrices are full, so that both together take at most twice as long as
 the better one; and the time of an operation of the active set, over that of a factorization."""
 ACTIVE_SET = ProximalActiveSetOptions()

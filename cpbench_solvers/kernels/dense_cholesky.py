@@ -1,0 +1,109 @@
+"""Cholesky factors of dense matrices, row by row where they are small and by blocks where products of matrices pay."""
+
+import numpy as np
+from numba import boolean, float64, int64, njit, void
+
+from cpbench_solvers.kernels.array_types import COMPILED, VECTOR
+from cpbench_solvers.kernels.qp_dense import dot
+from cpbench_solvers.kernels.qp_ldl import BLOCK, dense_factor
+
+BY_BLOCKS = 100
+"""Unknowns from which on blocks are faster."""
+MATRIX = float64[:, ::1]
+
+
+@njit(float64(MATRIX, MATRIX, float64, boolean), **COMPILED)
+def _by_blocks(H, L, shift, unit):
+    """Write and return what `cholesky` does, by LDLᵀ."""
+    n = H.shape[0]
+    whole, root, least = np.empty(n), np.empty(n), np.inf
+    for i in range(n):
+        whole[i] = H[i, i] + (shift * H[i, i] if unit else shift)
+        for j in range(i):
+            L[i, j] = H[i, j]
+        if unit and H[i, i] == 0.0:
+            for j in range(n):
+                if H[i, j] != 0.0:
+                    return 0.0
+            whole[i] = 1.0
+        L[i, i] = whole[i]
+    if not dense_factor(L, np.full(n, np.nan)):  # NaN: pivots keep whatever sign they have
+        return 0.0
+    for i in range(n):
+        share = L[i, i] / whole[i]
+        if not share > 0.0:
+            return 0.0
+        least, root[i] = min(least, share), np.sqrt(L[i, i])
+    for i in range(n):
+        for j in range(i):
+            L[i, j] *= root[j]
+        L[i, i] = root[i]
+    return least
+
+
+@njit(float64(MATRIX, MATRIX, float64, boolean), **COMPILED)
+def cholesky(H, L, shift, unit):
+    """Write the lower factor of H + shift·diag(H) (`unit`), or of H + shift·I, and return the least share that is left
+    of a number on the diagonal; 0 at the first one of which nothing is. Where `unit`, a row with the diagonal entry 0
+    must be 0, and stands for one of the identity."""
+    if H.shape[0] >= BY_BLOCKS:
+        return _by_blocks(H, L, shift, unit)
+    least = 1.0
+    for i in range(H.shape[0]):
+        row = L[i]
+        for j in range(i):
+            row[j] = (H[i, j] - dot(row[:j], L[j, :j])) / L[j, j]
+        if unit and H[i, i] == 0.0:
+            for j in range(H.shape[0]):
+                if H[i, j] != 0.0:
+                    return 0.0
+            row[i] = 1.0  # an unknown without curvature: semidefinite, if nothing else is in its row
+            continue
+        whole = H[i, i] + (shift * H[i, i] if unit else shift)
+        pivot = whole - dot(row[:i], row[:i])
+        if not pivot > 0.0:
+            return 0.0
+        least = min(least, pivot / whole)  # the share that is left says how near to singular H is
+        row[i] = np.sqrt(pivot)
+    return least
+
+
+@njit(void(MATRIX, VECTOR, int64), **COMPILED)
+def forward(L, x, first):
+    """Set x ← L⁻¹x, whose numbers before `first` are 0."""
+    for i in range(first, x.size):
+        x[i] = (x[i] - dot(L[i, first:i], x[first:i])) / L[i, i]  # column by column would be strided: L lies by rows
+
+
+@njit(void(MATRIX, MATRIX), **COMPILED)
+def forward_by_blocks(L, columns):
+    """Set every column of `columns`, (n, ·), to L⁻¹ times it."""
+    n = L.shape[0]
+    for begin in range(0, n, BLOCK):
+        end = min(begin + BLOCK, n)
+        for c in range(begin, end):
+            row = columns[c]
+            for k in range(begin, c):
+                value, earlier = L[c, k], columns[k]
+                for i in range(row.size):
+                    row[i] -= value * earlier[i]
+            pivot = L[c, c]
+            for i in range(row.size):
+                row[i] /= pivot
+        if end < n:
+            change = np.dot(np.ascontiguousarray(L[end:, begin:end]), columns[begin:end])
+            for c in range(end, n):
+                row, less = columns[c], change[c - end]
+                for i in range(row.size):
+                    row[i] -= less[i]
+
+
+@njit(void(MATRIX, VECTOR), **COMPILED)
+def backward(L, x):
+    """Set x ← L⁻ᵀx."""
+    for i in range(x.size - 1, -1, -1):
+        value = x[i] / L[i, i]
+        x[i] = value
+        row = L[i]
+        for j in range(i):
+            x[j] -= row[j] * value  # L by its rows, used as columns of Lᵀ
