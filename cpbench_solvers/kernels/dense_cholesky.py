@@ -5,11 +5,24 @@ from numba import boolean, float64, int64, njit, void
 
 from cpbench_solvers.kernels.array_types import COMPILED, VECTOR
 from cpbench_solvers.kernels.qp_dense import dot
-from cpbench_solvers.kernels.qp_ldl import BLOCK, dense_factor
+from cpbench_solvers.kernels.qp_ldl import BLOCK, dense_factor, substitute
 
 BY_BLOCKS = 100
 """Unknowns from which on blocks are faster."""
 MATRIX = float64[:, ::1]
+
+
+@njit(float64(MATRIX, int64, float64, boolean), **COMPILED)
+def _diagonal(H, i, shift, unit):
+    """Return the number on the diagonal that `cholesky` factors, 0 where a row of zeros would have to be one."""
+    if not unit:
+        return H[i, i] + shift
+    if H[i, i] != 0.0:
+        return H[i, i] + shift * H[i, i]
+    for j in range(H.shape[0]):
+        if H[i, j] != 0.0:
+            return 0.0
+    return 1.0  # an unknown without curvature: semidefinite, if nothing else is in its row
 
 
 @njit(float64(MATRIX, MATRIX, float64, boolean), **COMPILED)
@@ -18,22 +31,15 @@ def _by_blocks(H, L, shift, unit):
     n = H.shape[0]
     whole, root, least = np.empty(n), np.empty(n), np.inf
     for i in range(n):
-        whole[i] = H[i, i] + (shift * H[i, i] if unit else shift)
+        L[i, i] = whole[i] = _diagonal(H, i, shift, unit)
         for j in range(i):
             L[i, j] = H[i, j]
-        if unit and H[i, i] == 0.0:
-            for j in range(n):
-                if H[i, j] != 0.0:
-                    return 0.0
-            whole[i] = 1.0
-        L[i, i] = whole[i]
     if not dense_factor(L, np.full(n, np.nan)):  # NaN: pivots keep whatever sign they have
         return 0.0
     for i in range(n):
-        share = L[i, i] / whole[i]
-        if not share > 0.0:
+        if not L[i, i] > 0.0:
             return 0.0
-        least, root[i] = min(least, share), np.sqrt(L[i, i])
+        least, root[i] = min(least, L[i, i] / whole[i]), np.sqrt(L[i, i])
     for i in range(n):
         for j in range(i):
             L[i, j] *= root[j]
@@ -53,13 +59,7 @@ def cholesky(H, L, shift, unit):
         row = L[i]
         for j in range(i):
             row[j] = (H[i, j] - dot(row[:j], L[j, :j])) / L[j, j]
-        if unit and H[i, i] == 0.0:
-            for j in range(H.shape[0]):
-                if H[i, j] != 0.0:
-                    return 0.0
-            row[i] = 1.0  # an unknown without curvature: semidefinite, if nothing else is in its row
-            continue
-        whole = H[i, i] + (shift * H[i, i] if unit else shift)
+        whole = _diagonal(H, i, shift, unit)
         pivot = whole - dot(row[:i], row[:i])
         if not pivot > 0.0:
             return 0.0
@@ -81,15 +81,7 @@ def forward_by_blocks(L, columns):
     n = L.shape[0]
     for begin in range(0, n, BLOCK):
         end = min(begin + BLOCK, n)
-        for c in range(begin, end):
-            row = columns[c]
-            for k in range(begin, c):
-                value, earlier = L[c, k], columns[k]
-                for i in range(row.size):
-                    row[i] -= value * earlier[i]
-            pivot = L[c, c]
-            for i in range(row.size):
-                row[i] /= pivot
+        substitute(L, begin, end, columns[begin:end], False)
         if end < n:
             change = np.dot(np.ascontiguousarray(L[end:, begin:end]), columns[begin:end])
             for c in range(end, n):

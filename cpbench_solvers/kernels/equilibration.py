@@ -124,15 +124,15 @@ def _solve(start, column, weight, diagonal, head, r, x, enough, steps):
 
 
 @njit(float64(START, START, DATA, DATA, VECTOR, VECTOR), **COMPILED)
-def _weigh(start, column, size, D, weight, top):
-    """Write the entries D_i A_ij D_j and the largest of each row; return the largest of all."""
+def _weigh(start, column, size, D, weight, sums):
+    """Write the entries D_i A_ij D_j and the sum of each row; return the largest entry."""
     most = 0.0
     for i in range(D.size):
-        top[i] = 0.0
+        sums[i] = 0.0
         for k in range(start[i], start[i + 1]):
             weight[k] = min(max(size[k] * D[i] * D[column[k]], LEAST_ENTRY), LARGEST * LARGEST)
-            top[i] = max(top[i], weight[k])
-        most = max(most, top[i])
+            sums[i] += weight[k]
+            most = max(most, weight[k])
     return most
 
 
@@ -154,12 +154,11 @@ def equilibrate(start, column, size, head, D):
         D[i] = np.exp(x[i])
     if _weigh(start, column, size, D, weight, sums) > LARGEST:
         for i in range(n):  # cut off, it would be another matrix: the largest entry of every row is 1 at most
-            D[i] /= np.sqrt(sums[i]) if sums[i] > 0.0 else 1.0
+            top = 0.0
+            for k in range(start[i], start[i + 1]):
+                top = max(top, weight[k])
+            D[i] /= np.sqrt(top) if top > 0.0 else 1.0
         _weigh(start, column, size, D, weight, sums)
-    for i in range(n):
-        sums[i] = 0.0
-        for k in range(start[i], start[i + 1]):
-            sums[i] += weight[k]
     for _ in range(STEPS):
         off = 0.0
         for i in range(n):

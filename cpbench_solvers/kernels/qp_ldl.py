@@ -177,9 +177,10 @@ def _factor_block(S, diagonals, begin, end):
     return True
 
 
-@njit(types.void(OUT2, types.int64, types.int64, OUT2), **COMPILED)
-def _substitute(S, begin, end, columns):
-    """Set every column of `columns`, (end - begin, ·), to L⁻¹ times it, L that of a diagonal block.
+@njit(types.void(OUT2, types.int64, types.int64, OUT2, types.boolean), **COMPILED)
+def substitute(S, begin, end, columns, unit):
+    """Set every column of `columns`, (end - begin, ·), to L⁻¹ times it, L that of a diagonal block, with ones on its
+    diagonal where `unit`.
 
     All columns at once: loops over rows of L are short.
     """
@@ -189,6 +190,10 @@ def _substitute(S, begin, end, columns):
             value, earlier = S[begin + c, begin + k], columns[k]
             for i in range(row.size):
                 row[i] -= value * earlier[i]
+        if not unit:
+            pivot = S[begin + c, begin + c]
+            for i in range(row.size):
+                row[i] /= pivot
 
 
 @njit(types.boolean(OUT2, OUT), **COMPILED)
@@ -209,7 +214,7 @@ def dense_factor(S, diagonals):
         for i in range(N - end):
             for c in range(width):
                 scaled[c, i] = S[end + i, begin + c]
-        _substitute(S, begin, end, scaled)
+        substitute(S, begin, end, scaled, True)
         for i in range(N - end):
             for c in range(width):
                 plain[i, c] = scaled[c, i] / S[begin + c, begin + c]

@@ -135,7 +135,7 @@ def apply(system, a, b, x, v):
     if head[0] < 0:
         y = work[: n + equal.size]
         put(y[:n], a)
-        some = np.empty(rest.size)
+        some = work[n + equal.size : N]  # as many as the rest
         for i in range(rest.size):
             some[i] = by[i] * b[rest[i]]
         for j in range(n):
