@@ -27,13 +27,19 @@ EXPONENT, BIAS = np.log(2.0) * 2.0**-52, 1023.0 * np.log(2.0)
 """Logarithms from the bits of a number are linear between powers of two, wrong by 0.06 at most: enough for a guess."""
 
 
+@njit(inline="always")
+def _follow(column, begin, end):
+    """Return whether the columns of a row follow each other, which needs no indices."""
+    return end - begin > LONG and column[end - ONE] - column[begin] == end - begin - ONE
+
+
 @njit(void(START, START, DATA, int64, int64, DATA, VECTOR), fastmath=FAST, **COMPILED)
 def _times(start, column, weight, first, last, x, y):
     """Write the rows from `first` to `last` of Wx."""
     for i in range(first, last):
         begin, end, total = start[i], start[i + 1], 0.0
-        if end - begin > LONG and column[end - ONE] - column[begin] == end - begin - ONE:
-            row, part = weight[begin:end], x[column[begin] :]  # columns that follow each other need no indices
+        if _follow(column, begin, end):
+            row, part = weight[begin:end], x[column[begin] :]
             for k in range(row.size):
                 total += row[k] * part[k]
         else:
@@ -42,12 +48,18 @@ def _times(start, column, weight, first, last, x, y):
         y[i] = total
 
 
-@njit(inline="always")
+@njit(float64(START, START, VECTOR, int64, DATA), fastmath=FAST, **COMPILED)
 def _scale_row(start, column, weight, i, x):
     """Set W_ij ← x_i W_ij x_j in a row; return its sum."""
-    total = 0.0
-    for k in range(start[i], start[i + 1]):
-        weight[k] *= x[i] * x[column[k]]
+    begin, end, total, own = start[i], start[i + 1], 0.0, x[i]
+    if _follow(column, begin, end):
+        row, part = weight[begin:end], x[column[begin] :]
+        for k in range(row.size):
+            row[k] *= own * part[k]
+            total += row[k]
+        return total
+    for k in range(begin, end):
+        weight[k] *= own * x[column[k]]
         total += weight[k]
     return total
 
@@ -69,10 +81,15 @@ def _product(start, column, weight, diagonal, head, x, y):
 
 
 @njit(inline="always")
-def _reduced(start, column, weight, i, inverse, moved):
-    """Return Σ W_ij² inverse_j, Σ W_ij moved_j and W_ii."""
-    own = right = same = 0.0
-    for k in range(start[i], start[i + 1]):
+def _reduced(start, column, weight, i, head, inverse, moved):
+    """Return Σ W_ij² inverse_j, Σ W_ij moved_j, which are 0 before `head`, and W_ii."""
+    begin, end, own, right, same = start[i], start[i + 1], 0.0, 0.0, 0.0
+    if _follow(column, begin, end):
+        first = column[begin]
+        if first <= i <= column[end - ONE]:
+            same = weight[begin + np.uint64(i) - first]
+        begin += max(np.uint64(head), first) - first
+    for k in range(begin, end):
         j, value = column[k], weight[k]
         right += value * moved[j]
         own += value * value * inverse[j]
@@ -92,7 +109,7 @@ def _solve(start, column, weight, diagonal, head, r, x, enough, steps):
         inverse[i] = 1.0 / diagonal[i] if diagonal[i] > 0.0 else 0.0
         moved[i] = r[i] * inverse[i]
     for i in range(head):
-        own, right, same = _reduced(start, column, weight, i, inverse, moved)
+        own, right, same = _reduced(start, column, weight, i, head, inverse, moved)
         r[i] -= right
         pivot[i] = max(diagonal[i] + same - own, LEAST * diagonal[i])
     for step in range(steps):
@@ -123,16 +140,22 @@ def _solve(start, column, weight, diagonal, head, r, x, enough, steps):
             x[i] += r[i] / diagonal[i]
 
 
-@njit(float64(START, START, DATA, DATA, VECTOR, VECTOR), **COMPILED)
+@njit(float64(START, START, DATA, DATA, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
 def _weigh(start, column, size, D, weight, sums):
-    """Write the entries D_i A_ij D_j and the sum of each row; return the largest entry."""
+    """Write the entries D_i A_ij D_j and the sum of each row; return the largest sum."""
     most = 0.0
     for i in range(D.size):
-        sums[i] = 0.0
-        for k in range(start[i], start[i + 1]):
-            weight[k] = min(max(size[k] * D[i] * D[column[k]], LEAST_ENTRY), LARGEST * LARGEST)
-            sums[i] += weight[k]
-            most = max(most, weight[k])
+        begin, end, total = start[i], start[i + 1], 0.0
+        if _follow(column, begin, end):
+            row, entries, part = weight[begin:end], size[begin:end], D[column[begin] :]
+            for k in range(row.size):
+                row[k] = min(max(entries[k] * D[i] * part[k], LEAST_ENTRY), LARGEST * LARGEST)
+                total += row[k]
+        else:
+            for k in range(begin, end):
+                weight[k] = min(max(size[k] * D[i] * D[column[k]], LEAST_ENTRY), LARGEST * LARGEST)
+                total += weight[k]
+        sums[i], most = total, max(most, total)
     return most
 
 

@@ -96,7 +96,7 @@ def solve_parts(
         A, C = _dense(G, first, place, unknowns), _dense(G, last, place, unknowns)
         outcome[q] = solve(
             H, p[at], A, h[first], C, h[last], lb[at], ub[at],
-            tolerance, psd, proximal, feasible, passes * (own.size + 10), operations,
+            tolerance, psd, proximal, feasible, np.inf, passes * (own.size + 10), operations,
             own_z, lam, mu, own_nu, error, done,
         )  # fmt: skip
         z[at], y[first], y[last], nu[at] = own_z, lam, mu, own_nu

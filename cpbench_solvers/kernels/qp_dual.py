@@ -42,6 +42,8 @@ APART = 1e-3
 """The same for a row that joins together with others."""
 SHARE = 0.3
 """Rows join together when their violation is at least this times the greatest one."""
+ABREAST = 8
+"""So many of them are projected on the span of W in one reading of its rows: numbers of one vector of the processor."""
 
 _VECTOR = types.Array(types.float64, 1, "C", readonly=True)
 _MATRIX = types.Array(types.float64, 2, "C", readonly=True)
@@ -62,10 +64,10 @@ def normalise(M, norms):
                 row[j] /= length
 
 
-@njit(types.void(_OUT2, types.int64, _OUT), **COMPILED)
-def _forward(R, count, x):
-    """Set x ← R⁻ᵀx."""
-    for j in range(count):
+@njit(types.void(_OUT2, types.int64, types.int64, _OUT), **COMPILED)
+def _forward(R, first, count, x):
+    """Set x ← R⁻ᵀx, R and x from `first` to `count`."""
+    for j in range(first, count):
         row = R[j]
         x[j] /= row[j]
         for i in range(j + 1, count):
@@ -89,7 +91,7 @@ def _outside(M, R, W, count, p, work):
     column = work[:count]
     for j in range(count):
         column[j] = dot(M[W[j]], m)
-    _forward(R, count, column)
+    _forward(R, 0, count, column)
     square = 1.0 - dot(column, column)  # rows have length 1
     if square > CANCELS:
         return np.sqrt(square)
@@ -99,7 +101,7 @@ def _outside(M, R, W, count, p, work):
     for _ in range(2):  # twice is enough (Parlett 1980, section 6.9, after Kahan)
         for j in range(count):
             change[j] = dot(M[W[j]], rest)
-        _forward(R, count, change)
+        _forward(R, 0, count, change)
         for j in range(count):
             column[j] += change[j]
         _backward(R, count, change)
@@ -267,7 +269,7 @@ def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work
         i = W[j]
         # what v misses of the bounds of W, as if all were equations
         change[j] = (upper[i] if side[i] < 0 else lower[i]) - dot(M[i], v)
-    _forward(R, count, change)
+    _forward(R, 0, count, change)
     _backward(R, count, change)
     step = 1.0
     for j in range(count):
@@ -288,6 +290,40 @@ def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work
     _primal(M, v0, y, W, count, v)
 
 
+@njit(types.int64(_OUT, types.float64, _INT, _OUT), **COMPILED)
+def _take_worst(violation, least, rows, signs):
+    """Write the rows of the greatest violations above `least`, and the signs of these, which are 0 then; return their
+    number."""
+    for k in range(rows.size):
+        p, worst = -1, least
+        for i in range(violation.size):
+            if abs(violation[i]) > worst:
+                p, worst = i, abs(violation[i])
+        if p < 0:
+            return k
+        rows[k], signs[k] = p, np.sign(violation[p])
+        violation[p] = 0.0
+    return rows.size
+
+
+@njit(types.void(_MATRIX, _OUT2, _INT, types.int64, _INT, types.int64, _OUT2), **COMPILED)
+def _project(M, R, W, count, rows, many, X):
+    """Write as column k of X what `_outside` has as a column for row k, for many rows at once."""
+    X[:] = 0.0
+    for j in range(count):
+        row = M[W[j]]
+        for k in range(many):
+            X[j, k] = dot(row, M[rows[k]])
+    for j in range(count):
+        row, from_one = R[j], X[j]
+        for k in range(ABREAST):
+            from_one[k] /= row[j]
+        for i in range(j + 1, count):
+            to, by = X[i], row[i]
+            for k in range(ABREAST):
+                to[k] -= by * from_one[k]
+
+
 @njit(
     types.boolean(*(_MATRIX, types.float64, _OUT, _VECTOR, _VECTOR, _OUT2, _INT, _INT, _INT, _INT, _OUT, types.int64)),
     **COMPILED,
@@ -295,26 +331,36 @@ def _towards_maximiser(M, lower, upper, v0, v, y, R, W, where, side, state, work
 def _join_others(M, least, violation, lower, upper, R, W, where, side, state, work, most):
     """Add the rows violated by `least` at least to W, the worst first; those that nearly depend on it do not. Return
     whether `most` operations were enough."""
+    n, rows, signs = M.shape[1], np.empty(ABREAST, np.int64), np.empty(ABREAST)
+    columns = np.empty((n, ABREAST))
     while state[ROOM] > 0:
         if state[OPERATIONS] > most:
             return False
-        p, worst = -1, least
-        for i in range(violation.size):
-            if abs(violation[i]) > worst:
-                p, worst = i, abs(violation[i])
-        if p < 0:
+        many, first = _take_worst(violation, least, rows[: state[ROOM]], signs), state[COUNT]
+        if many == 0:
             state[ROOM] = 0
             return True
-        count = state[COUNT]
-        length = _outside(M, R, W, count, p, work)
-        state[OPERATIONS] += count * (count + M.shape[1]) + violation.size
-        if length > APART:  # nearly dependent rows that join at once would make R useless
-            side[p] = 0 if lower[p] == upper[p] else (1 if violation[p] > 0.0 else -1)
-            _join(R, W, where, p, length, work, count)
-            state[COUNT] = count + 1
-            state[TOGETHER] = 1
-            state[ROOM] -= 1
-        violation[p] = 0.0
+        _project(M, R, W, first, rows, many, columns[:first])
+        state[OPERATIONS] += many * (first * (first + n) + violation.size)
+        for k in range(many):
+            p, count, column = rows[k], state[COUNT], work[: state[COUNT]]
+            for j in range(first):
+                column[j] = columns[j, k]
+            for j in range(first, count):  # those that have joined before it
+                column[j] = dot(M[W[j]], M[p])
+            for i in range(first):
+                row, by = R[i], column[i]
+                for j in range(first, count):
+                    column[j] -= row[j] * by
+            _forward(R, first, count, column)
+            square = 1.0 - dot(column, column)
+            length = np.sqrt(square) if square > CANCELS else _outside(M, R, W, count, p, work)
+            if length > APART:  # nearly dependent rows that join at once would make R useless
+                side[p] = 0 if lower[p] == upper[p] else int(signs[k])
+                _join(R, W, where, p, length, work, count)
+                state[COUNT] = count + 1
+                state[TOGETHER] = 1
+                state[ROOM] -= 1
     return True
 
 

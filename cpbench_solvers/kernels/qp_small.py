@@ -11,7 +11,7 @@ from numba import njit, types
 
 from cpbench_solvers.kernels.array_types import COMPILED
 from cpbench_solvers.kernels.dense_cholesky import BY_BLOCKS, backward, cholesky, forward, forward_by_blocks
-from cpbench_solvers.kernels.qp_dense import equilibrate, judged_error
+from cpbench_solvers.kernels.qp_dense import dot, equilibrate, judged_error
 from cpbench_solvers.kernels.qp_dual import (
     FIRST_PART,
     INFEASIBLE,
@@ -30,8 +30,9 @@ from cpbench_solvers.kernels.qp_rows import exact, largest_error
 from cpbench_solvers.kernels.qp_sparse import rows_of, stacked
 from cpbench_solvers.kernels.vectors import put
 
-NOT_CONVEX = 4
-"""The outcome, beside those of `qp_dual`, where no factorization says that Q is positive semidefinite."""
+NOT_CONVEX, CROWDED = 4, 5
+"""Outcomes, beside those of `qp_dual`: no factorization says that Q is positive semidefinite; too many sides exclude
+the minimum without them."""
 SCALINGS = 4
 SEMIDEFINITE = 4.0
 """Times n eps: what is added to a diagonal of ones before the factorization has to do, as in `matrices.is_psd`."""
@@ -65,6 +66,20 @@ def _factor(H, g, psd, proximal, L):
         return -1.0
     epsilon = proximal * (max(top, LEAST * max(top, size)) or 1.0)
     return epsilon if cholesky(H, L, epsilon, False) > 0.0 else -1.0
+
+
+@njit(types.int64(_OUT2, VECTOR, VECTOR, VECTOR, VECTOR, _OUT2, _OUT, _OUT, _OUT), **COMPILED)
+def _excluding(G, b, d, lb, ub, L, g, D, E):
+    """Return how many bounds and rows exclude x = −(LLᵀ)⁻¹g, the minimum without them; equations always do."""
+    n, m, count = g.size, b.size, d.size
+    x = -g
+    forward(L, x, 0)
+    backward(L, x)
+    for i in range(n):
+        count += D[i] * x[i] < lb[i] or D[i] * x[i] > ub[i]
+    for i in range(m):
+        count += dot(G[i], x) < b[i] * E[i]
+    return count
 
 
 @njit(
@@ -148,13 +163,13 @@ def _keep(best, z, nu, lam, mu):
 @njit(
     types.int64(
         *PROGRAM,
-        *(types.float64, types.float64, types.float64, types.float64, types.int64, types.int64),
+        *(types.float64, types.float64, types.float64, types.float64, types.float64, types.int64, types.int64),
         *(_OUT, _OUT, _OUT, _OUT, _OUT, INDEX),
     ),
     **COMPILED,
 )
 def solve(
-    Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, most, operations, z, lam, mu, nu, error, counts
+    Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, crowd, most, operations, z, lam, mu, nu, error, counts
 ):
     """Write z, λ, μ, ν and their judged error, by norms and, within the tolerance, by connected parts; return SOLVED
     where both are within it, else why not.
@@ -162,7 +177,8 @@ def solve(
     Parameters
     ----------
     psd : the share of its diagonal that Q may lack to be semidefinite. proximal : ε relative to the size of H.
-    feasible : tolerance of `qp_dual`. most : passes. operations : of `qp_dual`, soon after which it ends.
+    feasible : tolerance of `qp_dual`. crowd : of n, so many sides may exclude the minimum without them. most :
+        passes. operations : of `qp_dual`, soon after which it ends.
     error : (1,) of the best answer, which is written.
     counts : (4,) passes, steps, operations, whether the steps are proximal, and only approach the answer.
     """
@@ -183,6 +199,8 @@ def solve(
     if epsilon < 0.0:
         return NOT_CONVEX
     counts[3] = epsilon > 0.0
+    if crowd < np.inf and _excluding(G, b, d, lb, ub, L, g, D, E) > crowd * n:
+        return CROWDED
     sides = 0
     for i in range(n + r):
         sides += i >= n or lb[i] > -np.inf or ub[i] < np.inf

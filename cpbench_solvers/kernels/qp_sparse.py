@@ -52,11 +52,14 @@ def stacked(A, C):
     return indptr, indices, data
 
 
-@njit(types.void(OUT), **COMPILED)
+@njit(types.boolean(OUT), **COMPILED)
 def _roots(size):
-    """Replace sizes by powers of two near size^-½, 1 where the size is 0."""
+    """Replace sizes by powers of two near size^-½, 1 where the size is 0; return whether one is not 1."""
+    other = False
     for i in range(size.size):
         size[i] = 2.0 ** np.rint(-0.5 * np.log2(size[i])) if size[i] > 0.0 else 1.0
+        other = other or size[i] != 1.0
+    return other
 
 
 @njit(types.void(_OWN, _OWN, OUT, OUT, types.int64), **COMPILED)
@@ -75,8 +78,8 @@ def equilibrate(H, G, column, row, passes):
                 size = abs(G[2][q])
                 sides[i] = max(sides[i], size)
                 tops[G[1][q]] = max(tops[G[1][q]], size)  # columns of G share the scale of H's
-        _roots(tops)
-        _roots(sides)
+        if not (_roots(tops) | _roots(sides)):  # both have to be replaced
+            break
         for i in range(n):
             column[i] *= tops[i]
             for q in range(H[0][i], H[0][i + 1]):

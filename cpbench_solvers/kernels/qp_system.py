@@ -24,6 +24,7 @@ from cpbench_solvers.kernels.qp_ldl import (
 from cpbench_solvers.kernels.vectors import put, unsigned
 
 _COLUMNS = types.int32[::1]
+OWN = types.Tuple((_COLUMNS, _COLUMNS, OUT))
 SYSTEM = types.Tuple(
     (*(INT, INT, _COLUMNS, _COLUMNS, OUT, OUT, INT, INT), *(ROWS, OUT, OUT, OUT2), *(INT, INT, OUT2, OUT, OUT))
 )
@@ -68,6 +69,35 @@ def add_transposed(M, by, x, y):
                 y[M[1][q]] += M[2][q] * value
 
 
+@njit(OWN(CSR, types.int64), **COMPILED)
+def filled(M, n):
+    """Return a matrix of n columns with the zeros of its rows that are at least half full: products need no indices
+    there."""
+    r, (start, column, value) = M[0].size - 1, unsigned(M)
+    indptr, full = np.zeros(r + 1, np.int32), np.empty(r, np.bool_)
+    for i in range(r):
+        full[i] = 2 * (start[i + 1] - start[i]) >= n
+        indptr[i + 1] = indptr[i] + (n if full[i] else start[i + 1] - start[i])
+    indices, data = np.empty(indptr[r], np.int32), np.empty(indptr[r])
+    for i in range(r):
+        at = indptr[i]
+        for j in range(n if full[i] else 0):
+            indices[at + j], data[at + j] = j, 0.0
+        for q in range(start[i], start[i + 1]):
+            to = at + (column[q] if full[i] else q - start[i])
+            indices[to], data[to] = column[q], value[q]
+    return indptr, indices, data
+
+
+@njit(types.void(CSR, INT, OUT2), **COMPILED)
+def columns_of(M, rows, A):
+    """Write some rows of M as columns of A, which is 0."""
+    start, column, value = unsigned(M)
+    for k in range(rows.size):
+        for q in range(start[rows[k]], start[rows[k] + 1]):
+            A[column[q], k] = value[q]
+
+
 @njit(types.float64(OUT), **COMPILED)
 def largest(x):
     """Return the ∞-norm; NaN where a number is."""
@@ -103,8 +133,15 @@ def factor_system(H, G, system, w, theta, delta):
         for i in range(n):
             S[i, i] += w[i] + delta
             own[i] = w[i] + delta
-            for q in range(H[0][i], H[0][i + 1]):
-                if H[1][q] <= i:  # only the lower triangle is read
+            begin, end = H[0][i], H[0][i + 1]
+            if end - begin == n:
+                row, entries = S[i], H[2][begin:end]
+                for j in range(i + 1):  # only the lower triangle is read
+                    row[j] += entries[j]
+                own[i] += entries[i]
+                continue
+            for q in range(begin, end):
+                if H[1][q] <= i:
                     S[i, H[1][q]] += H[2][q]
                 if H[1][q] == i:
                     own[i] += H[2][q]

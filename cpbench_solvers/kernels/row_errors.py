@@ -65,6 +65,8 @@ def label_sparse(start, columns, values, part):
         for e in range(start[i], start[i + 1]):
             if values[e] != 0.0 and left > 1:
                 left -= joined(part, i, columns[e])
+        if left == 1:
+            break
     for i in range(n):
         part[i] = root(part, i)
 

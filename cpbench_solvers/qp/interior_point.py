@@ -67,7 +67,7 @@ class Path:
         self.x, self.y = np.zeros(n), np.zeros(N)
         sides, work = np.zeros((2, 2 * N)), np.zeros(21 * N)
         iterate = self.x, self.y, sides[0], sides[1], np.zeros(n), work
-        self._data = H, G, scales.g, scales.lower, scales.upper, _least_size(scales, H), kkt.system, iterate
+        self._data = kkt.H, kkt.G, scales.g, scales.lower, scales.upper, _least_size(scales, H), kkt.system, iterate
         self.stops: Any = self._kernel
         self._counts = np.zeros(2, dtype=np.int64)
         self._sizes = np.array([0.0, math.inf, LARGE, options.regularization, self.stops.SOLVED, 0.0])

@@ -41,12 +41,13 @@ def entries(M: Matrix) -> Entries:
 class KKT:
     """The system of H (n, n) and G (r, n) with the regularization `delta`.
 
-    equal : rows that have θ = 0, or nearly so, in every system, none by default. Dense where that takes less time.
+    equal : rows that have θ = 0, or nearly so, in every system, none by default. Dense where that takes less time; full
+    rows of H and G have all their zeros then.
     operations : of one factorization, counted as those of a sparse factor.
     """
 
     def __init__(self, H: Entries, G: Entries, delta: float, equal: NDArray[np.bool_] | None = None) -> None:
-        self._H, self._G, self._delta = H, G, delta
+        self.H, self.G, self._delta = H, G, delta
         self._kernel = load("cpbench_solvers.kernels.qp_system")
         n, r = H[0].size - 1, G[0].size - 1
         self.n, self._r = n, r
@@ -67,14 +68,13 @@ class KKT:
                 self.operations = float(work[tail])
                 self.system = (*self._sparse(count[:tail], pattern), *last)
                 return
+        self.H, self.G = self._kernel.filled(H, n), self._kernel.filled(G, n)
         self.system = (*self._dense(m, k), *last)
 
     def _dense(self, m: int, k: int) -> tuple[Any, ...]:
         none, index, nothing = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32), np.empty(0)
-        A, at, G = np.zeros((self.n, m)), np.full(self._r, -1), self._G
-        at[self._rest] = np.arange(m)
-        rows = np.repeat(at, np.diff(G[0]))
-        A[G[1][rows >= 0], rows[rows >= 0]] = G[2][rows >= 0]
+        A = np.zeros((self.n, m))
+        self._kernel.columns_of(self.G, self._rest, A)
         pattern = none, index, index, nothing, nothing, none, none
         factor = np.empty(0, dtype=np.uint32), nothing, nothing, np.zeros((self.n + k, self.n + k))
         return np.array([-1]), *pattern, *factor, self._rest, self._equal, A
@@ -82,7 +82,7 @@ class KKT:
     def _analysed(self) -> tuple[Any, tuple[Any, ...]]:
         """Return entries below the diagonal of each column of the factor, and the matrix in the order of
         elimination."""
-        ldl, H, G = load("cpbench_solvers.kernels.qp_ldl"), self._H, self._G
+        ldl, H, G = load("cpbench_solvers.kernels.qp_ldl"), self.H, self.G
         N = self.n + self._r
         size = H[2].size + 2 * G[2].size
         work, indptr, indices = np.empty(N, dtype=np.int64), np.empty(N + 1, dtype=np.int32), np.empty(size, np.int32)
@@ -108,7 +108,7 @@ class KKT:
         """Factor; return False where it breaks down."""
         self._w, self._theta = np.ascontiguousarray(w, dtype=float), np.ascontiguousarray(theta, dtype=float)
         finite = bool(np.isfinite(w).all() and np.isfinite(theta).all())
-        return finite and self._kernel.factor_system(self._H, self._G, self.system, self._w, self._theta, self._delta)
+        return finite and self._kernel.factor_system(self.H, self.G, self.system, self._w, self._theta, self._delta)
 
     def apply(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
         """Return (dx, v) of the regularized system."""
@@ -119,5 +119,5 @@ class KKT:
     def solve(self, a: Vector, b: Vector) -> tuple[Vector, Vector]:
         """Return (dx, v), refined while that helps."""
         x, v = np.empty(self.n), np.empty(self._r)
-        self._kernel.solve_system(self._H, self._G, self.system, self._w, self._theta, a, b, x, v)
+        self._kernel.solve_system(self.H, self.G, self.system, self._w, self._theta, a, b, x, v)
         return x, v

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass
 from functools import cache, partial
@@ -40,11 +41,14 @@ look at the clock. Who needs more may need the checks of the other way."""
 @dataclass(frozen=True)
 class ProximalActiveSetOptions:
     """Options of proximal-active-set. `proximal` : ε relative to the size of Q. `feasibility_tolerance` : as in
-    dual-active-set. `max_iterations` : proximal steps and passes together, 0 stands for 50(n + rows) + 1000."""
+    dual-active-set. `max_iterations` : proximal steps and passes together, 0 stands for 50(n + rows) + 1000. `crowd` :
+    where more sides than this times the unknowns exclude the minimum without them, most unknowns will be held, by many
+    passes: the first call leaves the problem to others."""
 
     proximal: float = 1e-5
     feasibility_tolerance: float = 1e-11
     max_iterations: int = 0
+    crowd: float = math.inf
 
 
 def fits_one_call(n: int, rows: int) -> bool:
@@ -60,18 +64,21 @@ def in_one_call(
     x, error, counts = np.zeros(2 * n + m + k), np.empty(1), np.zeros(4, dtype=np.int64)
     z, lam, mu, nu = x[:n], x[n : n + m], x[n + m : n + m + k], x[n + m + k :]
     Q, A, C = matrices.dense(P.Q), matrices.dense(P.A), matrices.dense(P.C)
-    solve, solved_by, not_convex = _one_call()
+    solve, solved_by, not_convex, crowded = _one_call()
     most = PASSES * (n + m + k + 10)
     if limit is not None:
         most = min(most, limit)
-    how = tolerance, matrices.PSD_TOLERANCE, options.proximal, options.feasibility_tolerance, most, OPERATIONS
-    outcome = solve(Q, P.p, A, P.b, C, P.d, P.lb, P.ub, *how, z, lam, mu, nu, error, counts)
+    how = matrices.PSD_TOLERANCE, options.proximal, options.feasibility_tolerance, options.crowd, most, OPERATIONS
+    outcome = solve(Q, P.p, A, P.b, C, P.d, P.lb, P.ub, tolerance, *how, z, lam, mu, nu, error, counts)
     passes, steps = counts[:2].tolist()
     counters = {"iterations": passes + steps, "proximal_steps": steps}
     if outcome == solved_by:
         return solved(QPPoint(z, lam, mu, nu), counters)
     if outcome == not_convex and not P.convex:
         return SolverOutput(claim=Claim.FAILED, counters=counters, message="Q is not convex")
+    if outcome == crowded:
+        message = f"more than {options.crowd * n:.0f} sides exclude the minimum without them"
+        return SolverOutput(claim=Claim.FAILED, counters=counters, message=message)
     if limit is not None and passes >= limit:
         message = f"error {error[0]:.1e} after {passes} passes"
         return SolverOutput(claim=Claim.MAX_ITER, point=QPPoint(z, lam, mu, nu), counters=counters, message=message)
@@ -87,10 +94,10 @@ def record_ends(problem: QP, answer: QPPoint, iterations: int, record: Record) -
 
 
 @cache
-def _one_call() -> tuple[Any, int, int]:
-    """Return the compiled call and its outcomes: solved, and Q not convex."""
+def _one_call() -> tuple[Any, int, int, int]:
+    """Return the compiled call and its outcomes: solved, Q not convex, and too many sides."""
     kernel = load("cpbench_solvers.kernels.qp_small")
-    return compiled(kernel.solve), kernel.SOLVED, kernel.NOT_CONVEX
+    return compiled(kernel.solve), kernel.SOLVED, kernel.NOT_CONVEX, kernel.CROWDED
 
 
 @register

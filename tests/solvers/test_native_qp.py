@@ -600,21 +600,28 @@ def test_a_limit_of_passes_ends_one_compiled_call_with_its_best_answer() -> None
     assert again.claim is Claim.SOLVED
 
 
-def test_dense_data_are_for_the_active_set_until_the_interior_point_would_be_done() -> None:
+def test_dense_data_are_for_the_active_set_until_the_interior_point_would_be_done(monkeypatch: Any) -> None:
     """Which takes over then; sparse data are for it at once."""
     solver, b = solvers.get("auto-qp"), Budget(tolerance=1e-6)
     fit = np.random.default_rng(0).standard_normal((300, 150))
     quick = QP.build(fit.T @ fit, fit.T @ np.ones(300), lb=np.zeros(150))
     assert solver.run(quick, b).message == "proximal-active-set: solved"
     assert solver.phases(banded(150, np.random.default_rng(0)))[0].solver == "interior-point-qp"
-    problem = radial(120, 0, 1e-3)
-    plan = solver.setup(problem, b, solver.spec.options())
-    first = plan.phases[0]
-    assert first.solver == "proximal-active-set"
-    assert first.iterations is not None
-    output = solver.solve(plan, b, solver.spec.options())
+    monkeypatch.setattr("cpbench_solvers.qp.auto.TURNS", 0)
+    assert solver.phases(quick)[0].iterations == 1
+    assert "after 1 passes; interior-point-qp: solved" in solver.run(quick, b).message
+
+
+@pytest.mark.parametrize(("held", "first"), [(90, True), (102, False)])
+def test_where_most_unknowns_will_be_held_the_interior_point_is_first(held: int, first: bool) -> None:
+    """Of 120 unknowns z ≥ 0, `held` are negative at the minimum without bounds; the limit is 96."""
+    aim = np.ones(120)
+    aim[:held] = -1.0
+    Q = np.eye(120) + 1e-3
+    problem = QP.build(Q, -Q @ aim, lb=np.zeros(120))
+    output = solvers.get("auto-qp").run(problem, Budget(tolerance=1e-6))
     assert output.claim is Claim.SOLVED
-    assert f"after {first.iterations} passes; interior-point-qp" in output.message
+    assert output.message.startswith("proximal-active-set: solved" if first else "proximal-active-set: more than 96 ")
 
 
 def test_installed_members_are_asked_and_what_they_claim_is_measured() -> None:
