@@ -23,7 +23,7 @@ LARGEST, LEAST_ENTRY = 1e35, 1e-35
 """Entries are cut off where they are less; where the guess leaves one that is more, another scaling is the guess."""
 LONG, ONE = np.uint64(16), np.uint64(1)
 """Entries of a row from which on it is worth asking whether their columns follow each other."""
-EXPONENT, BIAS = np.log(2.0) * 2.0**-52, 1023.0 * np.log(2.0)
+UNSIGNED, EXPONENT, BIAS = np.int64(2**63 - 1), np.log(2.0) * 2.0**-52, 1023.0 * np.log(2.0)
 """Logarithms from the bits of a number are linear between powers of two, wrong by 0.06 at most: enough for a guess."""
 
 
@@ -149,11 +149,11 @@ def _weigh(start, column, size, D, weight, sums):
         if _follow(column, begin, end):
             row, entries, part = weight[begin:end], size[begin:end], D[column[begin] :]
             for k in range(row.size):
-                row[k] = min(max(entries[k] * D[i] * part[k], LEAST_ENTRY), LARGEST * LARGEST)
+                row[k] = min(max(abs(entries[k]) * D[i] * part[k], LEAST_ENTRY), LARGEST * LARGEST)
                 total += row[k]
         else:
             for k in range(begin, end):
-                weight[k] = min(max(size[k] * D[i] * D[column[k]], LEAST_ENTRY), LARGEST * LARGEST)
+                weight[k] = min(max(abs(size[k]) * D[i] * D[column[k]], LEAST_ENTRY), LARGEST * LARGEST)
                 total += weight[k]
         sums[i], most = total, max(most, total)
     return most
@@ -161,8 +161,8 @@ def _weigh(start, column, size, D, weight, sums):
 
 @njit(void(INDEX, INDEX, DATA, int64, VECTOR), **COMPILED)
 def equilibrate(start, column, size, head, D):
-    """Write D; 1 for rows that are empty. The matrix is in CSR, with `size` > 0; rows from `head` on have entries in
-    columns before it alone."""
+    """Write D; 1 for rows that are empty. The matrix is in CSR, with the absolute values of `size`, none of them 0; rows
+    from `head` on have entries in columns before it alone."""
     n = D.size
     count, r, x, sums, weight = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.ones(size.size)
     bits, total = size.view(np.int64), float(size.size)
@@ -171,7 +171,7 @@ def equilibrate(start, column, size, head, D):
         count[i], r[i] = start[i + 1] - start[i], 0.0
         for k in range(start[i], start[i + 1]):
             # Curtis and Reid: least squares of logarithms, whose matrix is the pattern
-            r[i] -= EXPONENT * bits[k] - BIAS
+            r[i] -= EXPONENT * (bits[k] & UNSIGNED) - BIAS
     _solve(start, column, weight, count, head, r, x, GUESSED * GUESSED * total, CG_STEPS)
     for i in range(n):
         D[i] = np.exp(x[i])

@@ -344,6 +344,7 @@ def _join_others(M, least, violation, lower, upper, R, W, where, side, state, wo
         state[OPERATIONS] += many * (first * (first + n) + violation.size)
         for k in range(many):
             p, count, column = rows[k], state[COUNT], work[: state[COUNT]]
+            state[ROOM] -= 1
             for j in range(first):
                 column[j] = columns[j, k]
             for j in range(first, count):  # those that have joined before it
@@ -360,7 +361,6 @@ def _join_others(M, least, violation, lower, upper, R, W, where, side, state, wo
                 _join(R, W, where, p, length, work, count)
                 state[COUNT] = count + 1
                 state[TOGETHER] = 1
-                state[ROOM] -= 1
     return True
 
 

@@ -104,7 +104,8 @@ def program(Q, G, p, h, m, lb, ub):
     part, D = np.empty(N, np.int64), np.empty(N)
     label_sparse(start, column, value, part)
     numbered(part)
-    equilibrate(start, column, 2.0 * np.abs(value), n, D)  # K + Kᵀ is twice as large
+    equilibrate(start, column, value, n, D)
+    D *= np.sqrt(0.5)  # of K + Kᵀ, which is twice as large
     c, low, high = boxed(p, h, m, lb, ub)
     count = 1 + part.max() if N else 0
     constants, objective = np.zeros(2 * count), np.zeros(count)
