@@ -161,8 +161,8 @@ def _weigh(start, column, size, D, weight, sums):
 
 @njit(void(INDEX, INDEX, DATA, int64, VECTOR), **COMPILED)
 def equilibrate(start, column, size, head, D):
-    """Write D; 1 for rows that are empty. The matrix is in CSR, with the absolute values of `size`, none of them 0; rows
-    from `head` on have entries in columns before it alone."""
+    """Write D; 1 for rows that are empty. A, in CSR, has the absolute values of `size`, none of them 0. Rows from
+    `head` on have entries in columns before it alone."""
     n = D.size
     count, r, x, sums, weight = np.empty(n), np.empty(n), np.empty(n), np.empty(n), np.ones(size.size)
     bits, total = size.view(np.int64), float(size.size)

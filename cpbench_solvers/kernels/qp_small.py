@@ -68,10 +68,10 @@ def _factor(H, g, psd, proximal, L):
     return epsilon if cholesky(H, L, epsilon, False) > 0.0 else -1.0
 
 
-@njit(types.int64(_OUT2, VECTOR, VECTOR, VECTOR, VECTOR, _OUT2, _OUT, _OUT, _OUT), **COMPILED)
-def _excluding(G, b, d, lb, ub, L, g, D, E):
-    """Return how many bounds and rows exclude x = −(LLᵀ)⁻¹g, the minimum without them; equations always do."""
-    n, m, count = g.size, b.size, d.size
+@njit(types.int64(_OUT2, VECTOR, VECTOR, VECTOR, _OUT2, _OUT, _OUT, _OUT), **COMPILED)
+def _excluding(G, b, lb, ub, L, g, D, E):
+    """Return how many bounds and inequalities exclude x = −(LLᵀ)⁻¹g, the minimum without them and the equations."""
+    n, m, count = g.size, b.size, 0
     x = -g
     forward(L, x, 0)
     backward(L, x)
@@ -199,7 +199,7 @@ def solve(
     if epsilon < 0.0:
         return NOT_CONVEX
     counts[3] = epsilon > 0.0
-    if crowd < np.inf and _excluding(G, b, d, lb, ub, L, g, D, E) > crowd * n:
+    if crowd < np.inf and _excluding(G, b, lb, ub, L, g, D, E) > crowd * n:
         return CROWDED
     sides = 0
     for i in range(n + r):

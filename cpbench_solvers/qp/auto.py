@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar, Literal
 
@@ -40,14 +40,16 @@ STEPS = 5
 ON_SMALL = SolverPhase("proximal-active-set"), SolverPhase("interior-point-qp"), SolverPhase("augmented-lagrangian")
 SMALL, SMALL_SPARSE = 100, 50
 """Unknowns up to which the active set is first whatever it takes, where matrices are full and where they are sparse: of
-these the interior point takes advantage, once there is more to eliminate than to put in order."""
+these the interior point takes advantage, once there is more to eliminate than to put in order. Sparse ones of up to
+SMALL unknowns are for the active set where few sides count."""
 TURNS, AHEAD = 16, 7.0
 """Iterations that the interior point takes where matrices are full, so that both together take at most twice as long as
 the better one; and the time of an operation of the active set, over that of a factorization."""
-CROWD = 0.8
-"""Of n: with more sides in the way of the minimum without them, the interior point was ahead on all drawn programs of
-more than `SMALL` unknowns but one, with fewer it took 0.8 to 6 times as long."""
-ACTIVE_SET, SPARSELY = ProximalActiveSetOptions(), ProximalActiveSetOptions(crowd=CROWD)
+CROWD, SPARSE_CROWD = 0.8, 0.25
+"""Of n, the sides in the way of the minimum without them beyond which the interior point is first. On drawn programs of
+more than `SMALL` unknowns with full matrices it was ahead with more of them, but once, and with fewer took 0.8 to 6
+times as long; where matrices are sparse it was ahead on five files from 0.4 on, and behind at 0."""
+ACTIVE_SET = ProximalActiveSetOptions()
 ACTIVE = SolverPhase("proximal-active-set"), SolverPhase("dual-active-set")
 ENDED = (Claim.SOLVED, Claim.INFEASIBLE, Claim.UNBOUNDED)
 OTHERS = ("clarabel", "piqp", "highs", "proxqp", "osqp")
@@ -99,7 +101,7 @@ class AutoQP(AutomaticChoice):
             # one compiled call, which finds out by itself whether Q is convex
             plan = Plan(problem, ON_SMALL, problem, ACTIVE_SET, warming.ready("proximal-active-set", quickly=True))
         elif problem.p.size and (phases := tuple(self.phases(problem)))[0].solver == "proximal-active-set":
-            plan = Plan(problem, phases, problem, SPARSELY)
+            plan = Plan(problem, phases, problem, ProximalActiveSetOptions(**phases[0].options))
         else:
             plan = super().setup(problem, budget, options)
         if options.members == "native":
@@ -166,8 +168,9 @@ class AutoQP(AutomaticChoice):
         n, m, k, full = problem.p.size, problem.b.size, problem.d.size, _is_full(problem)
         if n <= (SMALL if full else SMALL_SPARSE):
             return ON_SMALL
-        if full and fits_one_call(n, m + k):
-            return [SolverPhase("proximal-active-set", _passes(n, m, k), asdict(SPARSELY)), *ON_SMALL[1:], *ACTIVE]
+        if n <= SMALL or (full and fits_one_call(n, m + k)):
+            options = {"crowd": CROWD if full else SPARSE_CROWD}
+            return [SolverPhase("proximal-active-set", _passes(n, m, k), options), *ON_SMALL[1:], *ACTIVE]
         faces = [SolverPhase("mprgp-qp", int(STEPS * math.sqrt(n)))] if n > LARGE and not m + k else []
         return [*faces, *ON_SMALL[1:], *ACTIVE]
 

@@ -612,16 +612,22 @@ def test_dense_data_are_for_the_active_set_until_the_interior_point_would_be_don
     assert "after 1 passes; interior-point-qp: solved" in solver.run(quick, b).message
 
 
-@pytest.mark.parametrize(("held", "first"), [(90, True), (102, False)])
-def test_where_most_unknowns_will_be_held_the_interior_point_is_first(held: int, first: bool) -> None:
-    """Of 120 unknowns z ≥ 0, `held` are negative at the minimum without bounds; the limit is 96."""
-    aim = np.ones(120)
+@pytest.mark.parametrize(
+    ("n", "sparse", "held", "limit"),
+    [(120, False, 90, None), (120, False, 102, 96), (80, True, 18, None), (80, True, 24, 20)],
+)
+def test_where_many_unknowns_will_be_held_the_interior_point_is_first(
+    n: int, sparse: bool, held: int, limit: int | None
+) -> None:
+    """Of n unknowns z ≥ 0, `held` are negative at the minimum without bounds: with more than `limit` of them, 0.8 n or,
+    where matrices are sparse, 0.25 n."""
+    aim = np.ones(n)
     aim[:held] = -1.0
-    Q = np.eye(120) + 1e-3
-    problem = QP.build(Q, -Q @ aim, lb=np.zeros(120))
+    Q = sp.csr_array(sp.diags_array(np.linspace(1.0, 2.0, n))) if sparse else np.eye(n) + 1e-3
+    problem = QP.build(Q, -Q @ aim, lb=np.zeros(n), A=sp.csr_array(np.eye(1, n) + np.eye(1, n, 1)), b=np.full(1, -9.0))
     output = solvers.get("auto-qp").run(problem, Budget(tolerance=1e-6))
     assert output.claim is Claim.SOLVED
-    assert output.message.startswith("proximal-active-set: solved" if first else "proximal-active-set: more than 96 ")
+    assert output.message.startswith("proximal-active-set: " + ("solved" if limit is None else f"more than {limit} "))
 
 
 def test_installed_members_are_asked_and_what_they_claim_is_measured() -> None:
