@@ -125,6 +125,17 @@ def automatic_spec(node: str, name: str, summary: str) -> SolverSpec:
     )
 
 
+class LastNumber:
+    """A record that knows the number of the last iterate, -1 before the first."""
+
+    def __init__(self, record: Record) -> None:
+        self._record, self.number = record, -1
+
+    def __call__(self, number: int, error: float, point: Callable[[], Any]) -> None:
+        self._record(number, error, point)
+        self.number = number
+
+
 class _Run:
     """State of the phases."""
 

@@ -1,25 +1,25 @@
-"""An affine variational inequality, or a relay problem, by its connected parts: each is solved by itself."""
+"""An affine problem (LCP, MLCP, relay, variational inequality) by its connected parts: each is solved by itself."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench.formulations.avi import AVI, AVIPoint
-from cpbench.formulations.lcp import LCPPoint
+from cpbench.formulations.avi import AVI
+from cpbench.formulations.lcp import LCP
+from cpbench.formulations.mlcp import MLCP
 from cpbench.formulations.relay import Relay
-from cpbench.foundation.kernel_cache import load
-from cpbench.solvers.base import Budget, Claim, SolverOutput
-from cpbench_solvers.avi.claims import data_of, error_of
-from cpbench_solvers.qp.apart import block, claimed, missed, split
-from cpbench_solvers.qp.claims import PARTS_KERNEL
+from cpbench.foundation import matrices
+from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
+from cpbench_solvers.automatic import AutomaticChoice, LastNumber
+from cpbench_solvers.avi.claims import Affine, data_of, error_of_parts
+from cpbench_solvers.qp.apart import block, claimed, labels, missed, split
 
-Affine: TypeAlias = AVI | Relay
 Index: TypeAlias = NDArray[np.int64]
 
 
@@ -32,13 +32,15 @@ class PartedAffine:
 
 
 def parted(problem: Affine) -> PartedAffine | None:
-    """Return a problem of several connected parts with these; None where it is one, or has a row without entries."""
-    n = problem.q.size
-    if n < 2:
+    """Return a problem of several connected parts with these; None where it is one."""
+    M = problem.B if isinstance(problem, MLCP) else problem.M
+    if M.shape[0] and not matrices.is_sparse(M) and np.all(matrices.dense(M)[0]):
+        return None  # this row joins all unknowns, or all pairs
+    M, G, q = data_of(problem)[:3]
+    if q.size < 2:
         return None
-    part = load(PARTS_KERNEL).labels(*data_of(problem)[:2])
-    count = int(part.max()) + 1
-    if count < 2 or np.setdiff1d(part[n:], part[:n]).size:
+    part = labels(M, G)
+    if part.max() < 1:
         return None
     order = np.argsort(part, kind="stable")
     return PartedAffine(problem, np.split(order, np.cumsum(np.bincount(part))[:-1]))
@@ -46,8 +48,14 @@ def parted(problem: Affine) -> PartedAffine | None:
 
 def restricted(P: Any, at: Index) -> Affine:
     """Return the problem of some unknowns and rows, numbered as those of z, A and C together, rising."""
+    if isinstance(P, LCP):
+        return LCP(M=block(P.M, at, at), q=P.q[at])
     if isinstance(P, Relay):
         return Relay(M=block(P.M, at, at), q=P.q[at], lb=P.lb[at], ub=P.ub[at])
+    if isinstance(P, MLCP):
+        u, v, _ = split(at, P.a.size, P.b.size)
+        pairs = {"A": (u, u), "B": (v, v), "C": (u, v), "D": (v, u)}
+        return MLCP(**{name: block(getattr(P, name), *places) for name, places in pairs.items()}, a=P.a[u], b=P.b[v])
     z, rows, equalities = split(at, P.q.size, P.b.size)
     own = {"M": block(P.M, z, z), "q": P.q[z], "lb": P.lb[z], "ub": P.ub[z]}
     others = {"A": block(P.A, rows, z), "b": P.b[rows], "C": block(P.C, equalities, z), "d": P.d[equalities]}
@@ -64,19 +72,54 @@ def solve_apart(
     claim, messages = Claim.FAILED, list[str]()
     for number, at in enumerate(parts.members):
         own, share = restricted(problem, at), budget.left(deadline, counters["iterations"])
-        output = run(own, share, None if given is None else _point(own, given[at]))
+        output = run(own, share, None if given is None else own.point_from_vector(given[at]))
         counters.update(output.counters)
         if output.point is not None:
             x[at] = output.point.vector
         if output.claim is not Claim.SOLVED:
             claim = output.claim
             messages.append(missed(output, number, at))
-    point = _point(problem, x)
-    return claimed(point, error_of(problem, point, budget.tolerance), budget, claim, messages, dict(counters))
+    point, error = problem.point_from_vector(x), error_of_parts(problem, x)
+    return claimed(point, error, budget, claim, messages, dict(counters))
 
 
-def _point(problem: Affine, x: Any) -> Any:
-    if isinstance(problem, Relay):
-        return LCPPoint(x)
-    n, m = problem.q.size, problem.b.size
-    return AVIPoint(x[:n], x[n : n + m], x[n + m :])
+class ByParts(AutomaticChoice):
+    """Base of the choices for affine problems: connected parts are solved one after the other, at once or where a
+    problem of few unknowns is not solved as a whole."""
+
+    few: ClassVar[int] = 0
+    """Unknowns up to which to look for parts takes longer than to solve the problem."""
+
+    def setup(self, problem: Any, budget: Budget, options: Any) -> Any:
+        """Return a `Plan`, or a `PartedAffine`."""
+        parts = parted(problem) if sum(problem.point_sizes.values()) > self.few else None
+        return super().setup(problem, budget, options) if parts is None else parts
+
+    def solve(
+        self, prepared: Any, budget: Budget, options: Any, start: Any = None, record: Record | None = None
+    ) -> SolverOutput:
+        if isinstance(prepared, PartedAffine):
+            return self._apart(prepared, budget, options, start, record)
+        deadline, last = budget.deadline(), None if record is None else LastNumber(record)
+        output = super().solve(prepared, budget, options, start, last)
+        if output.claim is Claim.SOLVED or output.certificate is not None or budget.iterations is not None:
+            return output
+        parts, left = parted(prepared.problem), budget.left(deadline)
+        if parts is None or sum(prepared.problem.point_sizes.values()) > self.few or left.seconds <= 0.0:
+            return output
+        found = self._apart(parts, left, options, start, last)
+        return found if found.claim is Claim.SOLVED else output
+
+    def _apart(
+        self, parts: PartedAffine, budget: Budget, options: Any, start: Any, record: LastNumber | Record | None
+    ) -> SolverOutput:
+        def run(part: Any, share: Budget, begin: Any) -> SolverOutput:
+            return self.run(part, share, options, begin)
+
+        output, problem = solve_apart(parts, budget, start, run), parts.problem
+        if record is not None and output.point is not None:
+            first = record.number + 1 if isinstance(record, LastNumber) else 0
+            ends = (first, problem.zero_point()), (first + max(1, output.counters.get("iterations", 0)), output.point)
+            for iteration, point in ends:
+                record(iteration, self.error(problem, point, budget.tolerance), lambda point=point: point)
+        return output

@@ -1,51 +1,76 @@
-"""The error by which solvers of affine variational inequalities end: that of norms, and that of connected parts."""
+"""The error by which solvers of affine problems end: that of norms, and that of connected parts."""
 
 from __future__ import annotations
 
-from typing import Any
+from functools import cache
+from typing import Any, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from cpbench.formulations.avi import AVI
+from cpbench.formulations.lcp import LCP
+from cpbench.formulations.mlcp import MLCP
 from cpbench.formulations.relay import Relay
+from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
+from cpbench.foundation.matrices import Vector
 from cpbench_solvers.qp.kkt_system import entries
 
+Affine: TypeAlias = LCP | MLCP | Relay | AVI
 _DATA: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 _PROGRAMS: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 
 
-def data_of(problem: AVI | Relay) -> Any:
-    """Return M, the rows of A and then of C, their sides, and how many are of A, for compiled loops; made once."""
+@cache
+def load_measure() -> Any:
+    """Load all loops that measure connected parts, for a warm-up leaves nothing to a solve; return those of rows."""
+    for name in ("qp_sparse", "affine_parts"):
+        load(f"cpbench_solvers.kernels.{name}")
+    return load("cpbench_solvers.kernels.affine_rows")
+
+
+def data_of(problem: Affine) -> Any:
+    """Return M, the rows of A and then of C, q, the sides of the rows, how many are of A, and the box, for compiled
+    loops; made once. Those of an MLCP have u before v."""
     if problem in _DATA:
         return _DATA[problem]
-    if isinstance(problem, AVI) and not problem.only_box:
-        G = load("cpbench_solvers.kernels.qp_sparse").stacked(entries(problem.A), entries(problem.C))
-        result = entries(problem.M), G, np.concatenate([problem.b, problem.d]), problem.b.size
+    none, inf, P = np.zeros(0), np.inf, problem
+    rows, sides, count = (np.zeros(1, np.int32), np.zeros(0, np.int32), none), none, 0
+    if isinstance(P, MLCP):
+        M, q, low = matrices.block([[P.A, P.C], [P.D, P.B]]), np.concatenate([P.a, P.b]), np.zeros(P.a.size + P.b.size)
+        low[: P.a.size] = -inf
     else:
-        none = np.zeros(0)
-        result = entries(problem.M), (np.zeros(1, np.int32), np.zeros(0, np.int32), none), none, 0
-    _DATA[problem] = result
+        M, q, low = P.M, P.q, np.zeros(P.q.size) if isinstance(P, LCP) else P.lb
+    high = P.ub if isinstance(P, Relay | AVI) else np.full(q.size, inf)
+    if isinstance(P, AVI) and not P.only_box:
+        rows = load("cpbench_solvers.kernels.qp_sparse").stacked(entries(P.A), entries(P.C))
+        sides, count = np.concatenate([P.b, P.d]), P.b.size
+    result = _DATA[problem] = entries(M), rows, q, sides, count, low, high
     return result
 
 
-def program_of(problem: AVI | Relay) -> Any:
+def program_of(problem: Affine) -> Any:
     """Return the rows of a problem with their connected parts, as the kernel `affine_parts` has them, found once."""
     if problem not in _PROGRAMS:
-        M, G, sides, count = data_of(problem)
-        affine = load("cpbench_solvers.kernels.affine_parts").affine
-        _PROGRAMS[problem] = affine(M, G, problem.q, sides, count, problem.lb, problem.ub)
+        _PROGRAMS[problem] = load("cpbench_solvers.kernels.affine_parts").affine(*data_of(problem))
     return _PROGRAMS[problem]
 
 
+def error_of_parts(problem: Affine, x: Vector) -> float:
+    """Return the largest error of a connected part (`affine_rows`), which is the verdict's; 8 eps for an answer that is
+    exact to rounding, as nearly all of pivoting are. x : z, or u and v, then multipliers."""
+    kernel = load_measure()
+    if kernel.exact(*data_of(problem), x):
+        return kernel.NOISE
+    return kernel.largest_error(program_of(problem), x)
+
+
 def error_of(problem: AVI | Relay, point: Any, tolerance: float) -> float:
-    """Return the larger one of the error of norms (`residuals`) and, where that is within the tolerance, of that of the
-    connected parts (`affine_rows`); 8 eps for an answer that is exact to rounding, as nearly all of pivoting are, and
-    infinity for one that is not finite."""
-    x, kernel = point.vector, load("cpbench_solvers.kernels.affine_rows")
-    M, G, sides, count = data_of(problem)
-    if kernel.exact(M, G, problem.q, sides, count, problem.lb, problem.ub, x):
+    """Return the error of norms (`residuals`) or, where that is within the tolerance, of a connected part if that is
+    larger; infinity for an answer that is not finite."""
+    x, kernel = point.vector, load_measure()
+    if kernel.exact(*data_of(problem), x):
         return kernel.NOISE
     if not point.finite:
         return np.inf

@@ -14,12 +14,13 @@ from cpbench_solvers.kernels.qp_ldl import CSR
 from cpbench_solvers.kernels.qp_parts import boxed, conditions, numbered
 from cpbench_solvers.kernels.row_errors import label_sparse
 
-AFFINE = types.Tuple((int64, INDEX, INDEX, DATA, DATA, DATA, DATA, INDEX, DATA, INDEX, DATA))
+AFFINE = types.Tuple((int64, INDEX, INDEX, DATA, DATA, DATA, DATA, INDEX, DATA, INDEX, DATA, INDEX))
 """n; K in CSR: row starts, columns, numbers; c, low and high, the box of x; the number of the connected part of every
-row, from 0; D, times which rows are compared; the number of the group of every row that shares its size, from 0; and of
-every group the largest |D_i c_i|."""
+row, from 0; D, times which rows are compared; the number of the group of every row that shares its size, from 0; of
+every group the largest |D_i c_i|; and the group of every row again, less than twice as many: without multipliers,
+equalities have one of their own."""
 _LABELS = types.int64[::1]
-_OUT = types.Tuple((int64, _LABELS, _LABELS, VECTOR, VECTOR, VECTOR, VECTOR, _LABELS, VECTOR, _LABELS, VECTOR))
+_OUT = types.Tuple((int64, _LABELS, _LABELS, VECTOR, VECTOR, VECTOR, VECTOR, _LABELS, VECTOR, _LABELS, VECTOR, _LABELS))
 
 
 @njit(void(INDEX, INDEX, DATA, VECTOR, _LABELS), **COMPILED)
@@ -72,7 +73,9 @@ def affine(M, G, q, h, m, lb, ub):
             number[own] = groups
             groups += 1
         group[i] = number[own]
-    constants = np.zeros(groups)
+    constants, kind = np.zeros(groups), group.copy()
     for i in range(N):
         constants[group[i]] = max(constants[group[i]], D[i] * abs(c[i]))
-    return n, start, column, value, c, low, high, part, D, group, constants
+        if n == N and low[i] == -np.inf and high[i] == np.inf:
+            kind[i] += groups
+    return n, start, column, value, c, low, high, part, D, group, constants, kind

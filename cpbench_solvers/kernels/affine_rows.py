@@ -2,7 +2,8 @@
 
 With the names of `affine_parts` and of `qp_rows`: rows of a group have one size, the largest D_i Σ_j |K_ij x_j|, or
 D_i |c_i| where the constant counts; that of rows beside multipliers is at least what the unknowns make of a row,
-|x_i|/D_i. An unknown has its unit from its largest effect on a row, or from its bounds where both are finite.
+|x_i|/D_i; where there are none, rows of free unknowns have a size apart from the others, at least √eps of theirs. An
+unknown has its unit from its largest effect on a row, or from its bounds where both are finite.
 
 The error is the largest of
 
@@ -22,6 +23,9 @@ from cpbench_solvers.kernels.array_types import COMPILED, DATA
 from cpbench_solvers.kernels.qp_gap import NOISE, product, row_products, without
 from cpbench_solvers.kernels.qp_ldl import CSR
 from cpbench_solvers.kernels.qp_rows import BALANCED, fixed_terms, is_fixed, is_idle, row_terms
+
+HIDDEN = np.sqrt(np.finfo(np.float64).eps)
+"""The least size of equalities, as a share of that of all rows of their group."""
 
 
 @njit(float64(float64, float64, float64, float64, float64, float64), **COMPILED)
@@ -70,8 +74,9 @@ def _row_units(program, sizes, sums, taken, needed, sized, some, known, of_x, un
     """Write 1 over the size of every row; known : of parts, of_x : of unknowns without multipliers."""
     n, start, column, value, c = program[:5]
     start, column = start.view(np.uint64), column.view(np.uint64)
-    part, D, group, constants = program[7:]
+    part, D, group, constants, kind = program[7:]
     size, reach, with_rows = np.zeros(constants.size), np.zeros(known.size), n < unit.size
+    of_kind = np.zeros(2 * constants.size)
     for i in range(n):
         reach[part[i]] = max(reach[part[i]], sizes[i] / D[i])
     for i in range(unit.size):
@@ -80,10 +85,11 @@ def _row_units(program, sizes, sums, taken, needed, sized, some, known, of_x, un
         own = D[i] * (max(terms, abs(c[i])) if counts else terms)
         if i >= n and known[part[i]] > 0.0:
             own = max(own, reach[part[i]])
-        size[group[i]] = max(size[group[i]], own)
+        size[group[i]], of_kind[kind[i]] = max(size[group[i]], own), max(of_kind[kind[i]], own)
     for i in range(unit.size):
+        whole = max(of_kind[kind[i]], HIDDEN * size[group[i]])
         if (known[part[i]] if with_rows else sized[group[i]]) > 0.0:
-            unit[i] = D[i] / size[group[i]] if size[group[i]] > 0.0 else 1.0
+            unit[i] = D[i] / whole if whole > 0.0 else 1.0
         else:  # every row has its own terms, unknowns without a size at least 1
             alone = abs(c[i])
             total = 0.0

@@ -3,27 +3,30 @@
 import math
 
 import numpy as np
-from numba import float64, int64, njit, types, void
+from numba import boolean, float64, int64, njit, types, void
 
 from cpbench_solvers.kernels.array_types import DATA
 from cpbench_solvers.kernels.lcp_error import error_dense
 from cpbench_solvers.kernels.pivoting import lemke
-from cpbench_solvers.kernels.row_errors import label_dense, shares_dense
+from cpbench_solvers.kernels.row_errors import is_exact, label_dense, shares_dense
 
 MATRIX = float64[:, ::1]
 
 
 @njit(
-    types.Tuple((int64, float64))(MATRIX, DATA, float64[::1], float64, int64, float64, float64), cache=True, nogil=True
+    types.Tuple((int64, float64, boolean))(MATRIX, DATA, float64[::1], float64, int64, float64, float64),
+    cache=True,
+    nogil=True,
 )
 def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
-    """Return (what `lemke` returns, the judged error of z, NaN where it is not finite); z_unit : of the LCP."""
+    """Return (what `lemke` returns, the judged error of z, NaN where it is not finite, whether z is exact to rounding);
+    z_unit : of the LCP."""
     w = q.copy()  # the pivots end in it
     code = lemke(M, w, z, max_pivots, pivot_tolerance, tie_tolerance)
     part, share = np.empty(q.size, np.int64), np.empty(q.size)
     label_dense(M, part)
     shares_dense(M, share)
-    return code, error_dense(M, q, z, z_unit, part, share)
+    return code, error_dense(M, q, z, z_unit, part, share), is_exact(M, q, z, 0)
 
 
 @njit(float64(MATRIX), cache=True, nogil=True)

@@ -10,7 +10,7 @@ Rows without a constant do not count: where all of their unknowns should vanish,
 import math
 
 import numpy as np
-from numba import float64, int32, int64, njit, types, void
+from numba import boolean, float64, int32, int64, njit, types, void
 
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, INDEX, VECTOR
 
@@ -18,6 +18,8 @@ FAST = {"reassoc", "contract"}
 """Reassociation and contraction only, so that NaN, infinity and divisions keep their meaning."""
 INDICES = [(types.Array(index, 1, "C", readonly=True),) * 2 for index in (int32, int64)]
 """Types of the row starts and columns of a CSR matrix."""
+ROUNDING = 8.0 * np.finfo(np.float64).eps
+"""Of a sum of terms that cancel, over the sum of their sizes."""
 SMALL = 1e-3
 """A row is measured by no less than this share of the largest: a smaller one has its error from others, by rounding."""
 
@@ -69,6 +71,23 @@ def label_sparse(start, columns, values, part):
             break
     for i in range(n):
         part[i] = root(part, i)
+
+
+@njit(boolean(DATA_2D, DATA, DATA, int64), fastmath=FAST, **COMPILED)
+def is_exact(K, k, x, free):
+    """Return whether x is exact to rounding: every row that does not hold its unknown at 0 is 0. No connected part has
+    an error of more than a few times that then. free : the first rows are equalities."""
+    for i in range(k.size):
+        row, value, sizes = K[i], k[i], abs(k[i])
+        for j in range(row.size):
+            term = row[j] * x[j]
+            value += term
+            sizes += abs(term)
+        if i >= free and not (x[i] >= 0.0 and (x[i] > 0.0 or value >= 0.0)):
+            return False
+        if (i < free or x[i] > 0.0) and not abs(value) <= ROUNDING * sizes:
+            return False
+    return True
 
 
 @njit(void(DATA_2D, VECTOR), **COMPILED)

@@ -12,7 +12,8 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation.matrices import is_sparse, nnz
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, SolverSpec, StackCall, register
-from cpbench_solvers.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
+from cpbench_solvers.automatic import Plan, SolverPhase, automatic_spec
+from cpbench_solvers.avi.apart import ByParts
 from cpbench_solvers.lcp.claims import error_of
 from cpbench_solvers.stacks import solve_lcp
 
@@ -31,7 +32,7 @@ ON_SMALL = SolverPhase("lemke"), *NEWTON, SolverPhase("enumeration-lcp")
 
 
 @register
-class AutoLCP(AutomaticChoice):
+class AutoLCP(ByParts):
     """Lemke's method on small problems and block principal pivoting on larger ones, then Newton's on equations whose
     stationary points lie elsewhere; where M is sparse a few sweeps and, if it is symmetric, conjugate gradients first.
 
@@ -42,6 +43,7 @@ class AutoLCP(AutomaticChoice):
         "lcp", "auto-lcp", "Lemke, block pivoting, conjugate gradients or Newton, by size and structure"
     )
     stack_call: ClassVar[StackCall | None] = StackCall(solve_lcp)
+    few: ClassVar[int] = SMALL
     members: ClassVar[tuple[str, ...]] = (
         "lemke",
         "bpp",
@@ -63,7 +65,7 @@ class AutoLCP(AutomaticChoice):
     )
 
     def error(self, problem: LCP, point: LCPPoint, tolerance: float) -> float:
-        return error_of(problem, point.z)
+        return error_of(problem, point.z, tolerance)
 
     def setup(self, problem: LCP, budget: Budget, options: Any) -> Plan:
         if not 0 < problem.q.size <= SMALL:

@@ -107,7 +107,7 @@ class BlockPrincipalPivoting(Solver):
         if start is None:
             z, sweeps = swept(prepared, min(limit, options.max_sweeps), options.omega, budget.tolerance, limit)
         counters = {"iterations": sweeps, "sweeps": sweeps, "factorizations": 0}
-        if error_of(problem, z) <= budget.tolerance or sweeps >= limit:
+        if error_of(problem, z, budget.tolerance) <= budget.tolerance or sweeps >= limit:
             active = prepared.points_to(z, prepared.M @ z + problem.q)
             z, error = settled(problem, z, active, budget.tolerance, counters)
             if record is not None and sweeps:

@@ -20,6 +20,7 @@ from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs, sparse
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench_solvers import linear_program
+from cpbench_solvers.avi.claims import error_of_parts
 
 CLOSE = 100.0
 """A method that ended regularly within this factor of the tolerance claims `inaccurate`, beyond it `failed`."""
@@ -116,7 +117,7 @@ def settled(
         return z, error
     counters["factorizations"] = counters.get("factorizations", 0) + 1
     better = refined(problem.M, problem.q, z, active)
-    least = error_of(problem, better)
+    error, least = (error_of(problem, x, tolerance) for x in (z, better))
     return (better, least) if least < error else (z, error)
 
 
@@ -152,14 +153,17 @@ def parts(problem: LCP) -> tuple[NDArray[np.int64], Vector]:
     return result
 
 
-def error_of(problem: LCP, z: Vector) -> float:
-    """Return the judged error or, if larger, that of a row (`row_errors`); infinite where z is not finite."""
+def error_of(problem: LCP, z: Vector, tolerance: float = -1.0) -> float:
+    """Return the judged error or, if larger, that of a row (`row_errors`) or, of answers within the tolerance, of a
+    connected part; infinite where z is not finite."""
     M, q, unit, kernel = problem.M, problem.q, problem.z_unit, load("cpbench_solvers.kernels.lcp_error")
     if isinstance(M, np.ndarray):
         error = compiled(kernel.error_dense)(M, q, z, unit, *parts(problem))
     else:
         M = sparse(M)
         error = kernel.error_sparse(M.indptr, M.indices, M.data, q, z, unit, *parts(problem))
+    if error <= tolerance:
+        error = max(error, error_of_parts(problem, z))
     return error if math.isfinite(error) else math.inf
 
 
@@ -175,9 +179,10 @@ def conclude(
 ) -> SolverOutput:
     """Claim solved exactly when the judged error of z is at most the tolerance; else `otherwise`.
 
-    `error` is `error_of(problem, z)` where the caller has it at hand.
+    `error` : of norms and rows, where the caller has it at hand.
     """
-    error = error_of(problem, z) if error is None else error
+    if error is None or error <= budget.tolerance:
+        error = error_of(problem, z, budget.tolerance)
     return concluded(LCPPoint(z), error, budget, counters, otherwise, message)
 
 
@@ -222,10 +227,10 @@ def ended_in_basis(
     problem: LCP, z: Vector, F: np.ndarray[Any, Any], budget: Budget, counters: dict[str, int]
 ) -> SolverOutput:
     """Return the claim of a method that ended in the basis of F: z, or what one step of refinement makes of it."""
-    error = error_of(problem, z)
+    error = error_of(problem, z, budget.tolerance)
     if not error <= budget.tolerance:
         candidate = refined(dense(problem.M), problem.q, z, F)
         counters["factorizations"] = counters.get("factorizations", 0) + 1
-        if (better := error_of(problem, candidate)) < error:
+        if (better := error_of(problem, candidate, budget.tolerance)) < error:
             z, error = candidate, better
     return conclude(problem, z, budget, counters, error=error)

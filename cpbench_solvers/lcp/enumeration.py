@@ -162,9 +162,9 @@ def enumerate_bases(prepared: ScaledLCP, budget: Budget, options: EnumerationOpt
                     continue
             z = np.maximum(z, 0.0) * prepared.z_unit
             # `not <=`: an error that is not a number is refined, too
-            if not error_of(problem, z) <= budget.tolerance:
+            if not error_of(problem, z, budget.tolerance) <= budget.tolerance:
                 z = refined(dense(problem.M), problem.q, z, F)
-            if error_of(problem, z) <= budget.tolerance:
+            if error_of(problem, z, budget.tolerance) <= budget.tolerance:
                 result.faces += kind == kernel.SINGULAR
                 result.add(z)
             else:

@@ -145,7 +145,7 @@ def _solve(
     at: _Iterate | None = None
     claim, message = Claim.MAX_ITER, f"{limit} iterations"
     while True:
-        done, error = counters["iterations"], prepared.error(shown)
+        done, error = counters["iterations"], prepared.error(shown, budget.tolerance)
         if record is not None:
             record(done, error, partial(answer, shown))
         if error < least:
@@ -190,7 +190,7 @@ def _finished(prepared: ScaledMLCP, x: Vector, budget: Budget) -> tuple[Vector, 
     method = SemismoothMethod(linear_box(prepared), minimum, fischer_burmeister, SemismoothOptions())
     found = run(method, budget, FINISHING, 0, x, None).point
     better = prepared.start(found)
-    return better, prepared.error(better)
+    return better, prepared.error(better, budget.tolerance)
 
 
 _spec = partial(

@@ -11,6 +11,7 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench_solvers import linear_program
+from cpbench_solvers.avi.claims import error_of_parts, load_measure
 from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of
 from cpbench_solvers.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench_solvers.lcp.first_basis import DenseLCP, dense_lcp, swept
@@ -61,6 +62,7 @@ class Lemke(Solver):
 
     def warmup(self) -> None:
         linear_program.load()
+        load_measure()
         load("cpbench_solvers.kernels.splitting")  # for the first basis of a large sparse problem
         self.warmup_quickly()
 
@@ -86,15 +88,15 @@ class Lemke(Solver):
         if start is None and n <= SMALL:  # written out, for most problems are small, and calls take as long as they do
             limit, (pivot, codes) = budget.iterations or options.max_pivots or 50 * n + 1000, judged()
             z, tied = np.empty(n), options.tie_tolerance
-            code, error = pivot(prepared.M, q, z, problem.z_unit, limit, options.pivot_tolerance, tied)
-            if error <= budget.tolerance:
+            code, error, exact = pivot(prepared.M, q, z, problem.z_unit, limit, options.pivot_tolerance, tied)
+            if error <= budget.tolerance and (exact or error_of_parts(problem, z) <= budget.tolerance):
                 pivots = code // codes
                 return solved(LCPPoint(z), {"iterations": pivots, "pivots": pivots})
             return LemkeRun(prepared, budget, options).from_origin(z, code)
         run = LemkeRun(prepared, budget, options)
         if start is not None:
             z = np.maximum(start.z, 0.0)
-            if (error := error_of(prepared.problem, z)) <= budget.tolerance:
+            if (error := error_of(prepared.problem, z, budget.tolerance)) <= budget.tolerance:
                 return conclude(prepared.problem, z, budget, run.counters, error=error)
             output = run.from_support(z)
         elif n > SMALL and options.crash_sweeps > 0:

@@ -45,7 +45,7 @@ def in_one_call(lcp: DenseLCP, limit: int, options: LemkeOptions) -> tuple[Vecto
     problem = lcp.problem
     q = problem.q
     z = np.empty(q.size)
-    code, error = judged()[0](lcp.M, q, z, problem.z_unit, limit, options.pivot_tolerance, options.tie_tolerance)
+    code, error, _ = judged()[0](lcp.M, q, z, problem.z_unit, limit, options.pivot_tolerance, options.tie_tolerance)
     return z, code, error
 
 

@@ -196,7 +196,7 @@ class _OnLCP(Solver):
     ) -> SolverOutput:
         problem: LCP = prepared.problem
         first = np.zeros(problem.q.size) if start is None else start.z
-        measure = lambda z: error_of(problem, z)  # noqa: E731
+        measure = lambda z: error_of(problem, z, budget.tolerance)  # noqa: E731
         ended = minimize(prepared, options, self.projected, budget, first, measure, LCPPoint, record)
         message = ended.message
         if ended.ray is not None:

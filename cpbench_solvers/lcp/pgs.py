@@ -116,7 +116,7 @@ class SplittingSolver(Solver):
             if record is not None and not sweeps:
                 record(0, error, lambda: LCPPoint(z))
             if error <= aim:
-                error, products = error_of(problem, z), products + 1
+                error, products = error_of(problem, z, budget.tolerance), products + 1
                 if error <= budget.tolerance:
                     known = error
                     break

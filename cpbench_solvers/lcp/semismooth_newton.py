@@ -21,6 +21,7 @@ from cpbench.formulations.ncp_functions import NCPFunction, evtushenko_purtov, f
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector, identity
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
+from cpbench_solvers.avi.claims import load_measure
 from cpbench_solvers.lcp.claims import (
     ScaledLCP,
     conclude,
@@ -81,6 +82,7 @@ class _NewtonLCP(Solver):
 
     def warmup(self) -> None:
         load("cpbench_solvers.kernels.lcp_error")
+        load_measure()
 
     def setup(self, problem: LCP, budget: Budget, options: NewtonLCPOptions) -> ScaledLCP:
         return scale(problem, keep_sparse=problem.q.size > DENSE_LIMIT)

@@ -17,6 +17,7 @@ from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Dense, Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput
 from cpbench_solvers import linear_program
+from cpbench_solvers.avi.claims import error_of_parts, load_measure
 from cpbench_solvers.lcp.claims import WORTH, concluded, principal, size_obstacle, solve_linear
 
 PASSES = 3
@@ -55,8 +56,21 @@ class ScaledMLCP:
             return np.zeros(self.k.size)
         return np.concatenate([point.u, np.maximum(point.v, 0.0)]) / self.unit
 
-    def error(self, x: Vector) -> float:
-        """Return the judged error or, if larger, that of a row (`row_errors`); infinite where x is not finite."""
+    def error(self, x: Vector, tolerance: float = -1.0) -> float:
+        """Return the judged error or, if larger, that of a row (`row_errors`) or, of answers within the tolerance, of a
+        connected part; infinite where x is not finite."""
+        error = self._of_rows(x)
+        return max(error, self.of_parts(x)) if error <= tolerance else error
+
+    def of_parts(self, x: Vector) -> float:
+        """Return the largest error of a connected part (`avi.claims`)."""
+        if not matrices.is_sparse(self.K):
+            exact = compiled(load("cpbench_solvers.kernels.row_errors").is_exact)
+            if exact(self.K, self.k, x, self.free):
+                return 0.0
+        return error_of_parts(self.problem, self.unit * x)
+
+    def _of_rows(self, x: Vector) -> float:
         K: Any = self.K
         if matrices.is_sparse(K):
             kernel, N = load("cpbench_solvers.kernels.row_errors"), self.k.size
@@ -170,7 +184,8 @@ def settled(prepared: ScaledMLCP, x: Vector, error: float, tolerance: float) -> 
     w = (prepared.K @ x + prepared.k)[n:]
     near = np.array(x)
     near[n:] = np.where(x[n:] > w, x[n:], 0.0)
-    better, least = refined(prepared, near, prepared.error(near), WORTH * tolerance)
+    better = refined(prepared, near, prepared.error(near), WORTH * tolerance)[0]
+    error, least = prepared.error(x, tolerance), prepared.error(better, tolerance)
     return (better, least) if least < error else (x, error)
 
 
@@ -193,12 +208,14 @@ def conclude(
     message: str = "",
 ) -> SolverOutput:
     """Claim solved exactly when the judged error of x is at most the tolerance; else `otherwise`."""
-    error = prepared.error(x) if error is None else error
+    if error is None or error <= budget.tolerance:
+        error = prepared.error(x, budget.tolerance)
     return concluded(prepared.point(x), error, budget, counters, otherwise, message)
 
 
 def warm_up(solver: Solver, make: Callable[[Dense], Matrix] = np.asarray) -> None:
     """Solve the problem with one equality and one pair, its matrices as `make` makes them."""
+    load_measure()
     one = make(np.eye(1))
     solver.run(MLCP(A=one, B=one, C=one, D=-one, a=np.array([-1.0]), b=np.array([-1.0])))
 

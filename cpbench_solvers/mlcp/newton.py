@@ -11,7 +11,7 @@ import numpy as np
 from cpbench.formulations.mlcp import MLCP
 from cpbench.formulations.ncp_functions import NCPFunction, fischer_burmeister, minimum
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
-from cpbench_solvers.mlcp.claims import ScaledMLCP, dense_obstacle, scale, settled, warm_up
+from cpbench_solvers.mlcp.claims import ScaledMLCP, conclude, dense_obstacle, scale, settled, warm_up
 from cpbench_solvers.nonlinear.box_newton import DENSE_LIMIT, LinearBox, run
 from cpbench_solvers.nonlinear.semismooth_newton import SemismoothMethod, SemismoothOptions
 from cpbench_solvers.traits import ITERATIVE
@@ -53,13 +53,11 @@ class _NewtonMLCP(Solver):
         if output.claim is not Claim.SOLVED or output.point is None:
             return output
         x = prepared.start(output.point)
-        error = prepared.error(x)
-        better, least = settled(prepared, x, error, budget.tolerance)
-        if least >= error:
-            return output
-        if record is not None:
+        better, least = settled(prepared, x, prepared.error(x), budget.tolerance)
+        if record is not None and better is not x:
             record(output.counters["iterations"] + 1, least, partial(prepared.point, better))
-        return replace(output, point=prepared.point(better))
+        concluded = conclude(prepared, better, budget, output.counters, error=least)
+        return replace(concluded, point=output.point if better is x else concluded.point)
 
 
 _spec = partial(SolverSpec, node="mlcp", method="semismooth Newton", traits=ITERATIVE, options=SemismoothOptions)

@@ -114,9 +114,12 @@ class LemkeMLCP(Solver):
         code: int = prepared.whole(data, answer, budget.iterations or prepared.limit, budget.tolerance)
         pivots, outcome = divmod(code, kernel.CODES)
         counters = {"iterations": pivots, "pivots": pivots, "factorizations": 0}
+        x = answer / scaled.unit
         if outcome == kernel.RIGHT:  # a ray at the height of rounding errors, too
-            return solved(MLCPPoint(answer[: scaled.free], answer[scaled.free :]), counters)
-        return _ended(scaled, answer / scaled.unit, outcome, budget, counters)
+            if scaled.of_parts(x) <= budget.tolerance:
+                return solved(MLCPPoint(answer[: scaled.free], answer[scaled.free :]), counters)
+            outcome = kernel.COMPLEMENTARY
+        return _ended(scaled, x, outcome, budget, counters)
 
 
 def packed(scaled: ScaledMLCP, options: LemkeMLCPOptions) -> Vector:
@@ -143,7 +146,7 @@ def _large(prepared: PivotingData, budget: Budget, options: LemkeMLCPOptions, st
         error = scaled.error(x)
     counters = {"iterations": run.pivots, "pivots": run.pivots, "factorizations": run.factorizations}
     if error <= budget.tolerance:
-        return SolverOutput(claim=Claim.SOLVED, point=scaled.point(x), counters=counters)
+        return conclude(scaled, x, budget, counters, error=error)
     return _ended(scaled, x, outcome, budget, counters)
 
 

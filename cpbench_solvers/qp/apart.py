@@ -37,16 +37,25 @@ class PartedQP:
 
 
 def parted(problem: QP) -> PartedQP | None:
-    """Return a problem of several connected parts with these; None where it is one, or has a row without entries."""
+    """Return a problem of several connected parts with these; None where it is one."""
     if not matrices.is_sparse(problem.Q) and problem.Q.size and np.all(matrices.dense(problem.Q)[0]):
         return None  # this row joins all unknowns
     G = load(SPARSE_KERNEL).stacked(entries(problem.A), entries(problem.C))
-    Q, n = entries(problem.Q), problem.p.size
-    part = load(PARTS_KERNEL).labels(Q, G)
+    Q = entries(problem.Q)
+    part = labels(Q, G)
     count = int(part.max(initial=-1)) + 1
-    if count < 2 or np.setdiff1d(part[n:], part[:n]).size:
-        return None
-    return PartedQP(problem, Q, G, part, count)
+    return PartedQP(problem, Q, G, part, count) if count > 1 else None
+
+
+def labels(Q: Entries, G: Entries) -> NDArray[np.int64]:
+    """Return the connected part of every unknown and row, numbered from 0. Rows without entries, which are part of
+    nothing, count to the first unknown's."""
+    part, n = load(PARTS_KERNEL).labels(Q, G), Q[0].size - 1
+    alone = ~np.isin(part[n:], part[:n])
+    if n and alone.any():
+        part[n:][alone] = part[0]
+        part = np.unique(part, return_inverse=True)[1]
+    return part
 
 
 def solve_apart(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, ClassVar, Literal
@@ -25,7 +25,7 @@ from cpbench.solvers.base import (
     solved,
     solvers,
 )
-from cpbench_solvers.automatic import AutomaticChoice, Plan, SolverPhase, automatic_spec
+from cpbench_solvers.automatic import AutomaticChoice, LastNumber, Plan, SolverPhase, automatic_spec
 from cpbench_solvers.qp.apart import PartedQP, parted, solve_apart
 from cpbench_solvers.qp.claims import ErrorMeasure
 from cpbench_solvers.qp.kkt_system import FULL
@@ -124,7 +124,7 @@ class AutoQP(AutomaticChoice):
                 record_ends(prepared.problem, output.point, output.counters["iterations"], record)
             return output
         deadline, problem = budget.deadline(), prepared.problem
-        last = None if record is None else _LastNumber(record)
+        last = None if record is None else LastNumber(record)
         output = super().solve(prepared, budget, options, start, last)
         if output.claim in ENDED or problem.p.size > SMALL or budget.iterations is not None:
             return output
@@ -173,17 +173,6 @@ class AutoQP(AutomaticChoice):
             return [SolverPhase("proximal-active-set", _passes(n, m, k), options), *ON_SMALL[1:], *ACTIVE]
         faces = [SolverPhase("mprgp-qp", int(STEPS * math.sqrt(n)))] if n > LARGE and not m + k else []
         return [*faces, *ON_SMALL[1:], *ACTIVE]
-
-
-class _LastNumber:
-    """A record that knows the number of the last iterate, -1 before the first."""
-
-    def __init__(self, record: Record) -> None:
-        self._record, self.number = record, -1
-
-    def __call__(self, number: int, error: float, point: Callable[[], Any]) -> None:
-        self._record(number, error, point)
-        self.number = number
 
 
 def _is_full(problem: QP) -> bool:

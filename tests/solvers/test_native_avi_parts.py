@@ -1,5 +1,4 @@
-"""Claims on affine variational inequalities are the verdict's in every connected part; parts are solved by
-themselves."""
+"""Claims on affine problems are the verdict's in every connected part; parts are solved by themselves."""
 
 from __future__ import annotations
 
@@ -9,11 +8,13 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench.formulations import AVI, AVIPoint, LCPPoint, Relay
+from cpbench.formulations import AVI, LCP, MLCP, AVIPoint, LCPPoint, MLCPPoint, Relay
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.testing import planted_conic
+from cpbench.testing import planted, planted_conic
 from cpbench.verification import judge
-from cpbench_solvers.avi.claims import error_of
+from cpbench_solvers.avi.claims import error_of, error_of_parts
+from cpbench_solvers.lcp import claims as lcp_claims
+from cpbench_solvers.mlcp import claims as mlcp_claims
 
 KINDS = "positive definite", "singular semidefinite", "monotone"
 
@@ -101,3 +102,63 @@ def test_a_part_without_a_solution_is_named() -> None:
     output = solvers.get("auto-avi").run(P, Budget())
     assert output.claim is not Claim.SOLVED
     assert "part 1 (2 unknowns and rows)" in output.message
+
+
+def test_rows_without_entries_join_nothing() -> None:
+    """0 z ≥ -1 always holds. Parts: z₁ ≥ 1 with the price 1, and z₂ = 2."""
+    A = np.array([[1.0, 0.0], [0.0, 0.0]])
+    P = AVI(M=np.eye(2), q=np.array([1.0, -2.0]), A=A, b=np.array([1.0, -1.0]), lb=np.zeros(2))
+    output = solvers.get("auto-avi").run(P, Budget(tolerance=1e-8))
+    assert output.claim is Claim.SOLVED
+    np.testing.assert_allclose(output.point.vector, [1.0, 2.0, 2.0, 0.0], atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_errors_of_parts_of_pairs_are_those_of_the_verdict(seed: int) -> None:
+    """Of LCPs and MLCPs, within 1 %: of the latter equalities have a size of their own."""
+    rng = np.random.default_rng(seed)
+    for k in range(10):
+        P: Any
+        P, answer = planted.lcp(rng, 8) if k % 2 else planted.mlcp(rng, 4, 6)
+        for size in (1e-8, 1e-5, 1e-2):
+            off = type(answer)(
+                **{n: a * (1.0 + size * rng.standard_normal(a.size)) for n, a in answer.arrays().items()}
+            )
+            assert error_of_parts(P, off.vector) == pytest.approx(judge(P, off, 1e-6).error, rel=0.01)
+
+
+def _beside_a_large_one() -> LCP:
+    """z₁ - z₂ ≥ 1 and z₂ - z₁ ≥ -½ have no solution; z₁ = z₂ + 1 = 10¹⁰ misses ½ in terms of 10¹⁰. z₃ ≥ 10⁸."""
+    M = np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    return LCP(M=M, q=np.array([-1.0, 0.5, -1e8]))
+
+
+def test_an_answer_that_hides_a_miss_behind_its_size_is_no_claim() -> None:
+    """Norms over all and rows by their own terms let it pass."""
+    P, z = _beside_a_large_one(), np.array([1e10 + 1.0, 1e10, 1e8])
+    assert lcp_claims.error_of(P, z) <= 1e-6
+    assert lcp_claims.error_of(P, z, 1e-6) > 0.01
+    assert lcp_claims.conclude(P, z, Budget(tolerance=1e-6), {}).claim is not Claim.SOLVED
+    mixed = mlcp_claims.scale(mlcp_claims.mixed(P))
+    x = mixed.start(MLCPPoint(np.zeros(0), z))
+    assert mixed.error(x) <= 1e-6
+    assert mlcp_claims.conclude(mixed, x, Budget(tolerance=1e-6), {}).claim is not Claim.SOLVED
+
+
+@pytest.mark.parametrize("node", ["lcp", "mlcp"])
+def test_problems_of_pairs_side_by_side_are_solved_by_parts(node: str) -> None:
+    """Two and forty of them, whose right sides are up to 10¹² apart."""
+    rng = np.random.default_rng(3)
+    for count in (2, 40):
+        own = [planted.lcp(rng, 7)[0] if node == "lcp" else planted.mlcp(rng, 3, 5)[0] for _ in range(count)]
+        scale = 10.0 ** rng.uniform(-6, 6, count)
+        matrices, sides = ("M", "q") if node == "lcp" else ("ABCD", "ab")
+        data: dict[str, Any] = {
+            n: sp.block_diag([sp.csr_array(getattr(P, n)) for P in own], format="csr") for n in matrices
+        }
+        data |= {n: np.concatenate([s * getattr(P, n) for P, s in zip(own, scale, strict=True)]) for n in sides}
+        P = LCP(**data) if node == "lcp" else MLCP(**data)
+        for tolerance in (1e-4, 1e-8):
+            output = solvers.get(f"auto-{node}").run(P, Budget(tolerance=tolerance))
+            assert output.claim is Claim.SOLVED, output.message
+            assert judge(P, output.point, tolerance).error <= tolerance
