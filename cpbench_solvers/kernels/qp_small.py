@@ -184,9 +184,14 @@ def solve(
     """
     n, m, r = p.size, b.size, b.size + d.size
     H, G, D, E = np.empty((n, n)), np.empty((r, n)), np.ones(n), np.ones(r)
+    top = 0.0
+    for i in range(n):
+        top = max(top, abs(Q[i, i]))
+    # the unit of the objective first: by D alone it would become one of the unknowns
+    c = 2.0 ** -np.rint(np.log2(top)) if 0.0 < top < np.inf else 1.0
     for i in range(n):
         for j in range(n):
-            H[i, j] = Q[i, j]
+            H[i, j] = c * Q[i, j]
     for i in range(r):
         row = A[i] if i < m else C[i - m]
         for j in range(n):
@@ -194,7 +199,7 @@ def solve(
     equilibrate(H, G, D, E, SCALINGS)
     L, g = np.empty((n, n)), np.empty(n)
     for i in range(n):
-        g[i] = D[i] * p[i]
+        g[i] = D[i] * (c * p[i])
     epsilon = _factor(H, g, psd, proximal, L)
     if epsilon < 0.0:
         return NOT_CONVEX
@@ -207,6 +212,7 @@ def solve(
     M, place, norms = np.zeros((sides, n)), np.empty(sides, np.int64), np.empty(sides)
     lower, upper = np.empty(sides), np.empty(sides)
     _write_sides(G, b, d, lb, ub, L, D, E, M, place, lower, upper, norms)
+    norms *= c  # multipliers come in the unit of the objective
     v0, v, y, x, best = np.empty(n), np.empty(n), np.zeros(sides), np.zeros(n), np.empty(2 * n + r)
     R, W, where, side = np.empty((n, n)), np.empty(n, np.int64), np.empty(sides, np.int64), np.empty(sides, np.int64)
     state, gained, before = np.zeros(STATES, np.int64), np.empty(2), np.empty(sides)

@@ -729,3 +729,16 @@ def test_the_path_goes_on_where_products_are_small_and_the_error_is_not(
     output = solvers.get("interior-point-qp").run(problem, Budget(tolerance=tolerance))
     assert output.claim is Claim.SOLVED
     assert judge(problem, output.point, tolerance).solved
+
+
+@pytest.mark.parametrize("unit", [1e-24, 1e24])
+def test_the_unit_of_an_objective_makes_no_difference(unit: float) -> None:
+    """½(z₁ - z₂)² + ½10⁻¹⁰(z₁² + z₂²) - z₁ + 0.9 z₂ over [-4, 4]² beside 5 z₃²: z₁ = 4, z₂ = 3.1/(1 + 10⁻¹⁰)."""
+    Q = np.zeros((3, 3))
+    Q[:2, :2] = unit * (np.array([[1.0, -1.0], [-1.0, 1.0]]) + 1e-10 * np.eye(2))
+    Q[2, 2] = 10.0
+    p = np.array([-unit, 0.9 * unit, 0.0])
+    problem = QP.build(Q, p, lb=np.array([-4.0, -4.0, 0.0]), ub=np.full(3, 4.0))
+    output = solvers.get("auto-qp").run(problem, Budget(tolerance=1e-6))
+    assert output.claim is Claim.SOLVED
+    np.testing.assert_allclose(output.point.z, [4.0, 3.1 / (1.0 + 1e-10), 0.0], atol=1e-5)
