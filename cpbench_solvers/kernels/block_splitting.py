@@ -3,11 +3,14 @@
 import numpy as np
 from numba import float64, int64, njit
 
-from cpbench_solvers.kernels.array_types import KEPT
-from cpbench_solvers.kernels.splitting import DATA, DATA_2D, INDEX, VECTOR, judged
+from cpbench_solvers.kernels.array_types import DATA, KEPT, VECTOR
+from cpbench_solvers.kernels.lcp_error import judged
+from cpbench_solvers.kernels.splitting import COLUMNS, add_column
 from cpbench_solvers.kernels.tableau import CODES, COMPLEMENTARY, whole_tableau
 
 PIVOT_TOLERANCE, TIE_TOLERANCE = 1e-11, 1e-13
+_add_column = njit(error_model="numpy", forceinline=True)(add_column.py_func)
+"""Here products are rounded before they are added."""
 
 
 @njit(int64(VECTOR, int64, float64, float64[:, ::1], VECTOR, VECTOR, float64[::1], int64[::1]), **KEPT)
@@ -49,14 +52,17 @@ def solve_block(z, first, omega, block, w, new, reals, numbers):
     return moves
 
 
-@njit(int64(DATA_2D, VECTOR, int64, DATA, VECTOR, VECTOR, float64, float64, float64, VECTOR), **KEPT)
-def sweeps_dense(columns, blocks, size, q, z, w, z_unit, omega, tolerance, errors):
+@njit(
+    [int64(M, VECTOR, int64, DATA, VECTOR, VECTOR, float64, float64, float64, VECTOR) for M in COLUMNS],
+    **KEPT,
+)
+def sweeps(matrix, blocks, size, q, z, w, z_unit, omega, tolerance, errors):
     """Make at most `errors.size` sweeps, in place on z and w; returns how many were done.
 
     Parameters
     ----------
-    columns : (n, n), row j is column j of M. blocks : the diagonal blocks by rows, one after the other, of `size`
-    unknowns each, the last of what is left. errors : the judged error after each sweep.
+    matrix : see `COLUMNS`. blocks : the diagonal blocks by rows, one after the other, of `size` unknowns each, the last
+    of what is left. errors : the judged error after each sweep.
     """
     n = q.size
     new, reals, numbers = np.empty(size), np.empty(5 * size + 4 + size * (size + 2)), np.empty(8 * size + 4, np.int64)
@@ -69,30 +75,7 @@ def sweeps_dense(columns, blocks, size, q, z, w, z_unit, omega, tolerance, error
                     change = new[i] - z[first + i]
                     if change != 0.0:
                         z[first + i] = new[i]
-                        for j in range(n):
-                            w[j] += columns[first + i, j] * change
-        errors[s] = judged(q, z, w, z_unit)
-        if not errors[s] > tolerance:
-            return s + 1
-    return errors.size
-
-
-@njit(int64(INDEX, INDEX, DATA, VECTOR, int64, DATA, VECTOR, VECTOR, float64, float64, float64, VECTOR), **KEPT)
-def sweeps_sparse(start, rows, values, blocks, size, q, z, w, z_unit, omega, tolerance, errors):
-    """Sweep as `sweeps_dense` does; column j of M has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
-    n = q.size
-    new, reals, numbers = np.empty(size), np.empty(5 * size + 4 + size * (size + 2)), np.empty(8 * size + 4, np.int64)
-    for s in range(errors.size):
-        for first in range(0, n, size):
-            m = min(size, n - first)
-            block = blocks[first * size : first * size + m * m].reshape(m, m)
-            if solve_block(z, first, omega, block, w, new, reals, numbers):
-                for i in range(m):
-                    change = new[i] - z[first + i]
-                    if change != 0.0:
-                        z[first + i] = new[i]
-                        for e in range(start[first + i], start[first + i + 1]):
-                            w[rows[e]] += values[e] * change
+                        _add_column(matrix, first + i, change, w)
         errors[s] = judged(q, z, w, z_unit)
         if not errors[s] > tolerance:
             return s + 1

@@ -6,46 +6,41 @@ reassociation and contraction are allowed to the compiler, so NaN and infinity k
 Reference in plain NumPy: `tests/solvers/references/psor.py`.
 """
 
-from numba import boolean, float64, int64, njit
+from numba import boolean, float64, int64, njit, types
 
 from cpbench_solvers.kernels.array_types import DATA, DATA_2D, INDEX, KEPT, VECTOR
 from cpbench_solvers.kernels.lcp_error import FAST, judged
 from cpbench_solvers.kernels.vectors import put
 
+COLUMNS = types.UniTuple(DATA_2D, 1), types.Tuple((INDEX, INDEX, DATA))
+"""M by columns: dense, (columns,), row j of which is column j; sparse, (start, rows, values), column j having
+values[start[j]:start[j+1]] in those rows."""
 
-@njit(int64(DATA_2D, DATA, DATA, VECTOR, VECTOR, float64, float64, boolean, float64, VECTOR), fastmath=FAST, **KEPT)
-def sweeps_dense(columns, diagonal, q, z, w, z_unit, omega, symmetric, tolerance, errors):
+
+@njit(fastmath=FAST, error_model="numpy", forceinline=True)
+def add_column(matrix, j, factor, w):
+    """Add `factor` times column j to w; which of the two loops it is, is known when it is compiled."""
+    if len(matrix) == 1:
+        for i in range(w.size):
+            w[i] += matrix[0][j, i] * factor
+    else:
+        for e in range(matrix[0][j], matrix[0][j + 1]):
+            w[matrix[1][e]] += matrix[2][e] * factor
+
+
+@njit(
+    [int64(M, DATA, DATA, VECTOR, VECTOR, float64, float64, boolean, float64, VECTOR) for M in COLUMNS],
+    fastmath=FAST,
+    **KEPT,
+)
+def sweeps(matrix, diagonal, q, z, w, z_unit, omega, symmetric, tolerance, errors):
     """Make at most `errors.size` sweeps, in place on z and w; returns how many were done.
 
     Parameters
     ----------
-    columns : (n, n), row j is column j of M. symmetric : whether every sweep is followed by one in the other order,
-    which counts as the same sweep. errors : the judged error after each sweep.
+    matrix : see `COLUMNS`. symmetric : whether every sweep is followed by one in the other order, which counts as the
+    same sweep. errors : the judged error after each sweep.
     """
-    n = q.size
-    for s in range(errors.size):
-        for k in range(2 * n if symmetric else n):
-            i = k if k < n else 2 * n - 1 - k
-            moved = z[i] - omega * w[i] / diagonal[i]
-            new = moved if moved > 0.0 else 0.0
-            change = new - z[i]
-            if change != 0.0:
-                z[i] = new
-                for j in range(n):
-                    w[j] += columns[i, j] * change
-        errors[s] = judged(q, z, w, z_unit)
-        if not errors[s] > tolerance:
-            return s + 1
-    return errors.size
-
-
-@njit(
-    int64(INDEX, INDEX, DATA, DATA, DATA, VECTOR, VECTOR, float64, float64, boolean, float64, VECTOR),
-    fastmath=FAST,
-    **KEPT,
-)
-def sweeps_sparse(start, rows, values, diagonal, q, z, w, z_unit, omega, symmetric, tolerance, errors):
-    """Sweep as `sweeps_dense` does; column j of M has values[start[j]:start[j+1]] in rows[start[j]:start[j+1]]."""
     n = q.size
     for s in range(errors.size):
         for k in range(2 * n if symmetric else n):
@@ -55,31 +50,18 @@ def sweeps_sparse(start, rows, values, diagonal, q, z, w, z_unit, omega, symmetr
             change = new - z[i]
             if change != 0.0:
                 z[i] = new
-                for e in range(start[i], start[i + 1]):
-                    w[rows[e]] += values[e] * change
+                add_column(matrix, i, change, w)
         errors[s] = judged(q, z, w, z_unit)
         if not errors[s] > tolerance:
             return s + 1
     return errors.size
 
 
-@njit(float64(DATA_2D, DATA, DATA, float64, VECTOR), fastmath=FAST, **KEPT)
-def afresh_dense(columns, q, z, z_unit, w):
+@njit([float64(M, DATA, DATA, float64, VECTOR) for M in COLUMNS], fastmath=FAST, **KEPT)
+def afresh(matrix, q, z, z_unit, w):
     """Write w = Mz + q without the rounding of sweeps, from the columns that z needs; return the judged error."""
     put(w, q)
     for i in range(q.size):
         if z[i] != 0.0:
-            for j in range(q.size):
-                w[j] += columns[i, j] * z[i]
-    return judged(q, z, w, z_unit)
-
-
-@njit(float64(INDEX, INDEX, DATA, DATA, DATA, float64, VECTOR), fastmath=FAST, **KEPT)
-def afresh_sparse(start, rows, values, q, z, z_unit, w):
-    """Compute as `afresh_dense` does."""
-    put(w, q)
-    for i in range(q.size):
-        if z[i] != 0.0:
-            for e in range(start[i], start[i + 1]):
-                w[rows[e]] += values[e] * z[i]
+            add_column(matrix, i, z[i], w)
     return judged(q, z, w, z_unit)

@@ -66,11 +66,10 @@ class BlockGS(SplittingSolver):
         return DiagonalBlocks(**vars(columns), size=size, blocks=diagonal_blocks(problem, size))
 
     def sweeps(self, prepared: Any, options: BlockGSOptions) -> Sweeps:
-        kernel = load("cpbench_solvers.kernels.block_splitting")
-        sweep = kernel.sweeps_sparse if prepared.sparse else kernel.sweeps_dense
-        law = prepared.blocks, prepared.size, prepared.problem.q
+        sweep = load("cpbench_solvers.kernels.block_splitting").sweeps
+        law = prepared.matrix, prepared.blocks, prepared.size, prepared.problem.q
         rest = prepared.problem.z_unit, options.omega
-        return lambda z, w, tolerance, errors: sweep(*prepared.matrix, *law, z, w, *rest, tolerance, errors)
+        return lambda z, w, tolerance, errors: sweep(*law, z, w, *rest, tolerance, errors)
 
 
 def diagonal_blocks(problem: LCP, size: int) -> Vector:

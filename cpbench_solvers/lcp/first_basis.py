@@ -77,7 +77,7 @@ def swept(prepared: DenseLCP, limit: int, omega: float, tolerance: float = 0.0, 
     while sweeps < limit:
         errors = np.empty(min(CHUNK if sweeps else FIRST, limit - sweeps))
         rest = (diagonal, q, z, w, problem.z_unit, relaxation, False, tolerance, errors)
-        done = kernel.sweeps_dense(prepared.columns, *rest)
+        done = kernel.sweeps((prepared.columns,), *rest)
         sweeps, error = sweeps + done, float(errors[done - 1])
         if sweeps == FIRST and not problem.symmetric and not error < GAIN * errors[0]:
             z[:], w[:], relaxation = 0.0, q, omega

@@ -49,14 +49,9 @@ class MatrixColumns:
     diagonal: Vector
     matrix: tuple[Any, ...]
 
-    @property
-    def sparse(self) -> bool:
-        return len(self.matrix) == 3
-
 
 def by_columns(M: Matrix) -> tuple[Any, ...]:
-    """Return a square M as the kernels of splittings take it: (columns,), row j of which is column j, of a dense one;
-    (start, rows, values) of a sparse one, column j having values[start[j]:start[j+1]] in those rows."""
+    """Return a square M as the kernels of splittings take it (`COLUMNS`)."""
     if not sp.issparse(M):
         return (np.ascontiguousarray(M.T),)
     csc = sp.csc_array(M)
@@ -100,9 +95,8 @@ class SplittingSolver(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        kernel = load("cpbench_solvers.kernels.splitting")
+        afresh = load("cpbench_solvers.kernels.splitting").afresh
         problem, q = prepared.problem, prepared.problem.q
-        afresh = kernel.afresh_sparse if prepared.sparse else kernel.afresh_dense
         sweep = self.sweeps(prepared, options)
         z, w = np.zeros(q.size) if start is None else np.maximum(start.z, 0.0), np.empty(q.size)
         limit = budget.iterations or options.max_iterations
@@ -112,7 +106,7 @@ class SplittingSolver(Solver):
         claim, message = Claim.MAX_ITER, f"{limit} sweeps"
         while True:
             # the kernel's w drifts by rounding, so it starts afresh in every chunk and an end is confirmed here
-            error, products = afresh(*prepared.matrix, q, z, problem.z_unit, w), products + 1
+            error, products = afresh(prepared.matrix, q, z, problem.z_unit, w), products + 1
             if record is not None and not sweeps:
                 record(0, error, lambda: LCPPoint(z))
             if error <= aim:
@@ -153,12 +147,11 @@ class _Pointwise(SplittingSolver):
         return diagonal_obstacle("M", problem.M.diagonal(), "lemke or newton-min")
 
     def sweeps(self, prepared: MatrixColumns, options: PGSOptions) -> Sweeps:
-        kernel = load("cpbench_solvers.kernels.splitting")
-        sweep = kernel.sweeps_sparse if prepared.sparse else kernel.sweeps_dense
-        law = prepared.diagonal, prepared.problem.q
+        sweep = load("cpbench_solvers.kernels.splitting").sweeps
+        law = prepared.matrix, prepared.diagonal, prepared.problem.q
         omega = options.omega if isinstance(options, PSOROptions) else 1.0
         rest = prepared.problem.z_unit, omega, self.symmetric
-        return lambda z, w, tolerance, errors: sweep(*prepared.matrix, *law, z, w, *rest, tolerance, errors)
+        return lambda z, w, tolerance, errors: sweep(*law, z, w, *rest, tolerance, errors)
 
 
 _spec = partial(SolverSpec, node="lcp", method="splitting", traits=ITERATIVE)

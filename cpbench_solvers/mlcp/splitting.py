@@ -89,15 +89,14 @@ class _Splitting(Solver):
         start: Any = None,
         record: Record | None = None,
     ) -> SolverOutput:
-        kernel = load("cpbench_solvers.kernels.mlcp_splitting")
-        sweep = kernel.sweeps_sparse if len(prepared.matrix) == 3 else kernel.sweeps_dense
+        sweep = load("cpbench_solvers.kernels.mlcp_splitting").sweeps
         scaled, n = prepared.scaled, prepared.scaled.free
         omega = options.omega if isinstance(options, PSORMLCPOptions) else 1.0
         divisors = prepared.diagonal
         if isinstance(options, RPGSMLCPOptions):
             divisors = divisors + np.where(divisors < 0.0, -options.rho, options.rho)
         units = scaled.row_unit, scaled.unit, scaled.problem.v_unit, scaled.problem.equality_scale
-        law = divisors, scaled.k, n, *units
+        law = prepared.matrix, divisors, scaled.k, n, *units
         x = scaled.start(start)
         best, least = x, scaled.error(x)
         limit = budget.iterations or options.max_iterations
@@ -113,7 +112,7 @@ class _Splitting(Solver):
             error = np.inf
             while sweeps < until and error > aim:
                 errors = np.empty(next_stop(sweeps, until, record) - sweeps)
-                done = sweep(*prepared.matrix, *law, x, of_u, of_v, omega, aim, errors)
+                done = sweep(*law, x, of_u, of_v, omega, aim, errors)
                 sweeps, error = sweeps + done, float(errors[done - 1])
                 if record is not None:
                     record(sweeps, error, lambda: scaled.point(x))
