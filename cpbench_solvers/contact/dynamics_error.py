@@ -42,7 +42,7 @@ class DynamicsError:
         column, size = np.empty(count, np.int64), np.empty(count)
         rows.fill(*M, *H, *G, lengths.ravel(), d, nc, start, column, size)
         part, units = np.empty(start.size - 1, np.int64), np.empty(start.size - 1)
-        kernel("row_errors").label_sparse(start, column, size, part)
+        kernel("row_errors").label_parts((start, column, size), part)
         kernel("equilibration").equilibrate(start, column, size, part.size, units)
         moves = problem.w.reshape(nc, d) * lengths
         constants = np.concatenate([np.sqrt(np.einsum("ij,ij->i", moves, moves)), np.abs(problem.f), np.abs(problem.b)])

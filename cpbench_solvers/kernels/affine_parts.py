@@ -12,7 +12,7 @@ from cpbench_solvers.kernels.array_types import COMPILED, DATA, INDEX, VECTOR
 from cpbench_solvers.kernels.equilibration import equilibrate
 from cpbench_solvers.kernels.qp_ldl import CSR
 from cpbench_solvers.kernels.qp_parts import boxed, conditions, numbered
-from cpbench_solvers.kernels.row_errors import label_sparse
+from cpbench_solvers.kernels.row_errors import label_parts
 
 AFFINE = types.Tuple((int64, INDEX, INDEX, DATA, DATA, DATA, DATA, INDEX, DATA, INDEX, DATA, INDEX))
 """n; K in CSR: row starts, columns, numbers; c, low and high, the box of x; the number of the connected part of every
@@ -43,7 +43,7 @@ def _evened(start, column, value, D, group):
             at[j] += 1
     both, label = np.empty(2 * N), np.empty(2 * N, np.int64)
     equilibrate(begin, beside, size, N, both)  # rows and columns by themselves: M need not be symmetric
-    label_sparse(begin, beside, size, label)
+    label_parts((begin, beside, size), label)
     # D times a number and C over it are as good: let the logarithms of C bear the size of K, as alternate scalings do
     total, count = np.zeros(2 * N), np.zeros(2 * N)
     for j in range(N, 2 * N):
@@ -61,9 +61,7 @@ def affine(M, G, q, h, m, lb, ub):
     """Return the `AFFINE` of Mz + q in [lb, ub] with rows G, the first m of which are inequalities Gz ≥ h."""
     n, N = q.size, q.size + h.size
     start, column, value = conditions(M, G)
-    part, group, D = np.empty(N, np.int64), np.empty(N, np.int64), np.empty(N)
-    label_sparse(start, column, value, part)
-    numbered(part)
+    part, group, D = numbered(start, column, value), np.empty(N, np.int64), np.empty(N)
     _evened(start, column, value, D, group)
     c, low, high = boxed(q, h, m, lb, ub)
     number, groups = np.full(2 * N, -1), 0

@@ -122,7 +122,7 @@ def felt_units(
 
     Parameters
     ----------
-    part : (blocks,), of `row_errors.label_sparse`. constants : (blocks,), sizes of f, w and b. idle : (contacts,),
+    part : (blocks,), of `row_errors.label_parts`. constants : (blocks,), sizes of f, w and b. idle : (contacts,),
     whether a contact is open. x : (blocks,), sizes of the unknowns.
     """
     parts = x.size  # as many as there may be

@@ -4,7 +4,7 @@ import numpy as np
 from numba import float64, njit
 
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, INDEX
-from cpbench_solvers.kernels.row_errors import FAST, INDICES, largest_dense, largest_sparse, rows_dense, rows_sparse
+from cpbench_solvers.kernels.row_errors import FAST, INDICES, largest_dense, largest_sparse, rows
 
 
 @njit(float64(DATA, DATA, DATA, float64), fastmath=FAST, **COMPILED)
@@ -45,7 +45,7 @@ def error_dense(M, q, z, z_unit, part, share):
     M : (n, n). q, z : (n,). z_unit : of the LCP. part, share : of `row_errors`.
     """
     w, size = np.empty(q.size), np.empty(q.size)
-    rows_dense(M, q, z, 0, part, share, w, size)
+    rows((M,), q, z, 0, part, share, w, size)
     return largest_dense(M, q, z, 0, w, size, judged(q, z, w, z_unit))
 
 
@@ -53,5 +53,5 @@ def error_dense(M, q, z, z_unit, part, share):
 def error_sparse(start, columns, values, q, z, z_unit, part, share):
     """Measure as `error_dense` does; row i of M has values[start[i]:start[i+1]] in columns[start[i]:start[i+1]]."""
     w, size = np.empty(q.size), np.empty(q.size)
-    rows_sparse(start, columns, values, q, z, 0, part, share, w, size)
+    rows((start, columns, values), q, z, 0, part, share, w, size)
     return largest_sparse(start, columns, values, q, z, 0, w, size, judged(q, z, w, z_unit))

@@ -8,7 +8,7 @@ from numba import boolean, float64, int64, njit, types, void
 from cpbench_solvers.kernels.array_types import DATA
 from cpbench_solvers.kernels.lcp_error import error_dense
 from cpbench_solvers.kernels.pivoting import lemke
-from cpbench_solvers.kernels.row_errors import is_exact, label_dense, shares_dense
+from cpbench_solvers.kernels.row_errors import is_exact, label_parts, shares
 
 MATRIX = float64[:, ::1]
 
@@ -24,8 +24,8 @@ def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
     w = q.copy()  # the pivots end in it
     code = lemke(M, w, z, max_pivots, pivot_tolerance, tie_tolerance)
     part, share = np.empty(q.size, np.int64), np.empty(q.size)
-    label_dense(M, part)
-    shares_dense(M, share)
+    label_parts((M,), part)
+    shares((M,), share)
     return code, error_dense(M, q, z, z_unit, part, share), is_exact(M, q, z, 0)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numba import float64, int64, njit
 
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D
-from cpbench_solvers.kernels.row_errors import label_dense, largest_dense, rows_dense, shares_dense
+from cpbench_solvers.kernels.row_errors import label_parts, largest_dense, rows, shares
 
 
 @njit(float64(DATA, int64, DATA, DATA, DATA, DATA, DATA, float64, float64), **COMPILED)
@@ -68,9 +68,9 @@ def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
     error = judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push)
     # the workspace holds rows and their sizes from here on
     part, share = np.empty(N, np.int64), np.empty(N)
-    label_dense(K, part)
-    shares_dense(K, share)
-    rows_dense(K, k, x, n, part, share, of_u, of_v)
+    label_parts((K,), part)
+    shares((K,), share)
+    rows((K,), k, x, n, part, share, of_u, of_v)
     return largest_dense(K, k, x, n, of_u, of_v, error)
 
 

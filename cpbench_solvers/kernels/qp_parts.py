@@ -6,12 +6,12 @@ inequalities, [−∞, ∞] for those of equalities.
 """
 
 import numpy as np
-from numba import int64, njit, types, void
+from numba import int64, njit, types
 
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, INDEX, VECTOR
 from cpbench_solvers.kernels.equilibration import equilibrate
 from cpbench_solvers.kernels.qp_ldl import CSR
-from cpbench_solvers.kernels.row_errors import label_sparse
+from cpbench_solvers.kernels.row_errors import label_parts
 from cpbench_solvers.kernels.vectors import unsigned
 
 ENDLESS = 1e19
@@ -57,26 +57,25 @@ def conditions(Q, G):
     return start, column, value
 
 
-@njit(void(types.int64[::1]), **COMPILED)
-def numbered(part):
-    """Give the parts numbers from 0; they come as the least number of a row of theirs."""
-    count = 0
+@njit(types.int64[::1](INDEX, INDEX, DATA), **COMPILED)
+def numbered(start, column, value):
+    """Return the connected part of every row, numbered from 0."""
+    part, count = np.empty(start.size - 1, np.int64), 0
+    label_parts((start, column, value), part)  # by the least number of a row of theirs
     for i in range(part.size):
         if part[i] == i:
             part[i] = count
             count += 1
         else:
             part[i] = part[part[i]]  # the least row of a part comes first, and has its number already
+    return part
 
 
 @njit(types.int64[::1](CSR, CSR), **COMPILED)
 def labels(Q, G):
     """Return the connected part of every unknown and row, numbered from 0."""
     start, column, value = conditions(Q, G)
-    part = np.empty(start.size - 1, np.int64)
-    label_sparse(start, column, value, part)
-    numbered(part)
-    return part
+    return numbered(start, column, value)
 
 
 @njit(_BOX(DATA, DATA, int64, DATA, DATA), **COMPILED)
@@ -101,9 +100,7 @@ def program(Q, G, p, h, m, lb, ub):
     """Return the `PROGRAM` of a QP of which the first m rows of G are inequalities Gz ≥ h."""
     n, N = p.size, p.size + h.size
     start, column, value = conditions(Q, G)
-    part, D = np.empty(N, np.int64), np.empty(N)
-    label_sparse(start, column, value, part)
-    numbered(part)
+    part, D = numbered(start, column, value), np.empty(N)
     equilibrate(start, column, value, n, D)
     D *= np.sqrt(0.5)  # of K + Kᵀ, which is twice as large
     c, low, high = boxed(p, h, m, lb, ub)

@@ -21,6 +21,7 @@ import numpy as np
 from numba import boolean, float64, njit
 
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, FAST
+from cpbench_solvers.kernels.qp_dense import reached
 from cpbench_solvers.kernels.qp_gap import NOISE, gap_errors, gaps, row_products, without
 from cpbench_solvers.kernels.qp_parts import PROGRAM
 
@@ -37,17 +38,11 @@ def is_idle(low, high, x, f):
     return f < 0.0 and high < np.inf and above <= below
 
 
-@njit(boolean(float64, float64), **COMPILED)
-def _reached(side, x):
-    """Return whether an unknown has its size from a side that is not 0: it is nearer than by half of it."""
-    return side != 0.0 and abs(side) < np.inf and abs(x - side) <= 0.5 * abs(side)
-
-
 @njit(boolean(float64, float64, float64), **COMPILED)
 def is_fixed(low, high, x):
     """Return whether an unknown is at a bound that is not 0, or beyond."""
     beyond = (low != 0.0 and low > -np.inf and x <= low) or (high != 0.0 and high < np.inf and x >= high)
-    return beyond or _reached(low, x) or _reached(high, x)
+    return beyond or reached(low, x) or reached(high, x)
 
 
 @njit(inline="always")

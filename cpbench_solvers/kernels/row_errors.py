@@ -18,6 +18,8 @@ FAST = {"reassoc", "contract"}
 """Reassociation and contraction only, so that NaN, infinity and divisions keep their meaning."""
 INDICES = [(types.Array(index, 1, "C", readonly=True),) * 2 for index in (int32, int64)]
 """Types of the row starts and columns of a CSR matrix."""
+MATRICES = [types.UniTuple(DATA_2D, 1), *(types.Tuple((*index, DATA)) for index in INDICES)]
+"""A matrix by rows: dense, (K,); in CSR, (start, columns, values)."""
 ROUNDING = 8.0 * np.finfo(np.float64).eps
 """Of a sum of terms that cancel, over the sum of their sizes."""
 SMALL = 1e-3
@@ -41,33 +43,35 @@ def joined(part, i, j):
     return a != b
 
 
-@njit(void(DATA_2D, int64[::1]), **COMPILED)
-def label_dense(K, part):
+@njit(error_model="numpy", forceinline=True)
+def _span(matrix, i):
+    """Return the first entry of row i, and the one behind its last; which matrix it is, is known when compiled."""
+    if len(matrix) == 1:
+        return 0, matrix[0].shape[1]
+    return matrix[0][i], matrix[0][i + 1]
+
+
+@njit(error_model="numpy", forceinline=True)
+def _entry(matrix, i, e):
+    """Return column and value of an entry of row i."""
+    if len(matrix) == 1:
+        return e, matrix[0][i, e]
+    return matrix[1][e], matrix[2][e]
+
+
+@njit([void(K, int64[::1]) for K in MATRICES], **COMPILED)
+def label_parts(matrix, part):
     """Write the least number of the connected part of every row."""
     n = left = part.size
     for i in range(n):
         part[i] = i
     for i in range(n):
-        for j in range(n):
-            if K[i, j] != 0.0 and left > 1:
+        first, last = _span(matrix, i)
+        for e in range(first, last):
+            j, value = _entry(matrix, i, e)
+            if value != 0.0 and left > 1:
                 left -= joined(part, i, j)
         if left == 1:  # most matrices are one part: the first rows say so
-            break
-    for i in range(n):
-        part[i] = root(part, i)
-
-
-@njit([void(*index, DATA, int64[::1]) for index in INDICES], **COMPILED)
-def label_sparse(start, columns, values, part):
-    """Write as `label_dense` does; row i of K has values[start[i]:start[i+1]] in columns[start[i]:start[i+1]]."""
-    n = left = part.size
-    for i in range(n):
-        part[i] = i
-    for i in range(n):
-        for e in range(start[i], start[i + 1]):
-            if values[e] != 0.0 and left > 1:
-                left -= joined(part, i, columns[e])
-        if left == 1:
             break
     for i in range(n):
         part[i] = root(part, i)
@@ -90,23 +94,17 @@ def is_exact(K, k, x, free):
     return True
 
 
-@njit(void(DATA_2D, VECTOR), **COMPILED)
-def shares_dense(K, share):
+@njit([void(K, VECTOR) for K in MATRICES], **COMPILED)
+def shares(matrix, share):
     """Write 1/C of the columns, 1 for those of zeros."""
     share[:] = 0.0
-    for i in range(share.size):
-        for j in range(share.size):
-            share[j] += K[i, j] * K[i, j]  # row by row, as K lies
-    for j in range(share.size):
-        share[j] = 1.0 / math.sqrt(share[j]) if share[j] > 0.0 else 1.0
-
-
-@njit([void(*index, DATA, VECTOR) for index in INDICES], **COMPILED)
-def shares_sparse(start, columns, values, share):
-    """Write as `shares_dense` does."""
-    share[:] = 0.0
-    for e in range(start[share.size]):
-        share[columns[e]] += values[e] * values[e]
+    if len(matrix) == 1:
+        for i in range(share.size):
+            for j in range(share.size):
+                share[j] += matrix[0][i, j] * matrix[0][i, j]  # row by row, as K lies
+    else:
+        for e in range(matrix[0][share.size]):
+            share[matrix[1][e]] += matrix[2][e] * matrix[2][e]
     for j in range(share.size):
         share[j] = 1.0 / math.sqrt(share[j]) if share[j] > 0.0 else 1.0
 
@@ -123,39 +121,24 @@ def _sizes(k, free, part, x, w, R, size):
         size[i] = max(max(size[i], abs(k[i])), SMALL * R[i] * top[part[i]])
 
 
-@njit(void(DATA_2D, DATA, DATA, int64, INDEX, DATA, VECTOR, VECTOR), fastmath=FAST, **COMPILED)
-def rows_dense(K, k, x, free, part, share, w, size):
+@njit([void(K, DATA, DATA, int64, INDEX, DATA, VECTOR, VECTOR) for K in MATRICES], fastmath=FAST, **COMPILED)
+def rows(matrix, k, x, free, part, share, w, size):
     """Write the rows w = Kx + k and their sizes.
 
     Parameters
     ----------
-    free : the first rows are equalities, beside free unknowns. part, share : (n,) of `label_dense`, `shares_dense`.
+    free : the first rows are equalities, beside free unknowns. part, share : (n,) of `label_parts`, `shares`.
     """
     R = np.empty(k.size)
     for i in range(k.size):
         total, terms, squares = k[i], 0.0, 0.0
-        for j in range(k.size):
-            term = K[i, j] * x[j]
+        first, last = _span(matrix, i)
+        for e in range(first, last):
+            j, value = _entry(matrix, i, e)
+            term = value * x[j]
             total += term
             terms += abs(term)
-            squares += (K[i, j] * share[j]) ** 2
-        w[i], size[i], R[i] = total, terms, math.sqrt(squares)
-    _sizes(k, free, part, x, w, R, size)
-
-
-@njit(
-    [void(*index, DATA, DATA, DATA, int64, INDEX, DATA, VECTOR, VECTOR) for index in INDICES], fastmath=FAST, **COMPILED
-)
-def rows_sparse(start, columns, values, k, x, free, part, share, w, size):
-    """Write as `rows_dense` does."""
-    R = np.empty(k.size)
-    for i in range(k.size):
-        total, terms, squares = k[i], 0.0, 0.0
-        for e in range(start[i], start[i + 1]):
-            term = values[e] * x[columns[e]]
-            total += term
-            terms += abs(term)
-            squares += (values[e] * share[columns[e]]) ** 2
+            squares += (value * share[j]) ** 2
         w[i], size[i], R[i] = total, terms, math.sqrt(squares)
     _sizes(k, free, part, x, w, R, size)
 
@@ -164,7 +147,7 @@ def rows_sparse(start, columns, values, k, x, free, part, share, w, size):
 def largest_dense(K, k, x, free, w, size, error):
     """Return the largest error of a row, at least `error`, which is returned where it is not a number.
 
-    w, size : of `rows_dense`.
+    w, size : of `rows`.
     """
     for i in range(k.size):
         if k[i] != 0.0 and (i < free or x[i] > 0.0 or w[i] < 0.0):  # rows without a constant have no size of their own

@@ -143,13 +143,12 @@ def parts(problem: LCP) -> tuple[NDArray[np.int64], Vector]:
     if (result := _PARTS.get(problem)) is None:
         kernel, M, n = load("cpbench_solvers.kernels.row_errors"), problem.M, problem.q.size
         part, share = result = _PARTS[problem] = np.empty(n, np.int64), np.empty(n)
-        if isinstance(M, np.ndarray):
-            kernel.label_dense(M, part)
-            kernel.shares_dense(M, share)
-        else:
+        matrix: tuple[Any, ...] = (M,)
+        if not isinstance(M, np.ndarray):
             M = sparse(M)
-            kernel.label_sparse(M.indptr, M.indices, M.data, part)
-            kernel.shares_sparse(M.indptr, M.indices, M.data, share)
+            matrix = M.indptr, M.indices, M.data
+        kernel.label_parts(matrix, part)
+        kernel.shares(matrix, share)
     return result
 
 

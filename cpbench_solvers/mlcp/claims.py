@@ -75,11 +75,11 @@ class ScaledMLCP:
         if matrices.is_sparse(K):
             kernel, N = load("cpbench_solvers.kernels.row_errors"), self.k.size
             matrix, part, (share, w, size) = (K.indptr, K.indices, K.data), np.empty(N, np.int64), np.empty((3, N))
-            kernel.label_sparse(*matrix, part)
-            kernel.shares_sparse(*matrix, share)
-            rows = *matrix, self.k, x, self.free
-            kernel.rows_sparse(*rows, part, share, w, size)
-            return kernel.largest_sparse(*rows, w, size, self.problem.residuals(self.point(x)).error)
+            kernel.label_parts(matrix, part)
+            kernel.shares(matrix, share)
+            law = self.k, x, self.free
+            kernel.rows(matrix, *law, part, share, w, size)
+            return kernel.largest_sparse(*matrix, *law, w, size, self.problem.residuals(self.point(x)).error)
         kernel = load("cpbench_solvers.kernels.mlcp_judged")
         # compiled, since small problems spend more time on measuring than on solving
         error: float = kernel.error_of(
