@@ -21,6 +21,7 @@ from cpbench_solvers.kernels.tableau import (
     NOT_FINITE,
     RAY,
     blocking,
+    data_sizes,
     first_row,
     kept,
     largest,
@@ -159,25 +160,11 @@ def advance(
 def solve(M, q, z, C, E, reals, numbers, max_pivots, pivot_tolerance, tie_tolerance):
     """Run `lemke` in workspace: C (n+1, n), E (K, n), reals (2, n), numbers (7, max(2n+1, K))."""
     n = q.size
-    p = 0.0
-    covered = True
-    for i in range(n):
-        z[i] = 0.0
-        p = max(p, abs(q[i]))
-        covered &= q[i] >= 0.0
+    z[:] = 0.0
+    rhs, value = reals[0], reals[1]
+    covered, m, p = data_sizes(M, q, value)
     if covered:
         return COMPLEMENTARY
-    rhs, value = reals[0], reals[1]
-    # the largest of every column first: a loop that the compiler can turn into vector instructions
-    value[:] = 0.0
-    for i in range(n):
-        for j in range(n):
-            value[j] = max(value[j], abs(M[i, j]))
-    m = 0.0
-    for j in range(n):
-        m = max(m, value[j])
-    if m == 0.0:
-        m = 1.0
     basic, nonbasic, where, age = numbers[0, :n], numbers[1, : n + 1], numbers[2], numbers[3, : n + 1]
     rows, ties, state = numbers[4], numbers[5], numbers[6]
     for i in range(n):

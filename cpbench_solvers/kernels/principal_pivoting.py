@@ -96,14 +96,18 @@ def murty(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
         state[2] += 1
 
 
-@njit("int64(float64[::1], float64[::1], float64)", cache=True, nogil=True)
-def _most_negative(y, x, zero):
-    """Return the pair whose basic or nonbasic variable lies lowest, the first of several; -1 where none is negative."""
+@njit("int64(float64[::1], float64[::1], int64[::1], float64)", cache=True, nogil=True)
+def _pair_in_hand(y, x, state, zero):
+    """Return the pair in hand or, where there is none, take that whose basic or nonbasic variable lies lowest, the
+    first of several; -1 where none is negative."""
+    if state[1] >= 0:
+        return state[1]
     least, r = -zero, -1
     for i in range(y.size):
         lower = min(y[i], x[i])  # x is not 0 for the pair in hand
         if lower < least:
             least, r = lower, i
+    state[1] = r
     return r
 
 
@@ -116,12 +120,9 @@ def keller(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
     """
     n = y.size
     while True:
-        r = state[1]
+        r = _pair_in_hand(y, x, state, zero)
         if r < 0:
-            r = _most_negative(y, x, zero)
-            state[1] = r
-            if r < 0:
-                return SOLVED
+            return SOLVED
         if state[0] >= until:
             return LIMIT
         step, s = np.inf, -1
@@ -162,12 +163,9 @@ def cottle_dantzig(T, y, x, swapped, state, row, until, pivot_tolerance, zero):
     below = row[n]
     work = row[:n]
     while True:
-        r = state[1]
+        r = _pair_in_hand(y, x, state, zero)
         if r < 0:
-            r = _most_negative(y, x, zero)
-            state[1] = r
-            if r < 0:
-                return SOLVED
+            return SOLVED
         if state[0] >= until:
             return LIMIT
         if T[r, r] < -pivot_tolerance:

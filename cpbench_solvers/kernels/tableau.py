@@ -100,6 +100,28 @@ def largest(col, ties, count):
     return r
 
 
+@njit(error_model="numpy", forceinline=True)
+def data_sizes(M, q, column):
+    """Return whether no q is negative, so that z = 0 is right; else max|M|, 1 for a matrix of zeros, and max|q| too.
+    column : (n,) workspace."""
+    n = q.size
+    m = p = 0.0
+    covered = True
+    for i in range(n):
+        p = max(p, abs(q[i]))
+        covered &= q[i] >= 0.0
+    if covered:
+        return True, m, p
+    # the largest of every column first: a loop that the compiler can turn into vector instructions
+    column[:] = 0.0
+    for i in range(n):
+        for j in range(n):
+            column[j] = max(column[j], abs(M[i, j]))
+    for j in range(n):
+        m = max(m, column[j])
+    return False, m if m != 0.0 else 1.0, p
+
+
 @njit(
     "int64(float64[:,::1], float64[::1], float64[::1], float64[:,::1], float64[:,::1], int64[:,::1], int64, float64,"
     " float64)",
@@ -111,24 +133,11 @@ def whole_tableau(M, q, z, T, reals, numbers, max_pivots, pivot_tolerance, tie_t
     M : (n, n). q, z : (n,), z is written. Workspace: T (n, n+1), reals (4, n+1), numbers (4, 2n+1).
     """
     n = q.size
-    m = p = 0.0
-    covered = True
-    for i in range(n):
-        z[i] = 0.0
-        p = max(p, abs(q[i]))
-        covered &= q[i] >= 0.0
+    z[:] = 0.0
+    rhs, col, row, column = reals[0, :n], reals[1, :n], reals[2], reals[3, :n]
+    covered, m, p = data_sizes(M, q, column)
     if covered:
         return COMPLEMENTARY
-    rhs, col, row, column = reals[0, :n], reals[1, :n], reals[2], reals[3, :n]
-    # the largest of every column first: a loop that the compiler can turn into vector instructions
-    column[:] = 0.0
-    for i in range(n):
-        for j in range(n):
-            column[j] = max(column[j], abs(M[i, j]))
-    for j in range(n):
-        m = max(m, column[j])
-    if m == 0.0:
-        m = 1.0
     basic, nonbasic, where, ties = numbers[0, :n], numbers[1, : n + 1], numbers[2], numbers[3]
     factor = -1.0 / m
     for i in range(n):

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.foundation.kernel_cache import load
-from cpbench.foundation.matrices import Vector
 
 PAIRS_KERNEL = "cpbench_solvers.kernels.lemke_pairs"
 
@@ -39,10 +38,3 @@ def pairs(M: np.ndarray[Any, Any]) -> Iterator[tuple[int, int]]:
 def order(n: int) -> NDArray[np.int64]:
     """Return the first unknowns of the pairs."""
     return np.random.default_rng(0).permutation(n)[:PAIRS].astype(np.int64)
-
-
-def in_pair(n: int, pair: tuple[int, int]) -> Vector:
-    """Return the basis of a pair as a mask of n components."""
-    inside = np.zeros(n, bool)
-    inside[list(pair)] = True
-    return inside

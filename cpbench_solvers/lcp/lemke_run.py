@@ -16,7 +16,7 @@ from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers.lcp.claims import after_ray, conclude, ended_in_basis, farkas
 from cpbench_solvers.lcp.first_basis import DenseLCP
 from cpbench_solvers.lcp.lemke_columns import PivotingState
-from cpbench_solvers.lcp.lemke_restarts import LARGER_PIVOTS, PAIRS_KERNEL, in_pair, order, pairs
+from cpbench_solvers.lcp.lemke_restarts import LARGER_PIVOTS, PAIRS_KERNEL, order, pairs
 from cpbench_solvers.lcp.principal_transform import PrincipalTransform, transformed
 
 PIVOTING = "cpbench_solvers.kernels.pivoting"
@@ -120,7 +120,7 @@ class LemkeRun:
     def _other_ways(self) -> Iterator[Callable[[], SolverOutput | None]]:
         """Yield larger pivots from w = q, then other first bases; these first where nothing blocked the first pivot,
         for larger ones would not either."""
-        M, n = self._lcp.M, self._lcp.problem.q.size
+        M, problem, n = self._lcp.M, self._lcp.problem, self._lcp.problem.q.size
         larger = [
             partial(self._plain, replace(self._options, pivot_tolerance=least))
             for least in LARGER_PIVOTS
@@ -132,10 +132,10 @@ class LemkeRun:
         if n <= SMALL:
             tried = 0
             while (tried := self._first_pair(tried)) >= 0:
-                yield self._conclude_pair
+                yield partial(ended_in_basis, problem, self._z, np.flatnonzero(self._z), self._budget, self.counters)
         else:
             for pair in pairs(M):
-                if (seen := transformed(self._lcp, in_pair(n, pair))) is not None:
+                if (seen := transformed(self._lcp, np.isin(np.arange(n), pair))) is not None:
                     yield partial(self._from_transform, seen)
         if at_once:
             yield from larger
@@ -148,10 +148,6 @@ class LemkeRun:
         tried, pivots = compiled(load(PAIRS_KERNEL).from_pairs)(lcp.M, lcp.problem.q, self._z, *rest)
         self._spend(pivots)
         return tried
-
-    def _conclude_pair(self) -> SolverOutput:
-        """Return what the last of the pairs led to."""
-        return ended_in_basis(self._lcp.problem, self._z, np.flatnonzero(self._z), self._budget, self.counters)
 
     def _plain(self, options: LemkeOptions) -> SolverOutput:
         """Start from w = q, where a ray may be followed by a proof."""
