@@ -8,7 +8,6 @@ forces, not the rows, are covered, so that all points of the path are in X.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any, ClassVar
@@ -133,9 +132,6 @@ class _Pivoting(Solver):
         if walk is None:
             return SolverOutput(claim=Claim.FAILED, counters=counters, message=message)
         return _concluded(prepared, walk, budget, counters)
-
-
-Begin = Callable[[MultiplierBox, Any], "tuple[NDArray[np.bool_], Vector] | str"]
 
 
 def _from_vertex(prepared: MultiplierBox, start: Any) -> tuple[NDArray[np.bool_], Vector] | str:

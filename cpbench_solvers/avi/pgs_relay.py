@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-import scipy.sparse as sp
 
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.formulations.relay import Relay
 from cpbench.foundation.cones import project_box
 from cpbench.foundation.kernel_cache import load
-from cpbench.foundation.matrices import Vector, max_abs
+from cpbench.foundation.matrices import Vector, entries, max_abs, sparse
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import Progress, next_stop
 from cpbench_solvers.avi.claims import error_of
@@ -33,12 +32,10 @@ class PGSRelayOptions(PGSOptions):
 
 @dataclass(frozen=True)
 class RelayRows:
-    """M by rows: values[start[i]:start[i+1]] are in `column`."""
+    """M by rows (starts, columns, values), and its diagonal."""
 
     problem: Relay
-    start: np.ndarray[Any, np.dtype[np.int64]]
-    column: np.ndarray[Any, np.dtype[np.int64]]
-    values: Vector
+    matrix: tuple[Any, Any, Vector]
     diagonal: Vector
 
 
@@ -63,9 +60,8 @@ class PGSRelay(Solver):
         return diagonal_obstacle("M where lb < ub", np.where(problem.moving, problem.M.diagonal(), 1.0), "newton-relay")
 
     def setup(self, problem: Relay, budget: Budget, options: PGSRelayOptions) -> RelayRows:
-        csr = sp.csr_array(problem.M)
         diagonal = np.where(problem.moving, problem.M.diagonal(), 1.0)
-        return RelayRows(problem, csr.indptr.astype(np.int64), csr.indices.astype(np.int64), csr.data, diagonal)
+        return RelayRows(problem, entries(sparse(problem.M)), diagonal)
 
     def warmup(self) -> None:
         self.run(Relay(M=np.array([[2.0, 1.0], [1.0, 2.0]]), q=-np.ones(2), lb=np.zeros(2), ub=np.ones(2)))
@@ -82,8 +78,7 @@ class PGSRelay(Solver):
         problem = prepared.problem
         z = project_box(np.zeros_like(problem.q) if start is None else start.z, problem.lb, problem.ub)
         limit, sweeps, chunk = budget.iterations or options.max_iterations, 0, 1
-        matrix = (prepared.start, prepared.column, prepared.values, prepared.diagonal)
-        law = (problem.q, problem.lb, problem.ub)
+        law = (*prepared.matrix, prepared.diagonal, problem.q, problem.lb, problem.ub)
         progress = Progress(options.stall_window, budget.seconds, "sweeps")
         error = error_of(problem, LCPPoint(z), budget.tolerance)
         if record is not None:
@@ -96,7 +91,7 @@ class PGSRelay(Solver):
             until = min(limit, sweeps + chunk)
             while True:
                 most = next_stop(sweeps, until, record) - sweeps
-                done, settled = kernel.sweeps(*matrix, *law, z, options.omega, threshold, most)
+                done, settled = kernel.sweeps(*law, z, options.omega, threshold, most)
                 sweeps += done
                 if settled or sweeps == until:
                     break

@@ -14,7 +14,7 @@ from cpbench.formulations.qp import QP, QPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
-from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
+from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench_solvers.lcp.claims import CLOSE
 from cpbench_solvers.qp.kkt_system import entries
 
@@ -172,6 +172,14 @@ def unboundedness(problem: QP, ray: Vector) -> float | None:
     inside = (problem.A @ x >= -noise(problem.A)).all()
     inside = inside and (x[np.isfinite(problem.lb)] >= 0.0).all() and (x[np.isfinite(problem.ub)] <= 0.0).all()
     return float(slope.sum()) if flat and inside else None
+
+
+def warm_up(solver: Solver) -> QP:
+    """Solve the program with one row and one bound, which is returned; load what measures answers to sparse ones."""
+    load(SPARSE_KERNEL)
+    one = QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1))
+    solver.run(one)
+    return one
 
 
 def infeasible(problem: QP, lam: Vector, mu: Vector, counters: Mapping[str, int]) -> SolverOutput | None:

@@ -17,12 +17,12 @@ from cpbench.foundation.matrices import Dense, Vector
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
 from cpbench.solvers.shared.progress import SHARE
 from cpbench_solvers.qp.claims import (
-    SPARSE_KERNEL,
     ErrorMeasure,
     convex_obstacle,
     definite_obstacle,
     dense_obstacle,
     infeasible,
+    warm_up,
 )
 from cpbench_solvers.qp.scaling import stacked
 
@@ -150,8 +150,7 @@ class DualActiveSet(Solver):
         return dense_obstacle(problem) or convex_obstacle(problem) or definite_obstacle(problem)
 
     def warmup(self) -> None:
-        load(SPARSE_KERNEL)  # measures answers to sparse problems
-        self.run(QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1)))
+        warm_up(self)
 
     def solve(
         self,

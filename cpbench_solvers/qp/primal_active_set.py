@@ -12,17 +12,9 @@ from scipy.linalg import blas, lapack
 
 from cpbench.formulations.qp import QP
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register
-from cpbench_solvers.qp.claims import (
-    SPARSE_KERNEL,
-    ErrorMeasure,
-    convex_obstacle,
-    dense_obstacle,
-    infeasible,
-    unbounded,
-)
+from cpbench_solvers.qp.claims import ErrorMeasure, convex_obstacle, dense_obstacle, infeasible, unbounded, warm_up
 from cpbench_solvers.qp.dual_active_set import ActiveSet
 from cpbench_solvers.qp.scaling import ScaledQP, scaled
 
@@ -115,8 +107,7 @@ class PrimalActiveSet(Solver):
         return dense_obstacle(problem) or convex_obstacle(problem)
 
     def warmup(self) -> None:
-        load(SPARSE_KERNEL)  # measures answers to sparse problems
-        self.run(QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1)))
+        warm_up(self)
 
     def solve(
         self,

@@ -16,14 +16,7 @@ from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench.solvers.shared.progress import Progress
-from cpbench_solvers.qp.claims import (
-    SPARSE_KERNEL,
-    ErrorMeasure,
-    convex_obstacle,
-    dense_obstacle,
-    infeasible,
-    unbounded,
-)
+from cpbench_solvers.qp.claims import ErrorMeasure, convex_obstacle, dense_obstacle, infeasible, unbounded, warm_up
 from cpbench_solvers.qp.dual_active_set import CHUNK, ActiveSet
 from cpbench_solvers.qp.scaling import scaled
 
@@ -123,9 +116,7 @@ class ProximalActiveSet(Solver):
         return dense_obstacle(problem) or convex_obstacle(problem)
 
     def warmup(self) -> None:
-        load(SPARSE_KERNEL)  # measures answers to sparse problems
-        one = QP.build(np.eye(1), -np.ones(1), A=np.eye(1), b=np.zeros(1), lb=np.zeros(1))
-        self.run(one)
+        one = warm_up(self)
         self.run(one, start=one.zero_point())
 
     def solve(
