@@ -15,13 +15,11 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.definite import By, Factors, definite_factors
 from cpbench.foundation.matrices import Matrix, Vector, is_symmetric
 from cpbench.solvers.base import Budget, SolverSpec, register
+from cpbench_solvers.cone.law_admm import LONGER, RHO
 from cpbench_solvers.cone.penalty import TINY, StepPenalty
 from cpbench_solvers.contact.by_parts import contact_spec
 from cpbench_solvers.contact.run import ContactMethod, ContactSolver, MethodOptions
 from cpbench_solvers.contact.sweeps import ScaledContacts, kernel
-
-RHO, LONGER = (1e-9, 1e6), 1.5
-"""Bounds of ρ, and by how much longer each new ρ must stay than the one before."""
 
 
 @dataclass(frozen=True)

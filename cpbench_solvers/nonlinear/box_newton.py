@@ -11,7 +11,6 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -174,12 +173,6 @@ class BoxNewton(Solver):
         return run(method, budget, limit, options.restarts, None if start is None else start.z, record)
 
 
-@dataclass
-class _Best:
-    z: Vector
-    error: float = math.inf
-
-
 def run(
     method: BoxMethod, budget: Budget, limit: int, restarts: int, start: Vector | None, record: Record | None
 ) -> SolverOutput:
@@ -198,7 +191,7 @@ def run(
         z, F = found
     else:
         z = first
-    best, claim, message = _Best(z), Claim.MAX_ITER, f"{limit} iterations"
+    best, least, claim, message = z, math.inf, Claim.MAX_ITER, f"{limit} iterations"
     begun = z, F
     method.begin(z, F, 0)
     gained, level = 0, math.inf
@@ -209,8 +202,8 @@ def run(
         error = box.error(shown, F if np.array_equal(shown, z) else box.F(shown), budget.tolerance)
         if record is not None:
             record(done, error, partial(box.point, shown))
-        if error < best.error:
-            best = _Best(shown, error)
+        if error < least:
+            best, least = shown, error
         if error < 0.9 * level:
             gained, level = done, error
         if error <= budget.tolerance or done >= limit:
@@ -221,21 +214,21 @@ def run(
         counters["iterations"] = done + 1
         if done - gained < WINDOW and method.step():
             continue
-        if best.error <= max(CLOSE * budget.tolerance, FAR_ENOUGH) or counters["restarts"] >= restarts:
-            claim = Claim.INACCURATE if best.error <= CLOSE * budget.tolerance else Claim.FAILED
-            message = f"stuck at error {best.error:.1e} after {done} iterations and {counters['restarts']} restarts"
+        if least <= max(CLOSE * budget.tolerance, FAR_ENOUGH) or counters["restarts"] >= restarts:
+            claim = Claim.INACCURATE if least <= CLOSE * budget.tolerance else Claim.FAILED
+            message = f"stuck at error {least:.1e} after {done} iterations and {counters['restarts']} restarts"
             break
         counters["restarts"] += 1
         number = counters["restarts"]
         found = begun if number < method.strategies else _drawn(box, first, number - method.strategies, rng)
         if found is None:
-            claim, message = Claim.FAILED, f"stuck at error {best.error:.1e}, and F is not finite at other starts"
+            claim, message = Claim.FAILED, f"stuck at error {least:.1e}, and F is not finite at other starts"
             break
         method.begin(*found, number % method.strategies)
         gained, level = done + 1, math.inf
-    if best.error <= budget.tolerance:
+    if least <= budget.tolerance:
         claim, message = Claim.SOLVED, ""
-    return SolverOutput(claim=claim, point=box.point(best.z), counters=dict(counters), message=message)
+    return SolverOutput(claim=claim, point=box.point(best), counters=dict(counters), message=message)
 
 
 def _drawn(box: CountedBox, first: Vector, number: int, rng: np.random.Generator) -> tuple[Vector, Vector] | None:
