@@ -123,6 +123,12 @@ class ProductCone:
         """Project on K* = {y : yᵀx ≥ 0 for x ∈ K}, by Moreau's decomposition; K must be a cone."""
         return y + self.project(-y)
 
+    def in_units(self, unit: Vector) -> ProductCone:
+        """Return K of unit·x, `unit` (rows,) the same in a factor: only the radii of disks and balls are lengths."""
+        first = np.cumsum(self.size).astype(int) - self.size.astype(int)  # that of an empty factor may be `rows`
+        lengths = np.where(np.isin(self.kind, (Cone.CYLINDER, Cone.BALL)), np.append(unit, 1.0)[first], 1.0)
+        return ProductCone(self.kind, self.size, self.mu * lengths, self.mu_r)
+
     def dual(self) -> ProductCone:
         """Return K*; K must be a cone."""
         swap = {

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar
+
+import numpy as np
 
 from cpbench.formulations.equation import Equation, EquationPoint
 from cpbench.formulations.qvi import QVI
 from cpbench.formulations.vi import VI
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, SolverSpec, register
+from cpbench.solvers.shared.row_error import LEAST
 from cpbench_solvers.nonlinear.natural_newton import NaturalNewtonOptions, VIConditions
 from cpbench_solvers.nonlinear.projection_run import exponential
 from cpbench_solvers.nonlinear.vi_newton import NaturalMapSolver
@@ -16,6 +20,16 @@ from cpbench_solvers.traits import ITERATIVE
 
 
 class _System(VIConditions):
+    def row_error(self, x: Vector, F: Vector) -> float:
+        """Return the largest error of a row; ∞ where F has no value once the unknowns that no row feels are 0: rows
+        of a system may vanish on the way to a pole, as those of prices do."""
+        error = super().row_error(x, F)
+        slope = self.derivative(x)
+        if slope is None or not x.size:
+            return error
+        felt = abs(slope).max(axis=0).toarray().ravel() * np.abs(x) >= LEAST
+        return error if felt.all() or np.isfinite(self.F(np.where(felt, x, 0.0))).all() else math.inf
+
     def point(self, x: Vector) -> EquationPoint:
         return EquationPoint(x)
 

@@ -28,7 +28,7 @@ from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Sparse, Vector, norm
-from cpbench.foundation.product_cones import Cone
+from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.shared.jacobians import box_jacobian, projection_jacobian
 from cpbench_solvers.nonlinear.projection_run import Field, ProjectionMethod, VIProjectionOptions
 from cpbench_solvers.nonlinear.vi_extragradient import Extragradient, ExtragradientOptions
@@ -103,9 +103,15 @@ class VIConditions(Field):
         kept = np.where(self._signed, np.minimum(multipliers, rows), rows)
         return np.concatenate([super().defect(x[: self.n], F[: self.n]), kept])
 
-    def bounds(self, x: Vector) -> tuple[Vector, Vector]:
-        lb, ub = super().bounds(x[: self.n])
-        return np.append(lb, np.where(self._signed, 0.0, -np.inf)), np.append(ub, np.full(self._signed.size, np.inf))
+    def bounds(self, x: Vector) -> tuple[Vector, Vector, ProductCone | None]:
+        lb, ub, K = super().bounds(x[: self.n])
+        count = self._signed.size
+        if K is not None and count:
+            more = (Cone.FREE, count, 0.0, 0.0)
+            K = ProductCone(
+                *(np.append(own, last) for own, last in zip((K.kind, K.size, K.mu, K.mu_r), more, strict=True))
+            )
+        return np.append(lb, np.where(self._signed, 0.0, -np.inf)), np.append(ub, np.full(count, np.inf)), K
 
     def _g(self, z: Vector) -> Vector:
         if isinstance(self.problem, QVI):

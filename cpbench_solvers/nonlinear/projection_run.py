@@ -13,20 +13,23 @@ import math
 import time
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, ClassVar
 
 import numpy as np
 
+from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import scaled
 from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.formulations.qvi import QVI, QVIPoint
 from cpbench.formulations.variational import VIPoint
 from cpbench.formulations.vi import VI
 from cpbench.foundation.matrices import Sparse, Vector, norm
+from cpbench.foundation.product_cones import ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec
 from cpbench.solvers.shared.progress import Progress
 from cpbench.solvers.shared.row_error import row_error
+from cpbench_solvers.avi.claims import error_of_parts, load_measure
 from cpbench_solvers.lcp.claims import CLOSE
 from cpbench_solvers.traits import ITERATIVE
 
@@ -36,6 +39,8 @@ PROBE = 1e-4
 """Length, relative to that of z, over which the first step length is measured."""
 POLISH = 8
 """The most iterations that a method goes on for, once it has met the tolerance, to get from there to its `aim`."""
+SURE = 0.8
+"""Share of the tolerance that errors of rows meet: units of rows are those of the verdict up to some percent."""
 SHRINKS = 60
 """Most reductions of a step length in one iteration: by then it is lost in rounding."""
 
@@ -79,15 +84,26 @@ class Field:
         return error if math.isfinite(error) else math.inf
 
     def row_error(self, x: Vector, F: Vector) -> float:
-        """Return the largest natural map of a row of x, of which F is F(x); 0 where the set is not a box."""
-        if self.problem.cone_kind.size:
-            return 0.0
+        """Return the largest natural map of a row of x, of which F is F(x), or of the rows of a factor of the set; of
+        an affine F over a box the error of connected parts."""
+        if self._affine is not None:
+            return error_of_parts(self._affine, x)
         slope = self.derivative(x)
         return math.inf if slope is None else row_error(x, F, slope, *self.bounds(x))
 
-    def bounds(self, x: Vector) -> tuple[Vector, Vector]:
-        """Return those of a set without cones, of that at x where it moves."""
-        return self.problem.set_at(x)[1:] if isinstance(self.problem, QVI) else (self.problem.lb, self.problem.ub)
+    @cached_property
+    def _affine(self) -> AVI | None:
+        problem = self.problem
+        if not isinstance(problem, VI) or rows_obstacle(problem) or not problem.only_box:
+            return None
+        F, (lb, ub) = problem.F.compiled, problem.box
+        return AVI(M=F.M, q=F.q, lb=lb, ub=ub) if F.affine else None
+
+    def bounds(self, x: Vector) -> tuple[Vector, Vector, ProductCone | None]:
+        """Return the bounds and the other factors, if any, of the set, of that at x where it moves."""
+        problem = self.problem
+        K, lb, ub = problem.set_at(x) if isinstance(problem, QVI) else (problem.K, problem.lb, problem.ub)
+        return lb, ub, K if problem.cone_kind.size else None
 
     def derivative(self, x: Vector) -> Sparse | None:
         """Return F′(x); None where an entry is not a number."""
@@ -139,7 +155,8 @@ class ProjectionMethod(ABC):
 
 
 class ProjectionSolver(Solver):
-    """A projection method. Tolerance: on the natural map as a whole and, where S is a box, on that of every row."""
+    """A projection method. Tolerance: on the natural map as a whole and on that of every row or factor of S, of an
+    affine F over a box on the error of connected parts."""
 
     method: ClassVar[type[ProjectionMethod]]
 
@@ -153,6 +170,7 @@ class ProjectionSolver(Solver):
         return problem
 
     def warmup(self) -> None:
+        load_measure()
         F = exponential()
         self.run(VI(F=F) if self.spec.node == "vi" else QVI(F=F))
 
@@ -209,7 +227,7 @@ def run(
         done, z = counters["iterations"], method.z
         whole = error = field.error(z, method.F)
         if whole <= budget.tolerance:
-            error = max(whole, field.row_error(z, method.F))
+            error = max(whole, field.row_error(z, method.F) / SURE)
             false = 0 if error <= budget.tolerance else false + 1
         if record is not None:
             record(done, error, partial(field.point, z))

@@ -16,7 +16,7 @@ from cpbench_solvers.traits import ITERATIVE
 
 
 class NaturalMapSolver(ProjectionSolver):
-    """Newton on the natural map of the optimality conditions. Tolerance: on that map, and on every row of a box."""
+    """Newton on the natural map of the optimality conditions. Tolerance: on that map, and on every row or factor."""
 
     method = NaturalNewton
     conditions: ClassVar[type[VIConditions]] = VIConditions

@@ -67,6 +67,19 @@ def test_projections_solve_monotone_problems_on_simple_sets(solver: str, name: s
     assert _solved(solver, PROBLEMS[name], tolerance).counters["iterations"] > 0
 
 
+@pytest.mark.parametrize("name", ["generalized-2", "membrane-20x20"])
+@pytest.mark.parametrize("solver", PROJECTION)
+def test_claims_of_projections_hold_in_every_unit(solver: str, name: str) -> None:
+    """A cubic equation over balls of other sizes, and an affine one of 400 rows: norms over all are met too early."""
+    problem = next(
+        i.problem for c in ("ge-planted", "membranes") for i in generators.get(c).instances() if i.name == name
+    )
+    arrival = arrive(problem, "vi")
+    output = solvers.get(solver).run(arrival.problem, Budget(tolerance=1e-6))
+    assert output.claim is Claim.SOLVED
+    assert judge(problem, lift(arrival.problem, output.point), 1e-6).solved
+
+
 @pytest.mark.parametrize("solver", PROJECTION)
 def test_a_rotation_is_solved_by_all_but_the_fixed_point(solver: str) -> None:
     """F(z) = (z₂ − 1, 1 − z₁), monotone and not cocoercive: steps of z − γF(z) only lead away from (1, 1)."""
@@ -167,6 +180,13 @@ def test_the_start_is_where_it_begins() -> None:
 
 def test_equations_without_root_are_not_solved() -> None:
     output = solvers.get("newton-equation").run(Equation(F=graph(1, lambda x: x * x + 1.0)), Budget(iterations=300))
+    assert output.claim is not Claim.SOLVED
+
+
+def test_a_pole_is_not_a_root() -> None:
+    """z²/z is z for all numbers but 0, where it has no value: steps to 0 end at numbers that look like a root."""
+    equation = Equation(F=graph(1, lambda x: x * x / x), start=[1.0])
+    output = solvers.get("newton-equation").run(equation, Budget(iterations=300))
     assert output.claim is not Claim.SOLVED
 
 

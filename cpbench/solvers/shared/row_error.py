@@ -9,9 +9,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
 
+from cpbench.formulations.defects import cone_defect
 from cpbench.foundation.cones import box_defect
 from cpbench.foundation.matrices import Vector
+from cpbench.foundation.product_cones import Cone, ProductCone
 
 SMALL = 1e-3
 """A row is measured by no less than this share of the largest: a smaller one has its error from others, by rounding."""
@@ -19,20 +23,55 @@ LEAST = 1e-6
 """Least size that is compared with: terms may all vanish at a solution, and what they leave with them."""
 
 
-def row_error(z: Vector, F: Vector, slope: Any, lb: Vector, ub: Vector) -> float:
-    """Return the largest natural map of a pair on the bounds; ∞ where that is not a number. slope : F′(z), sparse.
+def row_error(z: Vector, F: Vector, slope: Any, lb: Vector, ub: Vector, K: ProductCone | None = None) -> float:
+    """Return the largest natural map of a pair on the bounds and in the factors of K, if any; ∞ where that is not a
+    number. slope : F′(z), sparse.
 
     A row is measured by the size of its terms, the sum of those in F′(z)z or what is left, F − F′(z)z; an unknown by
-    its largest effect on a row. A row that holds its unknown at a bound is not a size for others.
+    its largest effect on a row; a factor by its largest ones. A row that holds its unknown at a bound is not a size for
+    others. A row that is small beside others counts as far as its unknowns have an effect on those, as unknowns of
+    1e-10 have near a pole.
     """
     if not z.size:
         return 0.0
     with np.errstate(all="ignore"):
-        size = abs(slope)
-        terms = np.maximum(size @ np.abs(z), np.abs(F - slope @ z))
-        free = np.abs(F) <= 2.0 * np.abs(box_defect(z, F, lb, ub))
-        unit = 1.0 / np.maximum(terms, max(SMALL * float(terms[free].max(initial=0.0)), LEAST))
-        effect = size.multiply(unit[:, None]).max(axis=0).toarray().ravel()
+        size, far = sp.csr_array(abs(slope)), np.abs(z)
+        terms = _largest(np.maximum(size @ far, np.abs(F - slope @ z)), K)
+        free = _largest(np.abs(F), K) <= 2.0 * _largest(np.abs(_defect(z, F, lb, ub, K)), K)
+        least = max(SMALL * float(terms[free].max(initial=0.0)), LEAST)
+        unit = 1.0 / np.maximum(terms, least)
+        effect = _largest(size.multiply(unit[:, None]).max(axis=0).toarray().ravel(), K)
+        small = (terms < least) & (F != 0.0)
+        if K is None and small.any():
+            own = np.minimum(1.0 / terms, _felt(size, far, terms, unit, small) / np.abs(F))
+            unit = np.where(small, np.maximum(unit, own), unit)
         effect[effect == 0.0] = 1.0
-        error = float(np.abs(box_defect(effect * z, unit * F, effect * lb, effect * ub)).max())
+        scaled = None if K is None else K.in_units(effect)
+        defect = np.abs(_defect(effect * z, unit * F, effect * lb, effect * ub, scaled))
+        error = float((defect if K is None else np.sqrt(np.bincount(K.blocks, defect**2))).max())
     return error if np.isfinite(error) else np.inf
+
+
+def _felt(size: Any, far: Vector, terms: Vector, unit: Vector, small: NDArray[np.bool_]) -> Vector:
+    """Return for every row the largest share that one of its unknowns has, both in it and in a row that is not small;
+    0 without any."""
+    others = far * size.multiply(np.where(small, 0.0, unit)[:, None]).max(axis=0).toarray().ravel()
+    share = np.minimum(size.data * far[size.indices] / np.repeat(terms, np.diff(size.indptr)), others[size.indices])
+    return sp.csr_array((share, size.indices, size.indptr), shape=size.shape).max(axis=1).toarray().ravel()
+
+
+def _defect(z: Vector, F: Vector, lb: Vector, ub: Vector, K: ProductCone | None) -> Vector:
+    inside = box_defect(z, F, lb, ub)
+    if K is None:
+        return inside
+    free = np.repeat(K.kind == Cone.FREE, K.size.astype(np.int64))
+    return np.where(free, inside, cone_defect(K, z, F))
+
+
+def _largest(x: Vector, K: ProductCone | None) -> Vector:
+    """Return the largest of x ≥ 0 in the factor of each component."""
+    if K is None:
+        return x
+    top = np.zeros(int(K.blocks[-1]) + 1)
+    np.maximum.at(top, K.blocks, x)
+    return top[K.blocks]
