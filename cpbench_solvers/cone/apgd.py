@@ -12,6 +12,7 @@ factor, so that the diagonal of Q is about 1: K stays what it is but for the rad
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -25,7 +26,6 @@ from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import SHARE, Progress
 from cpbench_solvers.cone import polyhedral
-from cpbench_solvers.cone.scaled_form import with_radii
 from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 from cpbench_solvers.traits import ITERATIVE
@@ -44,13 +44,14 @@ class APGDOptions:
 
 @dataclass(frozen=True)
 class ScaledProgram:
-    """The program in its own units, x of the problem is `unit` times x here."""
+    """The program in its own units, x of the problem is `unit` times x here; error : the judged one of an answer."""
 
     problem: ConeQP
     Q: Matrix
     p: Vector
     K: ProductCone
     unit: Vector
+    error: Callable[[ConeQPPoint], float]
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,8 @@ class APGD(Solver):
         p = d * problem.p
         size = matrices.max_abs(np.where(K.extended, p, 0.0)) or 1.0
         unit = size * d
-        return ScaledProgram(problem, congruent(problem.Q, d), p / size, with_radii(K, 1.0 / unit), unit)
+        error = polyhedral.judged(problem, budget.tolerance)
+        return ScaledProgram(problem, congruent(problem.Q, d), p / size, K.in_units(1.0 / unit), unit, error)
 
     def warmup(self) -> None:
         load_all("cpbench_solvers.kernels", polyhedral.KERNELS)
@@ -113,7 +115,7 @@ class APGD(Solver):
         Qx = prepared.Q @ x
         counters = {"iterations": 0, "matrix_vector_products": 1, "projections": 0}
         at = _Iterate(x, Qx, x, Qx, 1.0, 1.0)
-        best, error = _measured(prepared, at, budget.tolerance)
+        best, error = _measured(prepared, at)
         if record is not None:
             record(0, error, lambda: best)
         limit, progress = budget.iterations or options.max_iterations, Progress(options.stall_window, budget.seconds)
@@ -125,7 +127,7 @@ class APGD(Solver):
             if done < check and done < limit:
                 continue
             check = done + 1 + done // SHARE
-            point, reached = _measured(prepared, at, budget.tolerance)
+            point, reached = _measured(prepared, at)
             if record is not None:
                 record(done, reached, lambda point=point: point)
             if reached < error:
@@ -160,8 +162,8 @@ def _advance(program: ScaledProgram, at: _Iterate, counters: dict[str, int]) -> 
     return _Iterate(x, Qx, x + beta * moved, Qx + beta * (Qx - at.Qx), theta, step)
 
 
-def _measured(program: ScaledProgram, at: _Iterate, tolerance: float) -> tuple[ConeQPPoint, float]:
+def _measured(program: ScaledProgram, at: _Iterate) -> tuple[ConeQPPoint, float]:
     """Return x with y = Qx + p, which leaves the cone part of the error alone, and the judged error."""
     x = program.unit * at.x
     point = ConeQPPoint(x=x, y=program.problem.Q @ x + program.problem.p)
-    return point, program.problem.residuals(point, tolerance).error if point.finite else math.nan
+    return point, program.error(point)

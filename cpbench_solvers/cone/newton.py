@@ -8,10 +8,12 @@ import numpy as np
 
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
+from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.shared.jacobians import projection_jacobian
+from cpbench_solvers.cone.polyhedral import KERNELS, judged
 from cpbench_solvers.nonlinear.natural_map import (
     AffineVI,
     NaturalMapNewton,
@@ -50,6 +52,8 @@ class NewtonCone(NaturalMapNewton):
         size = max_abs(felt) or 1.0
         unit = size * d
 
+        error = judged(problem, budget.tolerance)
+
         def answer(x: Vector) -> SOCLCPPoint:
             return SOCLCPPoint(unit * x)
 
@@ -59,10 +63,11 @@ class NewtonCone(NaturalMapNewton):
             project=K.project,
             jacobian=lambda x: projection_jacobian(K, x),
             answer=answer,
-            error=lambda x: problem.residuals(answer(x), budget.tolerance).error,
+            error=lambda x: error(answer(x)),
         )
         return ScaledVI(vi, unit)
 
     def warmup(self) -> None:
+        load_all("cpbench_solvers.kernels", KERNELS)
         K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))
         self.run(SOCLCP(M=np.eye(3), q=-np.ones(3), **cone_fields(K)))  # pyright: ignore[reportArgumentType]

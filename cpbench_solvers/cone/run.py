@@ -53,9 +53,9 @@ class ConicSolver(Solver):
         return conic_form(problem, budget.tolerance)
 
     def warmup(self) -> None:
+        load_all("cpbench_solvers.kernels", polyhedral.KERNELS)
         K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))
         if self.spec.node == "coneqp":
-            load_all("cpbench_solvers.kernels", polyhedral.KERNELS)
             self.run(ConeQP.over(np.eye(3), -np.ones(3), K))
         else:
             self.run(SOCLCP(M=np.eye(3), q=-np.ones(3), **cone_fields(K)))  # pyright: ignore[reportArgumentType]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,8 @@ from cpbench.formulations.sizes import least
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
-from cpbench.foundation.product_cones import Cone, ProductCone
-from cpbench_solvers.cone.polyhedral import PolyhedralError
+from cpbench.foundation.product_cones import ProductCone
+from cpbench_solvers.cone.polyhedral import judged
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 
 
@@ -46,17 +45,8 @@ class ConicForm:
 
 
 def conic_form(problem: ConeQP | SOCLCP, tolerance: float) -> ConicForm:
-    """Scale `problem` to units of its own; errors are judged for `tolerance`: by norms, and where these are within it
-    and all cones have flat faces, by connected parts."""
-
-    @cache
-    def of_parts() -> PolyhedralError | None:
-        return PolyhedralError.of(problem) if isinstance(problem, ConeQP) else None
-
-    def error(point: Any) -> float:
-        found = problem.residuals(point, tolerance).error if point.finite else np.inf
-        return max(found, parts(point)) if found <= tolerance and (parts := of_parts()) is not None else found
-
+    """Scale `problem` to units of its own; errors are judged for `tolerance` (`judged`)."""
+    error = judged(problem, tolerance)
     return _program(problem, error) if isinstance(problem, ConeQP) else _complementarity(problem, error)
 
 
@@ -82,7 +72,7 @@ def _program(problem: ConeQP, error: Callable[[Any], float]) -> ConicForm:
     def start(point: ConeQPPoint) -> tuple[Vector, Vector]:
         return point.x / (size * D), point.y / (forces * E)
 
-    scaled = with_radii(K, E / size)
+    scaled = K.in_units(E / size)
     return ConicForm(problem, Q * (size / forces), p / forces, rows, b / size, scaled, answer, start, error)
 
 
@@ -108,12 +98,3 @@ def _complementarity(problem: SOCLCP, error: Callable[[Any], float]) -> ConicFor
         start=start,
         error=error,
     )
-
-
-def with_radii(K: ProductCone, unit: Vector) -> ProductCone:
-    """Return K in other units: only the radii of disks are lengths."""
-    first = np.cumsum(K.size).astype(int) - K.size.astype(int)
-    disks = K.kind == Cone.CYLINDER
-    mu = K.mu.copy()
-    mu[disks] *= unit[first[disks]]
-    return ProductCone(K.kind, K.size, mu, K.mu_r)

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from tiers import some_by_day
 
-from cpbench.formulations import AVI, SOCLCP, ConeQP, Relay
+from cpbench.formulations import AVI, QP, SOCLCP, ConeQP, Relay
 from cpbench.formulations.conic import cone_fields
 from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.graph import arrive, lift
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted_conic
 from cpbench.verification import judge
@@ -164,3 +165,22 @@ def test_a_rotation_between_bounds(name: str) -> None:
     output = solvers.get(name).run(problem, Budget(tolerance=1e-8))
     assert output.claim is Claim.SOLVED, output.message
     np.testing.assert_allclose(output.point.z, [0.5, 0.25], atol=1e-7)
+
+
+@pytest.mark.parametrize("name", COMPLEMENTARITY)
+def test_a_claim_over_flat_faces_holds_in_every_part(name: str) -> None:
+    """Hock and Schittkowski's problem 21: a gradient of 0.04 beside slacks of up to 50, which set the norm."""
+    program = QP(
+        Q=np.diag([0.02, 2.0]),
+        p=[0.0, 0.0],
+        A=[[10.0, -1.0]],
+        b=[10.0],
+        C=np.zeros((0, 2)),
+        d=[],
+        lb=[2.0, -50.0],
+        ub=[50.0, 50.0],
+    )
+    arrival = arrive(program, "soclcp")
+    output = solvers.get(name).run(arrival.problem, Budget(tolerance=1e-6))
+    assert output.claim is Claim.SOLVED
+    assert judge(program, lift(arrival.problem, output.point), 1e-6).solved
