@@ -23,6 +23,7 @@ from cpbench.formulations.base import Problem
 from cpbench.foundation.extensions import function
 from cpbench.foundation.plain_text import on_one_line
 from cpbench.foundation.plurals import counted
+from cpbench.verification import MET_TOLERANCE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -134,10 +135,17 @@ def _arbitrated(
     store: Store, found: Sequence[Contradiction], rows: pd.DataFrame, problems: _Problems
 ) -> list[Contradiction]:
     """Return the contradictions with what certificates of their answers say, those of small answers first, as far as
-    the time goes."""
+    the time goes; verified answers before those of solvers that say that there is none."""
     end = time.perf_counter() + SECONDS
     addresses = dict(zip(rows["fingerprint"], rows["address"], strict=True))
-    answers = [[(label, store.ending(key)[1]) for key, label in zip(c.rows, c.labels, strict=True)] for c in found]
+    met = set(rows["key"][rows["status"].isin(MET_TOLERANCE)])
+    answers = [
+        [
+            (label, store.ending(key)[1])
+            for key, label in sorted(zip(c.rows, c.labels, strict=True), key=lambda row: row[0] not in met)
+        ]
+        for c in found
+    ]
     kept = [[(label, blob) for label, blob in own if blob is not None] for own in answers]
     arbitrated = list(found)
     for place in sorted(range(len(found)), key=lambda place: max((len(blob) for _, blob in kept[place]), default=0)):

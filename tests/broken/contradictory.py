@@ -96,6 +96,8 @@ _solver("again-lcp-never", "lcp-never", "another elimination", _again)
 for _node in ("lcp-first", "qp-always"):
     _solver(f"liar-{_node}", _node, "none", _half)
 _solver("denier-lcp", "lcp", "none", None, Claim.INFEASIBLE)
+for _name in ("denier-a-lcp", "denier-b-lcp"):  # with the points at which they gave up
+    _solver(_name, "lcp", "none", _half, Claim.INFEASIBLE)
 
 
 def main(folder):
