@@ -98,7 +98,7 @@ class _Splitting(Solver):
         units = scaled.row_unit, scaled.unit, scaled.problem.v_unit, scaled.problem.equality_scale
         law = prepared.matrix, divisors, scaled.k, n, *units
         x = scaled.start(start)
-        best, least = x, scaled.error(x)
+        best, least = x, scaled.error(x, budget.tolerance)
         limit = budget.iterations or options.max_iterations
         progress = Progress(options.stall_window, budget.seconds, "sweeps")
         sweeps, products, chunk = 0, 1, 4
@@ -118,8 +118,8 @@ class _Splitting(Solver):
                     record(sweeps, error, lambda: scaled.point(x))
             products, chunk = products + 1, min(2 * chunk, CHUNK)
             why = progress.trouble(sweeps, error)
-            if error < least and (all_rows := scaled.error(x)) < least:
-                best, least = np.array(x), all_rows
+            if error < least and (reached := scaled.error(x, budget.tolerance)) < least:
+                best, least = np.array(x), reached
             if error <= aim:
                 aim = reduced(aim, least, budget.tolerance)
             if why is not None:

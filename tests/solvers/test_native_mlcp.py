@@ -15,6 +15,8 @@ from claims import row_error
 from cpbench import storage
 from cpbench.formulations import LCP, MLCP, MLCPPoint
 from cpbench.foundation import matrices
+from cpbench.generators import generators
+from cpbench.graph import arrive
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.testing.cases import Case, infeasible
@@ -204,6 +206,16 @@ def test_sweeps_are_those_of_plain_numpy(rng: np.random.Generator, omega: float,
     best = min(expected, key=lambda point: problem.residuals(point).error)  # the best iterate is answered
     np.testing.assert_allclose(output.point.v, best.v, rtol=1e-9, atol=1e-11)
     np.testing.assert_allclose(output.point.u, best.u, rtol=1e-9, atol=1e-11)
+
+
+def test_claims_of_sweeps_hold_in_the_gap_too() -> None:
+    """Hock and Schittkowski's problem 52, five unknowns and three prices, all of them free: every row is met before the
+    sum of their products is."""
+    problem = next(i.problem for i in generators.get("hock-schittkowski-linear").instances() if i.name == "hs52")
+    arrival = arrive(problem, "mlcp")
+    output = solvers.get("rpgs-mlcp").run(arrival.problem, Budget(tolerance=1e-6))
+    assert output.claim is Claim.SOLVED
+    assert judge(arrival.problem, output.point, 1e-6).solved
 
 
 def test_equalities_are_put_into_an_order_with_a_diagonal(rng: np.random.Generator) -> None:
