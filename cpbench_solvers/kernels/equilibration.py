@@ -145,16 +145,10 @@ def _weigh(start, column, size, D, weight, sums):
     """Write the entries D_i A_ij D_j and the sum of each row; return the largest sum."""
     most = 0.0
     for i in range(D.size):
-        begin, end, total = start[i], start[i + 1], 0.0
-        if _follow(column, begin, end):
-            row, entries, part = weight[begin:end], size[begin:end], D[column[begin] :]
-            for k in range(row.size):
-                row[k] = min(max(abs(entries[k]) * D[i] * part[k], LEAST_ENTRY), LARGEST * LARGEST)
-                total += row[k]
-        else:
-            for k in range(begin, end):
-                weight[k] = min(max(abs(size[k]) * D[i] * D[column[k]], LEAST_ENTRY), LARGEST * LARGEST)
-                total += weight[k]
+        total = 0.0
+        for k in range(start[i], start[i + 1]):
+            weight[k] = min(max(abs(size[k]) * D[i] * D[column[k]], LEAST_ENTRY), LARGEST * LARGEST)
+            total += weight[k]
         sums[i], most = total, max(most, total)
     return most
 

@@ -1,10 +1,10 @@
-"""The error of an LCP's answer: that of the norms, and the largest one of a row (`row_errors`)."""
+"""The error of an LCP's answer by norms."""
 
 import numpy as np
 from numba import float64, njit
 
-from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, INDEX
-from cpbench_solvers.kernels.row_errors import FAST, INDICES, largest_dense, largest_sparse, rows
+from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D
+from cpbench_solvers.kernels.row_errors import FAST, INDICES
 
 
 @njit(float64(DATA, DATA, DATA, float64), fastmath=FAST, **COMPILED)
@@ -36,22 +36,25 @@ def judged(q, z, w, z_unit):
     return natural if not natural < unit_free else unit_free  # so: a NaN is returned
 
 
-@njit(float64(DATA_2D, DATA, DATA, float64, INDEX, DATA), fastmath=FAST, **COMPILED)
-def error_dense(M, q, z, z_unit, part, share):
-    """Return the larger one of `judged` and of the errors of the rows; not finite when anything is.
+@njit(float64(DATA_2D, DATA, DATA, float64), fastmath=FAST, **COMPILED)
+def error_dense(M, q, z, z_unit):
+    """Return `judged` of an answer. M : (n, n). q, z : (n,). z_unit : of the LCP."""
+    w = np.empty(q.size)
+    for i in range(q.size):
+        row, total = M[i], q[i]
+        for j in range(row.size):
+            total += row[j] * z[j]
+        w[i] = total
+    return judged(q, z, w, z_unit)
 
-    Parameters
-    ----------
-    M : (n, n). q, z : (n,). z_unit : of the LCP. part, share : of `row_errors`.
-    """
-    w, size = np.empty(q.size), np.empty(q.size)
-    rows((M,), q, z, 0, part, share, w, size)
-    return largest_dense(M, q, z, 0, w, size, judged(q, z, w, z_unit))
 
-
-@njit([float64(*index, DATA, DATA, DATA, float64, INDEX, DATA) for index in INDICES], fastmath=FAST, **COMPILED)
-def error_sparse(start, columns, values, q, z, z_unit, part, share):
+@njit([float64(*index, DATA, DATA, DATA, float64) for index in INDICES], fastmath=FAST, **COMPILED)
+def error_sparse(start, columns, values, q, z, z_unit):
     """Measure as `error_dense` does; row i of M has values[start[i]:start[i+1]] in columns[start[i]:start[i+1]]."""
-    w, size = np.empty(q.size), np.empty(q.size)
-    rows((start, columns, values), q, z, 0, part, share, w, size)
-    return largest_sparse(start, columns, values, q, z, 0, w, size, judged(q, z, w, z_unit))
+    w = np.empty(q.size)
+    for i in range(q.size):
+        total = q[i]
+        for e in range(start[i], start[i + 1]):
+            total += values[e] * z[columns[e]]
+        w[i] = total
+    return judged(q, z, w, z_unit)

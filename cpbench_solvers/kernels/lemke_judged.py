@@ -8,7 +8,7 @@ from numba import boolean, float64, int64, njit, types, void
 from cpbench_solvers.kernels.array_types import DATA
 from cpbench_solvers.kernels.lcp_error import error_dense
 from cpbench_solvers.kernels.pivoting import lemke
-from cpbench_solvers.kernels.row_errors import is_exact, label_parts, shares
+from cpbench_solvers.kernels.row_errors import is_exact
 
 MATRIX = float64[:, ::1]
 
@@ -23,10 +23,7 @@ def lemke_judged(M, q, z, z_unit, max_pivots, pivot_tolerance, tie_tolerance):
     z_unit : of the LCP."""
     w = q.copy()  # the pivots end in it
     code = lemke(M, w, z, max_pivots, pivot_tolerance, tie_tolerance)
-    part, share = np.empty(q.size, np.int64), np.empty(q.size)
-    label_parts((M,), part)
-    shares((M,), share)
-    return code, error_dense(M, q, z, z_unit, part, share), is_exact(M, q, z, 0)
+    return code, error_dense(M, q, z, z_unit), is_exact(M, q, z, 0)
 
 
 @njit(float64(MATRIX), cache=True, nogil=True)

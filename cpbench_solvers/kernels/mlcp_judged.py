@@ -4,7 +4,6 @@ import numpy as np
 from numba import float64, int64, njit
 
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D
-from cpbench_solvers.kernels.row_errors import label_parts, largest_dense, rows, shares
 
 
 @njit(float64(DATA, int64, DATA, DATA, DATA, DATA, DATA, float64, float64), **COMPILED)
@@ -56,7 +55,7 @@ def judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push):
 
 @njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA, float64[::1], float64[::1]), **COMPILED)
 def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
-    """Return the judged error of unit * x or, if larger, that of a row. K : (N, N). of_u, of_v : (N,), workspace."""
+    """Return the judged error of unit * x. K : (N, N). of_u, of_v : (N,), workspace."""
     N = k.size
     for i in range(N):
         first = second = 0.0
@@ -65,16 +64,4 @@ def error_with(K, k, n, row_unit, unit, v_unit, push, x, of_u, of_v):
         for j in range(n, N):
             second += K[i, j] * x[j]
         of_u[i], of_v[i] = first, second
-    error = judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push)
-    # the workspace holds rows and their sizes from here on
-    part, share = np.empty(N, np.int64), np.empty(N)
-    label_parts((K,), part)
-    shares((K,), share)
-    rows((K,), k, x, n, part, share, of_u, of_v)
-    return largest_dense(K, k, x, n, of_u, of_v, error)
-
-
-@njit(float64(DATA_2D, DATA, int64, DATA, DATA, float64, float64, DATA), **COMPILED)
-def error_of(K, k, n, row_unit, unit, v_unit, push, x):
-    """Run `error_with` in its own workspace."""
-    return error_with(K, k, n, row_unit, unit, v_unit, push, x, np.empty(k.size), np.empty(k.size))
+    return judged(k, n, row_unit, unit, x, of_u, of_v, v_unit, push)

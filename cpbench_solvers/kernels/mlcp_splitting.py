@@ -1,16 +1,15 @@
 """Gauss–Seidel with over-relaxation on an MLCP: x_j ← x_j − ω r_j/d_j, projected on x_j ≥ 0 where it is not free.
 
 The rows K x are carried along, those of the free unknowns and those of the others apart, as the judged error has them.
-Only reassociation and contraction are allowed to the compiler, so NaN and infinity keep their meaning.
 """
 
 from numba import float64, int64, njit
 
 from cpbench_solvers.kernels.array_types import DATA, KEPT, VECTOR
 from cpbench_solvers.kernels.mlcp_judged import judged
+from cpbench_solvers.kernels.row_errors import FAST
 from cpbench_solvers.kernels.splitting import COLUMNS, add_column
 
-FAST = {"reassoc", "contract"}
 LAW = (DATA, DATA, int64, DATA, DATA, float64, float64)
 
 

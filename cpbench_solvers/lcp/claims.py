@@ -7,11 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 from scipy.linalg import lapack
 
 from cpbench.formulations.lcp import LCP, LCPPoint
@@ -135,32 +133,15 @@ def farkas(problem: LCP, budget: Budget) -> Vector | None:
     return y if problem.certifies_infeasibility(y) else None
 
 
-_PARTS: WeakKeyDictionary[LCP, tuple[NDArray[np.int64], Vector]] = WeakKeyDictionary()
-
-
-def parts(problem: LCP) -> tuple[NDArray[np.int64], Vector]:
-    """Return the connected part of M of every row, and 1 over the norm of every column; found once for a problem."""
-    if (result := _PARTS.get(problem)) is None:
-        kernel, M, n = load("cpbench_solvers.kernels.row_errors"), problem.M, problem.q.size
-        part, share = result = _PARTS[problem] = np.empty(n, np.int64), np.empty(n)
-        matrix: tuple[Any, ...] = (M,)
-        if not isinstance(M, np.ndarray):
-            M = sparse(M)
-            matrix = M.indptr, M.indices, M.data
-        kernel.label_parts(matrix, part)
-        kernel.shares(matrix, share)
-    return result
-
-
 def error_of(problem: LCP, z: Vector, tolerance: float = -1.0) -> float:
-    """Return the judged error or, if larger, that of a row (`row_errors`) or, of answers within the tolerance, of a
-    connected part; infinite where z is not finite."""
+    """Return the error of norms or, of answers within the tolerance, of a connected part if that is larger; infinite
+    where z is not finite."""
     M, q, unit, kernel = problem.M, problem.q, problem.z_unit, load("cpbench_solvers.kernels.lcp_error")
     if isinstance(M, np.ndarray):
-        error = compiled(kernel.error_dense)(M, q, z, unit, *parts(problem))
+        error = compiled(kernel.error_dense)(M, q, z, unit)
     else:
         M = sparse(M)
-        error = kernel.error_sparse(M.indptr, M.indices, M.data, q, z, unit, *parts(problem))
+        error = kernel.error_sparse(M.indptr, M.indices, M.data, q, z, unit)
     if error <= tolerance:
         error = max(error, error_of_parts(problem, z))
     return error if math.isfinite(error) else math.inf
@@ -178,7 +159,7 @@ def conclude(
 ) -> SolverOutput:
     """Claim solved exactly when the judged error of z is at most the tolerance; else `otherwise`.
 
-    `error` : of norms and rows, where the caller has it at hand.
+    `error` : of norms, where the caller has it at hand.
     """
     if error is None or error <= budget.tolerance:
         error = error_of(problem, z, budget.tolerance)

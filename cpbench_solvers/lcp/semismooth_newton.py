@@ -56,7 +56,7 @@ class LCPBox(LinearBox):
         problem, unit = prepared.problem, prepared.z_unit
         lb = np.zeros(prepared.q.size)
         super().__init__(
-            prepared.M, prepared.q, lb, lambda z: LCPPoint(z * unit), lambda z: error_of(problem, z * unit)
+            prepared.M, prepared.q, lb, lambda z: LCPPoint(z * unit), lambda z, t: error_of(problem, z * unit, t)
         )
 
     def solve(self, A: Matrix, b: Vector) -> Vector | None:

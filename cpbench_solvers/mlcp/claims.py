@@ -57,9 +57,9 @@ class ScaledMLCP:
         return np.concatenate([point.u, np.maximum(point.v, 0.0)]) / self.unit
 
     def error(self, x: Vector, tolerance: float = -1.0) -> float:
-        """Return the judged error or, if larger, that of a row (`row_errors`) or, of answers within the tolerance, of a
-        connected part; infinite where x is not finite."""
-        error = self._of_rows(x)
+        """Return the error of norms or, of answers within the tolerance, of a connected part if that is larger;
+        infinite where x is not finite."""
+        error = self._of_norms(x)
         return max(error, self.of_parts(x)) if error <= tolerance else error
 
     def of_parts(self, x: Vector) -> float:
@@ -70,21 +70,13 @@ class ScaledMLCP:
                 return 0.0
         return error_of_parts(self.problem, self.unit * x)
 
-    def _of_rows(self, x: Vector) -> float:
-        K: Any = self.K
-        if matrices.is_sparse(K):
-            kernel, N = load("cpbench_solvers.kernels.row_errors"), self.k.size
-            matrix, part, (share, w, size) = (K.indptr, K.indices, K.data), np.empty(N, np.int64), np.empty((3, N))
-            kernel.label_parts(matrix, part)
-            kernel.shares(matrix, share)
-            law = self.k, x, self.free
-            kernel.rows(matrix, *law, part, share, w, size)
-            return kernel.largest_sparse(*matrix, *law, w, size, self.problem.residuals(self.point(x)).error)
-        kernel = load("cpbench_solvers.kernels.mlcp_judged")
+    def _of_norms(self, x: Vector) -> float:
+        if matrices.is_sparse(self.K):
+            return self.problem.residuals(self.point(x)).error
+        kernel, P = load("cpbench_solvers.kernels.mlcp_judged"), self.problem
         # compiled, since small problems spend more time on measuring than on solving
-        error: float = kernel.error_of(
-            self.K, self.k, self.free, self.row_unit, self.unit, self.problem.v_unit, self.problem.equality_scale, x
-        )
+        data = self.K, self.k, self.free, self.row_unit, self.unit, P.v_unit, P.equality_scale
+        error: float = kernel.error_with(*data, x, *np.empty((2, x.size)))
         return error if math.isfinite(error) else math.inf
 
 

@@ -99,10 +99,16 @@ class CountedBox:
 
 
 class LinearBox(CountedBox):
-    """F(x) = Mx + q on bounds, M its own Jacobian. error_of : the judged error of x, `point` : x as an answer."""
+    """F(x) = Mx + q on bounds, M its own Jacobian. error_of : the judged error of x, by the tolerance. point : x as an
+    answer."""
 
     def __init__(
-        self, M: Matrix, q: Vector, lb: Vector, point: Callable[[Vector], Any], error_of: Callable[[Vector], float]
+        self,
+        M: Matrix,
+        q: Vector,
+        lb: Vector,
+        point: Callable[[Vector], Any],
+        error_of: Callable[[Vector, float], float],
     ) -> None:
         self._M, self._q, self._point, self._error_of = M, q, point, error_of
         self.n, self.lb, self.ub = q.size, lb, np.full(q.size, np.inf)
@@ -125,7 +131,7 @@ class LinearBox(CountedBox):
         return self._M
 
     def error(self, z: Vector, F: Vector, tolerance: float) -> float:
-        return self._error_of(z)
+        return self._error_of(z, tolerance)
 
 
 class BoxMethod(ABC):

