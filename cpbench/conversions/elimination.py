@@ -20,7 +20,7 @@ from cpbench.conversions.base import Size
 from cpbench.formulations.base import Kind
 from cpbench.foundation import factorization, matrices
 from cpbench.foundation.factorization import Factorization
-from cpbench.foundation.matrices import Dense, Matrix, Sparse
+from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector
 
 BUNDLE = 64
 """Right-hand sides of one sparse solve: more of them leave the cache."""
@@ -80,6 +80,17 @@ def schur(B: Matrix, D: Matrix, factor: Factorization, C: Matrix) -> Matrix:
     else:
         less += B
     return less
+
+
+def less(constants: Vector, left: Matrix, factor: Factorization, right: Vector) -> Vector:
+    """Return constants − left · A⁻¹ · right; 0 where these cancel but for the rounding of their terms, eps/rcond.
+
+    A slack or a price that is 0 at the solution for no multiplier comes out as such a rest. As the only constant that
+    no bound balances, it would be what the target's answers are measured by, and what its solution is made of.
+    """
+    solved = factor.solve(right)
+    rest, terms = constants - left @ solved, np.abs(constants) + abs(left) @ np.abs(solved)
+    return np.where(factor.rcond * np.abs(rest) <= EPS * terms, 0.0, rest)
 
 
 def size_bound(left: Matrix, factor: Factorization, right: Matrix, added: int = 0) -> Size:

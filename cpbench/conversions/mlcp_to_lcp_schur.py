@@ -56,9 +56,9 @@ class MLCPtoLCPSchur(Conversion):
         self.require(problem)
         factor = problem.factorization
         M = elimination.schur(problem.B, problem.D, factor, problem.C)
-        moved = problem.D @ factor.solve(problem.a)
-        trace = {"factor": factor, "C": problem.C, "a": problem.a, "shift": amplification(moved, problem.b)}
-        return LCP(M=M, q=problem.b - moved), trace
+        q = elimination.less(problem.b, problem.D, factor, problem.a)
+        shift = amplification(problem.b - q, problem.b)
+        return LCP(M=M, q=q), {"factor": factor, "C": problem.C, "a": problem.a, "shift": shift}
 
     def lift(self, point: LCPPoint, trace: Trace) -> MLCPPoint:
         factor, C, a = trace["factor"], trace["C"], trace["a"]

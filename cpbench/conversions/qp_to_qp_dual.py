@@ -69,10 +69,10 @@ class QPtoDual(Conversion):
         rows = kkt.rows(problem, problem.Q)
         G, c = matrices.block([[rows.E], [rows.F]]), np.concatenate([rows.e, rows.g])
         factor = problem.factorization
-        moved = G @ factor.solve(problem.p)
+        prices = elimination.less(-c, G, factor, problem.p)
         target = QP.build(
             elimination.congruence(matrices.transpose(G), factor),
-            -(moved + c),
+            prices,
             lb=np.concatenate([np.zeros(rows.e.size), np.full(rows.g.size, -np.inf)]),
         )
         return target, {
@@ -82,7 +82,7 @@ class QPtoDual(Conversion):
             "p": problem.p,
             "c": c,
             "inequalities": rows.e.size,
-            "shift": amplification(moved, c),
+            "shift": amplification(prices + c, c),
             "diagonal": target.Q.diagonal(),
         }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.linalg
 import scipy.sparse as sp
 from tiers import some_by_day
 
@@ -289,3 +290,13 @@ def test_reached_nodes_against_powers_of_the_graph(seed: int) -> None:
     powers = np.linalg.matrix_power(np.eye(n, dtype=int) + below, n)
     assert sorted(found) == np.flatnonzero(powers @ start).tolist()
     assert all(found.index(j) < found.index(i) for j in found for i in np.flatnonzero(below[:, j]))
+
+
+@pytest.mark.parametrize(("more", "rest"), [(0.0, 0.0), (1e-7, 1e-7), (-1e-7, -1e-7)])
+def test_constants_that_cancel_leave_no_rounding(more: float, rest: float) -> None:
+    """Hilbert's matrix of order 5 has a condition of 5e5: 5 − (1, ..., 1) A⁻¹ A(1, ..., 1) is 0, and comes out as 1e-13
+    or so; what is larger than rounding stays."""
+    A = scipy.linalg.hilbert(5)
+    ones = np.ones(5)
+    found = elimination.less(np.array([5.0 + more, 7.0]), np.stack([ones, ones]), Factorization(A), A @ ones)
+    assert found == pytest.approx([rest, 2.0], rel=1e-3, abs=0.0)
