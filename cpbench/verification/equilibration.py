@@ -25,9 +25,11 @@ SWEEPS = 32
 STEPS = 100
 """Of conjugate gradients, at most: for the first guess and for each Newton step."""
 ENOUGH = 5e-4
-"""The mean of a row may be off by this much in the root mean square: sizes are compared, no digits."""
+"""The mean of a row, and log D_i, may be off by this much in the root mean square: sizes are compared, no digits."""
 GUESSED = 0.01
 """The first guess may be off by this much in logarithms, in the root mean square."""
+SLOWEST = 0.1
+"""A sweep that keeps the share k of the error has 1/(1 - k) of it to go; no more than 1/SLOWEST is asked."""
 FAST = 0.25
 """Where a sweep leaves more of the squares of what rows are off by, a Newton step follows."""
 INEXACT = 0.1
@@ -65,7 +67,8 @@ def equilibrate_apart(A: Any, part: Any = None) -> tuple[Vector, Vector]:
         found = d * (W @ c)
         r = counts - found
         off = _sums(r * r * inverse(counts), part)
-        going = off > enough
+        kept = np.sqrt(np.divide(off, before, out=np.zeros_like(off), where=before > 0))
+        going = off > enough * np.maximum(1.0 - kept, SLOWEST) ** 2
         if not np.any(going):
             break
         factor, slow = _ratio(counts, found), going & (off > FAST * before)

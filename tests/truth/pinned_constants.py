@@ -42,6 +42,7 @@ EFFORT = {
     "equilibration.SWEEPS": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
     "equilibration.STEPS": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
     "equilibration.GUESSED": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
+    "equilibration.SLOWEST": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
     "equilibration.FAST": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
     "equilibration.INEXACT": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
     "equilibration.FARTHEST": f"{JUDGE}test_equilibrated_rows_and_columns_have_the_mean_one",
