@@ -12,11 +12,14 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
 NO_BOUND = 1e19
 """Bounds and right sides of this size stand for infinity in the files."""
 LIVE = 1e-6
 """A row whose terms are a smaller share of ‖a_i‖∞‖z*‖∞ is a row of zeros."""
+OWN = 1e-9
+"""A part of a program has an objective of its own down to this share of the largest; below, it is rounding."""
 SPEAKING = 1e-3
 """A row whose terms are a smaller share of ‖a_i‖∞‖z*‖∞ says nothing of the size of its unknowns."""
 
@@ -43,7 +46,9 @@ class Literature:
         largest terms of any row.
     bounds : the worst bound over max(|bound|, |z_i|, ‖z‖∞).
     gradient : the worst row of Qz + p − Aᵀλ − Cᵀμ − ν over its own terms. gradient_norm : over the largest terms.
-    gap : |f − dual objective| over max(|f|, |dual objective|). gap_terms : over Σ|p_i z_i| + ½zᵀQz + |f|.
+    gap : |f − dual objective| over max(|f|, |dual objective|). gap_terms : over Σ|p_i z_i| + ½zᵀQz + |f|. Both are
+        those of the worst part: programs side by side in one file are right where each of them is. A part whose
+        objective is below OWN of the largest, or 0, is compared with that.
     objective : f itself.
     """
 
@@ -108,6 +113,18 @@ def multipliers(problem: Any, point: Any) -> tuple[Array, Array]:
     return lam, nu + np.where(problem.ub < NO_BOUND, np.minimum(point.nu, 0.0), 0.0)
 
 
+def _or_largest(objectives: Array) -> Array:
+    """Return the objectives of parts, of the largest where one is below OWN of it."""
+    return np.where(objectives > OWN * largest(objectives), objectives, largest(objectives))
+
+
+def _parts(problem: Any) -> Array:
+    """Return the number of the connected part of each unknown, of each row of A and of each row of C."""
+    rows = sp.csr_array(sp.vstack([sp.csr_array(problem.A), sp.csr_array(problem.C)]))
+    graph = sp.block_array([[sp.csr_array(problem.Q), rows.T], [rows, None]])
+    return connected_components(graph, directed=False)[1]
+
+
 def literature(problem: Any, point: Any) -> Literature:
     """Measure an answer (z, λ, μ, ν) of a convex QP; infinite numbers where it is not finite."""
     if not point.finite:
@@ -119,20 +136,23 @@ def literature(problem: Any, point: Any) -> Literature:
     r = problem.Q @ z + problem.p - problem.A.T @ lam - problem.C.T @ mu - nu
     parts = abs(problem.Q) @ np.abs(z) + np.abs(problem.p) + abs(problem.A).T @ lam
     parts = parts + abs(problem.C).T @ np.abs(mu) + np.abs(nu)
-    half = 0.5 * float(z @ (problem.Q @ z))
-    f = half + float(problem.p @ z)
+    half, priced = 0.5 * z * (problem.Q @ z), problem.p * z
     bound = np.where(nu > 0, problem.lb, np.where(nu < 0, problem.ub, 0.0))
-    dual = -half + float(np.where(lam > 0, problem.b, 0.0) @ lam) + float(problem.d @ mu) + float(bound @ nu)
-    gap = np.asarray(f - dual)
+    sides = np.concatenate([bound * nu - half, np.where(lam > 0, problem.b, 0.0) * lam, problem.d * mu])
+    part, of_z = _parts(problem), z.size
+    primal, dual = np.bincount(part[:of_z], half + priced, part.max() + 1), np.bincount(part, sides)
+    added = np.bincount(part[:of_z], half + np.abs(priced), primal.size) + np.abs(primal)
+    objectives = np.maximum(np.abs(primal), np.abs(dual))
+    gaps = np.abs(primal - dual)
     return Literature(
         rows=largest(over(missed, terms)),
         rows_norm=largest(over(missed, largest(terms))),
         bounds=largest(over(outside, sizes)),
         gradient=largest(over(r, parts)),
         gradient_norm=largest(over(r, largest(parts))),
-        gap=float(over(gap, max(abs(f), abs(dual)))),
-        gap_terms=float(over(gap, objective_terms(problem, z))),
-        objective=f,
+        gap=largest(over(gaps, _or_largest(objectives))),
+        gap_terms=largest(over(gaps, _or_largest(added))),
+        objective=float(primal.sum()),
     )
 
 

@@ -53,6 +53,18 @@ def test_numbers_of_the_literature(changed: dict[str, list[float]], name: str, v
     assert getattr(literature(PROGRAM, of(**changed)), name) == pytest.approx(value, rel=1e-12)
 
 
+@pytest.mark.parametrize(("unit", "gap"), [(1e-3, 0.2), (1e-5, 0.3125e-10)])
+def test_programs_side_by_side_have_gaps_of_their_own(unit: float, gap: float) -> None:
+    """½z², z ≥ b with b = (1, unit), z₂ = 1.25 b₂: the gap (z₂ − b₂)z₂ is 0.2 of its own program's terms z₂².
+
+    Where its objective is 1e-10 of the other one, it is compared with the terms 1 of that.
+    """
+    problem = QP.build(np.eye(2), np.zeros(2), lb=np.array([1.0, unit]))
+    z, none = np.array([1.0, 1.25 * unit]), np.zeros(0)
+    numbers = literature(problem, QPPoint(z=z, lam=none, mu=none, nu=z))
+    assert numbers.gap_terms == pytest.approx(gap)
+
+
 def test_the_objective_is_off_by_its_terms() -> None:
     assert off(PROGRAM, np.array([0.0, 0.0]), REFERENCE) == pytest.approx(2.5 / 6.0)
 
