@@ -8,7 +8,8 @@ all terms vanish with a, at one rate.
 So a row that is less without one of its terms is looked at again where the unknown of that term is halved, and where it
 is 0. What vanishes there, but for rounding, makes the row as definite as its share changes in between, twice that
 change, for half of a is left: this is the size of a over that at which the row is no more linear in it. What does not
-vanish, as all of a linear row, counts in full.
+vanish, as all of a linear row, counts in full. A row of which less than √eps of its terms is left tells nothing of one
+unknown: any small term may be as large as what is left.
 
 Without this rule answers to complementarity problems that are written as such equations are wrong where the problem
 itself is solved: a pair of 1e-15 would be wrong by 1 (`tests/unit/test_vanishing.py`).
@@ -54,7 +55,9 @@ def caps(F: Any, z: Vector, value: Vector, slope: Any) -> Caps | None:
     left = np.abs(value[row] - terms)
     best = np.full(value.size, np.inf)
     np.minimum.at(best, row, left)
-    explained = (left == best[row]) & (left < np.abs(value[row]))
+    sums = np.bincount(row, np.abs(terms), value.size)
+    told = np.abs(value) > np.sqrt(EPS) * sums
+    explained = (left == best[row]) & (left < np.abs(value[row])) & told[row]
     faint = slope.indices[explained]
     if not faint.size:
         return None
