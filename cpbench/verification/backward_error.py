@@ -67,7 +67,7 @@ def row_errors(system: System) -> RowErrors:
     frame = system.frame
     if not frame.k:
         return RowErrors(np.zeros(0), False, 0.0)
-    sizes, fixed = system.sizes(), system.fixed()
+    sizes, fixed = system.sizes, system.fixed
     scale = frame.terms.sums(sizes) + frame.constants
     if not np.isfinite(scale).all():  # squares of such unknowns are no numbers any more
         return RowErrors(np.full(frame.k, np.inf), False, 0.0)
@@ -98,7 +98,7 @@ def _measure(system: System, sizes: Vector, scale: Vector, definite: Vector, abs
     x_unit = np.maximum(x_unit, frame.own_unit)
     if frame.moving is not None:
         x_unit = np.where(frame.moving > 0, np.minimum(x_unit, inverse(frame.moving)), x_unit)
-    return frame.norms(system.defect(x_unit, f_unit))
+    return system.defect(x_unit, f_unit)
 
 
 def _units(terms: Terms, sizes: Vector, scale: Vector, definite: Vector) -> Vector:

@@ -8,20 +8,22 @@ has degree d > 0 (a square), the rest is (1 − d)F(z), as small as the row: suc
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
-from cpbench.verification import sets
 from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.frame import Frame, System, Terms, block_norms
 from cpbench.verification.parts import Measure
-from cpbench.verification.sets import Flags
+from cpbench.verification.sets import ConeFactors, Flags, Sets, of_product
 from cpbench.verification.systems import kept
 from cpbench.verification.tables import rows_of
 from cpbench.verification.vanishing import caps
+
+Own: TypeAlias = tuple[Any, Any, list[ConeFactors]]
+"""Lower and upper sides of the components of z, and what of them is in cones."""
 
 
 @rows_of("soclcp", by=Measure.PAIRS)
@@ -29,8 +31,9 @@ def soclcp(P: Any, point: Any) -> System:
     """Return x in K beside Mx + q."""
 
     def frame() -> Frame:
-        block = P.K.blocks
-        return Frame(Terms.of_blocks(P.M, block, block), _norms(P.q, block), sets.of_product(P.K), P.q, block)
+        block, (lb, ub, cones) = P.K.blocks, of_product(P.K)
+        own = Sets.of((P.q.size, lb, ub), cones=cones)
+        return Frame(Terms.of_blocks(P.M, block, block), _norms(P.q, block), own, P.q, block)
 
     return System(kept(P, frame), point.x, P.M @ point.x + P.q)
 
@@ -42,6 +45,7 @@ def coneqp(P: Any, point: Any) -> System:
 
     def frame() -> Frame:
         n, m = x.size, y.size
+        lb, ub, cones = of_product(P.K, rows=True, first=n)
         block = np.concatenate([np.arange(n), n + P.K.blocks])
         last = int(block[-1]) + 1 if block.size else 0
         A = sp.csr_array(P.A)
@@ -49,7 +53,7 @@ def coneqp(P: Any, point: Any) -> System:
         return Frame(
             terms=Terms.of_blocks(whole, block, block),
             constants=_norms(np.concatenate([P.p, P.b]), block),
-            sets=[sets.Box.of(np.arange(n), -np.inf, np.inf), *sets.of_product(P.K, n, rows=True)],
+            sets=Sets.of((n, -np.inf, np.inf), (m, lb, ub), cones=cones),
             signed=np.concatenate([P.p, P.b]),
             block=block,
             multiplier=np.arange(last) >= n,
@@ -67,7 +71,7 @@ def complementarity(P: Any, point: Any) -> System:
     """Return the rows of ncp, micp and equation: z between bounds beside F(z)."""
     z = point.z
     lb, ub = {"ncp": (0.0, np.inf), "equation": (-np.inf, np.inf)}.get(P.node) or (P.lb, P.ub)
-    return _with_rows(P, z, P.F(z), P.F.jacobian(z), [sets.Box.of(np.arange(z.size), lb, ub)], np.arange(z.size))
+    return _with_rows(P, z, P.F(z), P.F.jacobian(z), (lb, ub, []), np.arange(z.size))
 
 
 @rows_of("ge")
@@ -140,7 +144,7 @@ def nlp(P: Any, point: Any) -> System:
         if F.rows:
             curvature = curvature + abs(sp.csr_array(F.hessian(z, weights)))
     return _with_rows(
-        P, z, gradient, curvature, [sets.Box.of(np.arange(z.size), P.lb, P.ub)], np.arange(z.size),
+        P, z, gradient, curvature, (P.lb, P.ub, []), np.arange(z.size),
         rows=[Jg, Jh], values=[g, h], constants=[g - Jg @ z, h - Jh @ z],
         signs=[(0.0, g.size), (-np.inf, h.size)], multipliers=np.concatenate([lam, mu]), nu=point.nu,
         prices=_prices(P, z, gradient, own, gradient - curvature @ z),
@@ -165,7 +169,7 @@ def _prices(P: Any, z: Vector, gradient: Vector, hessian: Any, otherwise: Vector
 
 
 def _with_rows(
-    P: Any, z: Vector, force: Vector, slope: Any, own: list[Any], block: Any, *, rows: Any = (), values: Any = (),
+    P: Any, z: Vector, force: Vector, slope: Any, own: Own, block: Any, *, rows: Any = (), values: Any = (),
     constants: Any = (), signs: Any = (), multipliers: Vector | None = None, nu: Vector | None = None,
     moving: Vector | None = None, prices: Vector | None = None, curved: Flags | None = None, fixed: bool = True,
 ) -> System:  # fmt: skip
@@ -196,14 +200,10 @@ def _with_rows(
             own_steady = np.where(turning, np.inf, _steady(P, z, force, slope, constant, bent))
             steady = np.concatenate([_norms(own_steady, block), np.where(curved, np.inf, beside)])
             found = caps(P.F, z, force, slope) if P.node in ("ncp", "micp", "equation") else None
-        at, boxes = n, list(own)
-        for lower, count in signs:
-            boxes.append(sets.Box.of(np.arange(at, at + count), lower, np.inf))
-            at += count
         return Frame(
             terms=Terms.of_blocks(matrix, whole, whole, keep_zeros=found is not None),  # caps are of these entries
             constants=np.concatenate([_norms(constant, block), beside]),
-            sets=boxes,
+            sets=Sets.of((n, *own[:2]), *((count, lower, np.inf) for lower, count in signs), cones=own[2]),
             signed=signed,
             block=whole,
             multiplier=None if multipliers is None else np.arange(first + m) >= first,
@@ -254,17 +254,14 @@ def _of_one_degree(F: Any, z: Vector, value: Vector, slope: Any, constant: Vecto
     return result
 
 
-def _simple(P: Any, K: Any, lb: Vector, ub: Vector, n: int) -> tuple[list[Any], Any]:
-    """S = {z ∈ K : lb ≤ z ≤ ub} as sets, and the blocks of its components."""
+def _simple(P: Any, K: Any, lb: Vector, ub: Vector, n: int) -> tuple[Own, Any]:
+    """S = {z ∈ K : lb ≤ z ≤ ub}, and the blocks of its components."""
     if not P.cone_kind.size:
-        return [sets.Box.of(np.arange(n), lb, ub)], np.arange(n)
-    free = np.flatnonzero(P.in_free_factor) if hasattr(P, "in_free_factor") else np.zeros(0, dtype=np.int64)
-    found: list[Any] = []
-    for part in sets.of_product(K):
-        if isinstance(part, sets.Box) and free.size and np.isin(part.at, free).all():
-            part = sets.Box.of(part.at, lb[part.at], ub[part.at])
-        found.append(part)
-    return found, K.blocks
+        return (lb, ub, []), np.arange(n)
+    lower, upper, cones = of_product(K)
+    if hasattr(P, "in_free_factor"):
+        lower, upper = np.where(P.in_free_factor, lb, lower), np.where(P.in_free_factor, ub, upper)
+    return (lower, upper, cones), K.blocks
 
 
 def _terms(F: Any, z: Vector) -> Vector:

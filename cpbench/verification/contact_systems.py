@@ -17,10 +17,10 @@ import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector, dense
 from cpbench.foundation.product_cones import Cone
-from cpbench.verification import sets
 from cpbench.verification.frame import Frame, System, Terms
 from cpbench.verification.parts import Measure
 from cpbench.verification.projections import row_norms
+from cpbench.verification.sets import ConeFactors, Sets
 from cpbench.verification.systems import kept, stack
 from cpbench.verification.tables import rows_of
 
@@ -35,7 +35,7 @@ def local(P: Any, point: Any) -> System:
     def frame() -> Frame:
         block = np.arange(r.size) // P.dimension
         terms = Terms.of_blocks(_scaled(P.W, unit, unit), block, block)
-        return Frame(terms, _norms(P.q * unit, P.dimension), [contact_set(P)], block=block)
+        return Frame(terms, _norms(P.q * unit, P.dimension), contact_sets(P), block=block)
 
     return System(kept(P, frame), r, shifted(P, u), velocity=u)
 
@@ -53,7 +53,7 @@ def mixed(P: Any, point: Any) -> System:
         V = _scaled(P.V, unit, np.ones(joints))
         terms = Terms.of_blocks(stack([[_scaled(P.W, unit, unit), V], [V.T, P.R]]), block, block)
         constants = np.concatenate([_norms(P.q * unit, P.dimension), np.abs(P.s)])
-        return Frame(terms, constants, contact_and_free(P, joints), block=block)
+        return Frame(terms, constants, contact_sets(P, joints), block=block)
 
     velocity = np.concatenate([u, np.zeros(joints)])
     return System(kept(P, frame), np.concatenate([point.r / unit, lam]), f, velocity=velocity)
@@ -94,7 +94,7 @@ def _dynamics(
         return Frame(
             terms=Terms.of_blocks(whole, block, block),
             constants=np.concatenate([_norms(P.w * unit, P.dimension), load, drift]),
-            sets=contact_and_free(P, n + p),
+            sets=contact_sets(P, n + p),
             block=block,
             multiplier=(at < P.nc) | (at >= P.nc + n),
         )
@@ -114,10 +114,10 @@ def worst_loaded(P: Any, system: System, tolerance: float) -> float:
     so that neither the self-stress of others nor a contact that only just touches decides.
     """
     assert system.velocity is not None
-    law, d = contact_set(P), P.dimension
+    law, d = contact_sets(P), P.dimension
     r, u = system.x[: P.nc * d], system.f[: P.nc * d]
     rho = np.repeat(P.rho, d)
-    defect = _norms(law.defect(r, u, np.ones(r.size), rho).ravel(), d)
+    defect = _norms(law.defect(r, u, np.ones(r.size), rho), d)
     r_size, u_size = _norms(r, d), P.rho * _norms(u, d)
     free = P.q if hasattr(P, "q") else P.free_velocity if hasattr(P, "free_velocity") else P.reference.free_velocity
     energy = np.sqrt((P.rho * _norms(free * _units(P), d) ** 2).sum())
@@ -126,19 +126,12 @@ def worst_loaded(P: Any, system: System, tolerance: float) -> float:
     return float(np.max(np.divide(defect, own, out=np.zeros_like(own), where=loaded & (own > 0)), initial=0.0))
 
 
-def contact_set(P: Any) -> sets.ConeFactors:
-    """Return the cones of the reactions, which are the first unknowns."""
+def contact_sets(P: Any, free: int = 0) -> Sets:
+    """Return the cones of the reactions, and unknowns after them that may be anything."""
     at = np.arange(P.nc * P.dimension).reshape(P.nc, P.dimension)
     mu, mu_r = coefficients(P)
-    return sets.ConeFactors(
-        Cone.SECOND_ORDER if mu_r is None else Cone.ROLLING, at, mu, np.zeros(P.nc) if mu_r is None else mu_r
-    )
-
-
-def contact_and_free(P: Any, free: int) -> list[sets.Set]:
-    """Return the cones of the reactions, and unknowns after them that may be anything."""
-    rows = P.nc * P.dimension
-    return [contact_set(P), sets.Box.of(np.arange(rows, rows + free), -np.inf, np.inf)]
+    kind, rolling = (Cone.SECOND_ORDER, np.zeros(P.nc)) if mu_r is None else (Cone.ROLLING, mu_r)
+    return Sets.of((at.size + free, -np.inf, np.inf), cones=[ConeFactors(kind, at, mu, rolling)])
 
 
 def coefficients(P: Any) -> tuple[Vector, Vector | None]:

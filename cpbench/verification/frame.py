@@ -6,7 +6,6 @@ answer.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector, dense
-from cpbench.verification.sets import Flags, Set, joined
+from cpbench.verification.sets import Flags, Sets
 
 SMALL = 2**10
 """Entries of the largest matrix that is an array whatever it holds: a sparse one takes longer."""
@@ -103,7 +102,7 @@ class Frame:
     block : (N,) the block of each unknown and of the row paired with it, rising from 0; None where each is its own.
     terms : sizes of the blocks of ∂f/∂x. constants : (k,) sizes of what else is in a row. signed : (N,) the same with
         signs, component by component; None where only the sizes are known.
-    sets : what the unknowns are in; together they hold every component once.
+    sets : what the unknowns are in.
     multiplier : (k,) whether an unknown only certifies others; without constants it may be anything.
     caps : up to what rows are definite by what vanishes with an unknown that they say is 0.
     moving : (k,) sizes of the terms of bounds that depend on the answer; small ones may be differences of large ones.
@@ -114,7 +113,7 @@ class Frame:
 
     terms: Terms
     constants: Vector
-    sets: Sequence[Set]
+    sets: Sets
     signed: Vector | None = None
     block: Any = None
     multiplier: Flags | None = None
@@ -131,22 +130,12 @@ class Frame:
     @cached_property
     def own_unit(self) -> Vector:
         """1 over the size of the set of every block, 0 where it has none."""
-        units = joined(self.sets, self.count, lambda part: part.own_unit())
-        if self.block is None:
-            return units
-        result = np.zeros(self.k)
-        np.maximum.at(result, self.block, units)
-        return result
+        return self.largest(self.sets.own_unit)
 
     @cached_property
     def amplification(self) -> Vector:
         """By how much a rounding error of the row of every block is larger in f."""
-        factors = joined(self.sets, self.count, lambda part: part.amplification())
-        if self.block is None:
-            return factors
-        result = np.ones(self.k)
-        np.maximum.at(result, self.block, factors)
-        return result
+        return self.largest(self.sets.amplification)
 
     @cached_property
     def even(self) -> bool:
@@ -201,53 +190,34 @@ class System:
     also: tuple[Vector, Any] | None = None
     velocity: Vector | None = None
 
-    def nearest(self) -> Vector:
-        """Return the nearest point of the sets."""
-        near = self.x
-        for part in self.frame.sets:
-            near = part.nearest(near)
-        return near
-
+    @cached_property
     def sizes(self) -> Vector:
-        """Sizes of the unknowns that reach the nearest point of the sets."""
-        sizes = self.frame.norms(self.x)
-        if all(part.has_0 for part in self.frame.sets):  # the nearest point is no larger
-            return sizes
-        return np.maximum(sizes, self.frame.norms(self.nearest()))
-
-    def fixed(self) -> Flags:
-        """Return whether an unknown is at a bound that is not 0."""
+        """(k,) sizes of the unknowns that reach the nearest point of the sets."""
         frame = self.frame
-        if not any(part.moored for part in frame.sets):
-            return np.zeros(frame.k, dtype=bool)
-        return frame.any(joined(frame.sets, frame.count, lambda part: part.anchored(self.x), bool))
+        sizes = frame.norms(self.x)
+        if frame.sets.has_0:  # the nearest point is no larger
+            return sizes
+        return np.maximum(sizes, frame.norms(frame.sets.nearest(self.x)))
+
+    @cached_property
+    def fixed(self) -> Flags:
+        """(k,) whether an unknown is at a bound that is not 0."""
+        frame = self.frame
+        return frame.any(frame.sets.anchored(self.x)) if frame.sets.moored else np.zeros(frame.k, dtype=bool)
 
     def distances(self, x_unit: Vector, f_unit: Vector) -> Vector:
         """Return the larger of the distances of x̂ from its set and of f̂ from the dual set, in units of the blocks."""
         frame = self.frame
-        x_units, f_units = frame.spread(x_unit), frame.spread(f_unit)
-        return joined(frame.sets, frame.count, lambda part: part.conditions(self.x, self.f, x_units, f_units))
-
-    def products(self, reach: Vector, rounding: float) -> Vector:
-        """Return x_i f_i, with x_i counted from the bound to which f_i pushes, at most `reach` (k,), and less by the
-        share `rounding` of that."""
-        frame = self.frame
-        far = frame.spread(reach)
-        return joined(frame.sets, frame.count, lambda part: part.products(self.x, self.f, far, rounding))
+        return frame.sets.conditions(self.x, self.f, frame.spread(x_unit), frame.spread(f_unit))
 
     def excess(self, f_unit: Vector) -> Vector:
         """Return the rows that no unknown may have, in units of the blocks."""
         return self.distances(np.zeros(self.frame.k), f_unit)
 
-    def idle(self) -> Flags:
-        """Return of each component whether the sign of its row alone holds it on its bound."""
-        return joined(self.frame.sets, self.frame.count, lambda part: part.idle(self.x, self.f), bool)
-
     def defect(self, x_unit: Vector, f_unit: Vector) -> Vector:
-        """Return x̂ − P(x̂ − f̂) in units of the blocks."""
+        """Return the norms of x̂ − P(x̂ − f̂), in units of the blocks."""
         frame = self.frame
-        x_units, f_units = frame.spread(x_unit), frame.spread(f_unit)
-        return joined(frame.sets, frame.count, lambda part: part.defect(self.x, self.f, x_units, f_units))
+        return frame.norms(frame.sets.defect(self.x, self.f, frame.spread(x_unit), frame.spread(f_unit)))
 
 
 def largest(*values: float) -> float:

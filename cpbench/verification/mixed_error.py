@@ -33,7 +33,7 @@ def mixed_error(system: System) -> BackwardError:
     if not frame.k or frame.steady is None:
         return part_error(system, parts_of(frame, Measure.PAIRS))
     rows, linear = row_errors(system), _linear_parts(frame)
-    sums = frame.terms.sums(system.sizes())
+    sums = frame.terms.sums(system.sizes)
     if not np.isfinite(sums).all():  # squares of such unknowns are no numbers any more
         return BackwardError(np.inf, False, 0.0)
     asked = _asked(frame)

@@ -83,7 +83,7 @@ def part_error(system: System, parts: Parts) -> BackwardError:
     """Measure an answer. Rows beside multipliers are those of the primal."""
     if not system.frame.k:
         return BackwardError(0.0, False, 0.0)
-    sums = system.frame.terms.sums(system.sizes())
+    sums = system.frame.terms.sums(system.sizes)
     if not np.isfinite(sums).all():  # squares of such unknowns are no numbers any more
         return BackwardError(np.inf, False, 0.0)
     found = block_errors(system, parts, sums)
@@ -103,7 +103,7 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing there
     deciding = (errors > 0) | ((amplification * EPS >= 1.0) & (frame.norms(system.f) > 0))
     if system.velocity is not None:  # what sticks obeys the law whatever its coefficient
-        stuck = frame.norms(system.defect(units.x, np.zeros(frame.k))) + frame.norms(system.velocity) * units.f
+        stuck = system.defect(units.x, np.zeros(frame.k)) + frame.norms(system.velocity) * units.f
         contact = frame.amplification > 1.0
         amplification = np.where(contact & (stuck <= errors), 1.0, amplification)
         errors = np.where(contact, np.minimum(errors, stuck), errors)
@@ -125,14 +125,14 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
             slope = frame.largest(rounded.excess(np.ones(frame.k))) * inverse(units.x)
             slope = np.where(units.f > 0, slope * parts.whole.spread(inverse(objective)), 0.0)
             grown = np.where(parts.beside_z, np.where(units.absolute, 0.0, slope), grown)
-    absolute = bool(units.absolute.any() and (units.absolute & parts.beside_z & (system.sizes() > 0)).any())
+    absolute = bool(units.absolute.any() and (units.absolute & parts.beside_z & (system.sizes > 0)).any())
     return BlockErrors(errors, np.minimum(grown, 1.0), floors, absolute)
 
 
 def _conditions(system: System, parts: Parts, units: AnswerUnits, share: Vector | None) -> Vector:
     """Return by how much every block misses its conditions, in units; those of the gradient at most by `share`."""
     if parts.measure is not Measure.GAP:
-        return system.frame.norms(system.defect(units.x, units.f))
+        return system.defect(units.x, units.f)
     errors = system.frame.largest(system.distances(units.x, units.f))
     if share is None or (share >= errors).all():
         return errors
@@ -173,7 +173,8 @@ def _gap(system: System, parts: Parts, units: AnswerUnits) -> tuple[Vector, Vect
     assert frame.signed is not None
     in_units = parts.measure is Measure.PAIRS and not parts.with_multipliers  # others have the unit of an objective
     weights = units.x * units.f if in_units else np.ones(frame.k)
-    products = weights * frame.block_sums(system.products(inverse(units.x), ROUNDINGS * EPS))
+    reached = frame.sets.products(system.x, system.f, frame.spread(inverse(units.x)), ROUNDINGS * EPS)
+    products = weights * frame.block_sums(reached)
     if parts.indifferent is not None:
         products = np.where(parts.indifferent, 0.0, products)
     gap = whole.sum(_each_row_once(system, parts, products))
@@ -242,7 +243,7 @@ def _growth(
 
     def measured(of: System) -> Vector:
         if parts.measure is Measure.PAIRS:
-            return frame.norms(of.defect(frame.terms.effects(unit), unit))
+            return of.defect(frame.terms.effects(unit), unit)
         return frame.largest(of.excess(unit))
 
     grown = measured(rounded)
@@ -263,11 +264,11 @@ def _sizes_of_constants(system: System, parts: Parts, units: AnswerUnits, noise:
     a program are no size where they are rounding, `noise` (k,), of what their rows add up, and of what prices make of
     the unknowns: a file has 1e-17 for 0.
     """
-    whole, rows, sizes, fixed = parts.whole, parts.rows, units.constants, system.fixed()
+    whole, rows, sizes, fixed = parts.whole, parts.rows, units.constants, system.fixed
     if parts.measure is Measure.ENERGY:
         return whole.spread(whole.norm(sizes * parts.per_row))
     if fixed.any():
-        sizes = np.maximum(sizes, system.frame.terms.sums(np.where(fixed, system.sizes(), 0.0)))
+        sizes = np.maximum(sizes, system.frame.terms.sums(np.where(fixed, system.sizes, 0.0)))
     data = rows.spread(rows.largest(sizes * parts.per_row))
     if not parts.with_multipliers:
         return data

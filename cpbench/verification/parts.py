@@ -15,7 +15,6 @@ from cpbench.foundation.matrices import Vector
 from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.equilibration import equilibrate, equilibrate_apart
 from cpbench.verification.frame import Frame
-from cpbench.verification.sets import joined
 
 
 class Measure(Enum):
@@ -152,7 +151,7 @@ class Parts:
     def kinds(self) -> Groups | None:
         """Groups of rows, of pairs without multipliers those of free unknowns, which are equalities, apart from others;
         None where that makes no difference."""
-        free = self.frame.any(joined(self.frame.sets, self.frame.count, lambda part: part.free, bool))
+        free = self.frame.any(self.frame.sets.free)
         if self.measure is not Measure.PAIRS or self.with_multipliers or not free.any() or free.all():
             return None
         return _groups(2 * self.rows.spread(np.arange(self.rows.count)) + free, self.frame.k)

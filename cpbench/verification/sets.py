@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,34 +22,22 @@ NEAR = 0.5
 """An unknown is at its bound where it is off by at most this share of it."""
 
 
-def joined(parts: Sequence[Set], count: int, values: Callable[[Any], Any], dtype: type = np.float64) -> Any:
-    """Return the values of all sets, each in its places."""
-    if len(parts) == 1:
-        return values(parts[0]).ravel()
-    result = np.empty(count, dtype=dtype)
-    for part in parts:
-        result[part.place] = values(part)
-    return result
-
-
 @dataclass(frozen=True, eq=False)
-class Box:
-    """lb ≤ x ≤ ub of the components `at`, each a block of its own; answers are values in the places of all sets."""
+class Sets:
+    """What the unknowns of a problem are in: lb ≤ x ≤ ub, each component by itself, but for those of `cones`.
 
-    at: Components
+    Answers are values of all components, of factors of cones the same in each component.
+    """
+
     lb: Vector
     ub: Vector
+    cones: Sequence[ConeFactors] = ()
 
     @classmethod
-    def of(cls, at: Components, lb: Vector | float, ub: Vector | float) -> Box:
-        """Make one, with sides from `INFINITE` on taken for infinite."""
-        lower, upper = (np.broadcast_to(np.asarray(b, dtype=np.float64), at.shape) for b in (lb, ub))
-        return cls(at, np.where(lower <= -INFINITE, -np.inf, lower), np.where(upper >= INFINITE, np.inf, upper))
-
-    @cached_property
-    def place(self) -> Any:
-        """Where the unknowns are: a slice or their numbers."""
-        return slice_of(self.at)
+    def of(cls, *runs: tuple[int, Any, Any], cones: Sequence[ConeFactors] = ()) -> Sets:
+        """Make them of runs (count, lb, ub), one after the other; sides from `INFINITE` on are taken for infinite."""
+        lb, ub = (np.concatenate([np.broadcast_to(run[i], run[0]) for run in runs]).astype(float) for i in (1, 2))
+        return cls(np.where(lb <= -INFINITE, -np.inf, lb), np.where(ub >= INFINITE, np.inf, ub), cones)
 
     @cached_property
     def bounded(self) -> tuple[Flags, Flags]:
@@ -65,97 +53,113 @@ class Box:
         return "orthant" if lower.all() else "box" if lower.any() else "free"
 
     @cached_property
+    def off_0(self) -> list[tuple[Vector, Flags, float]]:
+        """The sides of which some are not 0, which ones, and 1 for the lower, −1 for the upper."""
+        sides = zip((self.lb, self.ub), self.bounded, (1.0, -1.0), strict=True)
+        return [(side, some, sign) for side, finite, sign in sides if (some := finite & (side != 0)).any()]
+
+    @cached_property
     def moored(self) -> bool:
         """Whether a part of the boundary is not 0."""
-        return any(((bound != 0) & some).any() for bound, some in zip((self.lb, self.ub), self.bounded, strict=True))
+        return bool(self.off_0) or any(cone.moored for cone in self.cones)
 
     @cached_property
     def free(self) -> Flags:
         """Whether a component may be anything."""
         lower, upper = self.bounded
-        return ~lower & ~upper
+        return self._with_cones(~lower & ~upper, lambda cone: False)
 
     @cached_property
     def has_0(self) -> bool:
         """Whether 0 is in the set, so that the nearest point of it is never larger."""
         return bool((self.lb <= 0).all() and (self.ub >= 0).all())
 
+    @cached_property
+    def own_unit(self) -> Vector:
+        """1 over the size of the set where that is finite, 0 elsewhere."""
+        units = _inverse_size(np.maximum(np.abs(self.lb), np.abs(self.ub)))
+        return self._with_cones(units, lambda cone: cone.own_unit())
+
+    @cached_property
+    def amplification(self) -> Vector:
+        """By how much a rounding error of a row is larger in f; 1 or less but for a law with a large coefficient."""
+        return self._with_cones(np.ones(self.lb.size), lambda cone: cone.amplification())
+
     def nearest(self, x: Vector) -> Vector:
-        """Return P(x) in the places of this set, x elsewhere; x itself where it is in the set."""
-        own = x[self.place]
-        if self.kind == "free" or (self.kind == "orthant" and bool((own >= self.lb).all())):
-            return x
-        result = x.copy()
-        result[self.place] = np.minimum(np.maximum(own, self.lb), self.ub)
-        return result
+        """Return P(x); x itself where it is within the sides."""
+        if self.kind == "box" or (self.kind == "orthant" and bool((x < self.lb).any())):
+            x = np.minimum(np.maximum(x, self.lb), self.ub)
+        for cone in self.cones:
+            x = cone.nearest(x)
+        return x
 
     def anchored(self, x: Vector) -> Flags:
         """Return whether a component is at, or beyond, a part of the boundary that is not 0."""
-        own = x[self.place]
-        result = np.zeros(own.size, dtype=bool)
-        if self.moored:
-            for bound, finite, beyond in zip(
-                (self.lb, self.ub), self.bounded, (own <= self.lb, own >= self.ub), strict=True
-            ):
-                some = finite & (bound != 0)
-                result |= some & (beyond | (np.abs(own - bound) <= NEAR * np.abs(bound)))
-        return result
+        result = np.zeros(x.size, dtype=bool)
+        for side, some, sign in self.off_0:
+            result |= some & ((sign * (x - side) <= 0) | (np.abs(x - side) <= NEAR * np.abs(side)))
+        return self._with_cones(result, lambda cone: cone.anchored(x))
 
     def idle(self, x: Vector, f: Vector) -> Flags:
         """Return whether f holds a component on the boundary that it is at: only its sign matters."""
-        w, own, (lower, upper) = f[self.place], x[self.place], self.bounded
+        lower, upper = self.bounded
         if self.kind == "orthant":
-            return w > 0
-        below, above = np.abs(own - self.lb), np.abs(own - self.ub)
-        return (lower & (below <= above) & (w > 0)) | (upper & (above <= below) & (w < 0))
+            result = f > 0
+        else:
+            below, above = np.abs(x - self.lb), np.abs(x - self.ub)
+            result = (lower & (below <= above) & (f > 0)) | (upper & (above <= below) & (f < 0))
+        return self._with_cones(result, lambda cone: cone.idle(f))
 
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         """Return the larger of the distances of x̂ from the set and of f̂ from the dual set."""
-        w = f[self.place] * f_unit[self.place]
+        f_hat = f * f_unit
         if self.kind == "free":
-            return np.abs(w)
-        own, unit = x[self.place], x_unit[self.place]
-        lower, upper = self.bounded
-        below = np.where(lower, (self.lb - own) * unit, w)  # without a bound nothing may push towards it
-        above = np.where(upper, (own - self.ub) * unit, -w)
-        return np.maximum(np.maximum(below, above), 0.0)
+            result = np.abs(f_hat)
+        else:  # without a bound nothing may push towards it
+            lower, upper = self.bounded
+            below = np.where(lower, (self.lb - x) * x_unit, f_hat)
+            above = np.where(upper, (x - self.ub) * x_unit, -f_hat)
+            result = np.maximum(np.maximum(below, above), 0.0)
+        return self._with_cones(result, lambda cone: cone.conditions(x, f, x_unit, f_unit))
 
     def products(self, x: Vector, f: Vector, reach: Vector, rounding: float) -> Vector:
         """Return x f, of boxes with x counted from the bound to which f pushes, at most `reach` and less by the share
         `rounding` of that."""
-        w, own = f[self.place], x[self.place]
-        bound = np.where(w > 0, self.lb, self.ub)
-        room = np.where(np.isfinite(bound), own - bound, own)
-        far = reach[self.place]
-        return w * np.sign(room) * np.maximum(np.minimum(np.abs(room), far) - rounding * far, 0.0)
-
-    def amplification(self) -> Vector:
-        """Return by how much a rounding error of a row is larger in f; 1 or less but for a law with a large
-        coefficient."""
-        return np.ones(self.at.size)
-
-    def own_unit(self) -> Vector:
-        """Return 1 over the size of the set where that is finite, 0 elsewhere."""
-        return _inverse_size(np.maximum(np.abs(self.lb), np.abs(self.ub)))
+        if self.kind == "orthant" and not self.off_0:  # what is below 0 is pushed to no bound
+            room = x
+        else:
+            bound = np.where(f > 0, self.lb, self.ub)
+            room = np.where(np.isfinite(bound), x - bound, x)
+        size = np.maximum(np.minimum(np.abs(room), reach) - rounding * reach, 0.0)
+        return self._with_cones(f * np.copysign(size, room), lambda cone: cone.products(x, f))
 
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         """Return x̂ − P(x̂ − f̂); the set is measured in the units of its part."""
-        step = f[self.place] * f_unit[self.place]
-        if self.kind == "free":
-            return step
-        own, unit = x[self.place], x_unit[self.place]
-        low, high = self.lb, self.ub
-        if self.moored:  # a bound times a unit of 0 is no bound: 0·∞ would be NaN
-            low, high = (np.where(some, unit * b, b) for b, some in zip((low, high), self.bounded, strict=True))
-        at = own * unit
-        missed = np.minimum(step, at - low)  # no difference of x̂ and x̂ − f̂: a small f is lost beside a large x
-        return missed if self.kind == "orthant" else np.maximum(missed, at - high)
+        result = f * f_unit
+        if self.kind != "free":
+            low, high = self.lb, self.ub
+            if self.off_0:  # a bound times a unit of 0 is no bound: 0·∞ would be NaN
+                sides = zip((low, high), self.bounded, strict=True)
+                low, high = (np.where(some, x_unit * side, side) for side, some in sides)
+            at = x * x_unit
+            # no difference of x̂ and x̂ − f̂: a small f is lost beside a large x
+            result = np.minimum(result, at - low)
+            result = result if self.kind == "orthant" else np.maximum(result, at - high)
+        return self._with_cones(result, lambda cone: cone.defect(x, f, x_unit, f_unit))
+
+    def _with_cones(self, values: Any, of: Callable[[ConeFactors], Any]) -> Any:
+        """Return the values with those of cones in their places."""
+        for cone in self.cones:
+            values[cone.at] = of(cone)
+        return values
 
 
 @dataclass(frozen=True, eq=False)
 class ConeFactors:
-    """Factors of one kind and size, each a block, with the methods of a `Box`; `rows` says that their rows f are in
+    """Factors of one kind and size, each a block, with the methods of `Sets`; `rows` says that their rows f are in
     them, and −x in the normal cone.
+
+    Answers have the shape (count, size), or (count, 1) where all components of a factor have the same.
 
     Attributes
     ----------
@@ -168,21 +172,14 @@ class ConeFactors:
     mu_r: Vector
     rows: bool = False
 
-    @cached_property
-    def place(self) -> Any:
-        return self.at
+    @property
+    def round(self) -> bool:
+        """Whether μ is a radius."""
+        return self.kind in (Cone.CYLINDER, Cone.BALL)
 
-    @cached_property
+    @property
     def moored(self) -> bool:
-        return self.kind in (Cone.CYLINDER, Cone.BALL) and not self.rows
-
-    @cached_property
-    def free(self) -> Flags:
-        return np.zeros(self.at.shape, dtype=bool)
-
-    @cached_property
-    def has_0(self) -> bool:
-        return True
+        return self.round and not self.rows
 
     def nearest(self, x: Vector) -> Vector:
         if self.rows:
@@ -193,46 +190,50 @@ class ConeFactors:
 
     def anchored(self, x: Vector) -> Flags:
         if not self.moored:
-            return np.zeros(self.at.shape, dtype=bool)
-        part = x[self.at][:, 1:] if self.kind is Cone.CYLINDER else x[self.at]
-        near = (self.mu > 0) & (row_norms(part) >= NEAR * self.mu)
-        return np.broadcast_to(near[:, None], self.at.shape)
+            return np.zeros((len(self.at), 1), dtype=bool)
+        return ((self.mu > 0) & (row_norms(self._round_part(x[self.at])) >= NEAR * self.mu))[:, None]
 
     def amplification(self) -> Vector:
-        if self.kind in (Cone.CYLINDER, Cone.BALL):  # their μ is a radius
-            return np.ones(self.at.shape)
-        finite = np.where(np.isfinite(self.mu), self.mu, 0.0)
-        return np.broadcast_to(1.0 + (finite + self.mu_r)[:, None], self.at.shape)
+        if self.round:
+            return np.ones((len(self.at), 1))
+        return 1.0 + (np.where(np.isfinite(self.mu), self.mu, 0.0) + self.mu_r)[:, None]
 
-    def idle(self, x: Vector, f: Vector) -> Flags:
+    def idle(self, f: Vector) -> Flags:
         # on the boundaries of both cones xᵀf is rounding, and its sign says nothing
-        return np.broadcast_to((f[self.at] != 0).any(axis=1)[:, None], self.at.shape)
+        return (f[self.at] != 0).any(axis=1)[:, None]
 
     def conditions(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
-        own, other = x[self.at] * x_unit[self.at], f[self.at] * f_unit[self.at]
-        unit = x_unit[self.at[:, 0]]
-        if self.rows:
-            own, other, unit = other, own, f_unit[self.at[:, 0]]
-        if self.kind in (Cone.CYLINDER, Cone.BALL):
-            radius = self.mu * unit
-            return self._of_each(row_norms(own - project(self.kind, own - other, radius, self.mu_r)))
+        if self.round:
+            return row_norms(self.defect(x, f, x_unit, f_unit))[:, None]
+        own, other, _ = self._in_units(x, f, x_unit, f_unit)
         outside = row_norms(own - project(self.kind, own, self.mu, self.mu_r))
         # Moreau: the part of −y in K is what y lacks of being in the dual cone
         negative = row_norms(project(self.kind, -other, self.mu, self.mu_r))
-        return self._of_each(np.maximum(np.maximum(outside, negative), 0.0 if self.rows else self._lacking(other)))
+        return np.maximum(np.maximum(outside, negative), 0.0 if self.rows else self._lacking(other))[:, None]
 
-    def products(self, x: Vector, f: Vector, reach: Vector, rounding: float) -> Vector:
+    def products(self, x: Vector, f: Vector) -> Vector:
         own, other = (f[self.at], x[self.at]) if self.rows else (x[self.at], f[self.at])
-        gap = np.einsum("ij,ij->i", own, other)
-        if self.kind in (Cone.CYLINDER, Cone.BALL):  # their μ is a radius: the least of ⟨y, f⟩ over the set is below 0
-            gap = gap + self.mu * row_norms(other[:, 1:] if self.kind is Cone.CYLINDER else other)
         result = np.zeros(self.at.shape)
-        result[:, 0] = gap
+        result[:, 0] = np.einsum("ij,ij->i", own, other)
+        if self.round:  # the least of ⟨y, f⟩ over the set is below 0
+            result[:, 0] += self.mu * row_norms(self._round_part(other))
         return result
 
-    def _of_each(self, values: Vector) -> Any:
-        """Return the numbers of factors, for each of their components."""
-        return np.broadcast_to(values[:, None], self.at.shape)
+    def own_unit(self) -> Vector:
+        return _inverse_size(np.where(self.kind is Cone.BALL, self.mu, 0.0))[:, None]
+
+    def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
+        own, other, unit = self._in_units(x, f, x_unit, f_unit)
+        return own - project(self.kind, own - other, self.mu * unit if self.round else self.mu, self.mu_r)
+
+    def _round_part(self, y: Dense) -> Dense:
+        return y[:, 1:] if self.kind is Cone.CYLINDER else y
+
+    def _in_units(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> tuple[Dense, Dense, Vector]:
+        """Return what is in the factors and what is in their duals, in units, and the units of the former."""
+        both = (x[self.at] * x_unit[self.at], x_unit), (f[self.at] * f_unit[self.at], f_unit)
+        (own, unit), (other, _) = reversed(both) if self.rows else both
+        return own, other, unit[self.at[:, 0]]
 
     def _lacking(self, y: Dense) -> Vector | float:
         """Return what first components lack of being in the dual cones: of contacts, how fast they close.
@@ -249,49 +250,24 @@ class ConeFactors:
         found[steep] = needed - y[:, 0]
         return found
 
-    def own_unit(self) -> Vector:
-        if self.kind is not Cone.BALL:
-            return np.zeros(self.at.shape)
-        return _inverse_size(np.broadcast_to(self.mu[:, None], self.at.shape))
 
-    def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
-        own, other = x[self.at] * x_unit[self.at], f[self.at] * f_unit[self.at]
-        unit = x_unit[self.at[:, 0]]
-        if self.rows:
-            own, other, unit = other, own, f_unit[self.at[:, 0]]
-        radius = self.mu * unit if self.kind in (Cone.CYLINDER, Cone.BALL) else self.mu
-        return own - project(self.kind, own - other, radius, self.mu_r)
-
-
-Set: TypeAlias = Box | ConeFactors
-
-
-def of_product(K: ProductCone, first: int = 0, *, rows: bool = False) -> list[Set]:
-    """Return the factors of a product whose components begin at `first`; with `rows`, the rows and not the unknowns
-    are in K.
+def of_product(K: ProductCone, *, rows: bool = False, first: int = 0) -> tuple[Vector, Vector, list[ConeFactors]]:
+    """Return the sides of the components of a product, and its factors that are no boxes, whose components begin at
+    `first`; with `rows`, the rows and not the unknowns are in K.
 
     Components of {0}, ℝ and ℝ₊ are boxes of unknowns in both cases: the dual of each is one of them.
     """
-    found: list[Set] = []
-    start = np.concatenate([[0], np.cumsum(K.size)]).astype(np.int64)[:-1] + first
-    for kind, size in sorted({(int(k), int(s)) for k, s in zip(K.kind, K.size, strict=True) if s > 0}):
-        some = (K.kind == kind) & (K.size == size)
-        at = start[some][:, None] + np.arange(size)
-        if kind in (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE):
-            lb, ub = {Cone.ZERO: (0.0, 0.0), Cone.FREE: (-np.inf, np.inf)}.get(Cone(kind), (0.0, np.inf))
-            if rows and kind != Cone.NONNEGATIVE:
-                lb, ub = (-np.inf, np.inf) if kind == Cone.ZERO else (0.0, 0.0)
-            found.append(Box.of(at.ravel(), lb, ub))
-        else:
-            found.append(ConeFactors(Cone(kind), at, K.mu[some], K.mu_r[some], rows))
-    return found
-
-
-def slice_of(at: Components) -> Any:
-    """Return the same places as a slice, where they are one run."""
-    if at.size and int(at[-1]) - int(at[0]) + 1 == at.size and (np.diff(at) == 1).all():
-        return slice(int(at[0]), int(at[-1]) + 1)
-    return at
+    kind = np.repeat(K.kind, K.size.astype(np.int64))
+    fixed, free = (Cone.FREE, Cone.ZERO) if rows else (Cone.ZERO, Cone.FREE)
+    lb = np.where((kind == fixed) | (kind == Cone.NONNEGATIVE), 0.0, -np.inf)
+    ub = np.where(kind == fixed, 0.0, np.inf)
+    cones: list[ConeFactors] = []
+    start = (np.cumsum(K.size) - K.size).astype(np.int64) + first
+    boxes = (fixed, free, Cone.NONNEGATIVE)
+    for of, size in sorted({(int(k), int(s)) for k, s in zip(K.kind, K.size, strict=True) if s > 0 and k not in boxes}):
+        some = (K.kind == of) & (K.size == size)
+        cones.append(ConeFactors(Cone(of), start[some][:, None] + np.arange(size), K.mu[some], K.mu_r[some], rows))
+    return lb, ub, cones
 
 
 def _inverse_size(size: Vector) -> Vector:

@@ -50,7 +50,7 @@ class AnswerUnits:
 def units_of(system: System, parts: Parts, sums: Vector) -> AnswerUnits:
     """Return the units of an answer; `sums` (k,) are Σ_j |J_ij||x_j|."""
     frame, constants = system.frame, system.frame.constants
-    idle, taken = frame.any(system.idle()), parts.by_bounds(system.sizes())
+    idle, taken = frame.any(frame.sets.idle(system.x, system.f)), parts.by_bounds(system.sizes)
     if taken is not None:
         sums = sums - taken
         idle = idle | (frame.norms(system.f) < 0.5 * taken)
@@ -77,7 +77,7 @@ def units_of(system: System, parts: Parts, sums: Vector) -> AnswerUnits:
 def _sized(system: System, parts: Parts, constants: Vector, needed: Flags, balanced: Flags) -> tuple[Flags, Flags]:
     """Return whether the rows of each block have a size, and whether its unknowns have one."""
     frame, rows = system.frame, parts.rows
-    fixed = system.fixed() & parts.beside_z
+    fixed = system.fixed & parts.beside_z
     gives = constants > 0 if parts.measure is Measure.ENERGY else needed
     if fixed.any():
         gives = gives | (frame.terms.sums(fixed.astype(float)) > 0)
@@ -89,7 +89,7 @@ def _sized(system: System, parts: Parts, constants: Vector, needed: Flags, balan
     # sides size z; prices do where they are balanced by z itself, or by nothing; a load does, whatever bears it
     prices = needed & parts.beside_z
     if parts.measure is not Measure.ENERGY:
-        own = frame.terms.sums(np.where(parts.beside_z, system.sizes(), 0.0)) > BALANCED * frame.constants
+        own = frame.terms.sums(np.where(parts.beside_z, system.sizes, 0.0)) > BALANCED * frame.constants
         prices &= own | ~balanced
     known = parts.whole.spread(parts.whole.any((~parts.beside_z & sized) | prices | fixed))
     return sized | (~parts.beside_z & known), known
@@ -100,7 +100,7 @@ def _row_units(
 ) -> Vector:
     """Return 1/size of the rows of every block."""
     frame, rows, D = system.frame, parts.rows, parts.per_row
-    sizes = system.sizes()
+    sizes = system.sizes
     energy = parts.measure is Measure.ENERGY
     only_idle = ~rows.spread(rows.any(needed))
     counted = np.where(needed | only_idle, np.maximum(sums, constants), sums) * D

@@ -101,12 +101,12 @@ def _measured(stack: Stack, some: slice, answers: dict[str, Any]) -> tuple[Vecto
         if not system.frame.k:
             return np.where(finite, 0.0, np.inf), np.zeros(count)
         own = _Own.of(system, answers, count)
-        sums = system.frame.terms.sums(system.sizes())
+        sums = system.frame.terms.sums(system.sizes)
         bounded = own.all(np.isfinite(sums + system.frame.constants))
         if not bounded.all():  # squares of such unknowns are no numbers any more
             finite &= bounded
             system = _system(problem, answers, finite)
-            sums = system.frame.terms.sums(system.sizes())
+            sums = system.frame.terms.sums(system.sizes)
         node = stack.kind.node
         parts = Parts.of(system.frame, system.frame.terms.sizes, BY_PARTS[node], own.blocks)
         error, floor = own.worst(block_errors(system, parts, sums))

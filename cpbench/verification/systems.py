@@ -11,9 +11,9 @@ import scipy.sparse as sp
 
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Matrix, Vector, dense, transpose
-from cpbench.verification import sets
 from cpbench.verification.frame import SMALL, Frame, System, Terms
 from cpbench.verification.parts import Measure
+from cpbench.verification.sets import INFINITE, Sets
 from cpbench.verification.tables import rows_of
 
 _FRAMES: WeakKeyDictionary[Problem, Any] = WeakKeyDictionary()
@@ -55,8 +55,7 @@ def lcp(problem: Any, point: Any) -> System:
     z, q = point.z, problem.q
 
     def frame() -> Frame:
-        box = sets.Box.of(np.arange(z.size), 0.0, np.inf)
-        return Frame(Terms.of(abs(problem.M)), np.abs(q), [box], q)
+        return Frame(Terms.of(abs(problem.M)), np.abs(q), Sets.of((z.size, 0.0, np.inf)), q)
 
     return System(kept(problem, frame), z, problem.M @ z + q)
 
@@ -67,8 +66,7 @@ def relay(problem: Any, point: Any) -> System:
     z, q = point.z, problem.q
 
     def frame() -> Frame:
-        box = sets.Box.of(np.arange(z.size), problem.lb, problem.ub)
-        return Frame(Terms.of(abs(problem.M)), np.abs(q), [box], q)
+        return Frame(Terms.of(abs(problem.M)), np.abs(q), Sets.of((z.size, problem.lb, problem.ub)), q)
 
     return System(kept(problem, frame), z, problem.M @ z + q)
 
@@ -79,12 +77,9 @@ def mlcp(problem: Any, point: Any) -> System:
     P, u, v = problem, point.u, point.v
 
     def frame() -> Frame:
-        boxes = [
-            sets.Box.of(np.arange(u.size), -np.inf, np.inf),
-            sets.Box.of(u.size + np.arange(v.size), 0.0, np.inf),
-        ]
+        own = Sets.of((u.size, -np.inf, np.inf), (v.size, 0.0, np.inf))
         constants = np.concatenate([P.a, P.b])
-        return Frame(Terms.of(stack([[P.A, P.C], [P.D, P.B]])), np.abs(constants), boxes, constants)
+        return Frame(Terms.of(stack([[P.A, P.C], [P.D, P.B]])), np.abs(constants), own, constants)
 
     f = np.concatenate([P.A @ u + P.C @ v + P.a, P.D @ u + P.B @ v + P.b])
     return System(kept(P, frame), np.concatenate([u, v]), f)
@@ -107,21 +102,16 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
     z, mu = point.z, point.mu
     n, m, k = z.size, P.b.size, mu.size
     # a side from 1e19 on is none: nothing holds there, and its multiplier certifies nothing
-    bound = P.b > -sets.INFINITE
+    bound = P.b > -INFINITE
     endless = not bool(bound.all())
     lam, b = (np.where(bound, point.lam, 0.0), np.where(bound, P.b, 0.0)) if endless else (point.lam, P.b)
 
     def frame() -> Frame:
         sizes = stack([[M, transpose(P.A), transpose(P.C)], [P.A, None, None], [P.C, None, None]])
-        own: list[sets.Set] = [
-            sets.Box.of(np.arange(n), P.lb, P.ub),
-            sets.Box.of(np.arange(n, n + m), 0.0, np.inf),
-            sets.Box.of(np.arange(n + m, n + m + k), -np.inf, np.inf),
-        ]
         return Frame(
             terms=Terms.of(sizes),
             constants=np.abs(np.concatenate([q, b, P.d])),
-            sets=[box for box, size in zip(own, (n, m, k), strict=True) if size],
+            sets=Sets.of((n, P.lb, P.ub), (m, 0.0, np.inf), (k, -np.inf, np.inf)),
             signed=np.concatenate([q, -b, -P.d]),
             multiplier=np.arange(n + m + k) >= n,
         )

@@ -11,7 +11,7 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.verification import Verdict, judge
 from cpbench.verification.equilibration import equilibrate_apart
-from cpbench.verification.sets import Box
+from cpbench.verification.sets import Sets
 from cpbench.verification.status import Status, status
 
 
@@ -52,7 +52,7 @@ def test_an_unknown_is_at_its_bound_within_half_of_it(z: float, at_bound: bool) 
 
 @pytest.mark.parametrize(("bound", "finite"), [(7e18, True), (1.5e19, False)])
 def test_bounds_from_1e19_on_are_none(bound: float, finite: bool) -> None:
-    box = Box.of(np.arange(1), -bound, bound)
+    box = Sets.of((1, -bound, bound))
     assert bool(np.isfinite(box.lb).all()) == bool(np.isfinite(box.ub).all()) == finite
 
 
