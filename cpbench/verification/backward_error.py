@@ -30,7 +30,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
-from cpbench.verification.frame import Frame, System, Terms, inverse, largest, segment_max
+from cpbench.verification.frame import Frame, System, Terms, inverse, largest
 from cpbench.verification.sets import Flags
 
 EPS = float(np.finfo(np.float64).eps)
@@ -106,30 +106,30 @@ def _units(terms: Terms, sizes: Vector, scale: Vector, definite: Vector) -> Vect
     if not np.isfinite(definite).any():
         units = terms.effects(inverse(scale))
     else:
-        columns = terms.columns
-        effect = columns.data * inverse(scale)[columns.indices]
-        own = np.repeat(sizes, np.diff(columns.indptr))
-        top = definite[columns.indices]
+        effect, own, top = _effects(terms, scale), sizes[terms.rows.indices], terms.by_entry(definite)
         some = own > 0
         effect[some] = np.minimum(effect[some], top[some] / own[some])
         effect[~some & (top == 0)] = 0.0
-        units = segment_max(effect, columns.indptr)
+        units = terms.largest(effect)
     return np.where(terms.alone, 1.0, units)
+
+
+def _effects(terms: Terms, scale: Vector) -> Vector:
+    """Return the effect of each entry's unknown on its row, per unit."""
+    return terms.rows.data * terms.by_entry(inverse(scale))
 
 
 def _definite(frame: Frame, sizes: Vector, scale: Vector, fixed: Flags) -> Vector:
     """Return how definite every row is: ∞ with a constant or a fixed unknown, else as far as an unknown is that it
     has."""
-    rows, columns = frame.terms.rows, frame.terms.columns
-    caps = frame.caps
+    rows, caps = frame.terms.rows, frame.caps
     definite = np.where(frame.constants > 0, np.inf if caps is None else caps.constants, 0.0)
     if ((definite > 0) | (scale <= 0)).all():
         return definite
-    effect = columns.data * inverse(scale)[columns.indices] * np.repeat(sizes, np.diff(columns.indptr))
-    own = segment_max(np.minimum(effect, definite[columns.indices]), columns.indptr)
+    effect = _effects(frame.terms, scale) * sizes[rows.indices]
+    own = frame.terms.largest(np.minimum(effect, frame.terms.by_entry(definite)))
     own = np.where(fixed & (sizes > 0), np.inf, own)
     lacking = np.flatnonzero(np.isfinite(definite) & (scale > 0))  # the others have given what they give
-    effect = rows.data * np.repeat(inverse(scale), np.diff(rows.indptr)) * sizes[rows.indices]
     top = np.where((rows.data > 0) & (sizes[rows.indices] > 0), np.inf if caps is None else caps.entries, 0.0)
     down, up = (sp.csr_array((data, rows.indices, rows.indptr), shape=rows.shape)[lacking] for data in (effect, top))
     up = up.tocsc()

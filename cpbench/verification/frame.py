@@ -59,11 +59,6 @@ class Terms:
         """The same as CSR."""
         return sp.csr_array(self.sizes)
 
-    @cached_property
-    def columns(self) -> Any:
-        """The same as CSC."""
-        return sp.csc_array(self.rows)
-
     def sums(self, sizes: Vector) -> Vector:
         """Return Σ_c terms_dc sizes_c of every row."""
         return self.sizes @ sizes
@@ -72,7 +67,15 @@ class Terms:
         """Return max_d terms_dc weights_d of every unknown; 0 for one that is in no row."""
         if isinstance(self.sizes, np.ndarray):
             return (self.sizes * weights[:, None]).max(axis=0, initial=0.0)
-        return segment_max(self.columns.data * weights[self.columns.indices], self.columns.indptr)
+        return self.largest(self.sizes.data * self.by_entry(weights))
+
+    def by_entry(self, values: Vector) -> Vector:
+        """Return the values of rows, for each of their entries."""
+        return np.repeat(values, self.lengths)
+
+    def largest(self, entries: Vector) -> Vector:
+        """Return the largest of the nonnegative values that the entries of each unknown have; 0 without any."""
+        return largest_of(self.rows.indices, entries, self.sizes.shape[1])
 
     @cached_property
     def lengths(self) -> Any:
@@ -157,11 +160,7 @@ class Frame:
 
     def largest(self, values: Vector) -> Vector:
         """Return the largest of the values of every block, at least 0."""
-        if self.block is None:
-            return np.maximum(values, 0.0)
-        result = np.zeros(self.k)
-        np.maximum.at(result, self.block, values)
-        return result
+        return np.maximum(values, 0.0) if self.block is None else largest_of(self.block, values, self.k)
 
     def block_sums(self, values: Vector) -> Vector:
         """Return the sum of the values of every block."""
@@ -231,12 +230,10 @@ def inverse(x: Vector) -> Vector:
     return np.divide(1.0, x, out=np.zeros_like(x), where=x > 0)
 
 
-def segment_max(values: Vector, indptr: Any) -> Vector:
-    """Return largest of every segment of nonnegative values, 0 of an empty one."""
-    result = np.zeros(len(indptr) - 1)
-    filled = np.flatnonzero(np.diff(indptr))
-    if filled.size:
-        result[filled] = np.maximum.reduceat(values, indptr[:-1][filled])
+def largest_of(group: Any, values: Vector, count: int) -> Vector:
+    """Return the largest of the nonnegative values of every group, 0 of an empty one."""
+    result = np.zeros(count)
+    np.maximum.at(result, group, values)
     return result
 
 

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from cpbench.foundation.matrices import Vector
 from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.equilibration import equilibrate, equilibrate_apart
-from cpbench.verification.frame import Frame
+from cpbench.verification.frame import Frame, largest_of
 
 
 class Measure(Enum):
@@ -39,23 +39,11 @@ class Groups:
     count: int
     k: int
 
-    @cached_property
-    def _runs(self) -> tuple[Any, Any, Any]:
-        """The order in which blocks of a group stand together, where each group begins, and which groups occur."""
-        order = np.argsort(self.of, kind="stable")
-        of = self.of[order]
-        starts = np.flatnonzero(np.diff(of, prepend=-1))
-        return order, starts, of[starts]
-
     def largest(self, values: Vector) -> Vector:
         """Return the largest of the nonnegative values of each group; 0 for an empty group."""
         if self.of is None:
             return np.array([values.max(initial=0.0)])
-        result = np.zeros(self.count)
-        if values.size:
-            order, starts, present = self._runs
-            result[present] = np.maximum.reduceat(values[order], starts)
-        return result
+        return largest_of(self.of, values, self.count)
 
     def sum(self, values: Vector) -> Vector:
         """Return the sum of the values of each group."""
@@ -75,7 +63,7 @@ class Groups:
 
     def spread(self, values: Any) -> Any:
         """Return the value of its group, for each block; shape (k,)."""
-        return np.repeat(values, self.k) if self.of is None else values[self.of]
+        return np.full(self.k, values[0]) if self.of is None else values[self.of]
 
 
 @dataclass(frozen=True, eq=False)

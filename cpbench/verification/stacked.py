@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cpbench.errors import PointError
 from cpbench.formulations.stack import Stack
 from cpbench.foundation.matrices import Vector, is_psd
-from cpbench.verification.frame import System
+from cpbench.verification.frame import System, largest_of
 from cpbench.verification.measures import BY_PARTS, SYSTEMS
 from cpbench.verification.part_error import BlockErrors, block_errors
 from cpbench.verification.parts import Parts
@@ -145,11 +145,5 @@ class _Own:
 
     def worst(self, found: BlockErrors) -> tuple[Vector, Vector]:
         """Return the error of every problem, and what rounding may cause."""
-        error = self._largest(self.blocks, np.maximum(found.errors, found.grown**2))
-        return np.where(np.isfinite(error), error, np.inf), self._largest(self.blocks, found.floors)
-
-    def _largest(self, number: NDArray[np.int64], values: Vector) -> Vector:
-        """Return the largest of the values of every problem, at least 0."""
-        result = np.zeros(self.count)
-        np.maximum.at(result, number, values)
-        return result
+        error = largest_of(self.blocks, np.maximum(found.errors, found.grown**2), self.count)
+        return np.where(np.isfinite(error), error, np.inf), largest_of(self.blocks, found.floors, self.count)
