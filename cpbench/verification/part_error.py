@@ -97,11 +97,13 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     least : an error that the answer has in any case; growth below its root is not measured.
     """
     frame, units = system.frame, units_of(system, parts, sums)
-    share = _of_gradient(parts, units)
+    scales = parts.scales(units.needed) if parts.measure is Measure.GAP else None
+    share = _of_gradient(parts, units, scales)
     errors = _conditions(system, parts, units, share)
     noise, amplification = (ROUNDINGS * EPS) * (sums + frame.constants), frame.amplification
-    # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing there
-    deciding = (errors > 0) | ((amplification * EPS >= 1.0) & (frame.norms(system.f) > 0))
+    deciding = errors > 0
+    if not frame.even:  # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing
+        deciding |= (amplification * EPS >= 1.0) & (frame.norms(system.f) > 0)
     if system.velocity is not None:  # what sticks obeys the law whatever its coefficient
         stuck = system.defect(units.x, np.zeros(frame.k)) + frame.norms(system.velocity) * units.f
         contact = frame.amplification > 1.0
@@ -119,7 +121,7 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     if frame.signed is not None:
         # an unknown of the size of its part may be off by rounding, whatever its own size
         even = _without_rounding(system, np.maximum(noise, (ROUNDINGS * EPS) * inverse(units.f)))
-        gap, objective = _gap(even, parts, units)
+        gap, objective = _gap(even, parts, units, scales)
         errors = np.maximum(errors, parts.whole.spread(gap))
         if parts.measure is Measure.GAP:
             slope = frame.largest(rounded.excess(np.ones(frame.k))) * inverse(units.x)
@@ -141,13 +143,13 @@ def _conditions(system: System, parts: Parts, units: AnswerUnits, share: Vector 
     return np.maximum(primal, np.minimum(errors, share))
 
 
-def _of_gradient(parts: Parts, units: AnswerUnits) -> Vector | None:
+def _of_gradient(parts: Parts, units: AnswerUnits, scales: tuple[Vector, Vector] | None) -> Vector | None:
     """Return the share that the terms of a gradient without prices have in what sides make of it, (k,), 1 of others;
     None where all have prices."""
-    if parts.unpriced is None:
+    if scales is None or parts.unpriced is None:
         return None
     largest = np.divide(parts.per_row, units.f, out=np.zeros_like(units.f), where=parts.beside_z & (units.f > 0))
-    size, given = parts.whole.largest(largest), parts.scales(units.needed)[1]
+    size, given = parts.whole.largest(largest), scales[1]
     return parts.whole.spread(np.divide(size, given, out=np.ones_like(size), where=(size < given) & parts.unpriced))
 
 
@@ -167,32 +169,35 @@ def _without_rounding(system: System, noise: Vector) -> System:
     return System(system.frame, system.x, np.copysign(f, system.f))
 
 
-def _gap(system: System, parts: Parts, units: AnswerUnits) -> tuple[Vector, Vector]:
-    """Return Σ|x_i f_i| over the terms of the objective, and these terms, of every part."""
+def _gap(
+    system: System, parts: Parts, units: AnswerUnits, scales: tuple[Vector, Vector] | None
+) -> tuple[Vector, Vector]:
+    """Return Σ|x_i f_i| over the terms of the objective, and these terms, of every part; of programs `scales` are what
+    sides and prices make of z and of the gradient."""
     frame, whole = system.frame, parts.whole
     assert frame.signed is not None
-    in_units = parts.measure is Measure.PAIRS and not parts.with_multipliers  # others have the unit of an objective
-    weights = units.x * units.f if in_units else np.ones(frame.k)
+    in_units = not parts.as_program  # others have the unit of an objective
+    weights = units.x * units.f if in_units else 1.0
     reached = frame.sets.products(system.x, system.f, frame.spread(inverse(units.x)), ROUNDINGS * EPS)
     products = weights * frame.block_sums(reached)
     if parts.indifferent is not None:
         products = np.where(parts.indifferent, 0.0, products)
-    gap = whole.sum(_each_row_once(system, parts, products))
+    gap = whole.sum(_each_row_once(system, parts, products) if parts.with_multipliers else np.abs(products))
     fixed = system.x * frame.signed
     quadratic = whole.sum(weights * frame.block_sums(system.x * system.f - fixed))
     terms, sizes = (weights * frame.block_sums(values) for values in (fixed, np.abs(fixed)))
-    straight, sides = (whole.sum(np.where(at, sizes, 0.0)) for at in (parts.beside_z, ~parts.beside_z))
     if in_units:
-        objective = np.maximum(straight, np.abs(quadratic))
+        objective = np.maximum(whole.sum(sizes), np.abs(quadratic))
     else:  # terms that cancel count where those of the dual cancel as well
+        straight, sides = (whole.sum(np.where(at, sizes, 0.0)) for at in (parts.beside_z, ~parts.beside_z))
         prices = whole.sum(np.where(parts.beside_z, terms, 0.0))
         objective = np.maximum(np.abs(0.5 * quadratic + prices), 0.5 * np.abs(quadratic))
         objective = np.maximum(objective, np.minimum(straight, sides))
     error = np.divide(gap, np.maximum(objective, gap), out=np.zeros_like(gap), where=gap > 0)
     without = whole.any(units.absolute)
-    if parts.measure is Measure.GAP or in_units:  # an objective of ε² (pairs: of ε) of what data make it is 0
+    if scales is not None or in_units:  # an objective of ε² (pairs: of ε) of what data make it is 0
         size = np.maximum(objective, gap)
-        given = np.ones_like(gap) if in_units else np.multiply(*parts.scales(units.needed))
+        given = np.ones_like(gap) if scales is None else np.multiply(*scales)
         of_zero = np.divide(size, given, out=np.ones_like(gap), where=size < given)
         of_zero = of_zero if in_units else np.sqrt(of_zero)
         objective, error = np.where(of_zero < error, given, objective), np.minimum(error, of_zero)
@@ -216,10 +221,11 @@ def _each_row_once(system: System, parts: Parts, products: Vector) -> Vector:
     rows = np.flatnonzero(~parts.beside_z & (products != 0.0))
     if rows.size > 1:
         part = np.zeros(rows.size) if parts.whole.of is None else parts.whole.of[rows]
-        values = np.stack([part, system.frame.norms(system.f)[rows]])
-        _, first, group = np.unique(values, axis=1, return_index=True, return_inverse=True)
+        values = system.frame.norms(system.f)[rows]
+        order = np.lexsort((values, part))
+        first = np.flatnonzero((np.diff(values[order], prepend=-1.0) != 0) | (np.diff(part[order], prepend=-1) != 0))
         result[rows] = 0.0
-        result[rows[first]] = np.abs(np.bincount(group.ravel(), products[rows]))
+        result[rows[order[first]]] = np.abs(np.add.reduceat(products[rows[order]], first))
     return result
 
 
@@ -272,6 +278,6 @@ def _sizes_of_constants(system: System, parts: Parts, units: AnswerUnits, noise:
     data = rows.spread(rows.largest(sizes * parts.per_row))
     if not parts.with_multipliers:
         return data
-    of_part = (ROUNDINGS * EPS) * whole.spread(np.where(whole.any(parts.curved), whole.largest(data), 0.0))
+    of_part = (ROUNDINGS * EPS) * whole.spread(np.where(parts.curves, whole.largest(data), 0.0))
     of_rows = rows.spread(rows.largest(noise * parts.per_row))
     return np.where(data <= np.minimum(of_part, of_rows), 0.0, data)

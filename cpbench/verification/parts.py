@@ -150,12 +150,22 @@ class Parts:
             return np.full(values.size, values.sum())
         return np.bincount(self.problem, values).astype(np.float64, copy=False)[self.problem]
 
-    @property
+    @cached_property
+    def one_size(self) -> bool:
+        """Whether all rows share one size."""
+        return self.rows.of is None and not self.as_program and self.kinds is None
+
+    @cached_property
+    def effects(self) -> Vector:
+        """The largest effect of every unknown on the rows, times D; shape (k,)."""
+        return self.frame.terms.effects(self.per_row)
+
+    @cached_property
     def with_multipliers(self) -> bool:
         """Whether there are blocks of multipliers."""
         return self.frame.multiplier is not None and bool(self.frame.multiplier.any())
 
-    @property
+    @cached_property
     def as_program(self) -> bool:
         """Whether rows beside z and rows beside multipliers are told apart: not of pairs that have none of these."""
         return self.measure is Measure.GAP or self.with_multipliers
@@ -169,9 +179,8 @@ class Parts:
         """
         sizes = np.where(needed, self.frame.constants * self.per_row, 0.0)
         sides, prices = (self.whole.largest(np.where(at, sizes, 0.0)) for at in (~self.beside_z, self.beside_z))
-        curved = self.whole.any(self.curved)
-        z = np.maximum(sides, np.where(curved, prices, 0.0))
-        return z, np.maximum(prices, np.where(curved, z, 0.0))
+        z = np.maximum(sides, np.where(self.curves, prices, 0.0))
+        return z, np.maximum(prices, np.where(self.curves, z, 0.0))
 
     @cached_property
     def unpriced(self) -> Any:
@@ -179,9 +188,9 @@ class Parts:
         make of it; None where none is so."""
         if self.measure is not Measure.GAP:
             return None
-        sizes, curved = self.frame.constants * self.per_row, self.whole.any(self.curved)
+        sizes = self.frame.constants * self.per_row
         prices, sides = (self.whole.largest(np.where(at, sizes, 0.0)) for at in (self.beside_z, ~self.beside_z))
-        found = prices <= (ROUNDINGS * EPS) * np.where(curved, sides, 0.0)
+        found = prices <= (ROUNDINGS * EPS) * np.where(self.curves, sides, 0.0)
         return found if found.any() else None
 
     @cached_property
@@ -196,6 +205,11 @@ class Parts:
     def curved(self) -> Any:
         """Whether a row beside z has a term in some z; shape (k,)."""
         return self.beside_z & (self.frame.terms.sums(self.beside_z.astype(np.float64)) > 0)
+
+    @cached_property
+    def curves(self) -> Any:
+        """Whether a part has such a row; shape (whole.count,)."""
+        return self.whole.any(self.curved)
 
 
 def _groups(label: Any, k: int) -> Groups:

@@ -62,11 +62,15 @@ def units_of(system: System, parts: Parts, sums: Vector) -> AnswerUnits:
         constants = np.where(own > ROUNDINGS * EPS * largest, constants, 0.0)
         needed &= constants > 0
     sized, known = _sized(system, parts, constants, needed, balanced)
-    unit = _row_units(system, parts, constants, sums, needed, sized, known)
+    unit, size = _row_units(system, parts, constants, sums, needed, sized, known)
     if taken is not None:  # the force of a bound has digits of its own row only
         unit = np.minimum(unit, inverse(taken), out=unit, where=taken > 0)
     # a set of finite size is data: an unknown beyond it is wrong even where no row depends on it
-    x = np.maximum(frame.terms.effects(unit if sized.all() else np.where(sized, unit, 0.0)), frame.own_unit)
+    if parts.one_size and sized.all():
+        effects = parts.effects / size
+    else:
+        effects = frame.terms.effects(np.where(sized, unit, 0.0))
+    x = np.maximum(effects, frame.own_unit)
     x[(x == 0) | (~known & parts.beside_z)] = 1.0
     if parts.indifferent is not None:  # without an objective no multipliers are needed, and any will do
         unit[parts.indifferent & parts.beside_z] = 0.0
@@ -77,7 +81,7 @@ def units_of(system: System, parts: Parts, sums: Vector) -> AnswerUnits:
 def _sized(system: System, parts: Parts, constants: Vector, needed: Flags, balanced: Flags) -> tuple[Flags, Flags]:
     """Return whether the rows of each block have a size, and whether its unknowns have one."""
     frame, rows = system.frame, parts.rows
-    fixed = system.fixed & parts.beside_z
+    fixed = system.fixed & parts.beside_z if frame.sets.moored else system.fixed
     gives = constants > 0 if parts.measure is Measure.ENERGY else needed
     if fixed.any():
         gives = gives | (frame.terms.sums(fixed.astype(float)) > 0)
@@ -89,16 +93,15 @@ def _sized(system: System, parts: Parts, constants: Vector, needed: Flags, balan
     # sides size z; prices do where they are balanced by z itself, or by nothing; a load does, whatever bears it
     prices = needed & parts.beside_z
     if parts.measure is not Measure.ENERGY:
-        own = frame.terms.sums(np.where(parts.beside_z, system.sizes, 0.0)) > BALANCED * frame.constants
-        prices &= own | ~balanced
+        prices &= ~balanced | (frame.terms.sums(parts.beside_z * system.sizes) > BALANCED * frame.constants)
     known = parts.whole.spread(parts.whole.any((~parts.beside_z & sized) | prices | fixed))
     return sized | (~parts.beside_z & known), known
 
 
 def _row_units(
     system: System, parts: Parts, constants: Vector, sums: Vector, needed: Flags, sized: Flags, known: Flags
-) -> Vector:
-    """Return 1/size of the rows of every block."""
+) -> tuple[Vector, Vector]:
+    """Return 1/size of the rows of every block, and the size of its group, times D."""
     frame, rows, D = system.frame, parts.rows, parts.per_row
     sizes = system.sizes
     energy = parts.measure is Measure.ENERGY
@@ -121,4 +124,4 @@ def _row_units(
         least = np.where(parts.beside_z, np.where(known, sizes, np.maximum(sizes, 1.0)), 0.0)
         alone = np.maximum(frame.terms.sums(least), constants)
         unit = np.where(by_group, unit, np.divide(1.0, alone, out=np.ones(frame.k), where=alone > 0))
-    return unit
+    return unit, size
