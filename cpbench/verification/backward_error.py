@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from cpbench.formulations.base import squared
 from cpbench.foundation.matrices import Vector
 from cpbench.verification.frame import Frame, System, Terms, inverse, largest
 from cpbench.verification.sets import Flags
@@ -48,29 +49,40 @@ class BackwardError:
 
 
 @dataclass(frozen=True, eq=False)
-class RowErrors:
-    """The same, with the errors of the blocks (k,)."""
+class BlockErrors:
+    """The same of every block, (k,).
 
-    blocks: Vector
+    Attributes
+    ----------
+    errors : of blocks or of their parts. grown : with sizes by the constants alone, at most 1; squares count.
+    floors : what rounding may cause. absolute : whether something that no constant sizes was measured as it is.
+    """
+
+    errors: Vector
+    grown: Vector
+    floors: Vector
     absolute: bool
-    floor: float
+
+    def worst(self) -> BackwardError:
+        """Return the error of the answer."""
+        errors, grown, floor = (float(part.max(initial=0.0)) for part in (self.errors, self.grown, self.floors))
+        return BackwardError(largest(errors, squared(largest(grown))), self.absolute, floor)
 
 
 def backward_error(system: System) -> BackwardError:
     """Measure the answer of a system."""
-    found = row_errors(system)
-    return BackwardError(largest(float(found.blocks.max(initial=0.0))), found.absolute, found.floor)
+    return row_errors(system).worst()
 
 
-def row_errors(system: System) -> RowErrors:
+def row_errors(system: System) -> BlockErrors:
     """Measure the answer of a system, block by block."""
-    frame = system.frame
+    frame, none = system.frame, np.zeros(system.frame.k)
     if not frame.k:
-        return RowErrors(np.zeros(0), False, 0.0)
+        return BlockErrors(none, none, none, False)
     sizes, fixed = system.sizes, system.fixed
     scale = frame.terms.sums(sizes) + frame.constants
     if not np.isfinite(scale).all():  # squares of such unknowns are no numbers any more
-        return RowErrors(np.full(frame.k, np.inf), False, 0.0)
+        return BlockErrors(np.full(frame.k, np.inf), none, none, False)
     definite = _definite(frame, sizes, scale, fixed)
     homogeneous = (definite == 0) & (scale > 0)
     if homogeneous.any():
@@ -78,8 +90,8 @@ def row_errors(system: System) -> RowErrors:
         error = _measure(system, sizes, by_itself, sure, homogeneous)
     else:
         error = _measure(system, sizes, scale, definite)
-    floor = EPS * (4.0 + frame.terms.lengths.max(initial=0))
-    return RowErrors(error, bool(homogeneous.any()), float(floor))
+    floors = np.full(frame.k, EPS * (4.0 + frame.terms.lengths.max(initial=0)))
+    return BlockErrors(error, none, floors, bool(homogeneous.any()))
 
 
 def _measure(system: System, sizes: Vector, scale: Vector, definite: Vector, absolute: Flags | None = None) -> Vector:

@@ -8,6 +8,8 @@ has degree d > 0 (a square), the rest is (1 − d)F(z), as small as the row: suc
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -24,6 +26,18 @@ from cpbench.verification.vanishing import caps
 
 Own: TypeAlias = tuple[Any, Any, list[ConeFactors]]
 """Lower and upper sides of the components of z, and what of them is in cones."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """Rows g(z) ≥ 0, or = 0 where `lower` is −∞, beside their multipliers; `curved` tells which are not linear."""
+
+    slope: Any
+    value: Vector
+    constant: Vector
+    multipliers: Vector
+    lower: float = 0.0
+    curved: Any = False
 
 
 @rows_of("soclcp", by=Measure.PAIRS)
@@ -85,32 +99,19 @@ def ge(P: Any, point: Any) -> System:
 def vi(P: Any, point: Any) -> System:
     """Return (z, λ, μ, ν) beside F(z) − Aᵀλ − Cᵀμ − ∇g ν, Az − b, Cz − d and g(z)."""
     z = point.z
-    rows, values, constants = [sp.csr_array(P.A), sp.csr_array(P.C)], [P.A @ z - P.b, P.C @ z - P.d], [-P.b, -P.d]
-    curved = np.zeros(P.b.size + P.d.size, dtype=bool)
+    rows = [Rows(P.A, P.A @ z - P.b, -P.b, point.lam), Rows(P.C, P.C @ z - P.d, -P.d, point.mu, lower=-np.inf)]
     if P.g.rows:
-        slope, g = sp.csr_array(P.g.jacobian(z)), P.g(z)
-        bent = _curved(P.g)
-        rows, values = [*rows, slope], [*values, g]
-        constants = [*constants, np.where(bent, g - slope @ z, P.g.compiled.q)]
-        curved = np.concatenate([curved, bent])
-    signs = [(0.0, P.b.size), (-np.inf, P.d.size), (0.0, P.g.rows)]
-    multipliers = np.concatenate([point.lam, point.mu, point.nu])
-    own = _simple(P, P.K, P.lb, P.ub, z.size)
-    return _with_rows(
-        P, z, P.F(z), P.F.jacobian(z), *own, rows=rows, values=values, constants=constants, signs=signs,
-        multipliers=multipliers, curved=curved,
-    )  # fmt: skip
+        slope, g, bent = sp.csr_array(P.g.jacobian(z)), P.g(z), _curved(P.g)
+        rows.append(Rows(slope, g, np.where(bent, g - slope @ z, P.g.compiled.q), point.nu, curved=bent))
+    return _with_rows(P, z, P.F(z), P.F.jacobian(z), *_simple(P, P.K, P.lb, P.ub, z.size), rows)
 
 
 @rows_of("cp")
 def cp(P: Any, point: Any) -> System:
     """Return (x, λ) beside F(x) − Aᵀλ and Ax."""
     x = point.x
-    own = _simple(P, P.K, np.full(x.size, -np.inf), np.full(x.size, np.inf), x.size)
-    return _with_rows(
-        P, x, P.F(x), P.F.jacobian(x), *own, rows=[sp.csr_array(P.A)], values=[P.A @ x],
-        constants=[np.zeros(P.A.shape[0])], signs=[(0.0, P.A.shape[0])], multipliers=point.lam,
-    )  # fmt: skip
+    rows = [Rows(P.A, P.A @ x, np.zeros(P.A.shape[0]), point.lam)]
+    return _with_rows(P, x, P.F(x), P.F.jacobian(x), *_simple(P, P.K, -np.inf, np.inf, x.size), rows)
 
 
 @rows_of("qvi")
@@ -119,17 +120,14 @@ def qvi(P: Any, point: Any) -> System:
     z = point.z
     own, block = _simple(P, *P.set_at(z), z.size)
     moving = [_terms(bound, z) for bound in (P.lower, P.upper) if bound.rows]
-    rows, values, constants = [], [], []
+    rows = []
     if P.g.rows:
         g = P.row_values(z)
         whole = sp.csr_array(P.g.jacobian(np.concatenate([z, z])))
-        slope = sp.csr_array(whole[:, : z.size])
-        rows, values, constants = [slope], [g], [g - whole @ np.concatenate([z, z])]
-    return _with_rows(
-        P, z, P.F(z), P.F.jacobian(z), own, block, rows=rows, values=values, constants=constants,
-        signs=[(0.0, P.g.rows)], multipliers=point.nu, moving=np.max(moving, axis=0) if moving else None,
-        curved=np.ones(P.g.rows, dtype=bool), fixed=False,
-    )  # fmt: skip
+        constant = g - whole @ np.concatenate([z, z])
+        rows.append(Rows(sp.csr_array(whole[:, : z.size]), g, constant, point.nu, curved=True))
+    found = np.max(moving, axis=0) if moving else None
+    return _with_rows(P, z, P.F(z), P.F.jacobian(z), own, block, rows, moving=found, fixed=False)
 
 
 @rows_of("nlp", by=Measure.GAP)
@@ -145,9 +143,8 @@ def nlp(P: Any, point: Any) -> System:
             curvature = curvature + abs(sp.csr_array(F.hessian(z, weights)))
     return _with_rows(
         P, z, gradient, curvature, (P.lb, P.ub, []), np.arange(z.size),
-        rows=[Jg, Jh], values=[g, h], constants=[g - Jg @ z, h - Jh @ z],
-        signs=[(0.0, g.size), (-np.inf, h.size)], multipliers=np.concatenate([lam, mu]), nu=point.nu,
-        prices=_prices(P, z, gradient, own, gradient - curvature @ z),
+        [Rows(Jg, g, g - Jg @ z, lam), Rows(Jh, h, h - Jh @ z, mu, lower=-np.inf)],
+        nu=point.nu, prices=_prices(P, z, gradient, own, gradient - curvature @ z),
     )  # fmt: skip
 
 
@@ -169,18 +166,19 @@ def _prices(P: Any, z: Vector, gradient: Vector, hessian: Any, otherwise: Vector
 
 
 def _with_rows(
-    P: Any, z: Vector, force: Vector, slope: Any, own: Own, block: Any, *, rows: Any = (), values: Any = (),
-    constants: Any = (), signs: Any = (), multipliers: Vector | None = None, nu: Vector | None = None,
-    moving: Vector | None = None, prices: Vector | None = None, curved: Flags | None = None, fixed: bool = True,
+    P: Any, z: Vector, force: Vector, slope: Any, own: Own, block: Any, rows: Sequence[Rows] = (), *,
+    nu: Vector | None = None, moving: Vector | None = None, prices: Vector | None = None, fixed: bool = True,
 ) -> System:  # fmt: skip
     """Return F(z) less the rows' multipliers beside z, and each row beside its multiplier; `moving` are the sizes of
-    the terms of bounds that depend on z, `prices` the constants of F where they are known, `curved` tells which of the
-    rows are not linear, `fixed` whether the sets stay where they are."""
+    the terms of bounds that depend on z, `prices` the constants of F where they are known, `fixed` tells whether the
+    sets stay where they are."""
     slope = sp.csr_array(slope)
     first = int(block[-1]) + 1 if len(block) else 0
-    n, m = z.size, 0 if multipliers is None else multipliers.size
-    A = sp.csr_array(sp.vstack(rows)) if len(rows) else sp.csr_array((0, n))
-    curved = np.zeros(m, dtype=bool) if curved is None else curved
+    columns = zip(*((row.multipliers, row.value, row.constant) for row in rows), strict=True) if rows else [()] * 3
+    multipliers, values, constants = (np.concatenate([np.zeros(0), *column]) for column in columns)
+    curved = np.concatenate([np.zeros(0, bool), *(np.broadcast_to(row.curved, row.value.shape) for row in rows)])
+    n, m = z.size, multipliers.size
+    A = sp.csr_array(sp.vstack([sp.csr_array(row.slope) for row in rows])) if rows else sp.csr_array((0, n))
     bent, turning = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     constant, straight = prices, False
     if constant is None:
@@ -188,12 +186,11 @@ def _with_rows(
         turning[A[curved].indices] = True  # the force of such a row turns with it
         constant = np.where(bent, _of_one_degree(P.F, z, force, slope, force - slope @ z), P.F.compiled.q)
         straight = fixed and not (bent.any() or curved.any())
-    beside = np.concatenate([np.zeros(0), *constants])
-    signed, beside = np.concatenate([constant, beside]), np.abs(beside)
+    beside = np.abs(constants)
     whole = np.concatenate([block, first + np.arange(m)])
 
     def frame() -> Frame:
-        matrix = slope if multipliers is None else sp.block_array([[slope, A.T], [A, sp.csr_array((m, m))]])
+        matrix = slope if not m else sp.block_array([[slope, A.T], [A, sp.csr_array((m, m))]])
         affine = steady = found = None
         if not straight and prices is None:
             affine = ~np.concatenate([_norms((bent | turning).astype(float), block) > 0, curved]) & fixed
@@ -203,10 +200,10 @@ def _with_rows(
         return Frame(
             terms=Terms.of_blocks(matrix, whole, whole, keep_zeros=found is not None),  # caps are of these entries
             constants=np.concatenate([_norms(constant, block), beside]),
-            sets=Sets.of((n, *own[:2]), *((count, lower, np.inf) for lower, count in signs), cones=own[2]),
-            signed=signed,
+            sets=Sets.of((n, *own[:2]), *((row.value.size, row.lower, np.inf) for row in rows), cones=own[2]),
+            signed=np.concatenate([constant, constants]),
             block=whole,
-            multiplier=None if multipliers is None else np.arange(first + m) >= first,
+            multiplier=np.arange(first + m) >= first if m else None,
             caps=found,
             moving=None if moving is None else np.concatenate([_norms(moving, block), np.zeros(m)]),
             affine=affine,
@@ -214,13 +211,11 @@ def _with_rows(
         )
 
     made = kept(P, frame) if straight else frame()
-    if multipliers is None:
-        return System(made, z, force)
     balance = force - A.T @ multipliers
     return System(
         frame=made,
         x=np.concatenate([z, multipliers]),
-        f=np.concatenate([balance, *values]),
+        f=np.concatenate([balance, values]),
         also=None if nu is None else (balance - nu, block),
     )
 
@@ -254,7 +249,7 @@ def _of_one_degree(F: Any, z: Vector, value: Vector, slope: Any, constant: Vecto
     return result
 
 
-def _simple(P: Any, K: Any, lb: Vector, ub: Vector, n: int) -> tuple[Own, Any]:
+def _simple(P: Any, K: Any, lb: Any, ub: Any, n: int) -> tuple[Own, Any]:
     """S = {z ∈ K : lb ≤ z ≤ ub}, and the blocks of its components."""
     if not P.cone_kind.size:
         return (lb, ub, []), np.arange(n)

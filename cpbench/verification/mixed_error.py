@@ -19,9 +19,8 @@ import dataclasses
 
 import numpy as np
 
-from cpbench.formulations.base import squared
-from cpbench.verification.backward_error import EPS, BackwardError, row_errors
-from cpbench.verification.frame import Frame, System, largest
+from cpbench.verification.backward_error import EPS, BackwardError, BlockErrors, row_errors
+from cpbench.verification.frame import Frame, System
 from cpbench.verification.part_error import block_errors, part_error, parts_of
 from cpbench.verification.parts import Measure, Parts, connected
 from cpbench.verification.sets import Flags
@@ -40,14 +39,15 @@ def mixed_error(system: System) -> BackwardError:
     constants = np.where(asked, np.minimum(frame.steady, sums + frame.constants), 0.0)
     whole = dataclasses.replace(frame, constants=np.where(linear, frame.constants, constants), caps=None)
     parts = Parts.of(whole, whole.terms.sizes, Measure.PAIRS)
-    least = float(rows.blocks.max()) if not linear.any() else EPS
+    least = float(rows.errors.max()) if not linear.any() else EPS
     found = block_errors(dataclasses.replace(system, frame=whole), parts, sums, least)
     counted = linear | (asked & (constants > 0))
-    errors = np.where(linear, found.errors, rows.blocks)
-    grown = float(found.grown[counted].max(initial=0.0))
-    error = largest(float(errors.max()), squared(largest(grown)))
-    floor = max(0.0 if linear.all() else rows.floor, float(found.floors[counted].max(initial=0.0)))
-    return BackwardError(error, rows.absolute or (found.absolute and bool(linear.any())), floor)
+    return BlockErrors(
+        np.where(linear, found.errors, rows.errors),
+        np.where(counted, found.grown, 0.0),
+        np.maximum(np.where(linear, 0.0, rows.floors), np.where(counted, found.floors, 0.0)),
+        rows.absolute or (found.absolute and bool(linear.any())),
+    ).worst()
 
 
 def _asked(frame: Frame) -> Flags:

@@ -27,16 +27,14 @@ would solve other constants as well, and is `unresolvable`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.base import squared
 from cpbench.foundation.matrices import Vector
-from cpbench.verification.backward_error import EPS, ROUNDINGS, BackwardError
-from cpbench.verification.frame import Frame, System, inverse, largest
+from cpbench.verification.backward_error import EPS, ROUNDINGS, BackwardError, BlockErrors
+from cpbench.verification.frame import Frame, System, inverse
 from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags
 from cpbench.verification.sizes import AnswerUnits, units_of
@@ -63,22 +61,6 @@ def parts_between(frame: Frame, other: Frame, measure: Measure) -> Parts:
     return Parts.of(frame, sp.csr_array(sizes), measure)
 
 
-@dataclass(frozen=True, eq=False)
-class BlockErrors:
-    """Errors as `part_error` measures them, block by block.
-
-    Attributes
-    ----------
-    errors : (k,) of blocks or of their parts. grown : (k,) with sizes by the constants alone, at most 1; squares count.
-    floors : (k,) what rounding may cause. absolute : whether a part that no constant sizes was measured as it is.
-    """
-
-    errors: Vector
-    grown: Vector
-    floors: Vector
-    absolute: bool
-
-
 def part_error(system: System, parts: Parts) -> BackwardError:
     """Measure an answer. Rows beside multipliers are those of the primal."""
     if not system.frame.k:
@@ -86,9 +68,7 @@ def part_error(system: System, parts: Parts) -> BackwardError:
     sums = system.frame.terms.sums(system.sizes)
     if not np.isfinite(sums).all():  # squares of such unknowns are no numbers any more
         return BackwardError(np.inf, False, 0.0)
-    found = block_errors(system, parts, sums)
-    error = largest(float(found.errors.max()), squared(largest(float(found.grown.max()))))
-    return BackwardError(error, found.absolute, float(found.floors.max()))
+    return block_errors(system, parts, sums).worst()
 
 
 def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0) -> BlockErrors:

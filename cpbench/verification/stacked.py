@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from cpbench.errors import PointError
 from cpbench.formulations.stack import Stack
 from cpbench.foundation.matrices import Vector, is_psd
+from cpbench.verification.backward_error import BlockErrors
 from cpbench.verification.frame import System, largest_of
 from cpbench.verification.measures import BY_PARTS, SYSTEMS
-from cpbench.verification.part_error import BlockErrors, block_errors
+from cpbench.verification.part_error import block_errors
 from cpbench.verification.parts import Parts
 from cpbench.verification.sets import Flags
 from cpbench.verification.tables import STACKED
