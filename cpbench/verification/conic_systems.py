@@ -15,12 +15,12 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.foundation.matrices import Vector
+from cpbench.foundation.matrices import Vector, transpose
 from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.frame import Frame, System, Terms, block_norms
 from cpbench.verification.parts import Measure
 from cpbench.verification.sets import ConeFactors, Flags, Sets, of_product
-from cpbench.verification.systems import kept
+from cpbench.verification.systems import kept, stack
 from cpbench.verification.tables import rows_of
 from cpbench.verification.vanishing import caps
 
@@ -62,10 +62,8 @@ def coneqp(P: Any, point: Any) -> System:
         lb, ub, cones = of_product(P.K, rows=True, first=n)
         block = np.concatenate([np.arange(n), n + P.K.blocks])
         last = int(block[-1]) + 1 if block.size else 0
-        A = sp.csr_array(P.A)
-        whole = sp.block_array([[sp.csr_array(P.Q), A.T], [A, sp.csr_array((m, m))]])
         return Frame(
-            terms=Terms.of_blocks(whole, block, block),
+            terms=Terms.of_blocks(stack([[P.Q, transpose(P.A)], [P.A, None]]), block, block),
             constants=_norms(np.concatenate([P.p, P.b]), block),
             sets=Sets.of((n, -np.inf, np.inf), (m, lb, ub), cones=cones),
             signed=np.concatenate([P.p, P.b]),
@@ -190,7 +188,7 @@ def _with_rows(
     whole = np.concatenate([block, first + np.arange(m)])
 
     def frame() -> Frame:
-        matrix = slope if not m else sp.block_array([[slope, A.T], [A, sp.csr_array((m, m))]])
+        matrix = stack([[slope, A.T], [A, None]]) if m else slope
         affine = steady = found = None
         if not straight and prices is None:
             affine = ~np.concatenate([_norms((bent | turning).astype(float), block) > 0, curved]) & fixed

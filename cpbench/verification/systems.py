@@ -31,22 +31,18 @@ def stack(blocks: list[list[Any]]) -> Any:
     """Return |K| of a matrix of blocks, None being zero: an array where it is small, else CSR."""
     heights = [next(B.shape[0] for B in row if B is not None) for row in blocks]
     widths = [next(B.shape[1] for B in column if B is not None) for column in zip(*blocks, strict=True)]
-    if sum(heights) * sum(widths) <= SMALL:
-        rows = [
-            np.hstack(
-                [np.zeros((height, width)) if B is None else dense(B) for B, width in zip(row, widths, strict=True)]
-            )
-            for row, height in zip(blocks, heights, strict=True)
-        ]
-        return np.abs(np.vstack(rows))
-    lines = [
-        sp.hstack(
-            [sp.csr_array((height, width) if B is None else B) for B, width in zip(row, widths, strict=True)],
-            format="csr",
-        )
-        for row, height in zip(blocks, heights, strict=True)
-    ]
-    return abs(sp.csr_array(sp.vstack(lines, format="csr")))  # half of the time of block_array
+    tops, lefts = (np.cumsum([0, *sizes]).tolist() for sizes in (heights, widths))
+    placed = [(B, tops[i], lefts[j]) for i, row in enumerate(blocks) for j, B in enumerate(row) if B is not None]
+    shape = (tops[-1], lefts[-1])
+    if shape[0] * shape[1] <= SMALL:
+        K = np.zeros(shape)
+        for B, i, j in placed:
+            K[i : i + B.shape[0], j : j + B.shape[1]] = np.abs(dense(B))
+        return K
+    entries: Any = [(sp.coo_array(B), i, j) for B, i, j in placed]
+    data = np.concatenate([np.abs(B.data) for B, _, _ in entries])
+    rows, columns = (np.concatenate([B.coords[at] + first[at] for B, *first in entries]) for at in (0, 1))
+    return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=shape))
 
 
 @rows_of("lcp", by=Measure.PAIRS, stacked=True)
