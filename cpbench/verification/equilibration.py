@@ -54,11 +54,12 @@ def equilibrate_apart(A: Any, part: Any = None) -> tuple[Vector, Vector]:
     """
     pattern = _at_places_of(A, (_entries(A) > 0).astype(np.float64))
     counts, beside = pattern @ np.ones(A.shape[1]), pattern.T @ np.ones(A.shape[0])
-    D, C = _first_guess(A, pattern, counts, beside, part)
-    logs = _logs(A) + _by_entry(A, D, C)
+    given = _logs(A)
+    D, C = _first_guess(_at_places_of(A, given), pattern, counts, beside, part)
+    logs = given + _by_entry(A, D, C)
     if (logs * _entries(pattern) > LARGEST).any():  # cut off, it would be another matrix
         D, C = _largest_one(A, D, C)
-        logs = _logs(A) + _by_entry(A, D, C)
+        logs = given + _by_entry(A, D, C)
     W = _at_places_of(A, np.exp(np.clip(logs, -LARGEST, LARGEST)) * _entries(pattern))
     turned, enough = W.T, ENOUGH**2 * _sums(counts, part)
     d, c, before = _ratio(counts, W @ np.ones(A.shape[1])), np.ones(A.shape[1]), np.inf
@@ -81,11 +82,11 @@ def equilibrate_apart(A: Any, part: Any = None) -> tuple[Vector, Vector]:
     return np.exp(D) * d, np.exp(C) * c
 
 
-def _first_guess(A: Any, pattern: Any, counts: Vector, beside: Vector, part: Any) -> tuple[Vector, Vector]:
+def _first_guess(logs: Any, pattern: Any, counts: Vector, beside: Vector, part: Any) -> tuple[Vector, Vector]:
     """Return the d and e with the least Σ (l_ij + d_i + e_j)², l the logarithms of the entries."""
-    logs, per_column = _at_places_of(A, _logs(A)), inverse(beside)
-    e = -per_column * (logs.T @ np.ones(A.shape[0]))
-    r = -(logs @ np.ones(A.shape[1]) + pattern @ e)
+    per_column = inverse(beside)
+    e = -per_column * (logs.T @ np.ones(counts.size))
+    r = -(logs @ np.ones(beside.size) + pattern @ e)
     enough = GUESSED**2 * _sums(counts, part)
     d = _solved(pattern, 1.0, per_column, counts, r, enough, part)
     return d, e - per_column * (pattern.T @ d)
