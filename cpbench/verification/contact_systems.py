@@ -114,10 +114,10 @@ def worst_loaded(P: Any, system: System, tolerance: float) -> float:
     so that neither the self-stress of others nor a contact that only just touches decides.
     """
     assert system.velocity is not None
-    law, d = contact_sets(P), P.dimension
+    (law,), d = system.frame.sets.cones, P.dimension
     r, u = system.x[: P.nc * d], system.f[: P.nc * d]
     rho = np.repeat(P.rho, d)
-    defect = _norms(law.defect(r, u, np.ones(r.size), rho), d)
+    defect = row_norms(law.defect(r, u, np.ones(r.size), rho))
     r_size, u_size = _norms(r, d), P.rho * _norms(u, d)
     free = P.q if hasattr(P, "q") else P.free_velocity if hasattr(P, "free_velocity") else P.reference.free_velocity
     energy = np.sqrt((P.rho * _norms(free * _units(P), d) ** 2).sum())

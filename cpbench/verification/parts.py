@@ -63,7 +63,7 @@ class Groups:
 
     def spread(self, values: Any) -> Any:
         """Return the value of its group, for each block; shape (k,)."""
-        return np.full(self.k, values[0]) if self.of is None else values[self.of]
+        return values.repeat(self.k) if self.of is None else values[self.of]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +139,10 @@ class Parts:
     def kinds(self) -> Groups | None:
         """Groups of rows, of pairs without multipliers those of free unknowns, which are equalities, apart from others;
         None where that makes no difference."""
+        if self.measure is not Measure.PAIRS or self.with_multipliers:
+            return None
         free = self.frame.any(self.frame.sets.free)
-        if self.measure is not Measure.PAIRS or self.with_multipliers or not free.any() or free.all():
+        if not free.any() or free.all():
             return None
         return _groups(2 * self.rows.spread(np.arange(self.rows.count)) + free, self.frame.k)
 
