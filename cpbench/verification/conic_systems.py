@@ -29,7 +29,7 @@ Own: TypeAlias = tuple[Any, Any, list[ConeFactors]]
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class RowGroup:
     """Rows g(z) ≥ 0, or = 0 where `lower` is −∞, beside their multipliers; `curved` tells which are not linear."""
 
     slope: Any
@@ -97,10 +97,10 @@ def ge(P: Any, point: Any) -> System:
 def vi(P: Any, point: Any) -> System:
     """Return (z, λ, μ, ν) beside F(z) − Aᵀλ − Cᵀμ − ∇g ν, Az − b, Cz − d and g(z)."""
     z = point.z
-    rows = [Rows(P.A, P.A @ z - P.b, -P.b, point.lam), Rows(P.C, P.C @ z - P.d, -P.d, point.mu, lower=-np.inf)]
+    rows = [RowGroup(P.A, P.A @ z - P.b, -P.b, point.lam), RowGroup(P.C, P.C @ z - P.d, -P.d, point.mu, lower=-np.inf)]
     if P.g.rows:
         slope, g, bent = sp.csr_array(P.g.jacobian(z)), P.g(z), _curved(P.g)
-        rows.append(Rows(slope, g, np.where(bent, g - slope @ z, P.g.compiled.q), point.nu, curved=bent))
+        rows.append(RowGroup(slope, g, np.where(bent, g - slope @ z, P.g.compiled.q), point.nu, curved=bent))
     return _with_rows(P, z, P.F(z), P.F.jacobian(z), *_simple(P, P.K, P.lb, P.ub, z.size), rows)
 
 
@@ -108,7 +108,7 @@ def vi(P: Any, point: Any) -> System:
 def cp(P: Any, point: Any) -> System:
     """Return (x, λ) beside F(x) − Aᵀλ and Ax."""
     x = point.x
-    rows = [Rows(P.A, P.A @ x, np.zeros(P.A.shape[0]), point.lam)]
+    rows = [RowGroup(P.A, P.A @ x, np.zeros(P.A.shape[0]), point.lam)]
     return _with_rows(P, x, P.F(x), P.F.jacobian(x), *_simple(P, P.K, -np.inf, np.inf, x.size), rows)
 
 
@@ -123,7 +123,7 @@ def qvi(P: Any, point: Any) -> System:
         g = P.row_values(z)
         whole = sp.csr_array(P.g.jacobian(np.concatenate([z, z])))
         constant = g - whole @ np.concatenate([z, z])
-        rows.append(Rows(sp.csr_array(whole[:, : z.size]), g, constant, point.nu, curved=True))
+        rows.append(RowGroup(sp.csr_array(whole[:, : z.size]), g, constant, point.nu, curved=True))
     found = np.max(moving, axis=0) if moving else None
     return _with_rows(P, z, P.F(z), P.F.jacobian(z), own, block, rows, moving=found, fixed=False)
 
@@ -141,7 +141,7 @@ def nlp(P: Any, point: Any) -> System:
             curvature = curvature + abs(sp.csr_array(F.hessian(z, weights)))
     return _with_rows(
         P, z, gradient, curvature, (P.lb, P.ub, []), np.arange(z.size),
-        [Rows(Jg, g, g - Jg @ z, lam), Rows(Jh, h, h - Jh @ z, mu, lower=-np.inf)],
+        [RowGroup(Jg, g, g - Jg @ z, lam), RowGroup(Jh, h, h - Jh @ z, mu, lower=-np.inf)],
         nu=point.nu, prices=_prices(P, z, gradient, own, gradient - curvature @ z),
     )  # fmt: skip
 
@@ -164,7 +164,7 @@ def _prices(P: Any, z: Vector, gradient: Vector, hessian: Any, otherwise: Vector
 
 
 def _with_rows(
-    P: Any, z: Vector, force: Vector, slope: Any, own: Own, block: Any, rows: Sequence[Rows] = (), *,
+    P: Any, z: Vector, force: Vector, slope: Any, own: Own, block: Any, rows: Sequence[RowGroup] = (), *,
     nu: Vector | None = None, moving: Vector | None = None, prices: Vector | None = None, fixed: bool = True,
 ) -> System:  # fmt: skip
     """Return F(z) less the rows' multipliers beside z, and each row beside its multiplier; `moving` are the sizes of

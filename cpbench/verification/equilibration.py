@@ -62,14 +62,14 @@ def equilibrate_apart(A: Any, part: Any = None) -> tuple[Vector, Vector]:
         logs = given + _by_entry(A, D, C)
     W = _at_places_of(A, np.exp(np.clip(logs, -LARGEST, LARGEST)) * _entries(pattern))
     turned, enough = W.T, ENOUGH**2 * _sums(counts, part)
-    d, c, before = _ratio(counts, W @ np.ones(A.shape[1])), np.ones(A.shape[1]), np.inf
+    d, c, before, going = _ratio(counts, W @ np.ones(A.shape[1])), np.ones(A.shape[1]), np.inf, np.bool_(True)
     for _ in range(SWEEPS):
         c = _ratio(beside, turned @ d)
         found = d * (W @ c)
         r = counts - found
         off = _sums(r * r * inverse(counts), part)
         kept = np.sqrt(np.divide(off, before, out=np.zeros_like(off), where=before > 0))
-        going = off > enough * np.maximum(1.0 - kept, SLOWEST) ** 2
+        going &= off > enough * np.maximum(1.0 - kept, SLOWEST) ** 2  # a part that has ended keeps all of its error
         if not np.any(going):
             break
         factor, slow = _ratio(counts, found), going & (off > FAST * before)

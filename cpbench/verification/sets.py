@@ -24,7 +24,7 @@ NEAR = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Sets:
-    """What the unknowns of a problem are in: lb ≤ x ≤ ub, each component by itself, but for those of `cones`.
+    """Sets of the unknowns of a problem: lb ≤ x ≤ ub, each component by itself, but for those of `cones`.
 
     Answers are values of all components, of factors of cones the same in each component.
     """

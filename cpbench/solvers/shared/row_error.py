@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from cpbench.formulations.defects import cone_defect
 from cpbench.foundation.cones import box_defect
@@ -29,8 +28,7 @@ def row_error(z: Vector, F: Vector, slope: Any, lb: Vector, ub: Vector, K: Produ
 
     A row is measured by the size of its terms, the sum of those in F′(z)z or what is left, F − F′(z)z; an unknown by
     its largest effect on a row; a factor by its largest ones. A row that holds its unknown at a bound is not a size for
-    others. A row that is small beside others counts as far as its unknowns have an effect on those, as unknowns of
-    1e-10 have near a pole.
+    others.
     """
     if not z.size:
         return 0.0
@@ -38,26 +36,13 @@ def row_error(z: Vector, F: Vector, slope: Any, lb: Vector, ub: Vector, K: Produ
         size, far = sp.csr_array(abs(slope)), np.abs(z)
         terms = _largest(np.maximum(size @ far, np.abs(F - slope @ z)), K)
         free = _largest(np.abs(F), K) <= 2.0 * _largest(np.abs(_defect(z, F, lb, ub, K)), K)
-        least = max(SMALL * float(terms[free].max(initial=0.0)), LEAST)
-        unit = 1.0 / np.maximum(terms, least)
+        unit = 1.0 / np.maximum(terms, max(SMALL * float(terms[free].max(initial=0.0)), LEAST))
         effect = _largest(size.multiply(unit[:, None]).max(axis=0).toarray().ravel(), K)
-        small = (terms < least) & (F != 0.0)
-        if K is None and small.any():
-            own = np.minimum(1.0 / terms, _felt(size, far, terms, unit, small) / np.abs(F))
-            unit = np.where(small, np.maximum(unit, own), unit)
         effect[effect == 0.0] = 1.0
         scaled = None if K is None else K.in_units(effect)
         defect = np.abs(_defect(effect * z, unit * F, effect * lb, effect * ub, scaled))
         error = float((defect if K is None else np.sqrt(np.bincount(K.blocks, defect**2))).max())
     return error if np.isfinite(error) else np.inf
-
-
-def _felt(size: Any, far: Vector, terms: Vector, unit: Vector, small: NDArray[np.bool_]) -> Vector:
-    """Return for every row the largest share that one of its unknowns has, both in it and in a row that is not small;
-    0 without any."""
-    others = far * size.multiply(np.where(small, 0.0, unit)[:, None]).max(axis=0).toarray().ravel()
-    share = np.minimum(size.data * far[size.indices] / np.repeat(terms, np.diff(size.indptr)), others[size.indices])
-    return sp.csr_array((share, size.indices, size.indptr), shape=size.shape).max(axis=1).toarray().ravel()
 
 
 def _defect(z: Vector, F: Vector, lb: Vector, ub: Vector, K: ProductCone | None) -> Vector:
