@@ -72,7 +72,7 @@ class ProductCone:
 
     @property
     def conical(self) -> bool:
-        """Whether every factor is a cone."""
+        """Return whether every factor is a cone."""
         return not np.isin(self.kind, (Cone.CYLINDER, Cone.BALL)).any()
 
     @cached_property
@@ -85,7 +85,7 @@ class ProductCone:
 
     @cached_property
     def extended(self) -> NDArray[np.bool_]:
-        """Whether K is more than {0} in a component, shape (rows,); where it is not, the dual part may be anything."""
+        """Return whether K is more than {0} in a component, (rows,); where it is not, the dual part may be anything."""
         result = np.ones(self.rows, dtype=bool)
         for kind, rows, mu, mu_r in self.groups:
             k = (rows.shape[1] - 1) // 2

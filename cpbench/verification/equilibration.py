@@ -23,7 +23,7 @@ from cpbench.verification.frame import inverse
 
 SWEEPS = 32
 STEPS = 100
-"""Of conjugate gradients, at most: for the first guess and for each Newton step."""
+"""Limit of conjugate gradients, for the first guess and for each Newton step."""
 ENOUGH = 5e-4
 """The mean of a row, and log D_i, may be off by this much in the root mean square: sizes are compared, no digits."""
 GUESSED = 0.01

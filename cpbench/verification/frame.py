@@ -79,12 +79,12 @@ class Terms:
 
     @cached_property
     def lengths(self) -> Any:
-        """How many terms each row has."""
+        """Number of terms of each row."""
         return np.count_nonzero(self.sizes, axis=1) if isinstance(self.sizes, np.ndarray) else np.diff(self.rows.indptr)
 
     @cached_property
     def alone(self) -> Flags:
-        """Whether an unknown is in no row."""
+        """Return whether an unknown is in no row."""
         return self.effects(np.ones(self.sizes.shape[0])) == 0
 
 
@@ -127,7 +127,7 @@ class Frame:
 
     @property
     def k(self) -> int:
-        """How many blocks there are."""
+        """Number of blocks."""
         return self.constants.size
 
     @cached_property
@@ -142,12 +142,12 @@ class Frame:
 
     @cached_property
     def even(self) -> bool:
-        """Whether no coefficient of friction is above 1: none hides in a distance how fast a contact closes."""
+        """Return whether no coefficient of friction is above 1: none hides in a distance how fast a contact closes."""
         return bool((self.amplification <= 2.0).all())
 
     @property
     def count(self) -> int:
-        """How many unknowns there are."""
+        """Number of unknowns."""
         return self.k if self.block is None else len(self.block)
 
     def spread(self, values: Vector) -> Vector:

@@ -104,9 +104,9 @@ class ByParts(AutomaticChoice):
         output = super().solve(prepared, budget, options, start, last)
         if output.claim is Claim.SOLVED or output.certificate is not None or budget.iterations is not None:
             return output
-        parts, left = parted(prepared.problem), budget.left(deadline)
-        if parts is None or sum(prepared.problem.point_sizes.values()) > self.few or left.seconds <= 0.0:
-            return output
+        left, large = budget.left(deadline), sum(prepared.problem.point_sizes.values()) > self.few
+        if large or left.seconds <= 0.0 or (parts := parted(prepared.problem)) is None:
+            return output  # `setup` has looked for the parts of a large problem
         found = self._apart(parts, left, options, start, last)
         return found if found.claim is Claim.SOLVED else output
 
