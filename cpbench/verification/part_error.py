@@ -8,7 +8,8 @@ for rows beside multipliers). In these units, with P the projection on the set o
     pairs     ‖x̂ − P(x̂ − f̂)‖, the largest, of complementarity problems and inequalities,
     contact   √Σ‖x̂ − P(x̂ − f̂)‖² over a part, in energy,
     programs  the distance of x̂ from its set and of f̂ from the dual set, the largest. A gradient without prices of
-              which all terms are below ε of what sides make of it is 0.
+              which all terms are below ε of what sides make of it is 0. A constraint or a bound counts by `OWN` of its
+              own terms, too, if these are no less than `SMALL` of the size of its part.
 
 Unknowns that a problem leaves free may be of any size, and must hide nothing. Two further numbers count for that.
 
@@ -39,6 +40,11 @@ from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags
 from cpbench.verification.sizes import AnswerUnits, units_of
 
+OWN = 0.1
+"""Share by which a constraint or a bound of a program is compared with its own terms: it is missed by at most 10 ε of
+them, however large others are."""
+SMALL = 1e-5
+"""Share of the size of its part below which the terms of such a row say nothing: they may be rounding of larger ones."""
 UNKNOWN = 0.1
 """Share of the constants of a row that is taken off as rounding, from which on the answer says nothing of them."""
 _PARTS: WeakKeyDictionary[Frame, Parts] = WeakKeyDictionary()
@@ -79,7 +85,7 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     frame, units = system.frame, units_of(system, parts, sums)
     scales = parts.scales(units.needed) if parts.measure is Measure.GAP else None
     share = _of_gradient(parts, units, scales)
-    errors = _conditions(system, parts, units, share)
+    errors = _conditions(system, parts, units, sums, share)
     noise, amplification = (ROUNDINGS * EPS) * (sums + frame.constants), frame.amplification
     deciding = errors > 0
     if not frame.even:  # beside a coefficient of 1/eps nothing is left of how fast a contact closes: 0 tells nothing
@@ -111,16 +117,31 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     return BlockErrors(errors, np.minimum(grown, 1.0), floors, absolute)
 
 
-def _conditions(system: System, parts: Parts, units: AnswerUnits, share: Vector | None) -> Vector:
+def _conditions(system: System, parts: Parts, units: AnswerUnits, sums: Vector, share: Vector | None) -> Vector:
     """Return by how much every block misses its conditions, in units; those of the gradient at most by `share`."""
     if parts.measure is not Measure.GAP:
         return system.defect(units.x, units.f)
-    errors = system.frame.largest(system.distances(units.x, units.f))
+    x_unit, f_unit = _with_own_terms(system, parts, units, sums)
+    errors = system.frame.largest(system.distances(x_unit, f_unit))
     if share is None or (share >= errors).all():
         return errors
-    x_unit, f_unit = (np.where(at, of, 0.0) for at, of in ((parts.beside_z, units.x), (~parts.beside_z, units.f)))
-    primal = system.frame.largest(system.distances(x_unit, f_unit))
+    primal = system.frame.largest(
+        system.distances(np.where(parts.beside_z, x_unit, 0.0), np.where(parts.beside_z, 0.0, f_unit))
+    )
     return np.maximum(primal, np.minimum(errors, share))
+
+
+def _with_own_terms(system: System, parts: Parts, units: AnswerUnits, sums: Vector) -> tuple[Vector, Vector]:
+    """Return the units of unknowns and rows, at least `OWN` over the own terms of constraints and of bounds that are
+    not 0."""
+    frame, sets = system.frame, system.frame.sets
+    rows = np.where(parts.beside_z, 0.0, sums + frame.constants)
+    f_unit = np.maximum(units.f, OWN * inverse(np.where(rows * units.f > SMALL, rows, 0.0)))
+    if not sets.off_0:
+        return units.x, f_unit
+    missed = frame.largest(sets.missed(system.x))
+    bounds = np.where(parts.beside_z & ~units.absolute & (missed > 0), missed + frame.norms(system.x), 0.0)
+    return np.maximum(units.x, OWN * inverse(np.where(bounds * units.x > SMALL, bounds, 0.0))), f_unit
 
 
 def _of_gradient(parts: Parts, units: AnswerUnits, scales: tuple[Vector, Vector] | None) -> Vector | None:

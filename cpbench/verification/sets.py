@@ -93,6 +93,10 @@ class Sets:
             x = cone.nearest(x)
         return x
 
+    def missed(self, x: Vector) -> Vector:
+        """Return the size of the side that a component is beyond, 0 of those within."""
+        return np.where(x < self.lb, np.abs(self.lb), np.where(x > self.ub, np.abs(self.ub), 0.0))
+
     def anchored(self, x: Vector) -> Flags:
         """Return whether a component is at, or beyond, a part of the boundary that is not 0."""
         result = np.zeros(x.size, dtype=bool)

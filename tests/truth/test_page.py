@@ -75,12 +75,17 @@ def qp_error(P: QP, x: QPPoint) -> float:
     row, needed = qp_rows(K, c, y, f, low, high, size, D, of_z)
     column = np.maximum((row[:, None] * np.abs(K)).max(axis=0), 1 / np.maximum(np.abs(low), np.abs(high)))
     push = np.maximum(np.where(np.isinf(low), f, 0.0), np.where(np.isinf(high), -f, 0.0))  # what no bound takes of f
-    pushed, beyond, (z, price) = push * row, np.maximum(low - y, y - high) * column, qp_scales(K, c, needed, D, of_z)
-    gradient = max(pushed[of_z].max(), beyond[~of_z].max(initial=0.0))
+    z, price = qp_scales(K, c, needed, D, of_z)
+    missed = np.where(of_z, np.maximum(low - y, y - high), push)
+    gradient = max((push * row)[of_z].max(), ((low - y) * column)[~of_z].max(initial=0.0))
     gradient = max(gradient, (np.abs(f[:n] - x.nu) * row[:n] / np.maximum(1.0, np.abs(f[:n]) * row[:n])).max())
     # a gradient without prices of which all terms are far below what sides make of it is 0
     share = np.inf if P.p.any() else (D / row)[of_z].max() / price
-    error = max(beyond[of_z].max(), pushed[~of_z].max(initial=0.0), min(gradient, share))
+    # a constraint or a bound counts by a tenth of its own terms, too, unless these are far below others
+    unit, side = np.where(of_z, column, row), np.where(y < low, np.abs(low), np.where(y > high, np.abs(high), 0.0))
+    own = np.where(of_z, np.where(side > 0, side + np.abs(y), 0.0), np.abs(K) @ size + np.abs(c))
+    unit = np.maximum(unit, np.divide(0.1, own, out=np.zeros(y.size), where=own * unit > 1e-5))
+    error = max((missed * unit).max(), min(gradient, share))
     gap, terms = qp_gap(K, c, z * price, y, f, low, high, column, of_z)
     near = (np.abs(y - low) <= np.abs(low) / 2) | (np.abs(y - high) <= np.abs(high) / 2)
     fixed = of_z & ((near & np.isfinite(size)) | (y <= low) | (y >= high))
