@@ -179,7 +179,9 @@ def _gap(
     assert frame.signed is not None
     in_units = not parts.as_program  # others have the unit of an objective
     weights = units.x * units.f if in_units else 1.0
-    reached = frame.sets.products(system.x, system.f, frame.spread(inverse(units.x)), ROUNDINGS * EPS)
+    reach = inverse(units.x)
+    reach = np.where(units.absolute, np.maximum(reach, system.sizes), reach)
+    reached = frame.sets.products(system.x, system.f, frame.spread(reach), ROUNDINGS * EPS)
     products = weights * frame.block_sums(reached)
     if parts.indifferent is not None:
         products = np.where(parts.indifferent, 0.0, products)

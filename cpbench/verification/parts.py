@@ -197,10 +197,14 @@ class Parts:
 
     @cached_property
     def indifferent(self) -> Any:
-        """Whether a block is in a part that has neither prices nor a curved objective, (k,); None where none is."""
+        """Whether a block is in a part that has neither prices nor a curved objective, (k,); None where none is.
+
+        A row without entries is no such part: its multiplier pays for nothing in the objective of all.
+        """
         if self.measure is not Measure.GAP:
             return None
-        found = self.whole.spread(~self.whole.any(self.beside_z & ((self.frame.constants > 0) | self.curved)))
+        none = ~self.whole.any(self.beside_z & ((self.frame.constants > 0) | self.curved))
+        found = self.whole.spread(none & self.whole.any(self.beside_z))
         return found if found.any() else None
 
     @cached_property
