@@ -119,16 +119,16 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
 
 def _conditions(system: System, parts: Parts, units: AnswerUnits, sums: Vector, share: Vector | None) -> Vector:
     """Return by how much every block misses its conditions, in units; those of the gradient at most by `share`."""
-    if parts.measure is not Measure.GAP:
+    if not parts.as_program or parts.measure is Measure.ENERGY:
         return system.defect(units.x, units.f)
-    x_unit, f_unit = _with_own_terms(system, parts, units, sums)
-    errors = system.frame.largest(system.distances(x_unit, f_unit))
+    frame, (x_unit, f_unit) = system.frame, _with_own_terms(system, parts, units, sums)
+    primal = np.where(parts.beside_z, x_unit, 0.0), np.where(parts.beside_z, 0.0, f_unit)
+    if parts.measure is Measure.PAIRS:
+        return np.maximum(system.defect(units.x, units.f), frame.largest(system.distances(*primal)))
+    errors = frame.largest(system.distances(x_unit, f_unit))
     if share is None or (share >= errors).all():
         return errors
-    primal = system.frame.largest(
-        system.distances(np.where(parts.beside_z, x_unit, 0.0), np.where(parts.beside_z, 0.0, f_unit))
-    )
-    return np.maximum(primal, np.minimum(errors, share))
+    return np.maximum(frame.largest(system.distances(*primal)), np.minimum(errors, share))
 
 
 def _with_own_terms(system: System, parts: Parts, units: AnswerUnits, sums: Vector) -> tuple[Vector, Vector]:

@@ -7,7 +7,7 @@ unknown has its unit from its largest effect on a row, or from its bounds where 
 
 The error is the largest of
 
-- the distances |x − P(x − f)| in these units, P the projection on the box,
+- the distances |x − P(x − f)| in these units, P the projection on the box, and the `own_miss` of constraints,
 - the gap Σ |x_i f_i| of a part over the terms of its objective, as in `qp_rows`; where there are no multipliers, in
   units, over max(Σ|c_i x_i|, |xᵀMx|),
 - and the square of growth: of the distances in the sizes of the constants alone.
@@ -20,7 +20,7 @@ from numba import boolean, float64, int64, njit
 
 from cpbench_solvers.kernels.affine_parts import AFFINE
 from cpbench_solvers.kernels.array_types import COMPILED, DATA
-from cpbench_solvers.kernels.qp_gap import NOISE, product, row_products, without
+from cpbench_solvers.kernels.qp_gap import NOISE, own_miss, product, row_products, without
 from cpbench_solvers.kernels.qp_ldl import CSR
 from cpbench_solvers.kernels.qp_rows import BALANCED, fixed_terms, is_fixed, is_idle, row_terms
 
@@ -232,6 +232,10 @@ def largest_error(program, x):
     data, always = program[10].copy(), np.ones(N)
     for i in range(N):
         error = max(error, _distance(low[i], high[i], x[i], f[i], effect[i], unit[i]))
+        if program[0] < N:
+            own_units = unit[i], effect[i] if of_x[i] > 0.0 else 0.0
+            terms = sums[i] + abs(c[i])
+            error = max(error, own_miss(i >= program[0], low[i], high[i], x[i], f[i], terms, *own_units))
         data[group[i]] = max(data[group[i]], D[i] * beside[i])
     for i in range(N):
         unit[i] = D[i] / data[group[i]] if data[group[i]] > 0.0 else 0.0

@@ -1,12 +1,14 @@
 """The duality gap of the connected parts of a quadratic program, with the names of `qp_parts` and `qp_rows`."""
 
 import numpy as np
-from numba import float64, njit
+from numba import boolean, float64, njit
 
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, VECTOR
 
 NOISE = 8.0 * np.finfo(np.float64).eps
 """Share of the terms of a row that rounding may leave where they cancel."""
+OWN, SMALL = 0.1, 1e-5
+"""A constraint or a bound is missed by at most 10 ε of its own terms, if these are that share of the size of its part."""
 
 
 @njit(float64(float64, float64), **COMPILED)
@@ -21,6 +23,17 @@ def product(low, high, x, w, reach):
     bound = low if w > 0.0 else high
     room = x - bound if abs(bound) < np.inf else x  # without a bound on that side w should be 0, and x is what it costs
     return w * np.copysign(max(min(abs(room), reach) - NOISE * reach, 0.0), room) if room != 0.0 else 0.0
+
+
+@njit(float64(boolean, float64, float64, float64, float64, float64, float64, float64), **COMPILED)
+def own_miss(is_row, low, high, x, f, terms, unit, effect):
+    """Return OWN of the share by which a constraint, or a bound that is not 0, is missed of its own terms."""
+    if is_row:
+        missed, size = max(-f, 0.0 if low > -np.inf else f), unit
+    else:
+        side, size = low if x < low else high if x > high else 0.0, effect
+        missed, terms = abs(x - side), abs(x) + abs(side) if side != 0.0 else 0.0
+    return OWN * missed / terms if terms * size > SMALL else 0.0
 
 
 @njit(**COMPILED)

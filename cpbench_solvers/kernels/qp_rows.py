@@ -8,7 +8,7 @@ bounds where both are finite. Where nothing gives a part a size, its z is 0 and 
 
 The error is the largest of
 
-- the distances of x and f from their sets, in these units,
+- the distances of x and f from their sets, in these units; of constraints and bounds in their own terms (`own_miss`),
 - the gap Σ |x_i f_i| of a part, x counted from the bound to which f pushes, at most its unit, over the terms of the
   objective, max(|½zᵀQz + pᵀz|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|h_j y_j|)),
 - and the square of growth: of the distances of rows beside y in the sizes of the constants alone, and of what a
@@ -22,7 +22,7 @@ from numba import boolean, float64, njit
 
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, DATA_2D, FAST
 from cpbench_solvers.kernels.qp_dense import reached
-from cpbench_solvers.kernels.qp_gap import NOISE, gap_errors, gaps, row_products, without
+from cpbench_solvers.kernels.qp_gap import NOISE, gap_errors, gaps, own_miss, row_products, without
 from cpbench_solvers.kernels.qp_parts import PROGRAM
 
 BALANCED = 0.1
@@ -214,7 +214,9 @@ def largest_error(program, x, nu):
         # complementarity by its two distances, each in its own unit
         below = (low[i] - x[i]) * effect[i] if low[i] > -np.inf else w
         above = (x[i] - high[i]) * effect[i] if high[i] < np.inf else -w
-        error = max(error, max(below, above))
+        own_units = unit[i], effect[i] if known[part[i]] > 0.0 else 0.0
+        missed = own_miss(i >= n, low[i], high[i], x[i], f[i], sums[i] + abs(c[i]), *own_units)
+        error = max(error, max(below, above), missed)
         w = without(f[i], NOISE * (sums[i] + abs(c[i])))
         if i < n:
             error = max(error, abs(f[i] - nu[i]) * unit[i] / max(1.0, abs(f[i] * unit[i])))
