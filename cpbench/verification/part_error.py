@@ -44,7 +44,7 @@ OWN = 0.1
 """Share by which a constraint or a bound of a program is compared with its own terms: it is missed by at most 10 ε of
 them, however large others are."""
 SMALL = 1e-5
-"""Share of the size of its part below which the terms of such a row say nothing: they may be rounding of larger ones."""
+"""Share of the size of its part below which the terms of such a row say nothing: they may be rounding of others."""
 UNKNOWN = 0.1
 """Share of the constants of a row that is taken off as rounding, from which on the answer says nothing of them."""
 _PARTS: WeakKeyDictionary[Frame, Parts] = WeakKeyDictionary()

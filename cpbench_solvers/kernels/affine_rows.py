@@ -1,18 +1,10 @@
 """The error of an answer to an affine problem in a box by its connected parts, which norms over all hide.
 
-With the names of `affine_parts` and of `qp_rows`: rows of a group have one size, the largest D_i Σ_j |K_ij x_j|, or
-D_i |c_i| where the constant counts; that of rows beside multipliers is at least what the unknowns make of a row,
-|x_i|/D_i; where there are none, rows of free unknowns have a size apart from the others, at least √eps of theirs. An
-unknown has its unit from its largest effect on a row, or from its bounds where both are finite.
-
-The error is the largest of
-
-- the distances |x − P(x − f)| in these units, P the projection on the box, and the `own_miss` of constraints,
-- the gap Σ |x_i f_i| of a part over the terms of its objective, as in `qp_rows`; where there are no multipliers, in
-  units, over max(Σ|c_i x_i|, |xᵀMx|),
-- and the square of growth: of the distances in the sizes of the constants alone.
-
-Rounding of terms that cancel, 8 eps Σ|terms|, is no error in the last two.
+Units are those of `qp_rows`. Where there are no multipliers, rows of free unknowns have a size apart from the others,
+at least √eps of theirs. The error is the largest of the distances |x − P(x − f)| in these units, P the projection on
+the box, with the `own_miss` of constraints; the gap Σ |x_i f_i| of a part over the terms of its objective, without
+multipliers in units over max(Σ|c_i x_i|, |xᵀMx|); and the square of growth: of the distances in the sizes of the
+constants alone. Rounding of terms that cancel, 8 eps Σ|terms|, is no error in the last two.
 """
 
 import numpy as np

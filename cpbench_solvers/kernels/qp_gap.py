@@ -8,7 +8,7 @@ from cpbench_solvers.kernels.array_types import COMPILED, DATA, VECTOR
 NOISE = 8.0 * np.finfo(np.float64).eps
 """Share of the terms of a row that rounding may leave where they cancel."""
 OWN, SMALL = 0.1, 1e-5
-"""A constraint or a bound is missed by at most 10 ε of its own terms, if these are that share of the size of its part."""
+"""A constraint or a bound is missed by at most 10 ε of its own terms, if these are SMALL or more of its part."""
 
 
 @njit(float64(float64, float64), **COMPILED)

@@ -13,7 +13,7 @@ from cpbench.formulations.qp import QP, QPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
 from cpbench.solvers.base import Budget, Claim, SolverOutput
-from cpbench_solvers.lcp.claims import CLOSE
+from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.qp.claims import PARTS_KERNEL, SPARSE_KERNEL, ErrorMeasure
 from cpbench_solvers.qp.kkt_system import Entries, entries
 from cpbench_solvers.qp.proximal_active_set import OPERATIONS, PASSES, ProximalActiveSetOptions
@@ -169,9 +169,5 @@ def claimed(
     point: Any, error: float, budget: Budget, claim: Claim, messages: list[str], counters: dict[str, int]
 ) -> SolverOutput:
     """Return the answer of all parts with a claim by its error; `claim` : of the last part that is not solved."""
-    if error <= budget.tolerance:
-        return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
-    if claim is Claim.FAILED and error <= CLOSE * budget.tolerance:
-        claim = Claim.INACCURATE
     message = "; ".join([*messages[:SHOWN], f"error {error:.1e}"])
-    return SolverOutput(claim=claim, point=point, counters=counters, message=message)
+    return concluded(point, error, budget, counters, None if claim is Claim.FAILED else claim, message)

@@ -15,7 +15,7 @@ from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
-from cpbench_solvers.lcp.claims import CLOSE
+from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.qp.kkt_system import entries
 
 DENSE_BYTES = 1e9
@@ -98,14 +98,9 @@ class ErrorMeasure:
         assert self.best is not None
         if self._record is not None and self._last is not self.best:  # a history ends in the answer
             self._record(self._recorded + 1, self.least, partial(QPPoint, *self.best))
-        point, counters = QPPoint(*self.best), dict(counters)
-        if self.least <= budget.tolerance:
-            return SolverOutput(claim=Claim.SOLVED, point=point, counters=counters)
-        close = self.least <= CLOSE * budget.tolerance
-        if otherwise in (None, Claim.FAILED):
-            otherwise = Claim.INACCURATE if close else Claim.FAILED
         message = message or f"ended at error {self.least:.1e}, asked for {budget.tolerance:.0e}"
-        return SolverOutput(claim=otherwise, point=point, counters=counters, message=message)
+        otherwise = None if otherwise is Claim.FAILED else otherwise
+        return concluded(QPPoint(*self.best), self.least, budget, dict(counters), otherwise, message)
 
 
 def dense_obstacle(problem: QP) -> str | None:
