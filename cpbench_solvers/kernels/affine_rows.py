@@ -226,8 +226,7 @@ def largest_error(program, x):
         error = max(error, _distance(low[i], high[i], x[i], f[i], effect[i], unit[i]))
         if program[0] < N:
             own_units = unit[i], effect[i] if of_x[i] > 0.0 else 0.0
-            terms = sums[i] + abs(c[i])
-            error = max(error, own_miss(i >= program[0], low[i], high[i], x[i], f[i], terms, *own_units))
+            error = max(error, own_miss(i >= program[0], low[i], high[i], x[i], f[i], sums[i] + abs(c[i]), *own_units))
         data[group[i]] = max(data[group[i]], D[i] * beside[i])
     for i in range(N):
         unit[i] = D[i] / data[group[i]] if data[group[i]] > 0.0 else 0.0

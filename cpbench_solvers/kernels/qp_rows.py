@@ -172,8 +172,7 @@ def _units(program, sizes, sums, taken, needed, sized, some, known, unit, effect
 
 
 @njit(float64(float64, float64, float64), **COMPILED)
-def _excess(low, high, w):
-    """Return the part of a row that no unknown may have beside it."""
+def _excess(low, high, w):  # the part of a row that no unknown may have beside it
     return max(0.0 if low > -np.inf else w, 0.0 if high < np.inf else -w, 0.0)
 
 
@@ -216,7 +215,7 @@ def largest_error(program, x, nu):
         above = (x[i] - high[i]) * effect[i] if high[i] < np.inf else -w
         own_units = unit[i], effect[i] if known[part[i]] > 0.0 else 0.0
         missed = own_miss(i >= n, low[i], high[i], x[i], f[i], sums[i] + abs(c[i]), *own_units)
-        error = max(error, max(below, above), missed)
+        error = max(error, below, above, missed)
         w = without(f[i], NOISE * (sums[i] + abs(c[i])))
         if i < n:
             error = max(error, abs(f[i] - nu[i]) * unit[i] / max(1.0, abs(f[i] * unit[i])))

@@ -29,6 +29,8 @@ PINNED = {
     "equilibration.ENOUGH": f"{CONSTANTS}test_means_of_rows_are_right_to_a_twentieth_of_a_percent",
     "margins.REACH": f"{MARGINS}test_solutions_up_to_ten_times_what_is_asked_are_excluded",
     "measures.NOTICED": f"{CONSTANTS}test_a_loaded_contact_that_misses_its_law_by_a_tenth_is_flagged",
+    "part_error.OWN": f"{CONSTANTS}test_a_bound_counts_by_a_tenth_of_its_own_terms",
+    "part_error.SMALL": f"{CONSTANTS}test_a_bound_counts_by_its_own_terms_from_1e5_of_the_largest",
     "part_error.UNKNOWN": f"{CONSTANTS}test_rounding_of_a_tenth_of_a_constant_hides_it",
     "sets.INFINITE": f"{CONSTANTS}test_bounds_from_1e19_on_are_none",
     "sets.NEAR": f"{CONSTANTS}test_an_unknown_is_at_its_bound_within_half_of_it",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench.formulations import LCP, MLCP, FrictionContact, MLCPPoint, Relay
+from cpbench.formulations import LCP, MLCP, QP, FrictionContact, MLCPPoint, QPPoint, Relay
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.lcp import LCPPoint
 from cpbench.verification import Verdict, judge
@@ -40,6 +40,29 @@ def test_rounding_of_a_tenth_of_a_constant_hides_it(bits: int, missed: float, un
     z = np.array([2.0**bits, 2.0**bits - 1.0 + missed])
     verdict = judge(problem, LCPPoint(z=z), 1e-6)
     assert ("unresolvable" in verdict.flags) == unknown
+
+
+def _error_below_a_bound(bound: float, share: float) -> float:
+    """Return the error of z = (10, (1 − share) bound), where (10, bound) minimizes a program with z₂ ≥ bound.
+
+    Both rows of Q are 1 on average, so that the size of the part is 10, and the price of the bound is small.
+    """
+    Q, z = np.array([[1.0, 1e-2], [1e-2, 1.0]]), np.array([10.0, bound])
+    problem = QP.build(Q, np.array([0.0, 1e-3]) - Q @ z, lb=np.array([-np.inf, bound]))
+    z[1] -= share * bound
+    none = np.zeros(0)
+    return judge(problem, QPPoint(z=z, lam=none, mu=none, nu=np.array([0.0, (Q @ z + problem.p)[1]])), 1e-6).error
+
+
+def test_a_bound_counts_by_a_tenth_of_its_own_terms() -> None:
+    """The bound 0.1 is missed by 1e-5, which is 5e-5 of |z₂| + 0.1 and 1e-6 of the part."""
+    assert 4e-6 < _error_below_a_bound(0.1, 1e-4) < 6e-6
+
+
+@pytest.mark.parametrize(("bound", "counts"), [(3.5e-5, False), (7.5e-5, True)])
+def test_a_bound_counts_by_its_own_terms_from_1e5_of_the_largest(bound: float, counts: bool) -> None:
+    """Half of the bound is missed, a third of its terms, which are 5e-6 and 1.1e-5 of the part."""
+    assert (_error_below_a_bound(bound, 0.5) > 1e-3) == counts
 
 
 @pytest.mark.parametrize(("z", "at_bound"), [(1.4, True), (1.6, False)])
