@@ -121,7 +121,8 @@ def _row_units(
         size = np.maximum(parts.kinds.spread(parts.kinds.largest(counted)), np.sqrt(EPS) * size)
     unit = np.divide(D, size, out=np.ones(frame.k), where=size > 0)
     if not by_group.all():
-        least = np.where(parts.beside_z, np.where(known, sizes, np.maximum(sizes, 1.0)), 0.0)
+        least = np.maximum(sizes, np.where(known, inverse(frame.own_unit), 1.0))  # a box is a size
+        least = np.where(parts.beside_z, least, 0.0)
         alone = np.maximum(frame.terms.sums(least), constants)
         unit = np.where(by_group, unit, np.divide(1.0, alone, out=np.ones(frame.k), where=alone > 0))
     return unit, size

@@ -31,6 +31,12 @@ def _distance(low, high, x, w, x_unit, w_unit):
     return abs(step)
 
 
+@njit(float64(float64, float64), **COMPILED)
+def _own_size(low, high):
+    """Return the size of the set of an unknown, 0 where it has none."""
+    return max(abs(low), abs(high)) if max(abs(low), abs(high)) < np.inf else 0.0
+
+
 @njit(**COMPILED)
 def _counted(program, x, f, sizes, sums, own, taken, needed, beside):
     """Write which constants count (1 or 0), and the terms of every row in unknowns that a bound fixes; return of every
@@ -64,9 +70,8 @@ def _counted(program, x, f, sizes, sums, own, taken, needed, beside):
 @njit(**COMPILED)
 def _row_units(program, sizes, sums, taken, needed, sized, some, known, of_x, unit):
     """Write 1 over the size of every row; known : of parts, of_x : of unknowns without multipliers."""
-    n, start, column, value, c = program[:5]
+    n, start, column, value, c, low, high, part, D, group, constants, kind = program
     start, column = start.view(np.uint64), column.view(np.uint64)
-    part, D, group, constants, kind = program[7:]
     size, reach, with_rows = np.zeros(constants.size), np.zeros(known.size), n < unit.size
     of_kind = np.zeros(2 * constants.size)
     for i in range(n):
@@ -88,7 +93,7 @@ def _row_units(program, sizes, sums, taken, needed, sized, some, known, of_x, un
             for k in range(start[i], start[i + 1]):
                 j = column[k]
                 if j < n:
-                    total += abs(value[k]) * (sizes[j] if of_x[j] > 0.0 else max(sizes[j], 1.0))
+                    total += abs(value[k]) * max(sizes[j], _own_size(low[j], high[j]) if of_x[j] > 0.0 else 1.0)
             alone = max(alone, total)
             unit[i] = 1.0 / alone if alone > 0.0 else 1.0
         if taken[i] > 0.0:
@@ -115,18 +120,13 @@ def _units(program, sizes, sums, taken, needed, sized, some, known, of_x, unit, 
         counts[i], unit[i] = sized[group[i]], 1.0
     _effects(program, unit, counts, effect)
     for i in range(unit.size):
-        whole = max(abs(low[i]), abs(high[i]))
-        bounded = 0.0 < whole < np.inf
-        if with_rows:
-            of_x[i] = known[part[i]]
-        else:
-            of_x[i] = 1.0 if effect[i] > 0.0 or bounded else 0.0
+        has_size = effect[i] > 0.0 or _own_size(low[i], high[i]) > 0.0
+        of_x[i] = known[part[i]] if with_rows else (1.0 if has_size else 0.0)
     _row_units(program, sizes, sums, taken, needed, sized, some, known, of_x, unit)
     _effects(program, unit, counts, effect)
     for i in range(unit.size):
-        whole = max(abs(low[i]), abs(high[i]))
-        if 0.0 < whole < np.inf:
-            effect[i] = max(effect[i], 1.0 / whole)
+        if _own_size(low[i], high[i]) > 0.0:
+            effect[i] = max(effect[i], 1.0 / _own_size(low[i], high[i]))
         if effect[i] == 0.0 or (i < n and of_x[i] == 0.0):
             effect[i] = 1.0
 
