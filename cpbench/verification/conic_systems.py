@@ -75,6 +75,7 @@ def coneqp(P: Any, point: Any) -> System:
         frame=kept(P, frame),
         x=np.concatenate([x, y]),
         f=np.concatenate([P.Q @ x + P.p - P.A.T @ y, P.A @ x + P.b]),
+        convex=lambda: P.convex,
     )
 
 

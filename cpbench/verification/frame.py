@@ -6,6 +6,7 @@ answer.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -179,6 +180,7 @@ class System:
     ----------
     frame : the problem. x, f : (N,) the unknowns and the values of the rows paired with them.
     also : residuals that must vanish beside f, each with the blocks of the rows by which they are measured.
+    convex : says of a program whether it is convex, which takes time; None where that is not known.
     velocity : (N,) f of contacts without the sliding that the law adds, û − μ‖u_T‖e_N, 0 elsewhere; None without
         contacts.
     """
@@ -188,6 +190,7 @@ class System:
     f: Vector
     also: tuple[Vector, Any] | None = None
     velocity: Vector | None = None
+    convex: Callable[[], bool] | None = None
 
     @cached_property
     def sizes(self) -> Vector:

@@ -17,7 +17,7 @@ Unknowns that a problem leaves free may be of any size, and must hide nothing. T
   without multipliers, of pairs in their units, over max(Σ|q_i x_i|, |xᵀMx|, gap). x is counted from the bound to which
   f pushes, at most as far as the size of an unknown; a row that is given twice counts once. A part that no constant
   sizes has no objective of its own: its gap is compared with the objective of the whole program. An objective of ε² of
-  what sides and prices make it is 0.
+  what sides and prices make it is 0. Without prices the gap is at most ½zᵀQz, for no objective is below 0 there.
 - Growth: the same error, with sizes by the constants alone (`_sizes_of_constants`), squared. Within √ε it is no
   objection, for a solution may be large beside the constants. Of programs it is taken of the rows beside multipliers; a
   gradient counts by what it could change in the objective.
@@ -107,7 +107,8 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
     if frame.signed is not None:
         # an unknown of the size of its part may be off by rounding, whatever its own size
         even = _without_rounding(system, np.maximum(noise, (ROUNDINGS * EPS) * inverse(units.f)))
-        gap, objective = _gap(even, parts, units, scales)
+        convex = parts.unpriced is not None and system.convex is not None and system.convex()
+        gap, objective = _gap(even, parts, units, scales, parts.unpriced if convex else None)
         errors = np.maximum(errors, parts.whole.spread(gap))
         if parts.measure is Measure.GAP:
             slope = frame.largest(rounded.excess(np.ones(frame.k))) * inverse(units.x)
@@ -171,10 +172,11 @@ def _without_rounding(system: System, noise: Vector) -> System:
 
 
 def _gap(
-    system: System, parts: Parts, units: AnswerUnits, scales: tuple[Vector, Vector] | None
+    system: System, parts: Parts, units: AnswerUnits, scales: tuple[Vector, Vector] | None, bounded: Flags | None
 ) -> tuple[Vector, Vector]:
     """Return Σ|x_i f_i| over the terms of the objective, and these terms, of every part; of programs `scales` are what
-    sides and prices make of z and of the gradient."""
+    sides and prices make of z and of the gradient, and where objectives are `bounded` (whole.count,), they are nowhere
+    below 0."""
     frame, whole = system.frame, parts.whole
     assert frame.signed is not None
     in_units = not parts.as_program  # others have the unit of an objective
@@ -188,6 +190,8 @@ def _gap(
     gap = whole.sum(_each_row_once(system, parts, products) if parts.with_multipliers else np.abs(products))
     fixed = system.x * frame.signed
     quadratic = whole.sum(weights * frame.block_sums(system.x * system.f - fixed))
+    if bounded is not None:
+        gap = np.where(bounded, np.minimum(gap, 0.5 * np.abs(quadratic)), gap)
     terms, sizes = (weights * frame.block_sums(values) for values in (fixed, np.abs(fixed)))
     if in_units:
         objective = np.maximum(whole.sum(sizes), np.abs(quadratic))

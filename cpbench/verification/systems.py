@@ -90,10 +90,10 @@ def avi(problem: Any, point: Any) -> System:
 @rows_of("qp", by=Measure.GAP, stacked=True)
 def qp(problem: Any, point: Any) -> System:
     """Return z and the multipliers of its rows beside Qz + p less their forces, and the rows."""
-    return _with_rows(problem, point, problem.Q, problem.p)
+    return _with_rows(problem, point, problem.Q, problem.p, lambda: problem.convex)
 
 
-def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
+def _with_rows(P: Any, point: Any, M: Matrix, q: Vector, convex: Callable[[], bool] | None = None) -> System:
     """Mz + q − Aᵀλ − Cᵀμ beside the box of z, Az − b beside λ, Cz − d beside μ; ν, where given, is the first."""
     z, mu = point.z, point.mu
     n, m, k = z.size, P.b.size, mu.size
@@ -122,4 +122,5 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
         x=np.concatenate([z, lam, mu]),
         f=np.concatenate([force, rows]),
         also=None if nu is None else (force - nu, slice(0, n)),
+        convex=convex,
     )

@@ -7,8 +7,7 @@ from cpbench_solvers.kernels.array_types import COMPILED, DATA, VECTOR
 
 NOISE = 8.0 * np.finfo(np.float64).eps
 """Share of the terms of a row that rounding may leave where they cancel."""
-OWN, SMALL = 0.1, 1e-5
-"""A constraint or a bound is missed by at most 10 ε of its own terms, if these are SMALL or more of its part."""
+OWN, SMALL = 0.1, 1e-5  # a constraint is missed by at most 10 ε of its own terms, if these are SMALL of its part's
 
 
 @njit(float64(float64, float64), **COMPILED)
@@ -37,9 +36,9 @@ def own_miss(is_row, low, high, x, f, terms, unit, effect):
 
 
 @njit(**COMPILED)
-def gaps(program, x, f, sums, needed, known, unit, effect, products, objective):
-    """Write the products x_i f_i, and the terms of the objective of every part (count,); return what sides and prices
-    make these."""
+def gaps(program, x, f, sums, needed, known, unit, effect, products, objective, most):
+    """Write the products x_i f_i, and of every part (count,) the terms of the objective and the most that the gap may
+    be, ½zᵀQz where there are no prices; return what sides and prices make these."""
     n, c, low, high, part, D, kind = program[0], *program[4:9], program[10]
     count = objective.size
     quadratic, prices, straight, sides = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
@@ -62,6 +61,7 @@ def gaps(program, x, f, sums, needed, known, unit, effect, products, objective):
         half = 0.5 * quadratic[q]
         # ½zᵀQz alone where prices cancel it
         objective[q] = max(max(abs(half + prices[q]), abs(half)), min(straight[q], sides[q]))
+        most[q] = abs(half) if straight[q] == 0.0 else np.inf
         z = max(side[q], price[q] if kind[q] == 2.0 else 0.0)
         given[q] = z * max(price[q], z if kind[q] == 2.0 else 0.0)
     return given

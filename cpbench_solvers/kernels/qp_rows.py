@@ -193,8 +193,8 @@ def largest_error(program, x, nu):
     row_terms(program, x, f, sizes, sums, own, taken)
     sized, some, known = _counted(program, x, f, sizes, sums, own, taken, needed, beside)
     _units(program, sizes, sums, taken, needed, sized, some, known, unit, effect)
-    objective, gap, alone = np.zeros(count), np.zeros(count), np.zeros(count)
-    given = gaps(program, x, f, sums, needed, known, unit, effect, products, objective)
+    objective, gap, alone, most = np.zeros(count), np.zeros(count), np.zeros(count), np.zeros(count)
+    given = gaps(program, x, f, sums, needed, known, unit, effect, products, objective, most)
     for i in range(N):
         if i < n:
             gap[part[i]] += abs(products[i])
@@ -202,7 +202,7 @@ def largest_error(program, x, nu):
         if not np.isfinite(f[i] * sums[i]):
             return np.inf
     row_products(program, f, sums, unit, products, gap)
-    error = gap_errors(known, gap, given, alone, objective)
+    error = gap_errors(known, np.minimum(gap, most), given, alone, objective)
     data = constants.copy()
     for i in range(N):
         group = part[i] + (count if i >= n else 0)

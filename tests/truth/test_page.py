@@ -124,6 +124,7 @@ def qp_gap(
     room = np.clip(np.where(np.isinf(bound), y, y - bound), -1 / column, 1 / column)
     gap = np.abs(room * f).sum()
     half, prices, sides = y @ K @ y / 2, (c * y)[of_z], (c * y)[~of_z]
+    gap = gap if prices.any() else min(gap, abs(half))  # without prices no objective is below 0
     terms = max(abs(half + prices.sum()), abs(half), min(np.abs(prices).sum(), np.abs(sides).sum()), gap, 1e-300)
     of_zero = np.sqrt(min(1.0, terms / given))  # an objective far below `given` is 0
     return (gap / terms, terms) if gap / terms <= of_zero else (of_zero, given)

@@ -1,0 +1,38 @@
+"""Programs without prices, the objective of which is 0 at the solution: multipliers must not decide there."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from cpbench.formulations import QP, QPPoint
+from cpbench.verification import judge
+
+
+def _to_rest(multiplier: float) -> tuple[QP, QPPoint]:
+    """Return min ½z₁² with z₁ + z₂ = 1, z₂ ≤ 2 and z₂ ≥ 0 as a row, and the solution (0, 1) but for its multiplier.
+
+    It is balanced by the equality's and by 1e-10 in z₁; its product with the slack 1 of the row is a gap.
+    """
+    problem = QP.build(
+        np.diag([1.0, 0.0]), np.zeros(2), A=np.array([[0.0, 1.0]]), b=np.zeros(1),
+        C=np.ones((1, 2)), d=np.ones(1), ub=np.array([np.inf, 2.0]),
+    )  # fmt: skip
+    z = np.array([-multiplier, 1.0 + multiplier])
+    mu = np.array([-multiplier])
+    return problem, QPPoint(z=z, lam=-mu, mu=mu, nu=np.zeros(2))
+
+
+@pytest.mark.parametrize(("multiplier", "solved"), [(1e-8, True), (1e-5, False)])
+def test_an_objective_near_0_is_optimal_whatever_multipliers_say(multiplier: float, solved: bool) -> None:
+    """½z₁² = ½ 10⁻¹⁶ is within 10⁻¹² of what z₁ = 1 would be; the gap alone, 10⁻⁸, is not."""
+    problem, point = _to_rest(multiplier)
+    assert judge(problem, point, 1e-6).solved == solved
+
+
+def test_an_objective_of_0_says_nothing_of_a_program_that_is_not_convex() -> None:
+    """½(z₁² − z₂²) is 0 in (1, 1), where z₁ could fall and z₂ could rise."""
+    none = np.zeros(0)
+    problem = QP.build(np.diag([1.0, -1.0]), np.zeros(2), lb=np.zeros(2), ub=np.full(2, 2.0))
+    point = QPPoint(z=np.ones(2), lam=none, mu=none, nu=np.array([1.0, -1.0]))
+    assert judge(problem, point, 1e-6).error > 0.1
