@@ -9,7 +9,7 @@ has degree d > 0 (a square), the rest is (1 − d)F(z), as small as the row: suc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -140,11 +140,12 @@ def nlp(P: Any, point: Any) -> System:
     for F, weights in ((P.g, lam), (P.h, mu)):
         if F.rows:
             curvature = curvature + abs(sp.csr_array(F.hessian(z, weights)))
-    return _with_rows(
+    system = _with_rows(
         P, z, gradient, curvature, (P.lb, P.ub, []), np.arange(z.size),
         [RowGroup(Jg, g, g - Jg @ z, lam), RowGroup(Jh, h, h - Jh @ z, mu, lower=-np.inf)],
         nu=point.nu, prices=_prices(P, z, gradient, own, gradient - curvature @ z),
     )  # fmt: skip
+    return replace(system, convex=lambda: P.convexity == "checked")
 
 
 def _prices(P: Any, z: Vector, gradient: Vector, hessian: Any, otherwise: Vector) -> Vector:
