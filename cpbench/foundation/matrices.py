@@ -8,6 +8,7 @@ and traces without copies.
 from __future__ import annotations
 
 import hashlib
+import math
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -36,6 +37,8 @@ SYMMETRY_TOLERANCE = 1e-12
 """`asymmetry` up to which a matrix counts as symmetric; beside M_ij, what M_ij + M_ji may be where it should be 0."""
 FULL_ROWS, FULL_SHARE = 300, 0.2
 """A sparse matrix is factorized as an array up to so many rows, and with more than this share of its entries."""
+SHORT = 2**10
+"""Numbers of which the sizes take no memory worth mentioning."""
 EPS, TINY = float(np.finfo(float).eps), float(np.finfo(float).tiny)
 _MARK = "_cpbench_adopted"
 """Attribute of a CSR that keeps the arrays it was adopted with."""
@@ -244,11 +247,13 @@ def digest(M: Matrix | Vector) -> bytes:
 
 def max_abs(M: Matrix | Vector) -> float:
     data = M if isinstance(M, np.ndarray) else cast(Any, M).data if sp.issparse(M) else np.asarray(M)
-    return max(float(data.max()), -float(data.min())) if data.size else 0.0  # no |M| in memory; NaN is both
+    if data.size <= SHORT:
+        return float(np.maximum.reduce(np.abs(data), axis=None, initial=0.0))
+    return max(float(data.max()), -float(data.min()))  # no |M| in memory; NaN is both
 
 
 def norm(x: Vector) -> float:
-    return float(np.linalg.norm(x))
+    return math.sqrt(x.dot(x))
 
 
 def asymmetry(M: Matrix) -> float:

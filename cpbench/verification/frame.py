@@ -6,6 +6,7 @@ answer.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -224,13 +225,12 @@ class System:
 
 def largest(*values: float) -> float:
     """Return the largest; ∞ where one is no number, which max() would drop."""
-    found = float(np.max(values, initial=0.0))
-    return found if np.isfinite(found) else np.inf
+    return max(0.0, *values) if all(map(math.isfinite, values)) else math.inf
 
 
 def inverse(x: Vector) -> Vector:
     """Return 1/x, 0 where x is 0."""
-    return np.divide(1.0, x, out=np.zeros_like(x), where=x > 0)
+    return np.divide(1.0, x, out=np.zeros(x.shape), where=x > 0)
 
 
 def largest_of(group: Any, values: Vector, count: int) -> Vector:

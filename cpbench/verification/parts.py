@@ -42,13 +42,13 @@ class Groups:
     def largest(self, values: Vector) -> Vector:
         """Return the largest of the nonnegative values of each group; 0 for an empty group."""
         if self.of is None:
-            return np.array([values.max(initial=0.0)])
+            return np.maximum.reduce(values, initial=0.0, keepdims=True)
         return largest_of(self.of, values, self.count)
 
     def sum(self, values: Vector) -> Vector:
         """Return the sum of the values of each group."""
         if self.of is None:
-            return np.array([values.sum()])
+            return np.add.reduce(values, keepdims=True)
         return np.bincount(self.of, values, self.count).astype(np.float64, copy=False)
 
     def norm(self, values: Vector) -> Vector:
@@ -58,7 +58,7 @@ class Groups:
     def any(self, flags: Any) -> Any:
         """Return whether a block of the group is flagged."""
         if self.of is None:
-            return np.array([flags.any()])
+            return np.logical_or.reduce(flags, keepdims=True)
         return np.bincount(self.of, flags, self.count) > 0
 
     def spread(self, values: Any) -> Any:
@@ -149,7 +149,7 @@ class Parts:
     def of_problem(self, values: Vector) -> Vector:
         """Return the sum of the values of parts over the problem of each part; shape (whole.count,)."""
         if self.problem is None:
-            return np.full(values.size, values.sum())
+            return values.sum().repeat(values.size)
         return np.bincount(self.problem, values).astype(np.float64, copy=False)[self.problem]
 
     @cached_property

@@ -72,4 +72,4 @@ def row_norms(y: Dense) -> Vector:
 
 def _ratio(a: Vector, b: Vector) -> Vector:
     """Return a/b, 0 where b = 0."""
-    return np.divide(a, b, out=np.zeros_like(a), where=b > 0)
+    return np.divide(a, b, out=np.zeros(a.shape), where=b > 0)

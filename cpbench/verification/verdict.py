@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from cpbench.errors import UnknownName
 from cpbench.formulations.base import Problem, Residuals
 from cpbench.verification import measures
@@ -77,6 +79,7 @@ def judge_by_all(
     return verdict, all_measures(problem, point, backward, residuals.measured, known)
 
 
+@np.errstate(all="ignore")
 def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None) -> tuple[Verdict, Residuals | None]:
     problem.check_point(point)
     if not point.finite:
@@ -84,8 +87,7 @@ def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None)
     residuals = problem.residuals(point, tolerance)
     parts = {**residuals.parts, **residuals.measured}
     flags = [flag for flag in residuals.flags if flag != "absolute"]
-    system = measures.system_of(problem, point)
-    found = measures.measure(problem, point, system)
+    found, system = measures.measure(problem, point)
     if measure is not None:
         if measure not in named(parts) and measure != "backward":
             parts |= {row.name: row.value for row in published(problem, point, parts)}
