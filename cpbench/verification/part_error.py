@@ -35,7 +35,7 @@ import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
 from cpbench.verification.backward_error import EPS, ROUNDINGS, BackwardError, BlockErrors
-from cpbench.verification.frame import Frame, System, inverse
+from cpbench.verification.frame import Frame, System, every, inverse, some
 from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags
 from cpbench.verification.sizes import AnswerUnits, units_of
@@ -72,7 +72,7 @@ def part_error(system: System, parts: Parts) -> BackwardError:
     if not system.frame.k:
         return BackwardError(0.0, False, 0.0)
     sums = system.frame.terms.sums(system.sizes)
-    if not np.isfinite(sums).all():  # squares of such unknowns are no numbers any more
+    if not every(np.isfinite(sums)):  # squares of such unknowns are no numbers any more
         return BackwardError(np.inf, False, 0.0)
     return block_errors(system, parts, sums).worst()
 
@@ -100,21 +100,24 @@ def block_errors(system: System, parts: Parts, sums: Vector, least: float = 0.0)
         errors = parts.whole.spread(parts.whole.norm(errors))
     if system.also is not None:
         _count_also(system, units, errors, share)
-    rounded = _without_rounding(system, noise)
-    grown, unknown = _growth(system, rounded, parts, units, noise, errors, least)
+    grown, unknown = _growth(system, parts, units, noise, errors, least)
     if unknown is not None:
         floors[unknown] = np.maximum(floors[unknown], UNKNOWN**2)
     if frame.signed is not None:
         # an unknown of the size of its part may be off by rounding, whatever its own size
         even = _without_rounding(system, np.maximum(noise, (ROUNDINGS * EPS) * inverse(units.f)))
-        convex = parts.unpriced is not None and system.convex is not None and system.convex()
-        gap, objective = _gap(even, parts, units, scales, parts.unpriced if convex else None)
+        if parts.as_program:
+            convex = parts.unpriced is not None and system.convex is not None and system.convex()
+            bounded = parts.unpriced if convex else None
+            gap, objective = _gap_of_program(even, frame.signed, parts, units, scales, bounded)
+        else:
+            gap, objective = _gap_of_pairs(even, frame.signed, parts, units), None
         errors = np.maximum(errors, parts.whole.spread(gap))
-        if parts.measure is Measure.GAP:
-            slope = frame.largest(rounded.excess(np.ones(frame.k))) * inverse(units.x)
+        if objective is not None and parts.measure is Measure.GAP:
+            slope = frame.largest(_without_rounding(system, noise).excess(np.ones(frame.k))) * inverse(units.x)
             slope = np.where(units.f > 0, slope * parts.whole.spread(inverse(objective)), 0.0)
             grown = np.where(parts.beside_z, np.where(units.absolute, 0.0, slope), grown)
-    absolute = bool(units.absolute.any() and (units.absolute & parts.beside_z & (system.sizes > 0)).any())
+    absolute = some(units.absolute) and some(units.absolute & parts.beside_z & (system.sizes > 0))
     return BlockErrors(errors, np.minimum(grown, 1.0), floors, absolute)
 
 
@@ -127,7 +130,7 @@ def _conditions(system: System, parts: Parts, units: AnswerUnits, sums: Vector, 
     if parts.measure is Measure.PAIRS:
         return np.maximum(system.defect(units.x, units.f), frame.largest(system.distances(*primal)))
     errors = frame.largest(system.distances(x_unit, f_unit))
-    if share is None or (share >= errors).all():
+    if share is None or every(share >= errors):
         return errors
     return np.maximum(frame.largest(system.distances(*primal)), np.minimum(errors, share))
 
@@ -171,45 +174,56 @@ def _without_rounding(system: System, noise: Vector) -> System:
     return System(system.frame, system.x, np.copysign(f, system.f))
 
 
-def _gap(
-    system: System, parts: Parts, units: AnswerUnits, scales: tuple[Vector, Vector] | None, bounded: Flags | None
-) -> tuple[Vector, Vector]:
-    """Return Σ|x_i f_i| over the terms of the objective, and these terms, of every part; of programs `scales` are what
-    sides and prices make of z and of the gradient, and where objectives are `bounded` (whole.count,), they are nowhere
-    below 0."""
+def _products(system: System, units: AnswerUnits) -> Vector:
+    """Return the products x_i f_i of every block, as far as they count."""
+    frame, reach = system.frame, inverse(units.x)
+    if some(units.absolute):
+        reach = np.where(units.absolute, np.maximum(reach, system.sizes), reach)
+    return frame.block_sums(frame.sets.products(system.x, system.f, frame.spread(reach), ROUNDINGS * EPS))
+
+
+def _gap_of_pairs(system: System, signed: Vector, parts: Parts, units: AnswerUnits) -> Vector:
+    """Return Σ|x̂_i f̂_i| over the terms of the objective, and at most these terms, of every part."""
+    frame, whole, weights = system.frame, parts.whole, units.x * units.f
+    gap = whole.sum(np.abs(weights * _products(system, units)))
+    fixed = system.x * signed
+    quadratic = whole.sum(weights * frame.block_sums(system.x * system.f - fixed))
+    size = np.maximum(whole.sum(weights * frame.block_sums(np.abs(fixed))), np.abs(quadratic))
+    size = np.maximum(size, gap)
+    error = np.fmin(np.divide(gap, size, out=np.zeros(gap.shape), where=gap > 0), size)  # a size may be no number
+    return np.where(whole.any(units.absolute), gap, error)
+
+
+def _gap_of_program(
+    system: System, signed: Vector, parts: Parts, units: AnswerUnits, scales: tuple[Vector, Vector] | None,
+    bounded: Flags | None,
+) -> tuple[Vector, Vector]:  # fmt: skip
+    """Return Σ|x_i f_i| over the terms of the objective, and these terms, of every part; `scales` are what sides and
+    prices make of z and of the gradient, and where objectives are `bounded` (whole.count,), they are nowhere below 0."""
     frame, whole = system.frame, parts.whole
-    assert frame.signed is not None
-    in_units = not parts.as_program  # others have the unit of an objective
-    weights = units.x * units.f if in_units else 1.0
-    reach = inverse(units.x)
-    reach = np.where(units.absolute, np.maximum(reach, system.sizes), reach)
-    reached = frame.sets.products(system.x, system.f, frame.spread(reach), ROUNDINGS * EPS)
-    products = weights * frame.block_sums(reached)
+    products = _products(system, units)
     if parts.indifferent is not None:
         products = np.where(parts.indifferent, 0.0, products)
     gap = whole.sum(_each_row_once(system, parts, products) if parts.with_multipliers else np.abs(products))
-    fixed = system.x * frame.signed
-    quadratic = whole.sum(weights * frame.block_sums(system.x * system.f - fixed))
+    fixed = system.x * signed
+    quadratic = whole.sum(frame.block_sums(system.x * system.f - fixed))
     if bounded is not None:
         gap = np.where(bounded, np.minimum(gap, 0.5 * np.abs(quadratic)), gap)
-    terms, sizes = (weights * frame.block_sums(values) for values in (fixed, np.abs(fixed)))
-    if in_units:
-        objective = np.maximum(whole.sum(sizes), np.abs(quadratic))
-    else:  # terms that cancel count where those of the dual cancel as well
-        straight, sides = (whole.sum(np.where(at, sizes, 0.0)) for at in (parts.beside_z, ~parts.beside_z))
-        prices = whole.sum(np.where(parts.beside_z, terms, 0.0))
-        objective = np.maximum(np.abs(0.5 * quadratic + prices), 0.5 * np.abs(quadratic))
-        objective = np.maximum(objective, np.minimum(straight, sides))
-    error = np.divide(gap, np.maximum(objective, gap), out=np.zeros_like(gap), where=gap > 0)
-    without = whole.any(units.absolute)
-    if scales is not None or in_units:  # an objective of ε² (pairs: of ε) of what data make it is 0
-        size = np.maximum(objective, gap)
-        given = np.ones_like(gap) if scales is None else np.multiply(*scales)
-        of_zero = np.divide(size, given, out=np.ones_like(gap), where=size < given)
-        of_zero = of_zero if in_units else np.sqrt(of_zero)
+    terms, sizes = (frame.block_sums(values) for values in (fixed, np.abs(fixed)))
+    # terms that cancel count where those of the dual cancel as well
+    straight, sides = (whole.sum(np.where(at, sizes, 0.0)) for at in (parts.beside_z, ~parts.beside_z))
+    prices = whole.sum(np.where(parts.beside_z, terms, 0.0))
+    objective = np.maximum(np.abs(0.5 * quadratic + prices), 0.5 * np.abs(quadratic))
+    objective = np.maximum(objective, np.minimum(straight, sides))
+    size = np.maximum(objective, gap)
+    error = np.divide(gap, size, out=np.zeros(gap.shape), where=gap > 0)
+    if scales is not None:  # an objective of ε² of what data make it is 0
+        given = np.multiply(*scales)
+        of_zero = np.sqrt(np.divide(size, given, out=np.ones(gap.shape), where=size < given))
         objective, error = np.where(of_zero < error, given, objective), np.minimum(error, of_zero)
-    if without.any():
-        by_itself = whole.sum(np.abs(products) * (1.0 if in_units else units.x * units.f))
+    without = whole.any(units.absolute)
+    if some(without):
+        by_itself = whole.sum(np.abs(products) * (units.x * units.f))
         if parts.measure is Measure.GAP:
             total = parts.of_problem(np.where(without, 0.0, objective))
             objective = np.where(without, total, objective)
@@ -237,7 +251,7 @@ def _each_row_once(system: System, parts: Parts, products: Vector) -> Vector:
 
 
 def _growth(
-    system: System, rounded: System, parts: Parts, units: AnswerUnits, noise: Vector, errors: Vector, least: float
+    system: System, parts: Parts, units: AnswerUnits, noise: Vector, errors: Vector, least: float
 ) -> tuple[Vector, Flags | None]:
     """Return the errors with sizes by the constants alone, and where rounding hides the constants (None: nowhere).
 
@@ -248,7 +262,7 @@ def _growth(
     unit = parts.per_row * inverse(_sizes_of_constants(system, parts, units, noise))
     most = float(np.divide(unit, units.f, out=np.zeros(frame.k), where=units.f > 0).max(initial=0.0))
     hidden = noise * unit
-    certain = not (hidden * frame.amplification >= UNKNOWN).any()
+    certain = not some(hidden * frame.amplification >= UNKNOWN)
     even = parts.measure is Measure.PAIRS or frame.even
     largest_error = float(errors.max(initial=0.0))
     if certain and even and most * largest_error <= np.sqrt(least or largest_error):
@@ -259,7 +273,7 @@ def _growth(
             return of.defect(frame.terms.effects(unit), unit)
         return frame.largest(of.excess(unit))
 
-    grown = measured(rounded)
+    grown = measured(_without_rounding(system, noise))
     if certain and parts.measure is Measure.PAIRS:
         return grown, None
     whole = measured(system)
@@ -277,11 +291,11 @@ def _sizes_of_constants(system: System, parts: Parts, units: AnswerUnits, noise:
     a program are no size where they are rounding, `noise` (k,), of what their rows add up, and of what prices make of
     the unknowns: a file has 1e-17 for 0.
     """
-    whole, rows, sizes, fixed = parts.whole, parts.rows, units.constants, system.fixed
+    whole, rows, sizes = parts.whole, parts.rows, units.constants
     if parts.measure is Measure.ENERGY:
         return whole.spread(whole.norm(sizes * parts.per_row))
-    if fixed.any():
-        sizes = np.maximum(sizes, system.frame.terms.sums(np.where(fixed, system.sizes, 0.0)))
+    if some(system.fixed):
+        sizes = np.maximum(sizes, system.frame.terms.sums(np.where(system.fixed, system.sizes, 0.0)))
     data = rows.spread(rows.largest(sizes * parts.per_row))
     if not parts.with_multipliers:
         return data

@@ -87,7 +87,7 @@ class Sets:
 
     def nearest(self, x: Vector) -> Vector:
         """Return P(x); x itself where it is within the sides."""
-        if self.kind == "box" or (self.kind == "orthant" and bool((x < self.lb).any())):
+        if self.kind == "box" or (self.kind == "orthant" and np.count_nonzero(x < self.lb) > 0):
             x = np.minimum(np.maximum(x, self.lb), self.ub)
         for cone in self.cones:
             x = cone.nearest(x)

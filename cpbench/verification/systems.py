@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Matrix, Vector, dense, transpose
-from cpbench.verification.frame import SMALL, Frame, System, Terms
+from cpbench.verification.frame import SMALL, Frame, System, Terms, every
 from cpbench.verification.parts import Measure
 from cpbench.verification.sets import INFINITE, Sets
 from cpbench.verification.tables import rows_of
@@ -99,7 +99,7 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector, convex: Callable[[], bo
     n, m, k = z.size, P.b.size, mu.size
     # a side from 1e19 on is none: nothing holds there, and its multiplier certifies nothing
     bound = P.b > -INFINITE
-    endless = not bool(bound.all())
+    endless = not every(bound)
     lam, b = (np.where(bound, point.lam, 0.0), np.where(bound, P.b, 0.0)) if endless else (point.lam, P.b)
 
     def frame() -> Frame:
