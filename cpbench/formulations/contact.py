@@ -130,9 +130,8 @@ class ContactProblem(_HasFriction, Problem):
         self, r: Vector, u: Vector, q: Vector, tolerance: float, *, absolute: bool
     ) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
         """Return :func:`contact_residuals` of this problem's law; q are the velocities for r = 0."""
-        return contact_residuals(
-            r, u, q, self.law, self.rho, tolerance, absolute=absolute, lengths=self.lengths.ravel()
-        )
+        lengths = self.lengths if hasattr(self, "mu_r") else None
+        return contact_residuals(r, u, q, self.law, self.rho, tolerance, absolute=absolute, lengths=lengths)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -200,7 +199,7 @@ def contact_residuals(
     tolerance: float,
     *,
     absolute: bool,
-    lengths: Vector | float = 1.0,
+    lengths: Dense | None = None,
 ) -> tuple[dict[str, float], dict[str, float], tuple[str, ...]]:
     """Return the measured numbers, readable parts and flags of reactions r with velocities u (recomputed by the
     caller).
@@ -230,13 +229,15 @@ def contact_residuals(
     natural = norm(defect.ravel())
 
     # the same in lengths of the contacts, where norms of forces and moments together mean something
-    L = np.broadcast_to(lengths, r.shape).reshape(nc, -1)
-    even = law.in_units(L)
-    R_L, hat_L = R / L, even.shift(U * L)
+    even, R_L, U_L, Q_L, hat_L, opens = law, R, U, Q, hat, dual_violation
+    if lengths is not None:
+        even, R_L, U_L, Q_L = law.in_units(lengths), R / lengths, U * lengths, Q * lengths
+        hat_L = even.shift(U_L)
+        opens = even.project(-hat_L)
     delta_c = _row_norms(R_L - even.project(R_L - rho[:, None] * hat_L))
-    r_c, u_c, q_c = _row_norms(R_L), _row_norms(U * L), _row_norms(Q * L)
+    r_c, u_c, q_c = _row_norms(R_L), _row_norms(U_L), _row_norms(Q_L)
     root = np.sqrt(rho)
-    energy, opening = norm(delta_c / root), norm(root * _row_norms(even.project(-hat_L)))
+    energy, opening = norm(delta_c / root), norm(root * _row_norms(opens))
     r_energy, u_energy, q_energy = norm(r_c / root), norm(root * u_c), norm(root * q_c)
     energy_scale = max(r_energy, u_energy, q_energy)
     per_contact_scale = np.maximum(np.maximum(r_c, rho * u_c), rho * q_c)
@@ -258,7 +259,7 @@ def contact_residuals(
         "work [J]": abs(work),
         "penetration_velocity [m/s]": float(max(0.0, -U[:, 0].min())),
         "work_cosine": scaled(abs(work), norm(r) * norm(hat.ravel())),
-        **_angles(R_L, U * L, law, noise),
+        **_angles(R_L, U_L, law, noise),
     }
     return measured, parts, ("absolute",) if absolute else ()
 
@@ -274,7 +275,7 @@ def _angles(R: Dense, U: Dense, law: Law, noise: Vector) -> dict[str, float]:
     for name, (columns, coefficient) in kinds.items():
         angles, weights = opposition(R[:, 0], R[:, columns], U[:, columns], coefficient, noise)
         parts[f"{name}_angle [deg]"] = float(angles.max(initial=0.0))
-        parts[f"mean_{name}_angle [deg]"] = float(np.average(angles, weights=weights)) if angles.size else 0.0
+        parts[f"mean_{name}_angle [deg]"] = float((angles * weights).sum() / weights.sum()) if angles.size else 0.0
     return parts
 
 

@@ -29,9 +29,8 @@ def project_friction_cone(x: Dense, mu: Vector) -> Dense:
     with np.errstate(divide="ignore", invalid="ignore"):
         normal = (mu * t + xn) / (1.0 + mu * mu)
         factor = np.where(t > 0, mu * normal / t, 0.0)
-    result = x.copy()
-    result[outside, 0] = normal[outside]
-    result[outside, 1:] = factor[outside, None] * x[outside, 1:]
+    result = x * np.where(outside, factor, 1.0)[:, None]
+    result[:, 0] = np.where(outside, normal, xn)
     result[polar] = 0.0
     return result
 

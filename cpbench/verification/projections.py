@@ -32,14 +32,15 @@ def _second_order(y: Dense, mu: Vector) -> Dense:
     """Project on {‖y_T‖ ≤ μ y_N}: the better of y itself, 0, and the foot on the ray through y_T; μ = ∞ is y_N ≥ 0."""
     n, t = y[:, 0], row_norms(y[:, 1:])
     half_space = np.isinf(mu)
-    slope = np.where(half_space, 0.0, mu)
+    slope = np.where(half_space, 0.0, mu) if half_space.any() else mu
     # the ray (cos a, sin a) with tan a = μ; its foot is the part of (n, t) along it
     cos = 1.0 / np.sqrt(1.0 + slope * slope)
     along = np.maximum((n + slope * t) * cos, 0.0)
     inside = (t <= slope * n) & (n >= 0)
     new_n = np.where(inside, n, along * cos)
     new_t = np.where(inside, t, along * slope * cos)
-    new_n, new_t = np.where(half_space, np.maximum(n, 0.0), new_n), np.where(half_space, t, new_t)
+    if half_space.any():
+        new_n, new_t = np.where(half_space, np.maximum(n, 0.0), new_n), np.where(half_space, t, new_t)
     return np.column_stack([new_n, y[:, 1:] * _ratio(new_t, t)[:, None]])
 
 

@@ -109,6 +109,8 @@ class Sets:
         lower, upper = self.bounded
         if self.kind == "orthant":
             result = f > 0
+        elif self.kind == "free":
+            result = np.zeros(x.size, dtype=bool)
         else:
             below, above = np.abs(x - self.lb), np.abs(x - self.ub)
             result = (lower & (below <= above) & (f > 0)) | (upper & (above <= below) & (f < 0))
