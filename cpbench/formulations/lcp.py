@@ -66,15 +66,13 @@ class LCP(AffineProblem):
         with np.errstate(all="ignore"):
             z, Mz = point.z, self.M @ point.z
             w = Mz + self.q
-            natural = norm(np.minimum(z, w))
+            natural, size, largest = norm(np.minimum(z, w)), norm(self.q), max_abs(self.q)
             return Residuals(
                 measured={
-                    "natural": scaled(natural, norm(self.q)),
+                    "natural": scaled(natural, size),
                     "unit_free": natural
-                    if not self.q.any()
-                    else unit_free_complementarity(
-                        z, w, max(max_abs(z), self.z_unit), max(max_abs(self.q), max_abs(Mz))
-                    ),
+                    if not largest
+                    else unit_free_complementarity(z, w, max(max_abs(z), self.z_unit), max(largest, max_abs(Mz))),
                 },
                 parts={
                     "natural_absolute": natural,
@@ -82,7 +80,7 @@ class LCP(AffineProblem):
                     "min_w": float(w.min(initial=0.0)),
                     "complementarity": float(abs(z @ w)),
                 },
-                flags=() if norm(self.q) > 0 else ("absolute",),
+                flags=() if size > 0 else ("absolute",),
             )
 
     def certifies_infeasibility(self, certificate: Vector) -> bool:

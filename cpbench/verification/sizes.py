@@ -20,7 +20,7 @@ import numpy as np
 
 from cpbench.foundation.matrices import Vector
 from cpbench.verification.backward_error import EPS, ROUNDINGS
-from cpbench.verification.frame import System, inverse
+from cpbench.verification.frame import System, every, inverse, some
 from cpbench.verification.parts import Measure, Parts
 from cpbench.verification.sets import Flags
 
@@ -66,7 +66,7 @@ def units_of(system: System, parts: Parts, sums: Vector) -> AnswerUnits:
     if taken is not None:  # the force of a bound has digits of its own row only
         unit = np.minimum(unit, inverse(taken), out=unit, where=taken > 0)
     # a set of finite size is data: an unknown beyond it is wrong even where no row depends on it
-    if parts.one_size and sized.all():
+    if parts.one_size and every(sized):
         effects = parts.effects / size
     else:
         effects = frame.terms.effects(np.where(sized, unit, 0.0))
@@ -83,11 +83,11 @@ def _sized(system: System, parts: Parts, constants: Vector, needed: Flags, balan
     frame, rows = system.frame, parts.rows
     fixed = system.fixed & parts.beside_z if frame.sets.moored else system.fixed
     gives = constants > 0 if parts.measure is Measure.ENERGY else needed
-    if fixed.any():
+    if some(fixed):
         gives = gives | (frame.terms.sums(fixed.astype(float)) > 0)
     sized = rows.spread(rows.any(gives))
     if not parts.as_program:
-        if sized.all():
+        if every(sized):
             return sized, sized
         return sized, (frame.terms.effects(sized.astype(float)) > 0) | (frame.own_unit > 0)
     # sides size z; prices do where they are balanced by z itself, or by nothing; a load does, whatever bears it
@@ -120,7 +120,7 @@ def _row_units(
     if parts.kinds is not None:
         size = np.maximum(parts.kinds.spread(parts.kinds.largest(counted)), np.sqrt(EPS) * size)
     unit = np.divide(D, size, out=np.ones(frame.k), where=size > 0)
-    if not by_group.all():
+    if not every(by_group):
         least = np.maximum(sizes, np.where(known, inverse(frame.own_unit), 1.0))  # a box is a size
         least = np.where(parts.beside_z, least, 0.0)
         alone = np.maximum(frame.terms.sums(least), constants)
