@@ -230,12 +230,12 @@ def largest(*values: float) -> float:
 
 def some(flags: Flags) -> bool:
     """Return whether one is true: of a few in a fourth of the time of `flags.any()`."""
-    return np.count_nonzero(flags) > 0
+    return bool(np.count_nonzero(flags))
 
 
 def every(flags: Flags) -> bool:
     """Return whether all are true."""
-    return np.count_nonzero(flags) == flags.size
+    return int(np.count_nonzero(flags)) == flags.size
 
 
 def inverse(x: Vector) -> Vector:
