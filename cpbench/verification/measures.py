@@ -6,6 +6,8 @@ import dataclasses
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 import cpbench.verification.conic_systems  # noqa: F401  # pyright: ignore[reportUnusedImport]  (enters its rows)
 from cpbench.verification import contact_systems
 from cpbench.verification.backward_error import BackwardError
@@ -24,7 +26,13 @@ NOTICED = 0.1
 """An accepted answer in which a contact with load misses the law by so much of its own has the flag `contact`."""
 
 
-def measure(problem: Any, point: Any) -> tuple[BackwardError, System | None]:
+@np.errstate(all="ignore")
+def measure(problem: Any, point: Any) -> BackwardError:
+    """Return the error of an answer that the problem has accepted."""
+    return measured_rows(problem, point)[0]
+
+
+def measured_rows(problem: Any, point: Any) -> tuple[BackwardError, System | None]:
     """Return the error of an answer that the problem has accepted, and its rows, if the judge has any."""
     if problem.node not in SYSTEMS:  # a formulation of a plugin is measured by its own residuals
         return BackwardError(problem.residuals(point).error, False, 0.0), None

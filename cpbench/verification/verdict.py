@@ -87,7 +87,7 @@ def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None)
     residuals = problem.residuals(point, tolerance)
     parts = {**residuals.parts, **residuals.measured}
     flags = [flag for flag in residuals.flags if flag != "absolute"]
-    found, system = measures.measure(problem, point)
+    found, system = measures.measured_rows(problem, point)
     if measure is not None:
         if measure not in named(parts) and measure != "backward":
             parts |= {row.name: row.value for row in published(problem, point, parts)}
