@@ -69,11 +69,6 @@ class BlockErrors:
         return BackwardError(largest(errors, squared(largest(grown))), self.absolute, floor)
 
 
-def backward_error(system: System) -> BackwardError:
-    """Measure the answer of a system."""
-    return row_errors(system).worst()
-
-
 def row_errors(system: System) -> BlockErrors:
     """Measure the answer of a system, block by block."""
     frame, none = system.frame, np.zeros(system.frame.k)

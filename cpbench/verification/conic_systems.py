@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from cpbench.foundation.matrices import Vector, transpose
 from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.frame import Frame, System, Terms, block_norms
+from cpbench.verification.merit_functions import BOUNDS
 from cpbench.verification.parts import Measure
 from cpbench.verification.sets import ConeFactors, Flags, Sets, of_product
 from cpbench.verification.systems import kept, stack
@@ -83,8 +84,7 @@ def coneqp(P: Any, point: Any) -> System:
 def complementarity(P: Any, point: Any) -> System:
     """Return the rows of ncp, micp and equation: z between bounds beside F(z)."""
     z = point.z
-    lb, ub = {"ncp": (0.0, np.inf), "equation": (-np.inf, np.inf)}.get(P.node) or (P.lb, P.ub)
-    return _with_rows(P, z, P.F(z), P.F.jacobian(z), (lb, ub, []), np.arange(z.size))
+    return _with_rows(P, z, P.F(z), P.F.jacobian(z), (*BOUNDS[P.node](P), []), np.arange(z.size))
 
 
 @rows_of("ge")

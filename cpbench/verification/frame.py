@@ -147,11 +147,6 @@ class Frame:
         """Return whether no coefficient of friction is above 1: none hides in a distance how fast a contact closes."""
         return bool((self.amplification <= 2.0).all())
 
-    @property
-    def count(self) -> int:
-        """Number of unknowns."""
-        return self.k if self.block is None else len(self.block)
-
     def spread(self, values: Vector) -> Vector:
         """Return the values of blocks, for every unknown of each."""
         return values if self.block is None else values[self.block]

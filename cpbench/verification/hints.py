@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,23 +27,9 @@ LARGEST = 1000
 """Unknowns of the largest objective whose eigenvectors are computed."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Scaled:
-    """The polyhedron in other units: x = column·x', multipliers = row·theirs."""
-
-    G: Any
-    h: Vector
-    E: Any
-    f: Vector
-    lb: Vector
-    ub: Vector
-    row: Vector
-    column: Vector
-
-
 def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
     """Vectors (λ, μ) that combine the conditions to a contradiction, to rounding: a vertex, and one inside."""
-    S = _scaled(P)
+    S, row, _ = _scaled(P)
     m, k, n = S.h.size, S.f.size, S.lb.size
     low, high = np.isfinite(S.lb), np.isfinite(S.ub)
     transposed: Any = sp.hstack([S.G.T, S.E.T, sp.eye_array(n), -sp.eye_array(n), sp.csr_array((n, 1))], format="csr")
@@ -57,7 +43,7 @@ def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
     vertex = _least(-gain, None, None, transposed, np.zeros(n), bounds, deadline)
     if vertex is None or not gain @ vertex > 0.0:
         return
-    yield vertex[: m + k] * S.row
+    yield vertex[: m + k] * row
     single = np.flatnonzero(low ^ high)
     if single.size:  # every ν that has a sign away from 0, as far as it goes
         parts = np.where(low, 0, n)[single] + m + k
@@ -75,12 +61,12 @@ def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
             deadline,
         )
         if inside is not None and inside[-1] > 0.0:
-            yield inside[: m + k] * S.row
+            yield inside[: m + k] * row
 
 
 def interior_point(P: Polyhedron, deadline: float) -> Vector | None:
     """Return a point that meets the conditions, as far from their sides as there is room."""
-    S = _scaled(P)
+    S, _, column = _scaled(P)
     n, rows = S.lb.size, np.flatnonzero(np.isfinite(S.h))
     low, high = np.flatnonzero(np.isfinite(S.lb)), np.flatnonzero(np.isfinite(S.ub))
     unit = sp.eye_array(n, format="csr")
@@ -95,16 +81,16 @@ def interior_point(P: Polyhedron, deadline: float) -> Vector | None:
         np.vstack([np.full((n, 2), (-np.inf, np.inf)), (0.0, 1.0)]),
         deadline,
     )
-    return None if x is None else x[:n] * S.column
+    return None if x is None else x[:n] * column
 
 
 def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
     """Directions that never leave the polyhedron and along which the objective may fall: flat ones, then curved."""
-    S = _scaled(P)
+    S, _, column = _scaled(P)
     n, rows = S.lb.size, np.flatnonzero(np.isfinite(S.h))
     Q: Any = sp.csr_array(goal.Q)
-    Q = sp.csr_array(sp.diags_array(S.column) @ (Q + Q.T) @ sp.diags_array(S.column)) * 0.5
-    p = goal.p * S.column
+    Q = sp.csr_array(sp.diags_array(column) @ (Q + Q.T) @ sp.diags_array(column)) * 0.5
+    p = goal.p * column
     bounds = np.stack([np.where(np.isfinite(S.lb), 0.0, -1.0), np.where(np.isfinite(S.ub), 0.0, 1.0)], axis=1)
     sizes = power_of_two(np.asarray(abs(Q).max(axis=1).toarray()).ravel())
     flat = sp.vstack([S.E, sp.csr_array(sp.diags_array(sizes) @ Q)], format="csr")
@@ -126,7 +112,7 @@ def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
 
     d = steepest(p, flat)
     if d is not None and p @ d < 0.0:
-        yield d * S.column
+        yield d * column
     for v in _curved(Q, S.E):
         for start in (nearest(v), nearest(-v), steepest(-v, S.E), steepest(v, S.E)):
             d = start
@@ -135,7 +121,7 @@ def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
                     break
                 d = _descended(Q, d, steepest(Q @ d, S.E))
             if d is not None and d @ (Q @ d) < 0.0:
-                yield d * S.column
+                yield d * column
 
 
 def _descended(Q: Any, d: Vector, towards: Vector | None) -> Vector | None:
@@ -160,24 +146,18 @@ def _curved(Q: Any, E: Any) -> list[Vector]:
     return [v / np.abs(v).max() for v in found]
 
 
-def _scaled(P: Polyhedron) -> _Scaled:
-    """Units in which rows and columns have a mean of one, in powers of two."""
+def _scaled(P: Polyhedron) -> tuple[Polyhedron, Vector, Vector]:
+    """Return it in units in which rows and columns have a mean of one, in powers of two, and these: x = column·x',
+    multipliers = row·theirs."""
     G, E = sp.csr_array(P.G), sp.csr_array(P.E)
     whole: Any = sp.vstack([G, E], format="csr")
     m = P.h.size
     with np.errstate(all="ignore"):  # beside subnormal numbers units are infinite: no program is solved then
         row, column = (np.exp2(np.rint(np.log2(unit))) for unit in equilibrate_apart(abs(whole)))
         right: Any = sp.diags_array(column)
-        return _Scaled(
-            sp.csr_array(sp.diags_array(row[:m]) @ G @ right),
-            P.h * row[:m],
-            sp.csr_array(sp.diags_array(row[m:]) @ E @ right),
-            P.f * row[m:],
-            P.lb / column,
-            P.ub / column,
-            row,
-            column,
-        )
+        G, E = (sp.csr_array(sp.diags_array(unit) @ A @ right) for unit, A in ((row[:m], G), (row[m:], E)))
+        scaled = replace(P, G=G, h=P.h * row[:m], E=E, f=P.f * row[m:], lb=P.lb / column, ub=P.ub / column)
+    return scaled, row, column
 
 
 def _finite(part: Any) -> bool:

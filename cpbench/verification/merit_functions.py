@@ -26,6 +26,10 @@ BOUNDS: NodeTable[Callable[[Any], Bounds]] = NodeTable(
     "bounds beside F", "verify --all-measures shows no norms of PATH"
 )
 """Bounds of the unknowns, by formulation: those that are mixed complementarity problems without any conversion."""
+BOUNDS.enter(lambda problem: (0.0, np.inf), "lcp", "ncp")
+BOUNDS.enter(lambda problem: (problem.lb, problem.ub), "relay", "micp")
+BOUNDS.enter(lambda problem: (-np.inf, np.inf), "equation")
+BOUNDS.enter(lambda problem: (np.repeat([-np.inf, 0.0], [problem.a.size, problem.b.size]), np.inf), "mlcp")
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,26 +60,6 @@ def path_norms(problem: Any, point: Any) -> dict[str, float]:
         "path_fischer_gradient": max_abs(gradient),
     }
     return {name: max(value, beyond) for name, value in found.items()}
-
-
-@BOUNDS.of("lcp", "ncp")
-def _half_line(problem: Any) -> Bounds:
-    return 0.0, np.inf
-
-
-@BOUNDS.of("relay", "micp")
-def _box(problem: Any) -> Bounds:
-    return problem.lb, problem.ub
-
-
-@BOUNDS.of("equation")
-def _line(problem: Any) -> Bounds:
-    return -np.inf, np.inf
-
-
-@BOUNDS.of("mlcp")
-def _mixed(problem: Any) -> Bounds:
-    return np.concatenate([np.full(problem.a.size, -np.inf), np.zeros(problem.b.size)]), np.inf
 
 
 def _evaluated(problem: Any, z: Vector, lb: Vector, ub: Vector) -> _Mixed:

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from cpbench.errors import PointError
 from cpbench.formulations.stack import Stack
 from cpbench.foundation.matrices import Vector, is_psd
-from cpbench.verification.backward_error import BlockErrors
 from cpbench.verification.frame import System, largest_of
 from cpbench.verification.measures import BY_PARTS, SYSTEMS
 from cpbench.verification.part_error import block_errors
@@ -101,17 +100,19 @@ def _measured(stack: Stack, some: slice, answers: dict[str, Any]) -> tuple[Vecto
         system = _system(problem, answers, finite)
         if not system.frame.k:
             return np.where(finite, 0.0, np.inf), np.zeros(count)
-        own = _Own.of(system, answers, count)
+        own = _owners(system, answers)
         sums = system.frame.terms.sums(system.sizes)
-        bounded = own.all(np.isfinite(sums + system.frame.constants))
+        bounded = np.bincount(own, ~np.isfinite(sums + system.frame.constants), count) == 0
         if not bounded.all():  # squares of such unknowns are no numbers any more
             finite &= bounded
             system = _system(problem, answers, finite)
             sums = system.frame.terms.sums(system.sizes)
         node = stack.kind.node
-        parts = Parts.of(system.frame, system.frame.terms.sizes, BY_PARTS[node], own.blocks)
-        error, floor = own.worst(block_errors(system, parts, sums))
-    return np.where(finite, error, np.inf), np.where(finite, floor, 0.0)
+        parts = Parts.of(system.frame, system.frame.terms.sizes, BY_PARTS[node], own)
+        found = block_errors(system, parts, sums)
+        error = largest_of(own, np.maximum(found.errors, found.grown**2), count)
+        floor = largest_of(own, found.floors, count)
+    return np.where(finite & np.isfinite(error), error, np.inf), np.where(finite, floor, 0.0)
 
 
 def _system(problem: Any, answers: dict[str, Any], finite: Flags) -> System:
@@ -120,31 +121,14 @@ def _system(problem: Any, answers: dict[str, Any], finite: Flags) -> System:
     return SYSTEMS[problem.node](problem, problem.point_type(**whole))
 
 
-@dataclass(frozen=True, eq=False)
-class _Own:
-    """The places of problems side by side: which of them has which component, (N,), and which block, (k,)."""
-
-    count: int
-    components: NDArray[np.int64]
-    blocks: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, system: System, answers: dict[str, Any], count: int) -> _Own:
-        """Read it from the answers, whose parts come one after the other."""
-        number = np.concatenate([np.repeat(np.arange(count), x.shape[1]) for x in answers.values()])
-        components = number[: system.x.size]  # what follows are multipliers of bounds, which are no unknowns here
-        frame = system.frame
-        if frame.block is None:
-            return cls(count, components, components)
-        blocks = np.empty(frame.k, np.int64)
-        blocks[frame.block] = components
-        return cls(count, components, blocks)
-
-    def all(self, flags: Flags) -> Flags:
-        """Return whether the flags of all blocks of a problem are true."""
-        return np.bincount(self.blocks, ~flags, self.count) == 0
-
-    def worst(self, found: BlockErrors) -> tuple[Vector, Vector]:
-        """Return the error of every problem, and what rounding may cause."""
-        error = largest_of(self.blocks, np.maximum(found.errors, found.grown**2), self.count)
-        return np.where(np.isfinite(error), error, np.inf), largest_of(self.blocks, found.floors, self.count)
+def _owners(system: System, answers: dict[str, Any]) -> NDArray[np.int64]:
+    """Return which of the problems side by side has which block, (k,): the parts of answers come one after the
+    other."""
+    numbers = [np.repeat(np.arange(len(x)), x.shape[1]) for x in answers.values()]
+    # what follows the unknowns are multipliers of bounds, which are none here
+    components, block = np.concatenate(numbers)[: system.x.size], system.frame.block
+    if block is None:
+        return components
+    blocks = np.empty(system.frame.k, np.int64)
+    blocks[block] = components
+    return blocks

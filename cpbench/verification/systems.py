@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Matrix, Vector, dense, transpose
 from cpbench.verification.frame import SMALL, Frame, System, Terms, every
+from cpbench.verification.merit_functions import BOUNDS
 from cpbench.verification.parts import Measure
 from cpbench.verification.sets import INFINITE, Sets
 from cpbench.verification.tables import rows_of
@@ -46,25 +47,14 @@ def stack(blocks: list[list[Any]]) -> Any:
 
 
 @rows_of("lcp", by=Measure.PAIRS, stacked=True)
-def lcp(problem: Any, point: Any) -> System:
-    """Return z ≥ 0 beside Mz + q."""
-    z, q = point.z, problem.q
-
-    def frame() -> Frame:
-        return Frame(Terms.of(abs(problem.M)), np.abs(q), Sets.of((z.size, 0.0, np.inf)), q)
-
-    return System(kept(problem, frame), z, problem.M @ z + q)
-
-
 @rows_of("relay", by=Measure.PAIRS)
-def relay(problem: Any, point: Any) -> System:
-    """Return z between bounds beside Mz + q."""
-    z, q = point.z, problem.q
+def relay(P: Any, point: Any) -> System:
+    """Return z between bounds beside Mz + q; those of an LCP are 0 and ∞."""
 
     def frame() -> Frame:
-        return Frame(Terms.of(abs(problem.M)), np.abs(q), Sets.of((z.size, problem.lb, problem.ub)), q)
+        return Frame(Terms.of(abs(P.M)), np.abs(P.q), Sets.of((P.q.size, *BOUNDS[P.node](P))), P.q)
 
-    return System(kept(problem, frame), z, problem.M @ z + q)
+    return System(kept(P, frame), point.z, P.M @ point.z + P.q)
 
 
 @rows_of("mlcp", by=Measure.PAIRS, stacked=True)

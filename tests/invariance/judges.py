@@ -14,7 +14,7 @@ from inclusions import pairs_of
 from pairs import Pairs, identity
 
 from cpbench import verification
-from cpbench.verification.backward_error import backward_error
+from cpbench.verification.backward_error import row_errors
 from cpbench.verification.measures import BY_PARTS, SYSTEMS
 
 Judge = Callable[[Any, Any, float], tuple[bool, float]]
@@ -30,7 +30,7 @@ def rows_one_by_one(problem: Any, point: Any, tolerance: float) -> tuple[bool, f
     if problem.node in BY_PARTS:
         return cpbench_judge(problem, point, tolerance)
     with np.errstate(all="ignore"):
-        error = backward_error(SYSTEMS[problem.node](problem, point)).error
+        error = row_errors(SYSTEMS[problem.node](problem, point)).worst().error
     return error <= tolerance, error
 
 
