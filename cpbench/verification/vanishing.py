@@ -17,7 +17,6 @@ itself is solved: a pair of 1e-15 would be wrong by 1 (`tests/unit/test_vanishin
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,27 +24,7 @@ import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
 from cpbench.verification.backward_error import EPS, ROUNDINGS
-from cpbench.verification.frame import Caps
-
-
-@dataclass(frozen=True, eq=False)
-class _Linearization:
-    """F(z) = F′(z)z + constants, with the shares of both in the terms of their rows."""
-
-    slope: Any
-    constants: Vector
-    shares: Vector
-    share: Vector
-
-    @classmethod
-    def at(cls, F: Any, z: Vector) -> _Linearization:
-        """Take it at a point. Its entries are the same ones everywhere."""
-        slope = sp.csr_array(F.jacobian(z))
-        constants = np.abs(F(z) - slope @ z)
-        terms = np.abs(slope.data * z[slope.indices])
-        scale = abs(slope) @ np.abs(z) + constants
-        unit = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
-        return cls(slope, constants, terms * np.repeat(unit, np.diff(slope.indptr)), constants * unit)
+from cpbench.verification.frame import Caps, inverse
 
 
 def caps(F: Any, z: Vector, value: Vector, slope: Any) -> Caps | None:
@@ -64,14 +43,25 @@ def caps(F: Any, z: Vector, value: Vector, slope: Any) -> Caps | None:
     half, none = z.copy(), z.copy()
     half[faint] *= 0.5
     none[faint] = 0.0
-    here, there, end = (_Linearization.at(F, at) for at in (z, half, none))
+    here, there, end = (_linearized(F, at) for at in (z, half, none))
+    (entries, constants, shares, share), (_, _, half_shares, half_share) = here, there
     rows = np.zeros(value.size, dtype=bool)
     rows[row[explained]] = True
-    known = rows & np.isfinite(end.constants) & np.isfinite(there.constants)
-    known &= np.bincount(row, ~(np.isfinite(end.slope.data) & np.isfinite(there.slope.data)), value.size) == 0
-    gone = known & (end.constants < ROUNDINGS * EPS * here.constants)
-    thin = known[row] & (np.abs(end.slope.data) < ROUNDINGS * EPS * np.abs(here.slope.data))
+    for beside, at in (end[:2], there[:2]):
+        rows &= np.isfinite(at) & (np.bincount(row, ~np.isfinite(beside), value.size) == 0)
+    gone = rows & (end[1] < ROUNDINGS * EPS * constants)
+    thin = rows[row] & (np.abs(end[0]) < ROUNDINGS * EPS * np.abs(entries))
     return Caps(
-        constants=np.where(gone, 2.0 * np.abs(here.share - there.share), np.inf),
-        entries=np.where(thin, 2.0 * np.abs(here.shares - there.shares), np.inf),
+        constants=np.where(gone, 2.0 * np.abs(share - half_share), np.inf),
+        entries=np.where(thin, 2.0 * np.abs(shares - half_shares), np.inf),
     )
+
+
+def _linearized(F: Any, z: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+    """Return F(z) = F′(z)z + constants at a point: the entries of F′, which are the same ones everywhere, |constants|,
+    and the shares of both in the terms of their rows."""
+    slope = sp.csr_array(F.jacobian(z))
+    constants = np.abs(F(z) - slope @ z)
+    unit = inverse(abs(slope) @ np.abs(z) + constants)
+    terms = np.abs(slope.data * z[slope.indices]) * np.repeat(unit, np.diff(slope.indptr))
+    return slope.data, constants, terms, constants * unit
