@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
-from cpbench.verification.frame import inverse
+from cpbench.verification.frame import inverse, some
 
 SWEEPS = 32
 STEPS = 100
@@ -68,12 +68,12 @@ def equilibrate_apart(A: Any, part: Any = None) -> tuple[Vector, Vector]:
         found = d * (W @ c)
         r = counts - found
         off = _sums(r * r * inverse(counts), part)
-        kept = np.sqrt(np.divide(off, before, out=np.zeros_like(off), where=before > 0))
+        kept = np.sqrt(np.divide(off, before, out=np.zeros(off.shape), where=before > 0))
         going &= off > enough * np.maximum(1.0 - kept, SLOWEST) ** 2  # a part that has ended keeps all of its error
-        if not np.any(going):
+        if not some(going):
             break
         factor, slow = _ratio(counts, found), going & (off > FAST * before)
-        if np.any(slow):
+        if some(slow):
             r = np.where(_spread(slow, part), r, 0.0)
             least = INEXACT**2 * _sums(r * r * inverse(found), part)
             step = _solved(W, d, c * c * inverse(beside), found, r, least, part)
@@ -106,19 +106,19 @@ def _largest_one(A: Any, D: Vector, C: Vector) -> tuple[Vector, Vector]:
 def _solved(W: Any, left: Any, weights: Vector, diagonal: Vector, r: Vector, enough: Any, part: Any) -> Vector:
     """Solve (diagonal − L weights Lᵀ)x = r, L_ij = left_i W_ij, by conjugate gradients, scaled by the diagonal, until
     rᵀr/diagonal is `enough`."""
-    x, p, old, scale, turned = np.zeros_like(r), np.zeros_like(r), 1.0, inverse(diagonal), W.T
+    x, p, old, scale, turned = np.zeros(r.size), np.zeros(r.size), 1.0, inverse(diagonal), W.T
     for _ in range(STEPS):
         z = scale * r
         new = _sums(z * r, part)
         going = new > enough
-        if not np.any(going):
+        if not some(going):
             break
         p = z + _spread(new / old, part) * p
         q = diagonal * p - left * (W @ (weights * (turned @ (left * p))))
         curvature = _sums(p * q, part)
-        some = going & (curvature > 0)  # else nothing is left but rounding
-        alpha = np.divide(new, curvature, out=np.zeros(np.shape(new)), where=some)
-        if not np.any(alpha):
+        falls = going & (curvature > 0)  # else nothing is left but rounding
+        alpha = np.divide(new, curvature, out=np.zeros(np.shape(new)), where=falls)
+        if not some(alpha):
             break
         alpha = _spread(alpha, part)
         x, r, old = x + alpha * p, r - alpha * q, np.where(new > 0, new, 1.0)
@@ -149,7 +149,7 @@ def _by_entry(A: Any, d: Vector, e: Vector) -> Any:
 
 def _sums(values: Vector, part: Any) -> Any:
     """Return the sum over each part."""
-    return values.sum() if part is None else np.bincount(part, values)
+    return np.add.reduce(values) if part is None else np.bincount(part, values)
 
 
 def _spread(values: Any, part: Any) -> Any:
@@ -158,4 +158,4 @@ def _spread(values: Any, part: Any) -> Any:
 
 
 def _ratio(x: Vector, y: Vector) -> Vector:
-    return np.divide(x, y, out=np.ones_like(x), where=y > 0)
+    return np.divide(x, y, out=np.ones(x.shape), where=y > 0)

@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from cpbench.foundation.matrices import Vector
 from cpbench.verification.backward_error import EPS, ROUNDINGS
 from cpbench.verification.equilibration import equilibrate, equilibrate_apart
-from cpbench.verification.frame import Frame, largest_of
+from cpbench.verification.frame import Frame, every, largest_of
 
 
 class Measure(Enum):
@@ -233,6 +233,8 @@ def _rows_joined_by_unknowns(sizes: Any) -> Any:
 def connected(sizes: Any) -> Any:
     """Return the number of the connected part of each row; None where all are one."""
     if isinstance(sizes, np.ndarray) and sizes.size:  # mostly all are, and to see that is quick
+        if every(sizes):
+            return None
         joined, reached, count = (sizes > 0) | (sizes.T > 0), np.arange(sizes.shape[0]) == 0, 0
         while np.count_nonzero(reached) > count:
             count = np.count_nonzero(reached)
