@@ -168,7 +168,7 @@ class QP(Problem):
             relative = {k: v / scale[k] if scale[k] > 0 else v for k, v in absolute.items()}
             parts = {f"{k}_absolute": v for k, v in absolute.items()}
             parts |= {f"{k}_relative": v for k, v in relative.items()}
-            parts["objective"] = self.objective(z)
+            parts["objective"] = float(0.5 * z @ Qz + self.p @ z)
             return Residuals(
                 # min(NaN, x) depends on the order of its arguments: NaN must win
                 measured={k: float(np.minimum(absolute[k], relative[k])) for k in absolute},

@@ -162,10 +162,13 @@ def _count_also(system: System, units: AnswerUnits, errors: Vector, share: Vecto
     """Count the residuals that must vanish beside f; the force of a bound has digits of its own row only."""
     assert system.also is not None
     value, at = system.also
-    size = np.maximum(1.0, system.frame.norms(system.f)[at] * units.f[at])
-    places = np.arange(errors.size)[at] if isinstance(at, slice) else at
-    found = np.abs(value) * units.f[at] / size
-    np.maximum.at(errors, places, found if share is None else np.minimum(found, share[at]))
+    found = np.abs(value) * units.f[at] / np.maximum(1.0, system.frame.norms(system.f)[at] * units.f[at])
+    if share is not None:
+        found = np.minimum(found, share[at])
+    if isinstance(at, slice):
+        np.maximum(errors[at], found, out=errors[at])
+    else:
+        np.maximum.at(errors, at, found)
 
 
 def _without_rounding(system: System, noise: Vector) -> System:
@@ -239,7 +242,7 @@ def _each_row_once(system: System, parts: Parts, products: Vector) -> Vector:
     inequalities. It is known by its value, which is the same number to the last bit.
     """
     result = np.abs(products)
-    rows = np.flatnonzero(~parts.beside_z & (products != 0.0))
+    (rows,) = np.nonzero(~parts.beside_z & (products != 0.0))
     if rows.size > 1:
         part = np.zeros(rows.size) if parts.whole.of is None else parts.whole.of[rows]
         values = system.frame.norms(system.f)[rows]
