@@ -1,29 +1,16 @@
 """Error of an answer to a linear or contact problem or a program, measured over connected parts of the problem.
 
+`docs/methods/verdict.md` defines it: distances in the units of `sizes` (`_conditions`), the gap of each part over the
+terms of its objective, and growth, the same error with sizes by the constants alone, of which the square counts: a
+solution may be large beside the constants. Unknowns that a problem leaves free may be of any size, and must hide
+nothing: gap and growth count for that.
+
 Methods hold their conditions in norms: a row that is small beside its neighbours is as wrong as they are, and a
-solution that decays has no digits of its own in its tail. So every connected part of the problem's matrix, for programs
-[[Q, −Aᵀ], [A, 0]], is equilibrated, and has one size for its rows (`sizes`; of programs, one for rows beside z and one
-for rows beside multipliers). In these units, with P the projection on the set of x,
+solution that decays has no digits of its own in its tail. So rows of a part share one size; what a
+constraint misses of its own terms counts by `OWN`, too.
 
-    pairs     ‖x̂ − P(x̂ − f̂)‖, the largest, of complementarity problems and inequalities,
-    contact   √Σ‖x̂ − P(x̂ − f̂)‖² over a part, in energy,
-    programs  the distance of x̂ from its set and of f̂ from the dual set, the largest. A gradient without prices of
-              which all terms are below ε of what sides make of it is 0. A constraint or a bound counts by `OWN` of its
-              own terms, too, if these are no less than `SMALL` of the size of its part.
-
-Unknowns that a problem leaves free may be of any size, and must hide nothing. Two further numbers count for that.
-
-- Gap: Σ|x_i f_i| of a part over the terms of its objective, max(|f|, ½|zᵀQz|, min(Σ|p_i z_i|, Σ|b_j λ_j|), gap);
-  without multipliers, of pairs in their units, over max(Σ|q_i x_i|, |xᵀMx|, gap). x is counted from the bound to which
-  f pushes, at most as far as the size of an unknown; a row that is given twice counts once. A part that no constant
-  sizes has no objective of its own: its gap is compared with the objective of the whole program. An objective of ε² of
-  what sides and prices make it is 0. Without prices the gap is at most ½zᵀQz, for no objective is below 0 there.
-- Growth: the same error, with sizes by the constants alone (`_sizes_of_constants`), squared. Within √ε it is no
-  objection, for a solution may be large beside the constants. Of programs it is taken of the rows beside multipliers; a
-  gradient counts by what it could change in the objective.
-
-Rounding of terms that cancel, 8 eps Σ|terms|, is no error there. Where it hides `UNKNOWN` of the constants, the answer
-would solve other constants as well, and is `unresolvable`.
+Rounding of terms that cancel, 8 eps Σ|terms|, is no error in gap and growth. Where it hides `UNKNOWN` of the constants,
+the answer would solve other constants as well, and is `unresolvable`.
 """
 
 from __future__ import annotations

@@ -1,15 +1,8 @@
 """Sizes by which an answer is compared: one for the rows of a part, and for every unknown its largest effect on them.
 
-Rows of a part share the size s = max D_i Σ_j |J_ij||x_j| (of contacts, the root of the sum of squares), D the
-equilibration. A row is compared in f̂_i = D_i f_i/s, an unknown in x̂_j = x_j max_i D_i |J_ij|/s.
-
-- A constant counts as far as the answer needs it: where the sign of f holds a pair on its bound (an idle side, price or
-  open contact), only if the other terms of the row reach `BALANCED` of it. The multiplier of a row with one entry is no
-  such term: the row is a bound.
-- Of pairs without multipliers, equalities (rows of free unknowns) have a size apart from the others, at least √eps of
-  theirs: neither hides the other where units are hard to know, as those of Vandermonde's matrices.
-- A part that no constant sizes has the solution 0. Its unknowns are compared as they are, as if of size 1, and each of
-  its rows with its own terms.
+`docs/methods/verdict.md` has the rules (units, constants), `Parts` the groups of rows that share a size. A part that no
+constant sizes has the solution 0: its unknowns are compared as if of size 1, and each of its rows with its own terms.
+The multiplier of a row with one entry balances no constant: the row is a bound.
 """
 
 from __future__ import annotations
