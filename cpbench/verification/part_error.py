@@ -6,8 +6,8 @@ solution may be large beside the constants. Unknowns that a problem leaves free 
 nothing: gap and growth count for that.
 
 Methods hold their conditions in norms: a row that is small beside its neighbours is as wrong as they are, and a
-solution that decays has no digits of its own in its tail. So rows of a part share one size; what a
-constraint misses of its own terms counts by `OWN`, too.
+solution that decays has no digits of its own in its tail. So rows of a part share one size; what a constraint
+misses of its own terms counts by `OWN`, too.
 
 Rounding of terms that cancel, 8 eps Σ|terms|, is no error in gap and growth. Where it hides `UNKNOWN` of the constants,
 the answer would solve other constants as well, and is `unresolvable`.
@@ -189,7 +189,7 @@ def _gap_of_program(
     bounded: Flags | None,
 ) -> tuple[Vector, Vector]:  # fmt: skip
     """Return Σ|x_i f_i| over the terms of the objective, and these terms, of every part; `scales` are what sides and
-    prices make of z and of the gradient, and where objectives are `bounded` (whole.count,), they are nowhere below 0."""
+    prices make of z and of the gradient, and where parts are `bounded` (whole.count,), no objective is below 0."""
     frame, whole = system.frame, parts.whole
     products = _products(system, units)
     if parts.indifferent is not None:
