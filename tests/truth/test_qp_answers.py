@@ -31,7 +31,7 @@ INVARIANT = {"units by powers of two": 2.0, "qp-nlp": 1.01, "equalities as pairs
 """Ways of writing in which the error of an answer is the same but for this factor."""
 OTHER_MEASURE = ("qp-mlcp", "qp-avi")
 """Ways of writing without an objective: a gap is not measured there, but products one by one."""
-OTHER_SIZES = {"GOULDQP2.mat": ("bounds as rows", "qp-coneqp")}
+OTHER_SIZES = {"QSC205.mat": ("pᵀz as an unknown",), "GOULDQP2.mat": ("bounds as rows", "qp-coneqp")}
 """Files and ways of writing in which rows have the size of larger ones: by how much is said in docs/methods/verdict.md.
 Which answers are compared depends on how far methods come in their time."""
 SLACK = 10.0
