@@ -102,7 +102,11 @@ def test_right_and_wrong_answers_keep_their_verdicts_behind_edges(shared_data: P
         pytest.skip("does not apply: no answer is right to 1e-9")
     rows = list(carried(case, 1e-6, depth=1 if fast else 2))
     assert sum(row.right for row in rows) > 0
-    false = [f"{row.edge or '(source)'} {row.label}: right {row.right}, {row.error:.1e}" for row in rows if row.false]
+    false = [
+        f"{row.edge or '(source)'} {row.label}: right {row.right}, {row.error:.1e}"
+        for row in rows
+        if row.false and not row.known
+    ]
     assert not false, f"{len(false)} of {len(rows)} verdicts:\n" + "\n".join(false[:20])
 
 
