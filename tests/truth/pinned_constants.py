@@ -97,7 +97,8 @@ def changed(name: str, factor: float) -> str:
         other = f"tuple({factor} * x for x in {text})"
     else:
         other = f"int({factor} * ({text}))" if whole else f"{factor} * ({text})"
-    return source.replace(f" = {text}\n", f" = {other}\n", 1)
+    own = f"\n{name.partition('.')[2]} = "
+    return source.replace(f"{own}{text}\n", f"{own}{other}\n", 1)
 
 
 def install(name: str, factor: float) -> None:
