@@ -186,13 +186,14 @@ class Parts:
 
     @cached_property
     def unpriced(self) -> Any:
-        """Whether no row beside z of a part of a program has a constant, (whole.count,), but for rounding of what sides
-        make of it; None where none is so."""
+        """Whether a part of a program has rows beside z, but no constants of these, (whole.count,), apart from rounding
+        of what sides make of them; None where none is so."""
         if self.measure is not Measure.GAP:
             return None
         sizes = self.frame.constants * self.per_row
         prices, sides = (self.whole.largest(np.where(at, sizes, 0.0)) for at in (self.beside_z, ~self.beside_z))
         found = prices <= (ROUNDINGS * EPS) * np.where(self.curves, sides, 0.0)
+        found &= self.whole.any(self.beside_z)
         return found if found.any() else None
 
     @cached_property

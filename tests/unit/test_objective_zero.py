@@ -1,4 +1,4 @@
-"""Programs without prices, the objective of which is 0 at the solution: multipliers must not decide there."""
+"""Programs without prices, whose objective is 0 at the solution, and rows without entries."""
 
 from __future__ import annotations
 
@@ -36,3 +36,12 @@ def test_an_objective_of_0_says_nothing_of_a_program_that_is_not_convex() -> Non
     problem = QP.build(np.diag([1.0, -1.0]), np.zeros(2), lb=np.zeros(2), ub=np.full(2, 2.0))
     point = QPPoint(z=np.ones(2), lam=none, mu=none, nu=np.array([1.0, -1.0]))
     assert judge(problem, point, 1e-6).error > 0.1
+
+
+@pytest.mark.parametrize("price", [0.0, -1.0])
+@pytest.mark.parametrize(("multiplier", "solved"), [(0.0, True), (1.0, False)])
+def test_a_row_without_entries_is_paid_for_in_the_objective(price: float, multiplier: float, solved: bool) -> None:
+    """0 ≥ −1 beside min ½z² + price z with z ≥ 1: λ = 1 costs 1, which is twice the objective or the same."""
+    problem = QP.build(np.eye(1), np.array([price]), A=np.zeros((1, 1)), b=np.array([-1.0]), lb=np.ones(1))
+    point = QPPoint(z=np.ones(1), lam=np.array([multiplier]), mu=np.zeros(0), nu=np.array([1.0 + price]))
+    assert judge(problem, point, 1e-6).solved == solved
