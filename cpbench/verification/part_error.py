@@ -113,13 +113,13 @@ def _conditions(system: System, parts: Parts, units: AnswerUnits, sums: Vector, 
     if not parts.as_program or parts.measure is Measure.ENERGY:
         return system.defect(units.x, units.f)
     frame, (x_unit, f_unit) = system.frame, _with_own_terms(system, parts, units, sums)
-    primal = np.where(parts.beside_z, x_unit, 0.0), np.where(parts.beside_z, 0.0, f_unit)
-    if parts.measure is Measure.PAIRS:
-        return np.maximum(system.defect(units.x, units.f), frame.largest(system.distances(*primal)))
-    errors = frame.largest(system.distances(x_unit, f_unit))
-    if share is None or every(share >= errors):
+    gap = parts.measure is Measure.GAP
+    errors = frame.largest(system.distances(x_unit, f_unit)) if gap else system.defect(units.x, units.f)
+    if gap and (share is None or every(share >= errors)):
         return errors
-    return np.maximum(frame.largest(system.distances(*primal)), np.minimum(errors, share))
+    primal = np.where(parts.beside_z, x_unit, 0.0), np.where(parts.beside_z, 0.0, f_unit)
+    others = errors if share is None else np.minimum(errors, share)
+    return np.maximum(frame.largest(system.distances(*primal)), others)
 
 
 def _with_own_terms(system: System, parts: Parts, units: AnswerUnits, sums: Vector) -> tuple[Vector, Vector]:

@@ -131,7 +131,7 @@ class Parts:
 
     @cached_property
     def beside_z(self) -> Any:
-        """Whether the unknowns of a block are no multipliers; shape (k,)."""
+        """Return whether the unknowns of a block are no multipliers; shape (k,)."""
         multiplier = self.frame.multiplier
         return np.ones(self.frame.k, dtype=bool) if multiplier is None else ~multiplier
 
@@ -154,7 +154,7 @@ class Parts:
 
     @cached_property
     def one_size(self) -> bool:
-        """Whether all rows share one size."""
+        """Return whether all rows share one size."""
         return self.rows.of is None and not self.as_program and self.kinds is None
 
     @cached_property
@@ -164,12 +164,12 @@ class Parts:
 
     @cached_property
     def with_multipliers(self) -> bool:
-        """Whether there are blocks of multipliers."""
+        """Return whether there are blocks of multipliers."""
         return self.frame.multiplier is not None and bool(self.frame.multiplier.any())
 
     @cached_property
     def as_program(self) -> bool:
-        """Whether rows beside z and rows beside multipliers are told apart: not of pairs that have none of these."""
+        """Return whether rows beside z and rows beside multipliers are told apart: not in pairs without the latter."""
         return self.measure is Measure.GAP or self.with_multipliers
 
     def scales(self, needed: Any) -> tuple[Vector, Vector]:
@@ -186,8 +186,8 @@ class Parts:
 
     @cached_property
     def unpriced(self) -> Any:
-        """Whether a part of a program has rows beside z, but no constants of these, (whole.count,), apart from rounding
-        of what sides make of them; None where none is so."""
+        """Return whether a part of a program has rows beside z without constants, (whole.count,), but for rounding of
+        what sides make of them; None where none is so."""
         if self.measure is not Measure.GAP:
             return None
         sizes = self.frame.constants * self.per_row
@@ -198,7 +198,7 @@ class Parts:
 
     @cached_property
     def indifferent(self) -> Any:
-        """Whether a block is in a part that has neither prices nor a curved objective, (k,); None where none is.
+        """Return whether a block is in a part that has neither prices nor a curved objective, (k,); None where none is.
 
         A row without entries is no such part: its multiplier pays for nothing in the objective of all.
         """
@@ -210,12 +210,12 @@ class Parts:
 
     @cached_property
     def curved(self) -> Any:
-        """Whether a row beside z has a term in some z; shape (k,)."""
+        """Return whether a row beside z has a term in some z; shape (k,)."""
         return self.beside_z & (self.frame.terms.sums(self.beside_z.astype(np.float64)) > 0)
 
     @cached_property
     def curves(self) -> Any:
-        """Whether a part has such a row; shape (whole.count,)."""
+        """Return whether a part has such a row; shape (whole.count,)."""
         return self.whole.any(self.curved)
 
 
