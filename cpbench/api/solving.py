@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from cpbench import graph, verification
+from cpbench import graph, proofs, verification
 from cpbench.api.solution import Solution
 from cpbench.api.takers import advised, direct_takers
 from cpbench.bench.judging import PROOF_SECONDS, judge_answer, look_for_proof
@@ -216,7 +216,7 @@ def _judged(
         kind=way.kind,
         promise=solver.spec.kind,
         prove=lambda claim: look_for_proof(
-            partial(verification.prove, problem, tolerance=tolerance),
+            partial(proofs.prove, problem, tolerance=tolerance),
             not way.steps,
             claim,
             output.certificate,

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 from cpbench.formulations.base import Problem
 from cpbench.formulations.nlp import NLP, Convexity
-from cpbench.verification import Status, Verdict, prove
-from cpbench.verification.polyhedra import objective
+from cpbench.proofs import prove
+from cpbench.proofs.polyhedra import objective
+from cpbench.verification import Status, Verdict
 
 DECLARED = "that the problem is convex is its author's word, which cannot be checked here"
 

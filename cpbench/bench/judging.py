@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from cpbench import graph, verification
+from cpbench import graph, proofs, verification
 from cpbench.errors import PointError
 from cpbench.formulations.base import Kind, Point, Problem
 
@@ -32,7 +32,7 @@ class Judgement:
     verdict: verification.Verdict
     target: verification.Verdict | None = None
     message: str = ""
-    proof: verification.Proof | None = None
+    proof: proofs.Proof | None = None
     lift: float = 0.0
     verify: float = 0.0
 
@@ -54,7 +54,7 @@ def judge_answer(
     kind: Kind = Kind.EQUIVALENT,
     promise: Kind = Kind.EQUIVALENT,
     measure: str | None = None,
-    prove: Callable[[str], verification.ProofAttempt | None] = lambda _: None,
+    prove: Callable[[str], proofs.ProofAttempt | None] = lambda _: None,
 ) -> Judgement:
     """Lift an answer to `converted` by its last `steps` conversions and measure it on `source`.
 
@@ -113,12 +113,12 @@ def judge_answer(
 
 
 def look_for_proof(
-    prove: Callable[[str, Any, float], verification.ProofAttempt],
+    prove: Callable[[str, Any, float], proofs.ProofAttempt],
     direct: bool,
     claim: str,
     certificate: Any,
     seconds: float,
-) -> verification.ProofAttempt | None:
+) -> proofs.ProofAttempt | None:
     """Look for a proof of a claim that the source problem has no solution; None without such a claim.
 
     A certificate holds for the solver's own problem: that of a converted one (not `direct`) is about other data. Nor

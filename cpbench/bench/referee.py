@@ -12,7 +12,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from cpbench import graph, storage, verification
+from cpbench import graph, proofs, storage, verification
 from cpbench.bench import messages, starts
 from cpbench.bench.history import RecordedIterates, coarse_to_fine
 from cpbench.bench.judging import judge_answer, look_for_proof
@@ -55,7 +55,7 @@ class Referee:
 
     def __init__(self, scratch: Path) -> None:
         self._cache = ProblemCache(scratch)
-        self._attempts: tuple[str, dict[tuple[str, float], verification.ProofAttempt]] = ("", {})
+        self._attempts: tuple[str, dict[tuple[str, float], proofs.ProofAttempt]] = ("", {})
 
     def answer(self, asked: messages.Message) -> messages.Message:
         """Answer a message of the runner."""
@@ -156,12 +156,12 @@ class Referee:
             lift=found.lift,
             verify=found.verify,
             vectors=({} if found.point is None else {"answer": answers.pack(found.point)})
-            | ({} if found.proof is None else {"proof": verification.packed(found.proof)}),
+            | ({} if found.proof is None else {"proof": proofs.packed(found.proof)}),
         )
 
     def _attempt(
         self, source: Problem, tolerance: float, kind: str, certificate: Any, seconds: float
-    ) -> verification.ProofAttempt:
+    ) -> proofs.ProofAttempt:
         """Return a proof of this kind, or the failed search for one; each search without a certificate is made once."""
         held, attempts = self._attempts
         if held != source.fingerprint:
@@ -169,7 +169,7 @@ class Referee:
             self._attempts = (source.fingerprint, attempts)
         known = attempts.get((kind, tolerance))
         if known is None or (known.proof is None and certificate is not None):
-            known = verification.prove(source, kind, certificate, seconds, tolerance)
+            known = proofs.prove(source, kind, certificate, seconds, tolerance)
             if certificate is None or known.proof is not None:
                 attempts[kind, tolerance] = known
         return known

@@ -17,9 +17,10 @@ from cpbench.foundation import matrices
 from cpbench.generators import Instance
 from cpbench.generators.base import Collection
 from cpbench.generators.collection import builtin_folder, write_collections
+from cpbench.proofs import certified_infeasible, prove
 from cpbench.testing import checks_formulation
 from cpbench.testing.cases import Case
-from cpbench.verification import certified_infeasible, judge, prove
+from cpbench.verification import judge
 
 KNOWN = {"planted": 1e-12, "published": 1e-12, "closed form": 1e-12, "planted to rounding": 1e-9}
 """How a solution may be known, and the largest error it may have then."""

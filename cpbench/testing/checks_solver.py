@@ -16,6 +16,7 @@ import numpy as np
 from cpbench.errors import Ended, NotApplicable, UnknownName
 from cpbench.formulations import Kind, Problem, formulations
 from cpbench.foundation import matrices
+from cpbench.proofs import certified_infeasible
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, Trait, parse_options
 from cpbench.solvers.external.session import ProgramError
 from cpbench.testing.cases import Case, infeasible
@@ -26,7 +27,7 @@ from cpbench.testing.checks_of_tolerances import (
     check_tolerances_are_no_looser as check_tolerances_are_no_looser,
 )
 from cpbench.testing.expect import only_for, refused
-from cpbench.verification import certified_infeasible, judge
+from cpbench.verification import judge
 
 TOLERANCE = 1e-6
 SECONDS = 120.0

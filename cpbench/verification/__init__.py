@@ -1,16 +1,5 @@
 """From an answer to a verdict and a status; knows no solver."""
 
-from cpbench.verification.certificates import (
-    SECONDS,
-    Proof,
-    ProofAttempt,
-    certified_infeasible,
-    holds,
-    packed,
-    prove,
-    reach,
-    unpacked,
-)
 from cpbench.verification.published import PublishedMeasure
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
@@ -44,24 +33,15 @@ __all__ = [
     "MET_TOLERANCE",
     "PROVEN",
     "REFUSED",
-    "SECONDS",
     "TARGET_UNRESOLVABLE",
     "VERIFIED",
-    "Proof",
-    "ProofAttempt",
     "PublishedMeasure",
     "Status",
     "Verdict",
-    "certified_infeasible",
     "error_text",
-    "holds",
     "judge",
     "judge_by_all",
     "measured",
     "no_answer",
-    "packed",
-    "prove",
-    "reach",
     "status",
-    "unpacked",
 ]

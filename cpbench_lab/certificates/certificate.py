@@ -63,7 +63,7 @@ class Certificate:
     solutions : how many there are, infinity where they fill a continuum, NaN where they were not counted.
     reason : what stops a proof, '' where there is one.
     tolerance : the distance up to which an answer is near. margin : of a problem without a solution, the largest share
-        of themselves by which its numbers may change while it has none (`cpbench.verification.margins`); else NaN.
+        of themselves by which its numbers may change while it has none (`cpbench.proofs.margins`); else NaN.
     evidence : arrays that determine the proof, by name. seconds : what it took [s].
     """
 

@@ -25,7 +25,7 @@ from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
-from cpbench.verification.exact_linear import Exact, Rationals, dot, rationals, solve
+from cpbench.proofs.exact_linear import Exact, Rationals, dot, rationals, solve
 from cpbench_lab.certificates.hold_programs import (
     CLOSE,
     Balance,

@@ -6,26 +6,26 @@ import time
 
 import numpy as np
 
-from cpbench import verification
+from cpbench import proofs
 from cpbench.formulations.base import Problem
 from cpbench_lab.certificates.certificate import INFEASIBLE, TOLERANCE, UNBOUNDED, Certificate
 
 
 def without_solution(
-    problem: Problem, seconds: float = verification.SECONDS, tolerance: float = TOLERANCE
+    problem: Problem, seconds: float = proofs.SECONDS, tolerance: float = TOLERANCE
 ) -> Certificate | None:
     """Look for a proof that the problem is infeasible or unbounded, for about so many seconds; None without.
 
-    The evidence is the proof, as `verification.packed` writes it, and R, up to which unknowns of problems within the
-    margin of this one are excluded (`cpbench.verification.margins`).
+    The evidence is the proof, as `proofs.packed` writes it, and R, up to which unknowns of problems within the
+    margin of this one are excluded (`cpbench.proofs.margins`).
     """
     began = time.perf_counter()
     for kind in (INFEASIBLE, UNBOUNDED):
-        attempt = verification.prove(problem, kind, seconds=seconds / 2, tolerance=tolerance)
+        attempt = proofs.prove(problem, kind, seconds=seconds / 2, tolerance=tolerance)
         if attempt.proof is not None:
             evidence = {
-                "proof": np.frombuffer(verification.packed(attempt.proof), dtype=np.uint8),
-                "reach": verification.reach(problem, attempt.proof),
+                "proof": np.frombuffer(proofs.packed(attempt.proof), dtype=np.uint8),
+                "reach": proofs.reach(problem, attempt.proof),
             }
             return Certificate(
                 problem.node,

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from cpbench import graph, verification
+from cpbench import graph, proofs
 from cpbench.bench.judging import judge_answer, look_for_proof
 from cpbench.bench.planning import plan
 from cpbench.errors import NoRoute, NotApplicable, Unavailable
@@ -177,7 +177,7 @@ def attempt(trial: SolverTrial, run: Run | None = None) -> TrialOutcome:
         kind=kind,
         promise=solver.spec.kind,
         prove=lambda claim: look_for_proof(
-            partial(verification.prove, trial.problem, tolerance=trial.tolerance),
+            partial(proofs.prove, trial.problem, tolerance=trial.tolerance),
             not steps,
             claim,
             raw.certificate,

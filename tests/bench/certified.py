@@ -28,7 +28,7 @@ import cpbench
 from cpbench import storage
 from cpbench.errors import CpbenchError
 from cpbench.generators.collection import builtin_folder
-from cpbench.verification import prove
+from cpbench.proofs import prove
 from cpbench_lab.certifying import save_certificate, verified_answers
 
 NODES = "lcp,mlcp,relay,avi,qp,fc,fcm,gfc,ncp,micp,equation"

@@ -18,8 +18,9 @@ import cpbench
 import cpbench_lab
 from cpbench.bench.judging import judge_answer, look_for_proof
 from cpbench.formulations import LCP, MLCP, QP
+from cpbench.proofs import prove
 from cpbench.testing.cases import infeasible
-from cpbench.verification import Status, prove
+from cpbench.verification import Status
 
 pytest.importorskip("flint", reason="certificates need python-flint")
 from cpbench_lab.certificates.no_solution import without_solution

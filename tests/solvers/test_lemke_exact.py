@@ -17,8 +17,9 @@ import pytest
 
 from cpbench.formulations import AVI, LCP, MLCP
 from cpbench.foundation import kernel_cache
+from cpbench.proofs import prove
 from cpbench.solvers import Budget, Claim, solvers
-from cpbench.verification import judge, prove
+from cpbench.verification import judge
 from cpbench_solvers.lcp.lemke_columns import PivotingState
 
 Rng = np.random.Generator

@@ -10,9 +10,10 @@ from tiers import some_by_day
 
 import cpbench
 from cpbench.formulations import LCP, MLCP, LCPPoint, Problem
+from cpbench.proofs import certified_infeasible
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing.cases import cases
-from cpbench.verification import certified_infeasible, judge
+from cpbench.verification import judge
 from cpbench_solvers.automatic import AutomaticChoice
 
 CHOICES = [name for name in solvers.names() if isinstance(solvers.get(name), AutomaticChoice)]

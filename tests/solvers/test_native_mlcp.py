@@ -16,10 +16,11 @@ from cpbench.formulations import LCP, MLCP, MLCPPoint
 from cpbench.foundation import matrices
 from cpbench.generators import generators
 from cpbench.graph import arrive
+from cpbench.proofs import certified_infeasible
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted
 from cpbench.testing.cases import Case, infeasible
-from cpbench.verification import certified_infeasible, judge
+from cpbench.verification import judge
 from cpbench_solvers.lcp import claims as lcp_claims
 from cpbench_solvers.lcp.enumeration import enumerate_bases
 from cpbench_solvers.mlcp.claims import scale

@@ -17,9 +17,10 @@ from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from typing import Any
 
-import cpbench.verification as package
+import cpbench
 
-FOLDER = Path(next(iter(package.__path__)))
+PACKAGE = Path(next(iter(cpbench.__path__)))
+FILES = {file.stem: file for room in ("verification", "proofs") for file in sorted((PACKAGE / room).glob("*.py"))}
 TESTS = Path(__file__).resolve().parents[1]
 CONSTANTS, MARGINS, JUDGE = "unit/test_verdict_constants.py::", "unit/test_margins.py::", "unit/test_judge.py::"
 PROVED = "unit/test_certificates.py"
@@ -73,8 +74,8 @@ class Changed(SourceFileLoader):
 
 
 def constants() -> Iterator[tuple[str, ast.expr]]:
-    """Yield the name (module.NAME) and the value of every numeric constant of the verdict's modules."""
-    for file in sorted(FOLDER.glob("*.py")):
+    """Yield the name (module.NAME) and the value of every numeric constant of the verdict's and the proofs' modules."""
+    for file in FILES.values():
         for node in ast.parse(file.read_text()).body:
             if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and _numbers(node.value):
                 yield f"{file.stem}.{node.targets[0].id}", node.value
@@ -89,7 +90,7 @@ def _numbers(value: ast.expr) -> list[ast.Constant]:
 
 def changed(name: str, factor: float) -> str:
     """Return the source of the constant's module with the constant times a factor."""
-    source = (FOLDER / f"{name.partition('.')[0]}.py").read_text()
+    source = FILES[name.partition(".")[0]].read_text()
     value = dict(constants())[name]
     text = str(ast.get_source_segment(source, value))
     whole = isinstance(ast.literal_eval(text) if "*" not in text else eval(text), int)
@@ -103,7 +104,8 @@ def changed(name: str, factor: float) -> str:
 
 def install(name: str, factor: float) -> None:
     """Let the module of a constant be loaded with the constant times a factor, in this process."""
-    module = f"cpbench.verification.{name.partition('.')[0]}"
+    file = FILES[name.partition(".")[0]]
+    module = f"cpbench.{file.parent.name}.{file.stem}"
     source = changed(name, factor)
 
     class Finder(PathFinder):

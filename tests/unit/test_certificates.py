@@ -13,10 +13,11 @@ import scipy.sparse as sp
 from cpbench.formulations import AVI, LCP, MLCP, QP, ConeQP
 from cpbench.formulations.fc import FrictionContact
 from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench.proofs import certified_infeasible, holds, packed, prove, unpacked
+from cpbench.proofs.certificates import Infeasible, Unbounded
 from cpbench.testing import planted
 from cpbench.testing.cases import infeasible
-from cpbench.verification import Status, certified_infeasible, holds, no_answer, packed, prove, status, unpacked
-from cpbench.verification.certificates import Infeasible, Unbounded
+from cpbench.verification import Status, no_answer, status
 
 SEEDS = pytest.mark.parametrize(
     "seeds", [range(30), pytest.param(range(30, 200), marks=pytest.mark.nightly)], ids=["few", "many"]

@@ -18,7 +18,7 @@ from cpbench.bench.results.rejudge import rejudge_file
 from cpbench.bench.results.store import Store
 from cpbench.errors import SealError
 from cpbench.formulations import LCP, QP
-from cpbench.verification import holds, unpacked
+from cpbench.proofs import holds, unpacked
 
 PANG = LCP(M=np.array([[0.0, -1, -1], [1, 0, 0], [-1, 0, 1]]), q=[-1e-4, -1, 1], name="pang")
 NEAR = LCP(M=np.array([[1.0, -1.0], [-1.0, 1.0 + 1.9e-12]]), q=[-0.5, -0.5], name="near")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from cpbench.verification.exact_linear import PRIME, Exact, rationals, rounded, solve
+from cpbench.proofs.exact_linear import PRIME, Exact, rationals, rounded, solve
 
 
 def product(M: np.ndarray, x: list[Fraction]) -> list[Fraction]:

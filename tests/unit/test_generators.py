@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from tiers import some_by_day
 
-from cpbench import storage, verification
+from cpbench import proofs, storage, verification
 from cpbench.formulations import formulations
 from cpbench.generators import Instance, generators
 from cpbench.generators.collection import builtin_folder, write_collections
@@ -36,7 +36,7 @@ def test_what_is_known_is_measured(name: str) -> None:
     elif instance.known == "unbounded":
         assert instance.solution is None
         ray = np.asarray(instance.certificate)
-        assert verification.prove(instance.problem, "unbounded", ray).proof is not None
+        assert proofs.prove(instance.problem, "unbounded", ray).proof is not None
     else:
         assert instance.known == "nothing"
         assert instance.solution is None

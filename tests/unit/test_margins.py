@@ -14,10 +14,10 @@ from test_certificates import infeasible_lcp, infeasible_mlcp, infeasible_qp
 import cpbench
 from cpbench.formulations import LCP, MLCP, QP
 from cpbench.formulations.base import Problem
-from cpbench.verification import holds, prove
-from cpbench.verification.certificates import Infeasible
-from cpbench.verification.margins import FarkasMultipliers, reach
-from cpbench.verification.polyhedra import conditions
+from cpbench.proofs import holds, prove
+from cpbench.proofs.certificates import Infeasible
+from cpbench.proofs.margins import FarkasMultipliers, reach
+from cpbench.proofs.polyhedra import conditions
 
 ALL = 1.0
 """A tolerance that no margin reaches, so that the best one is searched for."""

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from cpbench import storage, verification
+from cpbench import proofs, storage, verification
 from cpbench.bench.results import answers
 from cpbench.bench.results.answer_files import ENDINGS
 from cpbench.bench.results.rows import Row
@@ -34,7 +34,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
         yield from (f"not as a run wrote it: {row}" for row in audit.broken)
         yield from (f"{path}: {what}, by another program" for what in audit.changed)
         yield from store.meta().get("seals", [])
-        proofs = {key: (kind, data) for key, kind, data in store.certificates()}
+        kept = {key: (kind, data) for key, kind, data in store.certificates()}
         formats = store.meta().get("formats", {})
         rows = sorted(store.rows(), key=lambda row: row.address)  # each problem is read once
         changes: Counter[str] = Counter()
@@ -58,7 +58,7 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
                 if blob is None and row.status not in verification.PROVEN:
                     continue
                 try:
-                    status, error = _judge(problem, row, blob, proofs.get(row.key), measure, tolerance)
+                    status, error = _judge(problem, row, blob, kept.get(row.key), measure, tolerance)
                 except (zlib.error, ValueError, PointError) as cause:
                     unreadable += 1
                     yield f"{row.problem}  {row.label}: its answer cannot be read ({cause})"
@@ -133,9 +133,9 @@ def _proven(problem: Problem, row: Row, kind: str, kept: tuple[str, bytes] | Non
     if row.status != kind:
         return False
     if kept is None:
-        return verification.prove(problem, kind, tolerance=tolerance).proof is not None
+        return proofs.prove(problem, kind, tolerance=tolerance).proof is not None
     try:
-        proof = verification.unpacked(*kept)
+        proof = proofs.unpacked(*kept)
     except ValueError:
         return False
-    return proof.kind == kind and verification.holds(problem, proof, tolerance)
+    return proof.kind == kind and proofs.holds(problem, proof, tolerance)

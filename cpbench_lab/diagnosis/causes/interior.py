@@ -14,7 +14,7 @@ from cpbench.formulations.avi import AVI
 from cpbench.formulations.base import Problem
 from cpbench.formulations.contact import ContactProblem
 from cpbench.foundation.product_cones import Cone, ProductCone
-from cpbench.verification.polyhedra import Polyhedron, conditions
+from cpbench.proofs.polyhedra import Polyhedron, conditions
 from cpbench_lab.diagnosis.case import Cause, FailedTrial
 
 ROOM = 1e-9

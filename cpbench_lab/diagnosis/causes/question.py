@@ -9,10 +9,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from cpbench import verification
+from cpbench import proofs
 from cpbench.foundation.plurals import counted
+from cpbench.proofs.certificates import Infeasible, Unbounded
 from cpbench.verification import Status
-from cpbench.verification.certificates import Infeasible, Unbounded
 from cpbench_lab.diagnosis.attempts import floor_of
 from cpbench_lab.diagnosis.case import Cause, FailedTrial, Remedy
 
@@ -30,7 +30,7 @@ def _proof(case: FailedTrial, kind: type[Proof]) -> Proof | None:
     if case.failed.solved:
         return None
     seconds = min(SECONDS, case.trial.seconds)
-    proof = verification.prove(case.problem, kind.kind, seconds=seconds, tolerance=case.trial.tolerance).proof
+    proof = proofs.prove(case.problem, kind.kind, seconds=seconds, tolerance=case.trial.tolerance).proof
     return proof if isinstance(proof, kind) else None
 
 

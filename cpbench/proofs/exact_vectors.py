@@ -12,9 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
-from cpbench.verification import hints
-from cpbench.verification.exact_linear import Exact, Rationals, rationals, rounded, solve
-from cpbench.verification.polyhedra import Polyhedron
+from cpbench.proofs import hints
+from cpbench.proofs.exact_linear import Exact, Rationals, rationals, rounded, solve
+from cpbench.proofs.polyhedra import Polyhedron
 
 ROUNDING = (1e-9, 1e-12, 1e-6)
 """What is this small among the terms it is made of may be meant to be 0."""

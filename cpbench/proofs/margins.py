@@ -25,9 +25,9 @@ from scipy.sparse.csgraph import connected_components
 
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
+from cpbench.proofs.exact_linear import Exact, dot, rationals
+from cpbench.proofs.polyhedra import Objective, Polyhedron
 from cpbench.verification.equilibration import equilibrate_apart
-from cpbench.verification.exact_linear import Exact, dot, rationals
-from cpbench.verification.polyhedra import Objective, Polyhedron
 
 REACH = 10.0
 """Times the size that sides and bounds set: solutions beyond are not excluded of problems near the one asked. Those of

@@ -14,8 +14,8 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector, power_of_two
+from cpbench.proofs.polyhedra import Objective, Polyhedron
 from cpbench.verification.equilibration import equilibrate_apart
-from cpbench.verification.polyhedra import Objective, Polyhedron
 
 ACCURACY = 1e-10
 """HiGHS' least feasibility tolerance."""

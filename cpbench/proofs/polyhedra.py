@@ -21,7 +21,7 @@ from cpbench.formulations.qp import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.foundation.product_cones import Cone
-from cpbench.verification.exact_linear import Exact, dot
+from cpbench.proofs.exact_linear import Exact, dot
 from cpbench.verification.sets import INFINITE
 
 _ZERO = Fraction(0)

@@ -22,10 +22,10 @@ import numpy as np
 
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Vector
-from cpbench.verification import hints, margins
-from cpbench.verification.exact_vectors import exact_multipliers, exact_point, exact_rays
-from cpbench.verification.margins import FallingRay, FarkasMultipliers
-from cpbench.verification.polyhedra import Objective, Polyhedron, conditions, multipliers, objective
+from cpbench.proofs import hints, margins
+from cpbench.proofs.exact_vectors import exact_multipliers, exact_point, exact_rays
+from cpbench.proofs.margins import FallingRay, FarkasMultipliers
+from cpbench.proofs.polyhedra import Objective, Polyhedron, conditions, multipliers, objective
 
 SECONDS = 20.0
 """Time for the search of one proof [s]."""

@@ -1,0 +1,29 @@
+"""Proofs that a problem has no solution, or no least objective, in rational arithmetic; knows no solver."""
+
+from cpbench.proofs.certificates import (
+    SECONDS,
+    Infeasible,
+    Proof,
+    ProofAttempt,
+    Unbounded,
+    certified_infeasible,
+    holds,
+    packed,
+    prove,
+    reach,
+    unpacked,
+)
+
+__all__ = [
+    "SECONDS",
+    "Infeasible",
+    "Proof",
+    "ProofAttempt",
+    "Unbounded",
+    "certified_infeasible",
+    "holds",
+    "packed",
+    "prove",
+    "reach",
+    "unpacked",
+]
