@@ -39,7 +39,7 @@ def certificate_lines(certificate: Certificate) -> Iterator[str]:
 
     yield f"  level      {certificate.level}: {_meaning(certificate)}"
     if not math.isnan(certificate.margin):
-        yield f"  margin     {certificate.margin:.2g} of all numbers, each of its own size"
+        yield f"  margin     {certificate.margin:.2g} of the sizes of its numbers"
     if not math.isnan(certificate.distance):
         away = f"at most {certificate.distance:.3g} of the solution's size"
         yield f"  distance   {away}" + (

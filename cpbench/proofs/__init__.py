@@ -10,7 +10,7 @@ from cpbench.proofs.certificates import (
     holds,
     packed,
     prove,
-    reach,
+    sizes,
     unpacked,
 )
 
@@ -24,6 +24,6 @@ __all__ = [
     "holds",
     "packed",
     "prove",
-    "reach",
+    "sizes",
     "unpacked",
 ]

@@ -13,7 +13,6 @@ import time
 import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
-from decimal import ROUND_DOWN, Context, Decimal
 from fractions import Fraction
 from itertools import chain
 from typing import Any, ClassVar, TypeAlias
@@ -22,9 +21,10 @@ import numpy as np
 
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Vector
-from cpbench.proofs import hints, margins
+from cpbench.proofs import hints
 from cpbench.proofs.exact_vectors import exact_multipliers, exact_point, exact_rays
-from cpbench.proofs.margins import FallingRay, FarkasMultipliers
+from cpbench.proofs.margins import FallingRay, FarkasMultipliers, rounded_down
+from cpbench.proofs.part_sizes import Sizes
 from cpbench.proofs.polyhedra import Objective, Polyhedron, conditions, multipliers, objective
 
 SECONDS = 20.0
@@ -82,14 +82,11 @@ def holds(problem: Problem, proof: Proof, tolerance: float = TOLERANCE) -> bool:
     known, goal = conditions(problem), objective(problem)
     if known is None:
         return False
-    share = Fraction(tolerance)
     if isinstance(proof, Infeasible):
-        combined = known.combined(proof.multipliers)
-        exact = combined is not None and combined[0] > 0 and combined[1] == 0
-        return exact and FarkasMultipliers(known, proof.multipliers, margins.reach(known)).survives(share)
+        return FarkasMultipliers(known, proof.multipliers, known.sizes).margin > Fraction(tolerance)
     if goal is None or not (known.contains(proof.point) and known.recedes(proof.ray)):
         return False
-    return goal.falls(proof.point, proof.ray) and FallingRay(known, goal, proof.ray).survives(share)
+    return goal.falls(proof.point, proof.ray) and FallingRay(known, goal, proof.ray).margin > Fraction(tolerance)
 
 
 def certified_infeasible(problem: Problem, certificate: Vector | None, tolerance: float = TOLERANCE) -> bool:
@@ -124,17 +121,14 @@ def prove(
     return _infeasible(known, vectors, deadline, tolerance)
 
 
-def reach(problem: Problem, proof: Proof) -> Vector:
-    """Return R, up to which the proof excludes solutions of problems within its margin: of the unknowns of the
-    conditions, or of those of optimality; empty for a ray along which the objective curves down."""
+def sizes(problem: Problem, proof: Proof) -> Sizes:
+    """Return the sizes of rows and unknowns in which the margin of a proof is measured: those of the conditions, or of
+    optimality; none of a ray along which the objective curves down."""
     known, goal = conditions(problem), objective(problem)
-    if known is None or (goal is None and isinstance(proof, Unbounded)):
-        return np.zeros(0)
-    if isinstance(proof, Infeasible):
-        return margins.reach(known)
-    assert goal is not None
-    contradiction = FallingRay(known, goal, proof.ray).contradiction
-    return np.zeros(0) if contradiction is None else contradiction.R
+    if known is not None and isinstance(proof, Infeasible):
+        return known.sizes
+    contradiction = None if known is None or goal is None else FallingRay(known, goal, proof.ray).contradiction
+    return Sizes(*[np.zeros(0)] * 3) if contradiction is None else contradiction.size
 
 
 def packed(proof: Proof) -> bytes:
@@ -166,58 +160,53 @@ def _given(problem: Problem, known: Polyhedron, certificate: Vector | None) -> l
 
 def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float, tolerance: float) -> ProofAttempt:
     """Return the first proof among the vectors, or the largest radius that they prove."""
-    radius, best = _ZERO, -1.0
+    radius, best = _ZERO, _ZERO
     for vector in vectors:
         for y in exact_multipliers(known, vector, deadline):
+            combined = known.combined(y)
             if time.perf_counter() > deadline:
                 break
-            combined = known.combined(y)
-            if combined is None or combined[0] <= 0:
+            if combined is None or combined.gamma <= 0:
                 continue
-            gamma, excess = combined
-            if excess == 0:
-                best = max(best, FarkasMultipliers(known, y, margins.reach(known)).margin())
-                if best >= tolerance:
-                    return _proved(Infeasible(tuple(y)), best)
-            else:
-                radius = max(radius, gamma / excess)
-    if best >= 0.0:
+            if combined.excess:
+                radius = max(radius, combined.gamma / combined.excess)
+                continue
+            best = max(best, FarkasMultipliers(known, y, known.sizes).margin)
+            if best > Fraction(tolerance):
+                return _proved(Infeasible(tuple(y)), best)
+    if best > 0:
         return _narrow(Infeasible, best, tolerance)
     if radius == 0:
         return ProofAttempt(None, "infeasible was claimed; no certificate of it holds in exact arithmetic")
-    size = f"‖{known.unknowns}‖∞ < {_digits(radius)}"
-    return ProofAttempt(None, f"infeasible was claimed; what is proved exactly: no solution with {size}")
+    far = f"‖{known.unknowns}‖∞ < {rounded_down(radius):.1e}"
+    return ProofAttempt(None, f"infeasible was claimed; what is proved exactly: no solution with {far}")
 
 
 def _unbounded(known: Polyhedron, goal: Objective, deadline: float, tolerance: float) -> ProofAttempt:
     """Return the first proof among the rays of the hints."""
     if bool((np.isfinite(known.lb) & np.isfinite(known.ub)).all()):
         return ProofAttempt(None, "unbounded was claimed; all unknowns are bounded")
-    point, best = exact_point(known, deadline), -1.0
+    point, best = exact_point(known, deadline), _ZERO
     if point is None:
         return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
     for direction in hints.rays(known, goal, deadline):
         for ray in exact_rays(known, goal.Q, direction, deadline):
             if known.recedes(ray) and goal.falls(point, ray):
-                best = max(best, FallingRay(known, goal, ray).margin())
-                if best >= tolerance:
+                best = max(best, FallingRay(known, goal, ray).margin)
+                if best > Fraction(tolerance):
                     return _proved(Unbounded(tuple(point), tuple(ray)), best)
-    if best >= 0.0:
+    if best > 0:
         return _narrow(Unbounded, best, tolerance)
     return ProofAttempt(None, "unbounded was claimed; no ray was found along which the objective falls, exactly")
 
 
-def _proved(proof: Proof, margin: float) -> ProofAttempt:
-    return ProofAttempt(proof, f"proved: {proof.statement}; margin {margin:.2g}", margin)
+def _proved(proof: Proof, margin: Fraction) -> ProofAttempt:
+    share = rounded_down(margin)
+    return ProofAttempt(proof, f"proved: {proof.statement}; margin {share:.2g}", share)
 
 
-def _narrow(kind: type[Infeasible] | type[Unbounded], margin: float, tolerance: float) -> ProofAttempt:
+def _narrow(kind: type[Infeasible] | type[Unbounded], margin: Fraction, tolerance: float) -> ProofAttempt:
     """Return what the numbers of the file say, and changes of them below the tolerance do not."""
-    told = kind.narrow.format(share=f"{margin:.1e}")
-    return ProofAttempt(None, f"{kind.kind} was claimed; {told}, below the tolerance {tolerance:g}", margin)
-
-
-def _digits(x: Fraction) -> str:
-    """Two digits, rounded down."""
-    context = Context(prec=2, rounding=ROUND_DOWN)
-    return f"{context.divide(Decimal(x.numerator), Decimal(x.denominator)):.1e}"
+    share = rounded_down(margin)
+    told = kind.narrow.format(share=f"{share:.1e}")
+    return ProofAttempt(None, f"{kind.kind} was claimed; {told}, below the tolerance {tolerance:g}", share)

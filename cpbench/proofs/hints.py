@@ -15,7 +15,6 @@ import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector, power_of_two
 from cpbench.proofs.polyhedra import Objective, Polyhedron
-from cpbench.verification.equilibration import equilibrate_apart
 
 ACCURACY = 1e-10
 """HiGHS' least feasibility tolerance."""
@@ -28,40 +27,27 @@ LARGEST = 1000
 
 
 def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
-    """Vectors (λ, μ) that combine the conditions to a contradiction, to rounding: a vertex, and one inside."""
-    S, row, _ = _scaled(P)
-    m, k, n = S.h.size, S.f.size, S.lb.size
-    low, high = np.isfinite(S.lb), np.isfinite(S.ub)
-    transposed: Any = sp.hstack([S.G.T, S.E.T, sp.eye_array(n), -sp.eye_array(n), sp.csr_array((n, 1))], format="csr")
-    gain = np.concatenate([np.where(np.isfinite(S.h), S.h, 0.0), S.f, np.where(low, S.lb, 0), -np.where(high, S.ub, 0)])
-    asked = max(float(gain.max(initial=0.0)), float(np.abs(S.f).max(initial=0.0)))  # sides that 0 meets ask nothing
-    gain = np.append(gain / (asked or 1.0), 0.0)
-    bounds = np.zeros((m + k + 2 * n + 1, 2))
-    bounds[:m, 1] = np.isfinite(S.h)
-    bounds[m : m + k] = (-1.0, 1.0)
-    bounds[m + k :, 1] = np.concatenate([np.where(low, np.inf, 0.0), np.where(high, np.inf, 0.0), [0.0]])
-    vertex = _least(-gain, None, None, transposed, np.zeros(n), bounds, deadline)
+    """Vectors (λ, μ) that combine the conditions to a contradiction, to rounding: that of the largest margin, and one
+    inside."""
+    S, row, column = _scaled(P)
+    n, m, k, far = S.lb.size, S.h.size, S.f.size, P.sizes.reach / column
+    unit, sides = sp.eye_array(n, format="csr"), np.concatenate([S.h, S.f, -S.f, S.lb, -S.ub])
+    used = np.flatnonzero(np.isfinite(sides))
+    balance: Any = sp.csc_array(sp.hstack([S.G.T, S.E.T, -S.E.T, unit, -unit]))[:, used]
+    gain = sides[used]
+    cost = 1.0 + np.abs(gain) + np.where(used < m + 2 * k, abs(balance).T @ far, 0.0)
+
+    def combined(v: Vector) -> Vector:
+        y = np.zeros(sides.size)
+        y[used] = v
+        return np.concatenate([y[:m], y[m : m + k] - y[m + k : m + 2 * k]]) * row
+
+    vertex = _least(
+        -gain, sp.csr_array(cost[None, :]), cost.max(initial=1.0)[None], balance, np.zeros(n), (0.0, None), deadline
+    )
     if vertex is None or not gain @ vertex > 0.0:
         return
-    yield vertex[: m + k] * row
-    single = np.flatnonzero(low ^ high)
-    if single.size:  # every ν that has a sign away from 0, as far as it goes
-        parts = np.where(low, 0, n)[single] + m + k
-        width = gain.size
-        away = sp.coo_array((np.full(single.size, -1.0), (np.arange(single.size), parts)), shape=(single.size, width))
-        away = sp.hstack([sp.csr_array(away)[:, :-1], sp.csr_array(np.ones((single.size, 1)))])
-        bounds[-1, 1] = 1.0
-        inside = _least(
-            np.append(np.zeros(width - 1), -1.0),
-            sp.vstack([away, sp.csr_array(-gain[None, :])], format="csr"),
-            np.append(np.zeros(single.size), -0.5 * float(gain @ vertex)),
-            transposed,
-            np.zeros(n),
-            bounds,
-            deadline,
-        )
-        if inside is not None and inside[-1] > 0.0:
-            yield inside[: m + k] * row
+    yield combined(vertex)
 
 
 def interior_point(P: Polyhedron, deadline: float) -> Vector | None:
@@ -147,15 +133,12 @@ def _curved(Q: Any, E: Any) -> list[Vector]:
 
 
 def _scaled(P: Polyhedron) -> tuple[Polyhedron, Vector, Vector]:
-    """Return it in units in which rows and columns have a mean of one, in powers of two, and these: x = column·x',
-    multipliers = row·theirs."""
-    G, E = sp.csr_array(P.G), sp.csr_array(P.E)
-    whole: Any = sp.vstack([G, E], format="csr")
+    """Return it in units of its sizes, to powers of two, and these: x = column·x', multipliers = row·theirs."""
+    row, column = power_of_two(P.sizes.rows), 1.0 / power_of_two(P.sizes.unknowns)
+    right: Any = sp.diags_array(column)
     m = P.h.size
-    with np.errstate(all="ignore"):  # beside subnormal numbers units are infinite: no program is solved then
-        row, column = (np.exp2(np.rint(np.log2(unit))) for unit in equilibrate_apart(abs(whole)))
-        right: Any = sp.diags_array(column)
-        G, E = (sp.csr_array(sp.diags_array(unit) @ A @ right) for unit, A in ((row[:m], G), (row[m:], E)))
+    G, E = (sp.csr_array(sp.diags_array(d) @ sp.csr_array(A) @ right) for d, A in ((row[:m], P.G), (row[m:], P.E)))
+    with np.errstate(all="ignore"):
         scaled = replace(P, G=G, h=P.h * row[:m], E=E, f=P.f * row[m:], lb=P.lb / column, ub=P.ub / column)
     return scaled, row, column
 

@@ -22,9 +22,26 @@ from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.foundation.product_cones import Cone
 from cpbench.proofs.exact_linear import Exact, dot
+from cpbench.proofs.part_sizes import Sizes
 from cpbench.verification.sets import INFINITE
 
 _ZERO = Fraction(0)
+
+
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """γ ≤ excess·‖x‖∞ for every x within: a sum of conditions.
+
+    Attributes
+    ----------
+    gamma : Σ y_i b_i over sides and bounds. terms : Σ|y_i b_i|. nu : multipliers of the bounds. excess : Σ|ν_j| where
+    there is none.
+    """
+
+    gamma: Fraction
+    terms: Fraction
+    nu: Sequence[Fraction]
+    excess: Fraction
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +66,19 @@ class Polyhedron:
         """G and E as integers."""
         return Exact.of(self.G), Exact.of(self.E)
 
+    @cached_property
+    def sizes(self) -> Sizes:
+        """Sizes of (Gx ≥ h, Ex = f) and of x."""
+        blocks = [(self.G, self.h, np.full(self.h.size, np.inf)), (self.E, self.f, self.f)]
+        if self.further is not None:
+            blocks.append((self.further[0], self.further[1], self.further[1]))
+        rows = sp.vstack([sp.csr_array(matrix) for matrix, _, _ in blocks], format="csr")
+        low, high = (
+            np.concatenate([*(b[1] for b in blocks), self.lb]),
+            np.concatenate([*(b[2] for b in blocks), self.ub]),
+        )
+        return Sizes.of(rows, low, high, self.h.size + self.f.size)
+
     def contains(self, x: Sequence[Fraction]) -> bool:
         """Return whether x meets every condition exactly."""
         rows, equalities = self.exact
@@ -71,30 +101,24 @@ class Polyhedron:
             and all(v <= 0 for v, b in zip(d, self.ub.tolist(), strict=True) if b < math.inf)
         )
 
-    def combined(self, y: Sequence[Fraction]) -> tuple[Fraction, Fraction] | None:
-        """Return γ and ε with γ ≤ ε‖x‖∞ for every x within, by the multipliers y = (λ of Gx ≥ h, μ of Ex = f).
+    def combined(self, y: Sequence[Fraction]) -> Combination | None:
+        """Return the sum of the conditions by the multipliers y = (λ of Gx ≥ h, μ of Ex = f).
 
-        With ν = −Gᵀλ − Eᵀμ, −νᵀx ≥ hᵀλ + fᵀμ; where a bound goes with the sign of ν_j it replaces x_j, which adds up to
-        γ, and ε is the sum of the other |ν_j|. None where y is no such vector: λ ≥ 0, and 0 at infinite sides.
+        With ν = −Gᵀλ − Eᵀμ, −νᵀx ≥ hᵀλ + fᵀμ, and a bound that goes with the sign of ν_j replaces x_j. None where y is
+        no such vector: λ ≥ 0, and 0 at infinite sides.
         """
         m = self.h.size
         if len(y) != m + self.f.size:
             return None
         if any(v < 0 or (v and b == -math.inf) for v, b in zip(y[:m], self.h.tolist(), strict=True)):
             return None
-        rows, equalities = self.exact
-        by_rows, by_equalities = rows.transposed_times(y[:m]), equalities.transposed_times(y[m:])
-        gamma = dot(y[m:], [Fraction(v) for v in self.f.tolist()])
-        gamma += sum((v * Fraction(b) for v, b in zip(y[:m], self.h.tolist(), strict=True) if v), _ZERO)
-        excess = _ZERO
-        for a, b, low, high in zip(by_rows, by_equalities, self.lb.tolist(), self.ub.tolist(), strict=True):
-            nu = -a - b
-            bound = low if nu > 0 else high
-            if nu and math.isinf(bound):
-                excess += abs(nu)
-            elif nu:
-                gamma += nu * Fraction(bound)
-        return gamma, excess
+        by_rows, by_equalities = (A.transposed_times(part) for A, part in zip(self.exact, (y[:m], y[m:]), strict=True))
+        nu = [-a - b for a, b in zip(by_rows, by_equalities, strict=True)]
+        bounds = [low if v > 0 else high for v, low, high in zip(nu, self.lb.tolist(), self.ub.tolist(), strict=True)]
+        products = [v * Fraction(b) for v, b in zip(y, [*self.h.tolist(), *self.f.tolist()], strict=True) if v]
+        products += [v * Fraction(b) for v, b in zip(nu, bounds, strict=True) if v and math.isfinite(b)]
+        excess = sum((abs(v) for v, b in zip(nu, bounds, strict=True) if math.isinf(b)), _ZERO)
+        return Combination(sum(products, _ZERO), sum(map(abs, products), _ZERO), nu, excess)
 
 
 @dataclass(frozen=True, eq=False)

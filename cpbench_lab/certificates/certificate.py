@@ -2,7 +2,7 @@
 
 A file holds the group `certificate`:
 
-    @format_version = 3, @node, @fingerprint (of the problem), @level, @unique, @distance, @excluded, @solutions,
+    @format_version = 4, @node, @fingerprint (of the problem), @level, @unique, @distance, @excluded, @solutions,
     @tolerance, @margin, @seal (SHA-256 of all the rest)
     answer                the answer in doubles, its parts one after the other; none where no solution exists
     evidence/*            arrays of the proof
@@ -31,7 +31,7 @@ from cpbench.foundation.matrices import Vector
 from cpbench.storage.base import write_atomic
 from cpbench.storage.hdf5_writer import new_file, put_array, put_attribute
 
-VERSION = 3
+VERSION = 4
 MEASURED, ENCLOSED, PROVED, DISTANT, REFUTED = "measured", "enclosed", "proved", "distant", "refuted"
 STATIONARY = "stationary"
 INFEASIBLE, UNBOUNDED = "infeasible", "unbounded"
@@ -63,7 +63,7 @@ class Certificate:
     solutions : how many there are, infinity where they fill a continuum, NaN where they were not counted.
     reason : what stops a proof, '' where there is one.
     tolerance : the distance up to which an answer is near. margin : of a problem without a solution, the largest share
-        of themselves by which its numbers may change while it has none (`cpbench.proofs.margins`); else NaN.
+        of their sizes by which its numbers may change while it has none (`cpbench.proofs.margins`); else NaN.
     evidence : arrays that determine the proof, by name. seconds : what it took [s].
     """
 

@@ -16,16 +16,19 @@ def without_solution(
 ) -> Certificate | None:
     """Look for a proof that the problem is infeasible or unbounded, for about so many seconds; None without.
 
-    The evidence is the proof, as `proofs.packed` writes it, and R, up to which unknowns of problems within the
-    margin of this one are excluded (`cpbench.proofs.margins`).
+    The evidence is the proof, as `proofs.packed` writes it, by how much `sides` and `bounds` change at a margin of 1
+    besides their own size, and R (`reach`), up to which solutions are excluded then (`cpbench.proofs.margins`).
     """
     began = time.perf_counter()
     for kind in (INFEASIBLE, UNBOUNDED):
         attempt = proofs.prove(problem, kind, seconds=seconds / 2, tolerance=tolerance)
         if attempt.proof is not None:
+            sizes = proofs.sizes(problem, attempt.proof)
             evidence = {
                 "proof": np.frombuffer(proofs.packed(attempt.proof), dtype=np.uint8),
-                "reach": proofs.reach(problem, attempt.proof),
+                "sides": sizes.rows,
+                "bounds": sizes.unknowns,
+                "reach": sizes.reach,
             }
             return Certificate(
                 problem.node,

@@ -20,52 +20,28 @@ class Conditions:
         self.rows, self.equal = rows, equal
         self.lo, self.hi = [_finite(v, -1) for v in lo], [_finite(v, 1) for v in hi]
 
-    def contradicted(self, y: list[Any], t: Any, reach: list[Any]) -> None:
-        """Raise ValueError unless the multipliers contradict the conditions for any x, and within t up to `reach`."""
+    def contradicted(self, y: list[Any], t: Any, sides: list[Any], bounds: list[Any], reach: list[Any]) -> None:
+        """Raise ValueError unless the multipliers contradict the conditions for any x; and for all problems up to
+        `reach` whose entries change by t of themselves, sides and bounds by t of themselves and of these sizes."""
         n, m = len(self.lo), len(self.rows)
-        require(len(y) == m + len(self.equal) and len(reach) == n, "the multipliers are not those of the conditions")
-        gain, size, nu, tau = fmpq(0), fmpq(0), [fmpq(0)] * n, [fmpq(0)] * n
+        require(len(y) == len(sides) == m + len(self.equal), "the multipliers are not those of the conditions")
+        require(
+            len(bounds) == len(reach) == n and min([*sides, *bounds, *reach]) >= 0, "the sizes are not those of y, x"
+        )
+        gain, change, nu = fmpq(0), fmpq(0), [fmpq(0)] * n
         for i, ((row, side), v) in enumerate(zip([*self.rows, *self.equal], y, strict=True)):
             if v:
                 require(side is not None and (i >= m or v > 0), "a multiplier has the wrong sign")
-                gain, size = gain + v * side, size + abs(v * side)
+                gain, change = gain + v * side, change + abs(v) * (abs(side) + sides[i])
                 for j, entry in row.items():
-                    nu[j], tau[j] = nu[j] - v * exact(entry), tau[j] + abs(v * exact(entry))
-        rest, within, empty = gain, gain - t * size, False
-        for j, (a, b, far) in enumerate(zip(nu, tau, reach, strict=True)):
-            bound = self.lo[j] if a > 0 else self.hi[j]
-            require(not a or bound is not None, "the multipliers leave an unknown without a bound")
-            rest += 0 if bound is None else a * bound
-            low, high = self._ends(j, t, far)
-            empty = empty or low > high
-            within -= max(t * b * abs(x) - a * x for x in (low, high))
-        require(rest > 0, "the multipliers add up to no contradiction")
-        require(empty or within > 0, "the contradiction has not the margin")
-
-    def _ends(self, j: int, t: Any, far: Any) -> tuple[Any, Any]:
-        """Return the interval of an unknown in all problems within t, by its bounds, its rows alone, and R."""
-        low, high, lo, hi = -far, far, self.lo[j], self.hi[j]
-        low = low if lo is None else max(low, lo - t * abs(lo))
-        high = high if hi is None else min(high, hi + t * abs(hi))
-        wide, narrow = (1 + t) / (1 - t), (1 - t) / (1 + t)
-        for side, entry, equal in self._single.get(j, ()):
-            v = side / entry
-            if equal or entry > 0:
-                low = max(low, v * (narrow if v > 0 else wide))
-            if equal or entry < 0:
-                high = min(high, v * (wide if v > 0 else narrow))
-        return low, high
-
-    @property
-    def _single(self) -> dict[int, list[Any]]:
-        if not hasattr(self, "_found"):
-            self._found: dict[int, list[Any]] = {}
-            for part, equal in ((self.rows, False), (self.equal, True)):
-                for row, side in part:
-                    if len(row) == 1 and side is not None:
-                        [(j, entry)] = row.items()
-                        self._found.setdefault(j, []).append((side, exact(entry), equal))
-        return self._found
+                    nu[j], change = nu[j] - v * exact(entry), change + abs(v * exact(entry)) * reach[j]
+        for j, v in enumerate(nu):
+            bound = self.lo[j] if v > 0 else self.hi[j]
+            require(not v or bound is not None, "the multipliers leave an unknown without a bound")
+            if v:
+                gain, change = gain + v * bound, change + abs(v) * (abs(bound) + bounds[j])
+        require(gain > 0, "the multipliers add up to no contradiction")
+        require(gain > t * change, "the contradiction has not the margin")
 
     def feasible(self, x: list[Any]) -> None:
         """Raise ValueError unless x meets every condition."""

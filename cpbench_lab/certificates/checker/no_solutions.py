@@ -1,7 +1,7 @@
 """Check a proof that a problem has no solution: multipliers that contradict its conditions, or a point and a ray.
 
-Both have a margin t: the proof holds for every problem whose numbers differ by at most t of their own size, for
-unknowns up to R.
+Both have a margin t: the proof holds for every problem whose entries differ by at most t of themselves, and whose sides
+and bounds by at most t of themselves and of the sizes that the certificate names, for unknowns up to R.
 """
 
 from __future__ import annotations
@@ -17,12 +17,14 @@ from linear_conditions import conditions
 
 def no_solution(own: dict[str, Any], data: dict[str, Any], evidence: dict[str, Any]) -> str:
     """Prove that the problem of a certificate has no solution, and return it in words; raises ValueError else."""
+    require("sides" in evidence, "the certificate is of an older cpbench, which measured margins by other sizes")
     vectors = {name: [_fraction(v) for v in part] for name, part in _unpacked(evidence["proof"]).items()}
-    P, t, reach = conditions(own["node"], data), exact(own["margin"]), [exact(v) for v in evidence["reach"].tolist()]
+    P, t = conditions(own["node"], data), exact(own["margin"])
+    sizes = [[exact(v) for v in evidence[name].tolist()] for name in ("sides", "bounds", "reach")]
     require(own["tolerance"] <= own["margin"] < 1, "the margin is less than the tolerance")
-    told = f"for all numbers within {own['margin']:.2g} of their size, up to {max(evidence['reach'], default=0.0):.3g}"
+    told = f"for all numbers within {own['margin']:.2g} of their sizes, up to {max(evidence['reach'], default=0.0):.3g}"
     if own["level"] == "infeasible":
-        P.contradicted(vectors["multipliers"], t, reach)
+        P.contradicted(vectors["multipliers"], t, *sizes)
         return f"infeasible: no point meets the conditions; {told}"
     require(own["node"] in ("qp", "coneqp"), "the problem has no objective")
     Q, x, d = data["Q"], vectors["point"], vectors["ray"]
@@ -32,7 +34,7 @@ def no_solution(own: dict[str, Any], data: dict[str, Any], evidence: dict[str, A
     terms = [exact(v) * d[i] * d[j] for i, row in enumerate(Q.rows) for j, v in row.items()]
     if sum(terms, fmpq(0)) + t * sum(map(abs, terms), fmpq(0)) < 0:
         return "unbounded: the objective curves down along a ray from a feasible point; " + told.split(", up")[0]
-    P.optimality(Q, data["p"]).contradicted(d, t, reach)
+    P.optimality(Q, data["p"]).contradicted(d, t, *sizes)
     return f"unbounded: the objective falls along a ray from a feasible point; no stationary point {told}"
 
 
