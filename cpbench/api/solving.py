@@ -15,15 +15,18 @@ from cpbench.bench.planning.nearest import AUTO, nearest_automatic
 from cpbench.conversions.base import Conversion
 from cpbench.errors import NoRoute, NotApplicable, ProblemError, Unavailable
 from cpbench.formulations.base import Kind, Problem
+from cpbench.formulations.nlp import NLP
 from cpbench.foundation import brackets
 from cpbench.graph import EXACT
 from cpbench.solvers import clock, warming
 from cpbench.solvers.base import Budget, Solver, parse_options, solvers
 from cpbench.solvers.stopping import second_tolerance
-from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, Status
+from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, PROVEN, Status
 
 PROOF_SHARE = 0.5
 """The part of the time limit within which a proof is looked for that there is no solution."""
+UNASKED_SECONDS = 0.5
+"""Longest search, in seconds, for each proof that no solver claims, where no answer meets the tolerance."""
 SOLVE, JUDGE = "solve", "judge"
 """Phases of `solve_there`."""
 
@@ -215,19 +218,13 @@ def _judged(
         claim=output.claim,
         kind=way.kind,
         promise=solver.spec.kind,
-        prove=lambda claim: look_for_proof(
-            partial(proofs.prove, problem, tolerance=tolerance),
-            not way.steps,
-            claim,
-            output.certificate,
-            min(PROOF_SHARE * seconds, PROOF_SECONDS),
-        ),
+        prove=lambda claim: _proof(problem, way, tolerance, claim, output.certificate, PROOF_SHARE * seconds),
     )
     # the solver knows the limit, and nothing stops it in this process
     late = spent["setup"] + spent["solve"] > seconds
     remarks = [judgement.message, output.message, f"answered after the limit of {seconds:g} s" if late else ""]
     solution = ended(
-        status=Status.TIMEOUT if late else judgement.status,
+        status=Status.TIMEOUT if late and judgement.status not in PROVEN else judgement.status,
         verdict=judgement.verdict,
         point=judgement.point,
         claim=str(output.claim),
@@ -236,3 +233,25 @@ def _judged(
         message="; ".join(filter(None, remarks)),
     )
     return solution, (judgement.target or judgement.verdict).error
+
+
+def _proof(
+    problem: Problem, way: Way, tolerance: float, claim: str, certificate: Any, seconds: float
+) -> proofs.ProofAttempt | None:
+    """Look for a proof that the problem has no solution: that which the solver claims, or any where it claims none.
+
+    Where no conditions are known of the problem, those of the solver's own problem stand for it, if every solution of
+    the one is one of the other: what the conversion rounds is far below the margin of a proof.
+    """
+    asked, direct = problem, not way.steps
+    program = isinstance(problem, NLP) and proofs.objective(way.problem) is None  # optimality has no objective
+    if proofs.conditions(problem) is None and way.kind in (Kind.EQUIVALENT, Kind.NECESSARY) and not program:
+        asked, direct = way.problem, True
+    search = partial(proofs.prove, asked, tolerance=tolerance)
+    found = look_for_proof(search, direct, claim, certificate, min(seconds, PROOF_SECONDS))
+    if found is None:
+        attempts = (search(kind, None, min(seconds, UNASKED_SECONDS)) for kind in PROVEN)
+        found = next((attempt for attempt in attempts if attempt.proof is not None), None)
+    if found is not None and found.proof is not None and asked is not problem:
+        return replace(found, message=f"{found.message} (as {asked.node}, which has the same solutions)")
+    return found

@@ -13,6 +13,7 @@ from cpbench.proofs.certificates import (
     sizes,
     unpacked,
 )
+from cpbench.proofs.polyhedra import conditions, objective
 
 __all__ = [
     "SECONDS",
@@ -21,7 +22,9 @@ __all__ = [
     "ProofAttempt",
     "Unbounded",
     "certified_infeasible",
+    "conditions",
     "holds",
+    "objective",
     "packed",
     "prove",
     "sizes",

@@ -14,6 +14,7 @@ import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from fractions import Fraction
+from importlib import import_module
 from itertools import chain
 from typing import Any, ClassVar, TypeAlias
 
@@ -114,6 +115,7 @@ def prove(
     known, goal = conditions(problem), objective(problem)
     if known is None or (kind == Unbounded.kind and goal is None):
         return ProofAttempt(None, f"{kind} was claimed; no exact proof of that is known for {problem.node}")
+    import_module("scipy.optimize")  # takes a second once, which is no part of the search
     deadline = time.perf_counter() + seconds
     if goal is not None and kind == Unbounded.kind:
         return _unbounded(known, goal, deadline, tolerance)

@@ -33,6 +33,8 @@ def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
     n, m, k, far = S.lb.size, S.h.size, S.f.size, P.sizes.reach / column
     unit, sides = sp.eye_array(n, format="csr"), np.concatenate([S.h, S.f, -S.f, S.lb, -S.ub])
     used = np.flatnonzero(np.isfinite(sides))
+    if used.size == 0:
+        return
     balance: Any = sp.csc_array(sp.hstack([S.G.T, S.E.T, -S.E.T, unit, -unit]))[:, used]
     gain = sides[used]
     cost = 1.0 + np.abs(gain) + np.where(used < m + 2 * k, abs(balance).T @ far, 0.0)
