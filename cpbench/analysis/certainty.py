@@ -60,6 +60,17 @@ def disproved(table: pd.DataFrame) -> pd.Series:
     return (table["certainty"] == "refuted") | excluded | elsewhere
 
 
+def refuted(table: pd.DataFrame) -> pd.Series[bool]:
+    """Return whether a certificate refutes each answer: no solution is near it, or the only ones are farther than FAR.
+
+    A table without certificates has no such row.
+    """
+    if not {"certainty", "certificate", "distance"} <= set(table):
+        return pd.Series(False, index=table.index)
+    only = table["certificate"].str.contains("unique|all listed")
+    return (table["certainty"] == "refuted") | (only & (table["distance"] >= FAR))
+
+
 def by_problem(table: pd.DataFrame) -> pd.DataFrame:
     """Return the best level that is known of each problem's answers, a row a problem, with one reason where it is not
     proved: columns `problem`, `node`, `level`, `reason`."""

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import best, cautions, multi_start
+from cpbench.analysis import best, cautions, certainty, multi_start
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.ranking_order import order
@@ -168,6 +168,8 @@ def formulation(group: ResultGroup, groups: Sequence[ResultGroup]) -> str:
 
 
 def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Collection[str]) -> Ranking:
+    refuted = rows_of.met(started) & certainty.refuted(started)  # a measure that a proof contradicts recommends nobody
+    started = started.assign(status=started["status"].astype(object).mask(refuted, str(Status.WRONG)))
     # a problem with a verified answer counts, whatever a proof says: that is a contradiction
     proved = started["status"].isin(PROVEN) & ~started["fingerprint"].isin(
         started.loc[rows_of.met(started), "fingerprint"]
@@ -184,7 +186,7 @@ def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Co
     ranked.sort(key=lambda r: places.get(r.solver, len(places)))
     left = int(started.loc[hopeless, "fingerprint"].nunique())
     found = Ranking(group, name, problems, cases, tuple(ranked), Advice("", "", ""))
-    return replace(found, advice=advice(found, rows, times, left))
+    return replace(found, advice=advice(found, rows, times, left, int(refuted.sum())))
 
 
 def _ranked(

@@ -58,14 +58,18 @@ def ratio(value: float) -> str:
     return f"{value:.2g}" if value < 10 else f"{value:.0f}"
 
 
-def advice(ranking: Ranking, rows: pd.DataFrame, times: pd.DataFrame, hopeless: int) -> Advice:
+def advice(ranking: Ranking, rows: pd.DataFrame, times: pd.DataFrame, hopeless: int, refuted: int = 0) -> Advice:
     """Return the sentence of a ranking.
 
     rows : those of its problems that were started. times : [s], problems × labels, ∞ where not solved, of the labels
-    whose times may be compared. hopeless : problems left out, since they were proved to have no solution.
+    whose times may be compared. hopeless : problems left out, since they were proved to have no solution. refuted :
+    answers that pass, and do not count, since a certificate refutes them.
     """
     noun = "problem" if ranking.cases == ranking.problems else "start"
     proved = f" {hopeless} more {'was' if hopeless == 1 else 'were'} proved to have no solution." if hopeless else ""
+    if refuted:
+        count = "1 answer that passes is" if refuted == 1 else f"{refuted} answers that pass are"
+        proved += f" {count} refuted by a certificate and not counted."
     if not ranking.cases:
         return Advice("no problem that has a solution.", "", proved)
     first = ranking.rows[0] if ranking.rows else None

@@ -189,3 +189,18 @@ def test_stationary_points_come_before_nothing() -> None:
         "lcp: a hint from 2 problems: general solves 1 of 2 and finds a stationary point of 1, 2 times the fastest; "
         "convex is 2 times faster on the 1 that both solve."
     )
+
+
+def test_an_answer_that_a_certificate_refutes_recommends_nobody() -> None:
+    """Both pass the measure; a proof puts the only solution elsewhere (an ill-posed program, objectives 31 % apart)."""
+    rows = [
+        row("a", "quick", "solved", 1.0)
+        | {"certainty": "distant", "distance": 0.95, "certificate": "unique: definite"},
+        row("a", "boxed", "solved", 2.0) | {"certainty": "refuted", "distance": math.nan, "certificate": "none near"},
+        row("a", "other", "solved", 3.0) | {"certainty": "distant", "distance": 0.95, "certificate": "a continuum"},
+        row("a", "right", "solved", 4.0) | {"certainty": "proved", "distance": 1e-9, "certificate": "unique: definite"},
+    ]
+    [found] = _ranked(*rows)
+    assert {r.solver: r.solved for r in found.rows} == {"quick": 0, "boxed": 0, "other": 1, "right": 1}
+    assert found.rows[0].solver == "other"  # of a continuum another solution is as good
+    assert "2 answers that pass are refuted by a certificate and not counted" in found.sentence
