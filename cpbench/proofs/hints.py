@@ -28,28 +28,36 @@ LARGEST = 1000
 
 def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
     """Vectors (λ, μ) that combine the conditions to a contradiction, to rounding: that of the largest margin, and one
-    inside."""
+    with signs that rounding leaves."""
     S, row, column = _scaled(P)
     n, m, k, far = S.lb.size, S.h.size, S.f.size, P.sizes.reach / column
-    unit, sides = sp.eye_array(n, format="csr"), np.concatenate([S.h, S.f, -S.f, S.lb, -S.ub])
-    used = np.flatnonzero(np.isfinite(sides))
+    unit, every = sp.eye_array(n, format="csr"), np.concatenate([S.h, S.f, -S.f, S.lb, -S.ub])
+    used = np.flatnonzero(np.isfinite(every))
     if used.size == 0:
         return
     balance: Any = sp.csc_array(sp.hstack([S.G.T, S.E.T, -S.E.T, unit, -unit]))[:, used]
-    gain = sides[used]
+    gain = every[used]
     cost = 1.0 + np.abs(gain) + np.where(used < m + 2 * k, abs(balance).T @ far, 0.0)
 
     def combined(v: Vector) -> Vector:
-        y = np.zeros(sides.size)
+        y = np.zeros(every.size)
         y[used] = v
         return np.concatenate([y[:m], y[m : m + k] - y[m + k : m + 2 * k]]) * row
 
-    vertex = _least(
-        -gain, sp.csr_array(cost[None, :]), cost.max(initial=1.0)[None], balance, np.zeros(n), (0.0, None), deadline
-    )
+    most, still = cost.max(initial=1.0), np.zeros(n)
+    vertex = _least(-gain, sp.csr_array(cost[None, :]), np.array([most]), balance, still, (0.0, None), deadline)
     if vertex is None or not gain @ vertex > 0.0:
         return
     yield combined(vertex)
+    # the same with half of it, and every ν of an unknown with one bound as far from 0 as the last one can be
+    single = np.flatnonzero(np.concatenate([np.zeros(m + 2 * k), np.isinf(S.ub), np.isinf(S.lb)])[used])
+    away = sp.hstack([-sp.eye_array(used.size, format="csr")[single], np.ones((single.size, 1))])
+    limits = sp.vstack([away, np.append(cost, 0.0)[None, :], np.append(-gain, 0.0)[None, :]], format="csr")
+    sides = np.concatenate([np.zeros(single.size), [most, -0.5 * float(gain @ vertex)]])
+    last = np.append(np.zeros(used.size), -1.0)
+    inside = _least(last, limits, sides, sp.hstack([balance, np.zeros((n, 1))]), still, (0.0, most), deadline)
+    if inside is not None and inside[-1] > 0.0:
+        yield combined(inside[:-1])
 
 
 def interior_point(P: Polyhedron, deadline: float) -> Vector | None:
