@@ -24,7 +24,7 @@ from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Vector
 from cpbench.proofs import hints
 from cpbench.proofs.exact_vectors import exact_multipliers, exact_point, exact_rays
-from cpbench.proofs.margins import FallingRay, FarkasMultipliers, rounded_down
+from cpbench.proofs.margins import contradiction, falling, optimality, rounded_down
 from cpbench.proofs.part_sizes import Sizes
 from cpbench.proofs.polyhedra import Objective, Polyhedron, conditions, multipliers, objective
 
@@ -84,10 +84,8 @@ def holds(problem: Problem, proof: Proof, tolerance: float = TOLERANCE) -> bool:
     if known is None:
         return False
     if isinstance(proof, Infeasible):
-        return FarkasMultipliers(known, proof.multipliers, known.sizes).margin > Fraction(tolerance)
-    if goal is None or not (known.contains(proof.point) and known.recedes(proof.ray)):
-        return False
-    return goal.falls(proof.point, proof.ray) and FallingRay(known, goal, proof.ray).margin > Fraction(tolerance)
+        return contradiction(known, known.sizes, proof.multipliers) > Fraction(tolerance)
+    return goal is not None and known.contains(proof.point) and falling(known, goal, proof.ray) > Fraction(tolerance)
 
 
 def certified_infeasible(problem: Problem, certificate: Vector | None, tolerance: float = TOLERANCE) -> bool:
@@ -127,10 +125,10 @@ def sizes(problem: Problem, proof: Proof) -> Sizes:
     """Return the sizes of rows and unknowns in which the margin of a proof is measured: those of the conditions, or of
     optimality; none of a ray along which the objective curves down."""
     known, goal = conditions(problem), objective(problem)
-    if known is not None and isinstance(proof, Infeasible):
-        return known.sizes
-    contradiction = None if known is None or goal is None else FallingRay(known, goal, proof.ray).contradiction
-    return Sizes(*[np.zeros(0)] * 3) if contradiction is None else contradiction.size
+    if known is not None and goal is not None and isinstance(proof, Unbounded):
+        stationary, size = optimality(known, goal)
+        return size if contradiction(stationary, size, proof.ray) > 0 else Sizes(*[np.zeros(0)] * 3)
+    return Sizes(*[np.zeros(0)] * 3) if known is None else known.sizes
 
 
 def packed(proof: Proof) -> bytes:
@@ -173,7 +171,7 @@ def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float, t
             if combined.excess:
                 radius = max(radius, combined.gamma / combined.excess)
                 continue
-            best = max(best, FarkasMultipliers(known, y, known.sizes).margin)
+            best = max(best, contradiction(known, known.sizes, y))
             if best > Fraction(tolerance):
                 return _proved(Infeasible(tuple(y)), best)
     if best > 0:
@@ -191,12 +189,13 @@ def _unbounded(known: Polyhedron, goal: Objective, deadline: float, tolerance: f
     point, best = exact_point(known, deadline), _ZERO
     if point is None:
         return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
-    for direction in hints.rays(known, goal, deadline):
-        for ray in exact_rays(known, goal.Q, direction, deadline):
-            if known.recedes(ray) and goal.falls(point, ray):
-                best = max(best, FallingRay(known, goal, ray).margin)
-                if best > Fraction(tolerance):
-                    return _proved(Unbounded(tuple(point), tuple(ray)), best)
+    stationary, _ = optimality(known, goal)
+    flat = (exact_multipliers(stationary, vector, deadline) for vector in hints.multipliers(stationary, deadline))
+    curved = (exact_rays(known, direction, deadline) for direction in hints.rays(known, goal, deadline))
+    for ray in chain.from_iterable(chain(flat, curved)):
+        best = max(best, falling(known, goal, ray))
+        if best > Fraction(tolerance):
+            return _proved(Unbounded(tuple(point), tuple(ray)), best)
     if best > 0:
         return _narrow(Unbounded, best, tolerance)
     return ProofAttempt(None, "unbounded was claimed; no ray was found along which the objective falls, exactly")

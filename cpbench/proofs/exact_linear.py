@@ -128,16 +128,10 @@ def solve(matrix: Matrix, right: Sequence[Fraction], near: Vector, deadline: flo
 
 
 def _integers(x: Vector) -> tuple[list[int], int]:
-    """Integers and e with x = integers·2^e, e as large as it can be; of nonzero numbers."""
-    if x.size == 0:
-        return [], 0
-    fraction, exponent = np.frexp(x)
-    mantissa = (fraction * 2.0**53).astype(np.int64)
-    zeros = np.log2((mantissa & -mantissa).astype(np.float64)).astype(np.int64)
-    shift = exponent.astype(np.int64) - 53 + zeros
-    least = int(shift.min())
-    shifts = (shift - least).tolist()
-    return [m << s for m, s in zip((mantissa >> zeros).tolist(), shifts, strict=True)], least
+    """Integers and e ≤ 0 with x = integers·2^e."""
+    ratios = [value.as_integer_ratio() for value in x.tolist()]
+    common = max((below for _, below in ratios), default=1)
+    return [above * (common // below) for above, below in ratios], 1 - common.bit_length()
 
 
 def _dense(exact: Exact) -> NDArray[Any]:

@@ -66,45 +66,33 @@ def exact_point(known: Polyhedron, deadline: float) -> Rationals | None:
         terms = abs(G) @ np.abs(near) + np.abs(np.where(finite, known.h, 0.0))
         active = np.flatnonzero(finite & (G @ near - known.h <= rounding * terms) & (rounding > 0.0))
         right = rationals(np.concatenate([known.f, known.h[active]]))
-        point = _solved(known, active, None, right, near, low | high, deadline)
+        point = _solved(known, active, right, near, low | high, deadline)
         if point is not None and known.contains(point):
             return point
     return None
 
 
-def exact_rays(known: Polyhedron, Q: Any, direction: Vector, deadline: float) -> Iterator[Rationals]:
-    """Yield the direction projected on the equalities that it meets to rounding; on Qd = 0 too, where it does, and then
-    without, where it curves down."""
-    G, curves = sp.csr_array(known.G), sp.csr_array(Q)
+def exact_rays(known: Polyhedron, direction: Vector, deadline: float) -> Iterator[Rationals]:
+    """Yield the direction projected on the equalities that it meets to rounding."""
+    G: Any = sp.csr_array(known.G)
     d = direction / np.ldexp(1.0, math.frexp(float(np.abs(direction).max()))[1])
-    flat = bool((np.abs(curves @ d) <= 1e-6 * (abs(curves) @ np.abs(d))).all())
-    levels = ([curves] if flat else []) + ([None] if not flat or d @ (curves @ d) < 0.0 else [])
     for rounding in ROUNDING:
         zero = np.abs(d) <= rounding
         near = np.where(zero, 0.0, d)
         active = np.flatnonzero(np.isfinite(known.h) & (G @ near <= rounding * (abs(G) @ np.abs(near))))
-        for level in levels:
-            right = [_ZERO] * (known.f.size + active.size + (0 if level is None else d.size))
-            ray = _solved(known, active, level, right, near, zero, deadline)
-            if ray is not None:
-                yield ray
+        ray = _solved(known, active, [_ZERO] * (known.f.size + active.size), near, zero, deadline)
+        if ray is not None:
+            yield ray
 
 
 def _solved(
-    known: Polyhedron,
-    active: Any,
-    further: Any,
-    right: Rationals,
-    near: Vector,
-    fixed: Any,
-    deadline: float,
+    known: Polyhedron, active: Any, right: Rationals, near: Vector, fixed: Any, deadline: float
 ) -> Rationals | None:
-    """Return an exact x near `near` with Ex and the active rows of Gx (and `further` rows) equal to `right`.
+    """Return an exact x near `near` with Ex and the active rows of Gx equal to `right`.
 
     Where `fixed`, x is what `near` is.
     """
-    blocks = [sp.csr_array(known.E), sp.csr_array(known.G)[active], *([] if further is None else [further])]
-    rows: Any = sp.vstack(blocks, format="csr")
+    rows: Any = sp.vstack([sp.csr_array(known.E), sp.csr_array(known.G)[active]], format="csr")
     kept, free = np.flatnonzero(fixed), np.flatnonzero(~fixed)
     held = rationals(near)
     if kept.size:

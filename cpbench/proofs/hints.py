@@ -20,8 +20,6 @@ ACCURACY = 1e-10
 """HiGHS' least feasibility tolerance."""
 CURVED = 5
 """Eigenvectors of negative curvature near which a ray is sought."""
-DESCENTS = 8
-"""Linear programs from each of them along which the curvature is followed."""
 LARGEST = 1000
 """Unknowns of the largest objective whose eigenvectors are computed."""
 
@@ -81,19 +79,16 @@ def interior_point(P: Polyhedron, deadline: float) -> Vector | None:
 
 
 def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
-    """Directions that never leave the polyhedron and along which the objective may fall: flat ones, then curved."""
+    """Directions that never leave the polyhedron and along which the objective may curve down."""
     S, _, column = _scaled(P)
     n, rows = S.lb.size, np.flatnonzero(np.isfinite(S.h))
     Q: Any = sp.csr_array(goal.Q)
     Q = sp.csr_array(sp.diags_array(column) @ (Q + Q.T) @ sp.diags_array(column)) * 0.5
-    p = goal.p * column
     bounds = np.stack([np.where(np.isfinite(S.lb), 0.0, -1.0), np.where(np.isfinite(S.ub), 0.0, 1.0)], axis=1)
-    sizes = power_of_two(np.asarray(abs(Q).max(axis=1).toarray()).ravel())
-    flat = sp.vstack([S.E, sp.csr_array(sp.diags_array(sizes) @ Q)], format="csr")
 
-    def steepest(slope: Vector, level: Any) -> Vector | None:
+    def steepest(slope: Vector) -> Vector | None:
         slope = slope / (np.abs(slope).max(initial=0.0) or 1.0)
-        return _least(slope, -S.G[rows], np.zeros(rows.size), level, np.zeros(level.shape[0]), bounds, deadline)
+        return _least(slope, -S.G[rows], np.zeros(rows.size), S.E, np.zeros(S.f.size), bounds, deadline)
 
     def nearest(v: Vector) -> Vector | None:
         """Return the direction within of the least ‖d − v‖₁."""
@@ -106,30 +101,10 @@ def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
         found = _least(cost, sides, limits, level, np.zeros(S.f.size), far, deadline)
         return None if found is None else found[:n]
 
-    d = steepest(p, flat)
-    if d is not None and p @ d < 0.0:
-        yield d * column
     for v in _curved(Q, S.E):
-        for start in (nearest(v), nearest(-v), steepest(-v, S.E), steepest(v, S.E)):
-            d = start
-            for _ in range(DESCENTS):
-                if d is None or not d.any() or d @ (Q @ d) < 0.0:
-                    break
-                d = _descended(Q, d, steepest(Q @ d, S.E))
+        for d in (nearest(v), nearest(-v), steepest(-v), steepest(v)):
             if d is not None and d @ (Q @ d) < 0.0:
                 yield d * column
-
-
-def _descended(Q: Any, d: Vector, towards: Vector | None) -> Vector | None:
-    """Return the least value of dᵀQd on the way to another direction (Frank and Wolfe); None where there is no way
-    down."""
-    if towards is None:
-        return None
-    step = towards - d
-    slope, curvature = float(step @ (Q @ d)), float(step @ (Q @ step))
-    if slope >= 0.0:
-        return None
-    return d + step * (min(-slope / curvature, 1.0) if curvature > 0.0 else 1.0)
 
 
 def _curved(Q: Any, E: Any) -> list[Vector]:

@@ -13,10 +13,8 @@ the statement is therefore that no such problem has one within reach. It is abou
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from decimal import ROUND_DOWN, Context, Decimal
 from fractions import Fraction
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,30 +29,22 @@ from cpbench.proofs.polyhedra import Objective, Polyhedron
 _ZERO = Fraction(0)
 
 
-@dataclass(frozen=True, eq=False)
-class FarkasMultipliers:
-    """Multipliers y = (λ of Gx ≥ h, μ of Ex = f) of conditions that add up to 0 ≥ γ > 0, exactly.
+def contradiction(P: Polyhedron, size: Sizes, y: Sequence[Fraction]) -> Fraction:
+    """Return the least t at which conditions that y = (λ of Gx ≥ h, μ of Ex = f) adds up to 0 ≥ γ > 0, exactly, need
+    not contradict each other; 0 where they do not now.
 
     With ν = −Gᵀλ − Eᵀμ, b the sides and bounds that go with (y, ν), s their sizes and R the reach, a solution within R
     of a problem within t ≤ 1 says γ ≤ t(Σ|y_i|(|b_i| + s_i) + Σ|ν_j|(|b_j| + s_j) + (|λ|ᵀ|G| + |μ|ᵀ|E|)R).
     """
-
-    P: Polyhedron
-    y: Sequence[Fraction]
-    size: Sizes
-
-    @cached_property
-    def margin(self) -> Fraction:
-        """The least t at which the conditions need not contradict each other; 0 where they do not now."""
-        combined = self.P.combined(self.y)
-        if combined is None or combined.gamma <= 0 or combined.excess:
-            return _ZERO
-        weights, m = [abs(v) for v in self.y], self.P.h.size
-        rows, unknowns, far = (rationals(part) for part in (self.size.rows, self.size.unknowns, self.size.reach))
-        change = combined.terms + dot(weights, rows) + dot([abs(v) for v in combined.nu], unknowns)
-        for matrix, part in zip(self.P.exact, (weights[:m], weights[m:]), strict=True):
-            change += dot(part, matrix.absolute().times(far))
-        return combined.gamma / change
+    combined = P.combined(y)
+    if combined is None or combined.gamma <= 0 or combined.excess:
+        return _ZERO
+    weights, m = [abs(v) for v in y], P.h.size
+    rows, unknowns, far = (rationals(part) for part in (size.rows, size.unknowns, size.reach))
+    change = combined.terms + dot(weights, rows) + dot([abs(v) for v in combined.nu], unknowns)
+    for matrix, part in zip(P.exact, (weights[:m], weights[m:]), strict=True):
+        change += dot(part, matrix.absolute().times(far))
+    return combined.gamma / change
 
 
 def optimality(P: Polyhedron, goal: Objective) -> tuple[Polyhedron, Sizes]:
@@ -81,35 +71,20 @@ def _equalities(E: Any, f: Vector, lb: Vector) -> Polyhedron:
     return Polyhedron(sp.csr_array((0, lb.size)), np.zeros(0), E, f, lb, np.full(lb.size, np.inf))
 
 
-@dataclass(frozen=True, eq=False)
-class FallingRay:
-    """A ray d of P along which the objective falls for ever, from a feasible point x.
+def falling(P: Polyhedron, goal: Objective, ray: Sequence[Fraction]) -> Fraction:
+    """Return the least t at which the objective need not fall for ever along a ray from a feasible point; 0 where it
+    does not now, where the ray leaves P, or where rounding decides (dᵀQd = 0, and Qd is not).
 
-    The statement proved at t is that every problem within t has dᵀQd < 0; or, where Qd = 0, that none has a stationary
-    point with x and multipliers within reach (`optimality`). Where dᵀQd = 0 and Qd is not, rounding decides. That x is
-    feasible, and that d never leaves, is proved of the file's own numbers: near a problem whose equations depend on
-    each other, infeasible ones may be.
+    The statement proved at t is that no problem within t has a stationary point within reach (`optimality`), or, where
+    that is not so, that all have dᵀQd < 0. That the point is feasible, and that a curved d never leaves, is proved of
+    the file's own numbers: near a problem whose equations depend on each other, infeasible ones may be.
     """
-
-    P: Polyhedron
-    goal: Objective
-    ray: Sequence[Fraction]
-
-    @cached_property
-    def contradiction(self) -> FarkasMultipliers | None:
-        """What the ray says of the conditions of optimality; None where it curves there."""
-        P, size = optimality(self.P, self.goal)
-        combined = P.combined(self.ray)
-        return None if combined is None or combined.excess else FarkasMultipliers(P, self.ray, size)
-
-    @cached_property
-    def margin(self) -> Fraction:
-        """The least t at which the objective need not fall along the ray; 0 where rounding decides."""
-        if self.contradiction is not None:
-            return self.contradiction.margin
-        Q, sizes = Exact.of(self.goal.Q), [abs(v) for v in self.ray]
-        curvature, terms = dot(self.ray, Q.times(self.ray)), dot(sizes, Q.absolute().times(sizes))
-        return -curvature / terms if curvature < 0 else _ZERO
+    flat = contradiction(*optimality(P, goal), ray)
+    if flat > 0 or not P.recedes(ray):
+        return flat
+    Q, sizes = Exact.of(goal.Q), [abs(v) for v in ray]
+    curvature, terms = dot(ray, Q.times(ray)), dot(sizes, Q.absolute().times(sizes))
+    return -curvature / terms if curvature < 0 else _ZERO
 
 
 def rounded_down(x: Fraction) -> float:

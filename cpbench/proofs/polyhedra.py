@@ -21,7 +21,7 @@ from cpbench.formulations.qp import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.foundation.product_cones import Cone
-from cpbench.proofs.exact_linear import Exact, dot
+from cpbench.proofs.exact_linear import Exact
 from cpbench.proofs.part_sizes import Sizes
 from cpbench.verification.sets import INFINITE
 
@@ -127,18 +127,6 @@ class Objective:
 
     Q: Matrix
     p: Vector
-
-    def falls(self, x: Sequence[Fraction], d: Sequence[Fraction]) -> bool:
-        """Return whether it has no lower bound on the points x + td, t ≥ 0: dᵀQd < 0, or dᵀQd = 0 and the slope is
-        negative.
-
-        That holds for any Q; where Q is positive semidefinite, dᵀQd = 0 says Qd = 0, and the slope is pᵀd.
-        """
-        exact = Exact.of(self.Q)
-        along = exact.times(d)
-        curvature = dot(d, along)
-        slope = (dot(x, along) + dot(d, exact.times(x))) / 2 + dot(d, [Fraction(v) for v in self.p.tolist()])
-        return curvature < 0 or (curvature == 0 and slope < 0)
 
 
 def conditions(problem: Problem) -> Polyhedron | None:

@@ -54,7 +54,6 @@ EFFORT = {
     "exact_vectors.ROUNDING": PROVED,
     "frame.SMALL": f"{JUDGE}test_zeros_that_are_stored_join_no_parts",
     "hints.CURVED": PROVED,
-    "hints.DESCENTS": PROVED,
     "hints.LARGEST": PROVED,
     "margins.LEAST": "unit/test_margins.py",
     "stacked.ENTRIES": "unit/test_solve_many.py",

@@ -15,7 +15,7 @@ from cpbench.formulations import LCP, MLCP, QP
 from cpbench.formulations.base import Problem
 from cpbench.proofs import holds, prove
 from cpbench.proofs.certificates import Infeasible
-from cpbench.proofs.margins import FarkasMultipliers
+from cpbench.proofs.margins import contradiction
 from cpbench.proofs.polyhedra import conditions
 
 ALL = 1.0
@@ -170,7 +170,7 @@ def test_no_problem_within_the_margin_has_a_solution_within_reach(make) -> None:
         assert isinstance(attempt.proof, Infeasible)
         assert known is not None
         size, far, m = known.sizes, known.sizes.reach, known.h.size
-        t = 0.99 * float(FarkasMultipliers(known, attempt.proof.multipliers, size).margin)
+        t = 0.99 * float(contradiction(known, size, attempt.proof.multipliers))
 
         def changed(matrix: object, t: float = t) -> np.ndarray:
             A = np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)  # type: ignore[union-attr]
