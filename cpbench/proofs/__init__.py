@@ -10,7 +10,6 @@ from cpbench.proofs.certificates import (
     holds,
     packed,
     prove,
-    sizes,
     unpacked,
 )
 from cpbench.proofs.polyhedra import conditions, objective
@@ -27,6 +26,5 @@ __all__ = [
     "objective",
     "packed",
     "prove",
-    "sizes",
     "unpacked",
 ]

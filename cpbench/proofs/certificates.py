@@ -23,9 +23,8 @@ import numpy as np
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Vector
 from cpbench.proofs import hints
-from cpbench.proofs.exact_vectors import exact_multipliers, exact_point, exact_rays
+from cpbench.proofs.exact_vectors import exact_multipliers, exact_point
 from cpbench.proofs.margins import contradiction, falling, optimality, rounded_down
-from cpbench.proofs.part_sizes import Sizes
 from cpbench.proofs.polyhedra import Objective, Polyhedron, conditions, multipliers, objective
 
 SECONDS = 20.0
@@ -121,16 +120,6 @@ def prove(
     return _infeasible(known, vectors, deadline, tolerance)
 
 
-def sizes(problem: Problem, proof: Proof) -> Sizes:
-    """Return the sizes of rows and unknowns in which the margin of a proof is measured: those of the conditions, or of
-    optimality; none of a ray along which the objective curves down."""
-    known, goal = conditions(problem), objective(problem)
-    if known is not None and goal is not None and isinstance(proof, Unbounded):
-        stationary, size = optimality(known, goal)
-        return size if contradiction(stationary, size, proof.ray) > 0 else Sizes(*[np.zeros(0)] * 3)
-    return Sizes(*[np.zeros(0)] * 3) if known is None else known.sizes
-
-
 def packed(proof: Proof) -> bytes:
     """Return the proof as bytes: its vectors as fractions of hexadecimal integers, compressed JSON."""
     vectors = {f.name: [f"{v.numerator:x}/{v.denominator:x}" for v in getattr(proof, f.name)] for f in fields(proof)}
@@ -186,13 +175,14 @@ def _unbounded(known: Polyhedron, goal: Objective, deadline: float, tolerance: f
     """Return the first proof among the rays of the hints."""
     if bool((np.isfinite(known.lb) & np.isfinite(known.ub)).all()):
         return ProofAttempt(None, "unbounded was claimed; all unknowns are bounded")
-    point, best = exact_point(known, deadline), _ZERO
+    inside, best = hints.interior_point(known, deadline), _ZERO
+    point = None if inside is None else exact_point(known, inside, deadline)
     if point is None:
         return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
     stationary, _ = optimality(known, goal)
     flat = (exact_multipliers(stationary, vector, deadline) for vector in hints.multipliers(stationary, deadline))
-    curved = (exact_rays(known, direction, deadline) for direction in hints.rays(known, goal, deadline))
-    for ray in chain.from_iterable(chain(flat, curved)):
+    curved = (exact_point(known.recession, ray, deadline) for ray in hints.rays(known, goal, deadline))
+    for ray in chain(chain.from_iterable(flat), filter(None, curved)):
         best = max(best, falling(known, goal, ray))
         if best > Fraction(tolerance):
             return _proved(Unbounded(tuple(point), tuple(ray)), best)

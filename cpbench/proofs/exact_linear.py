@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, TypeAlias
@@ -119,12 +119,13 @@ def solve(matrix: Matrix, right: Sequence[Fraction], near: Vector, deadline: flo
     unit = Fraction(2) ** -exact.exponent
     need = [(b - a) * unit for a, b in zip(exact.times(held), right, strict=True)]
     block = integers[np.ix_(chosen_rows, chosen_columns)]
-    found = _lifted(block, inverse, [need[row] for row in chosen_rows], deadline)
-    if found is None:
-        return None
-    for column, value in zip(chosen_columns, found, strict=True):
-        held[column] = value
-    return held if exact.times(held) == list(right) else None
+    for found in _lifted(block, inverse, [need[row] for row in chosen_rows], deadline):
+        for column, value in zip(chosen_columns, found, strict=True):
+            held[column] = value
+        reached = exact.times(held)
+        if all(reached[row] == right[row] for row in chosen_rows):
+            return held if reached == list(right) else None
+    return None
 
 
 def _integers(x: Vector) -> tuple[list[int], int]:
@@ -178,17 +179,18 @@ def _pivots(integers: NDArray[Any], order: list[int], deadline: float) -> tuple[
     return chosen_rows, chosen_columns, inverse
 
 
-def _lifted(block: NDArray[Any], inverse: _Integers, right: Rationals, deadline: float) -> Rationals | None:
-    """Return the solution of `block` x = `right`, one p-adic digit after the other."""
+def _lifted(block: NDArray[Any], inverse: _Integers, right: Rationals, deadline: float) -> Iterator[Rationals]:
+    """Yield what may be the solution of `block` x = `right`, one p-adic digit after the other: the last one is it,
+    unless time ends or there are more digits than Hadamard and Cramer allow."""
     n = len(right)
     common = math.lcm(*(value.denominator for value in right))
     rest = [value.numerator * (common // value.denominator) for value in right]
-    limbs = _limbs(block)
-    bound = _cramer(block, rest)
-    modulus, digits, look = 1, list[NDArray[Any]](), 8
-    for count in range(1, bound.bit_length() // (PRIME.bit_length() - 1) + 3):
+    limbs, modulus, digits, look = _limbs(block), 1, list[NDArray[Any]](), 8
+    size = max(map(abs, [*block.ravel().tolist(), *rest]), default=0).bit_length() + n.bit_length()
+    most = 2 * (n + 1) * size + 2
+    while modulus.bit_length() <= most:
         if time.perf_counter() > deadline:
-            return None
+            return
         digit = inverse @ np.array([value % PRIME for value in rest], dtype=np.int64) % PRIME
         digits.append(digit.astype(object))
         modulus *= PRIME
@@ -196,12 +198,11 @@ def _lifted(block: NDArray[Any], inverse: _Integers, right: Rationals, deadline:
         for place in range(n):
             total = sum(part[place] << (_LIMB * k) for k, part in enumerate(products))
             rest[place] = (rest[place] - total) // PRIME
-        if count == look or modulus > 2 * bound:
+        if len(digits) == look or modulus.bit_length() > most:
             look *= 2
             found = _fractions(_summed(digits).tolist(), modulus)
-            if found is not None and _holds(block, found, right, common):
-                return [value / common for value in found]
-    return None
+            if found is not None:
+                yield [value / common for value in found]
 
 
 def _summed(digits: list[NDArray[Any]]) -> NDArray[Any]:
@@ -220,13 +221,6 @@ def _limbs(block: NDArray[Any]) -> list[_Integers]:
         limbs.append((left % 2**_LIMB).astype(np.int64) * sign)
         left = left // 2**_LIMB
     return limbs
-
-
-def _cramer(block: NDArray[Any], right: list[int]) -> int:
-    """Return at least twice the product of a numerator and a denominator of the solution (Hadamard and Cramer)."""
-    columns = [math.isqrt(sum(v * v for v in column)) + 1 for column in block.T.tolist()]
-    determinant = math.prod(columns)
-    return 2 * determinant * determinant * (math.isqrt(sum(v * v for v in right)) + 1)
 
 
 def _fractions(digits: list[int], modulus: int) -> Rationals | None:
@@ -255,12 +249,3 @@ def _fraction(residue: int, modulus: int, bound: int) -> Fraction | None:
         quotient = r0 // r1
         r0, r1, t0, t1 = r1, r0 - quotient * r1, t1, t0 - quotient * t1
     return Fraction(r1, t1) if t1 and abs(t1) <= bound else None
-
-
-def _holds(block: NDArray[Any], x: Rationals, right: Rationals, common: int) -> bool:
-    shared = math.lcm(*(value.denominator for value in x))
-    numerators = np.array([value.numerator * (shared // value.denominator) for value in x], dtype=object)
-    return all(
-        total * right_value.denominator == right_value.numerator * common * shared
-        for total, right_value in zip((block @ numerators).tolist(), right, strict=True)
-    )

@@ -1,4 +1,4 @@
-"""Multipliers, points and rays in rational arithmetic, from approximate ones: rounded, and projected exactly on the
+"""Multipliers and points in rational arithmetic, from approximate ones: rounded, and projected exactly on the
 equalities that they meet to rounding."""
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
-from cpbench.proofs import hints
 from cpbench.proofs.exact_linear import Exact, Rationals, rationals, rounded, solve
 from cpbench.proofs.polyhedra import Polyhedron
 
@@ -51,56 +50,26 @@ def exact_multipliers(known: Polyhedron, vector: Vector, deadline: float) -> Ite
             yield whole
 
 
-def exact_point(known: Polyhedron, deadline: float) -> Rationals | None:
-    """Return a point that meets all conditions exactly."""
-    x = hints.interior_point(known, deadline)
-    if x is None:
-        return None
+def exact_point(known: Polyhedron, x: Vector, deadline: float) -> Rationals | None:
+    """Return a point near x that meets all conditions exactly; with those that x meets to rounding as equalities."""
     G: Any = sp.csr_array(known.G)
     for rounding in (0.0, *ROUNDING):
         size = np.maximum(np.abs(x), max(float(np.abs(x).max(initial=0.0)), 1.0) * rounding)
         low = (known.lb == known.ub) | (x - known.lb <= rounding * size)
         high = ~low & (known.ub - x <= rounding * size)
         near = np.where(low, known.lb, np.where(high, known.ub, x))
-        finite = np.isfinite(known.h)
+        finite, fixed = np.isfinite(known.h), low | high
         terms = abs(G) @ np.abs(near) + np.abs(np.where(finite, known.h, 0.0))
         active = np.flatnonzero(finite & (G @ near - known.h <= rounding * terms) & (rounding > 0.0))
-        right = rationals(np.concatenate([known.f, known.h[active]]))
-        point = _solved(known, active, right, near, low | high, deadline)
-        if point is not None and known.contains(point):
+        rows: Any = sp.vstack([sp.csr_array(known.E), G[active]], format="csr")
+        point, free = rationals(near), np.flatnonzero(~fixed)
+        held = Exact.of(rows[:, fixed]).times([point[j] for j in np.flatnonzero(fixed).tolist()])
+        right = [b - a for a, b in zip(held, rationals(np.concatenate([known.f, known.h[active]])), strict=True)]
+        part = solve(rows[:, free], right, near[free], deadline)
+        if part is None:
+            continue
+        for place, value in zip(free.tolist(), part, strict=True):
+            point[place] = value
+        if known.contains(point):
             return point
     return None
-
-
-def exact_rays(known: Polyhedron, direction: Vector, deadline: float) -> Iterator[Rationals]:
-    """Yield the direction projected on the equalities that it meets to rounding."""
-    G: Any = sp.csr_array(known.G)
-    d = direction / np.ldexp(1.0, math.frexp(float(np.abs(direction).max()))[1])
-    for rounding in ROUNDING:
-        zero = np.abs(d) <= rounding
-        near = np.where(zero, 0.0, d)
-        active = np.flatnonzero(np.isfinite(known.h) & (G @ near <= rounding * (abs(G) @ np.abs(near))))
-        ray = _solved(known, active, [_ZERO] * (known.f.size + active.size), near, zero, deadline)
-        if ray is not None:
-            yield ray
-
-
-def _solved(
-    known: Polyhedron, active: Any, right: Rationals, near: Vector, fixed: Any, deadline: float
-) -> Rationals | None:
-    """Return an exact x near `near` with Ex and the active rows of Gx equal to `right`.
-
-    Where `fixed`, x is what `near` is.
-    """
-    rows: Any = sp.vstack([sp.csr_array(known.E), sp.csr_array(known.G)[active]], format="csr")
-    kept, free = np.flatnonzero(fixed), np.flatnonzero(~fixed)
-    held = rationals(near)
-    if kept.size:
-        there = Exact.of(rows[:, kept]).times([held[j] for j in kept.tolist()])
-        right = [b - a for a, b in zip(there, right, strict=True)]
-    part = solve(rows[:, free], right, near[free], deadline)
-    if part is None:
-        return None
-    for place, value in zip(free.tolist(), part, strict=True):
-        held[place] = value
-    return held

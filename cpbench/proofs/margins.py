@@ -80,7 +80,7 @@ def falling(P: Polyhedron, goal: Objective, ray: Sequence[Fraction]) -> Fraction
     the file's own numbers: near a problem whose equations depend on each other, infeasible ones may be.
     """
     flat = contradiction(*optimality(P, goal), ray)
-    if flat > 0 or not P.recedes(ray):
+    if flat > 0 or not P.recession.contains(ray):
         return flat
     Q, sizes = Exact.of(goal.Q), [abs(v) for v in ray]
     curvature, terms = dot(ray, Q.times(ray)), dot(sizes, Q.absolute().times(sizes))

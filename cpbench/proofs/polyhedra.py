@@ -89,17 +89,12 @@ class Polyhedron:
             and all(a <= b <= c for a, b, c in zip(self.lb.tolist(), x, self.ub.tolist(), strict=True))
         )
 
-    def recedes(self, d: Sequence[Fraction]) -> bool:
-        """Return whether d, from any point within, never leaves: Gd ≥ 0, Ed = 0, d ≥ 0 (≤ 0) where x has a lower
-        (upper) bound."""
-        rows, equalities = self.exact
-        return (
-            len(d) == self.lb.size
-            and all(a >= 0 for a, b in zip(rows.times(d), self.h.tolist(), strict=True) if b > -math.inf)
-            and not any(equalities.times(d))
-            and all(v >= 0 for v, b in zip(d, self.lb.tolist(), strict=True) if b > -math.inf)
-            and all(v <= 0 for v, b in zip(d, self.ub.tolist(), strict=True) if b < math.inf)
-        )
+    @property
+    def recession(self) -> Polyhedron:
+        """The directions that, from any point within, never leave: every finite side and bound is 0."""
+        sides = (np.where(np.isfinite(side), 0.0, side) for side in (self.h, self.f, self.lb, self.ub))
+        h, f, lb, ub = sides
+        return replace(self, h=h, f=f, lb=lb, ub=ub, further=None)
 
     def combined(self, y: Sequence[Fraction]) -> Combination | None:
         """Return the sum of the conditions by the multipliers y = (λ of Gx ≥ h, μ of Ex = f).

@@ -8,6 +8,8 @@ import numpy as np
 
 from cpbench import proofs
 from cpbench.formulations.base import Problem
+from cpbench.proofs.margins import contradiction, optimality
+from cpbench.proofs.part_sizes import Sizes
 from cpbench_lab.certificates.certificate import INFEASIBLE, TOLERANCE, UNBOUNDED, Certificate
 
 
@@ -23,7 +25,7 @@ def without_solution(
     for kind in (INFEASIBLE, UNBOUNDED):
         attempt = proofs.prove(problem, kind, seconds=seconds / 2, tolerance=tolerance)
         if attempt.proof is not None:
-            sizes = proofs.sizes(problem, attempt.proof)
+            sizes = _sizes(problem, attempt.proof)
             evidence = {
                 "proof": np.frombuffer(proofs.packed(attempt.proof), dtype=np.uint8),
                 "sides": sizes.rows,
@@ -41,3 +43,16 @@ def without_solution(
                 margin=attempt.margin,
             )
     return None
+
+
+def _sizes(problem: Problem, proof: proofs.Proof) -> Sizes:
+    """Return the sizes in which the margin of a proof is measured: those of the conditions, or of those of optimality;
+    none of a ray along which the objective curves down."""
+    known, goal = proofs.conditions(problem), proofs.objective(problem)
+    if known is not None and isinstance(proof, proofs.Infeasible):
+        return known.sizes
+    if known is not None and goal is not None and isinstance(proof, proofs.Unbounded):
+        stationary, size = optimality(known, goal)
+        if contradiction(stationary, size, proof.ray) > 0:
+            return size
+    return Sizes(*[np.zeros(0)] * 3)
