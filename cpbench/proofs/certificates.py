@@ -84,7 +84,9 @@ def holds(problem: Problem, proof: Proof, tolerance: float = TOLERANCE) -> bool:
         return False
     if isinstance(proof, Infeasible):
         return contradiction(known, known.sizes, proof.multipliers) > Fraction(tolerance)
-    return goal is not None and known.contains(proof.point) and falling(known, goal, proof.ray) > Fraction(tolerance)
+    if goal is None or not known.contains(proof.point):
+        return False
+    return falling(known, goal, optimality(known, goal), proof.ray) > Fraction(tolerance)
 
 
 def certified_infeasible(problem: Problem, certificate: Vector | None, tolerance: float = TOLERANCE) -> bool:
@@ -179,11 +181,11 @@ def _unbounded(known: Polyhedron, goal: Objective, deadline: float, tolerance: f
     point = None if inside is None else exact_point(known, inside, deadline)
     if point is None:
         return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
-    stationary, _ = optimality(known, goal)
-    flat = (exact_multipliers(stationary, vector, deadline) for vector in hints.multipliers(stationary, deadline))
-    curved = (exact_point(known.recession, ray, deadline) for ray in hints.rays(known, goal, deadline))
+    optimal, cone = optimality(known, goal), known.recession
+    flat = (exact_multipliers(optimal[0], vector, deadline) for vector in hints.multipliers(optimal[0], deadline))
+    curved = (exact_point(cone, ray / np.abs(ray).max(), deadline) for ray in hints.rays(known, goal, deadline))
     for ray in chain(chain.from_iterable(flat), filter(None, curved)):
-        best = max(best, falling(known, goal, ray))
+        best = max(best, falling(known, goal, optimal, ray))
         if best > Fraction(tolerance):
             return _proved(Unbounded(tuple(point), tuple(ray)), best)
     if best > 0:

@@ -7,12 +7,14 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
 import scipy.linalg as sl
 import scipy.sparse as sp
 
+from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector, power_of_two
 from cpbench.proofs.polyhedra import Objective, Polyhedron
 
@@ -79,42 +81,27 @@ def interior_point(P: Polyhedron, deadline: float) -> Vector | None:
 
 
 def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
-    """Directions that never leave the polyhedron and along which the objective may curve down."""
+    """Directions that never leave the polyhedron and along which the objective curves down: those of the least ‖d − v‖₁
+    from eigenvectors v of negative curvature; none where Q is too large for these."""
     S, _, column = _scaled(P)
     n, rows = S.lb.size, np.flatnonzero(np.isfinite(S.h))
-    Q: Any = sp.csr_array(goal.Q)
-    Q = sp.csr_array(sp.diags_array(column) @ (Q + Q.T) @ sp.diags_array(column)) * 0.5
-    bounds = np.stack([np.where(np.isfinite(S.lb), 0.0, -1.0), np.where(np.isfinite(S.ub), 0.0, 1.0)], axis=1)
-
-    def steepest(slope: Vector) -> Vector | None:
-        slope = slope / (np.abs(slope).max(initial=0.0) or 1.0)
-        return _least(slope, -S.G[rows], np.zeros(rows.size), S.E, np.zeros(S.f.size), bounds, deadline)
-
-    def nearest(v: Vector) -> Vector | None:
-        """Return the direction within of the least ‖d − v‖₁."""
-        unit, nothing = sp.eye_array(n, format="csr"), sp.csr_array((rows.size, n))
-        sides = sp.block_array([[unit, -unit], [-unit, -unit], [-S.G[rows], nothing]], format="csr")
+    if not 0 < n <= LARGEST:
+        return
+    Q: Any = column[:, None] * matrices.sparse(goal.Q).toarray() * column
+    level = sl.null_space(S.E.toarray()) if S.E.shape[0] else np.eye(n)
+    values, vectors = np.linalg.eigh(level.T @ (Q + Q.T) @ level)
+    found = [v / np.abs(v).max() for v in (level @ vectors[:, (values < 0.0) & (np.arange(values.size) < CURVED)]).T]
+    unit, still = sp.eye_array(n, format="csr"), sp.csr_array((rows.size, n))
+    sides = sp.block_array([[unit, -unit], [-unit, -unit], [-S.G[rows], still]], format="csr")
+    equal = sp.hstack([S.E, sp.csr_array((S.f.size, n))], format="csr")
+    low, high = np.where(np.isfinite(S.lb), 0.0, -1.0), np.where(np.isfinite(S.ub), 0.0, 1.0)
+    bounds = np.vstack([np.stack([low, high], axis=1), np.full((n, 2), (0.0, np.inf))])
+    cost = np.concatenate([np.zeros(n), np.ones(n)])
+    for v in chain.from_iterable((v, -v) for v in found):
         limits = np.concatenate([v, -v, np.zeros(rows.size)])
-        level = sp.hstack([S.E, sp.csr_array((S.f.size, n))], format="csr")
-        far = np.vstack([bounds, np.full((n, 2), (0.0, np.inf))])
-        cost = np.concatenate([np.zeros(n), np.ones(n)])
-        found = _least(cost, sides, limits, level, np.zeros(S.f.size), far, deadline)
-        return None if found is None else found[:n]
-
-    for v in _curved(Q, S.E):
-        for d in (nearest(v), nearest(-v), steepest(-v), steepest(v)):
-            if d is not None and d @ (Q @ d) < 0.0:
-                yield d * column
-
-
-def _curved(Q: Any, E: Any) -> list[Vector]:
-    """Directions of the least eigenvalues, where negative, of Q on Ex = 0; none where Q is too large for dense ones."""
-    if not 0 < Q.shape[0] <= LARGEST:
-        return []
-    level = sl.null_space(E.toarray()) if E.shape[0] else np.eye(Q.shape[0])
-    values, vectors = np.linalg.eigh(level.T @ (Q @ level))
-    found = (level @ vectors[:, i] for i in range(min(values.size, CURVED)) if values[i] < 0.0)
-    return [v / np.abs(v).max() for v in found]
+        nearest = _least(cost, sides, limits, equal, np.zeros(S.f.size), bounds, deadline)
+        if nearest is not None and nearest[:n] @ Q @ nearest[:n] < 0.0:
+            yield nearest[:n] * column
 
 
 def _scaled(P: Polyhedron) -> tuple[Polyhedron, Vector, Vector]:
@@ -128,18 +115,13 @@ def _scaled(P: Polyhedron) -> tuple[Polyhedron, Vector, Vector]:
     return scaled, row, column
 
 
-def _finite(part: Any) -> bool:
-    """Return whether a matrix, a vector or nothing has no infinite number."""
-    matrix: Any = sp.coo_array(part).data if sp.issparse(part) else part
-    return part is None or bool(np.isfinite(matrix).all())
-
-
 def _least(cost: Vector, A: Any, b: Vector | None, E: Any, f: Vector, bounds: Any, deadline: float) -> Vector | None:
     """Return a minimiser of costᵀx over Ax ≤ b, Ex = f and the bounds; None where HiGHS gives none in time."""
     from scipy.optimize import linprog  # slow to import, and rarely needed
 
     left = deadline - time.perf_counter()
-    if left <= 0.0 or not all(_finite(part) for part in (cost, A, b, E, f)):  # 1 over a subnormal number is not
+    numbers = [part.data if sp.issparse(part) else part for part in (cost, A, b, E, f) if part is not None]
+    if left <= 0.0 or not all(np.isfinite(part).all() for part in numbers):  # 1 over a subnormal number is not
         return None
     options: Any = {"primal_feasibility_tolerance": ACCURACY, "dual_feasibility_tolerance": ACCURACY}
     if math.isfinite(left):

@@ -71,15 +71,15 @@ def _equalities(E: Any, f: Vector, lb: Vector) -> Polyhedron:
     return Polyhedron(sp.csr_array((0, lb.size)), np.zeros(0), E, f, lb, np.full(lb.size, np.inf))
 
 
-def falling(P: Polyhedron, goal: Objective, ray: Sequence[Fraction]) -> Fraction:
-    """Return the least t at which the objective need not fall for ever along a ray from a feasible point; 0 where it
+def falling(P: Polyhedron, goal: Objective, optimal: tuple[Polyhedron, Sizes], ray: Sequence[Fraction]) -> Fraction:
+    """Return the least t at which the objective need not fall for ever along a ray d from a feasible point; 0 where it
     does not now, where the ray leaves P, or where rounding decides (dᵀQd = 0, and Qd is not).
 
-    The statement proved at t is that no problem within t has a stationary point within reach (`optimality`), or, where
+    The statement proved at t is that no problem within t has a stationary point within reach (`optimal`), or, where
     that is not so, that all have dᵀQd < 0. That the point is feasible, and that a curved d never leaves, is proved of
     the file's own numbers: near a problem whose equations depend on each other, infeasible ones may be.
     """
-    flat = contradiction(*optimality(P, goal), ray)
+    flat = contradiction(*optimal, ray)
     if flat > 0 or not P.recession.contains(ray):
         return flat
     Q, sizes = Exact.of(goal.Q), [abs(v) for v in ray]
