@@ -80,11 +80,9 @@ def holds(problem: Problem, proof: Proof, tolerance: float = TOLERANCE) -> bool:
     """Test whether the proof is one of every problem within the tolerance of this one, in exact arithmetic and by
     nothing but its numbers."""
     known, goal = conditions(problem), objective(problem)
-    if known is None:
-        return False
     if isinstance(proof, Infeasible):
-        return contradiction(known, known.sizes, proof.multipliers) > Fraction(tolerance)
-    if goal is None or not known.contains(proof.point):
+        return known is not None and contradiction(known, proof.multipliers) > Fraction(tolerance)
+    if known is None or goal is None or not known.contains(proof.point):
         return False
     return falling(known, goal, optimality(known, goal), proof.ray) > Fraction(tolerance)
 
@@ -93,10 +91,8 @@ def certified_infeasible(problem: Problem, certificate: Vector | None, tolerance
     """Return whether a solver's certificate, rounded and projected, proves that no problem within the tolerance of this
     one has a solution (`margins`)."""
     known = conditions(problem)
-    if known is None or certificate is None:
-        return False
-    given = _given(problem, known, certificate)
-    return _infeasible(known, given, time.perf_counter() + SECONDS, tolerance).proof is not None
+    given = multipliers(problem, certificate)
+    return known is not None and bool(_infeasible(known, given, time.perf_counter() + SECONDS, tolerance).proof)
 
 
 def prove(
@@ -118,7 +114,7 @@ def prove(
     deadline = time.perf_counter() + seconds
     if goal is not None and kind == Unbounded.kind:
         return _unbounded(known, goal, deadline, tolerance)
-    vectors = chain(_given(problem, known, certificate), hints.multipliers(known, deadline))
+    vectors = chain(multipliers(problem, certificate), hints.multipliers(known, deadline))
     return _infeasible(known, vectors, deadline, tolerance)
 
 
@@ -132,21 +128,10 @@ def unpacked(kind: str, data: bytes) -> Proof:
     """Return the proof that `packed` wrote; raises ValueError where the bytes are none."""
     try:
         vectors: Any = json.loads(zlib.decompress(data))
-        parsed = {name: tuple(_fraction(text) for text in values) for name, values in vectors.items()}
-        return _KINDS[kind](**parsed)
+        pairs = {name: [text.split("/") for text in part] for name, part in vectors.items()}
+        return _KINDS[kind](**{name: tuple(Fraction(int(a, 16), int(b, 16)) for a, b in pairs[name]) for name in pairs})
     except (zlib.error, KeyError, TypeError, ValueError, AttributeError, ZeroDivisionError) as cause:
         raise ValueError(f"no proof of kind {kind!r} ({type(cause).__name__}: {cause})") from None
-
-
-def _fraction(text: str) -> Fraction:
-    numerator, denominator = text.split("/")
-    return Fraction(int(numerator, 16), int(denominator, 16))
-
-
-def _given(problem: Problem, known: Polyhedron, certificate: Vector | None) -> list[Vector]:
-    if certificate is None or certificate.size != known.h.size + known.f.size or not np.isfinite(certificate).all():
-        return []
-    return [multipliers(problem, certificate)]
 
 
 def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float, tolerance: float) -> ProofAttempt:
@@ -154,15 +139,10 @@ def _infeasible(known: Polyhedron, vectors: Iterable[Vector], deadline: float, t
     radius, best = _ZERO, _ZERO
     for vector in vectors:
         for y in exact_multipliers(known, vector, deadline):
-            combined = known.combined(y)
-            if time.perf_counter() > deadline:
-                break
-            if combined is None or combined.gamma <= 0:
-                continue
-            if combined.excess:
-                radius = max(radius, combined.gamma / combined.excess)
-                continue
-            best = max(best, contradiction(known, known.sizes, y))
+            gamma, excess, _ = known.combined(y) or (_ZERO, _ZERO, _ZERO)
+            if excess:
+                radius = max(radius, gamma / excess)
+            best = max(best, contradiction(known, y))
             if best > Fraction(tolerance):
                 return _proved(Infeasible(tuple(y)), best)
     if best > 0:
@@ -182,7 +162,7 @@ def _unbounded(known: Polyhedron, goal: Objective, deadline: float, tolerance: f
     if point is None:
         return ProofAttempt(None, "unbounded was claimed; no point was found that meets all constraints exactly")
     optimal, cone = optimality(known, goal), known.recession
-    flat = (exact_multipliers(optimal[0], vector, deadline) for vector in hints.multipliers(optimal[0], deadline))
+    flat = (exact_multipliers(optimal, vector, deadline) for vector in hints.multipliers(optimal, deadline))
     curved = (exact_point(cone, ray / np.abs(ray).max(), deadline) for ray in hints.rays(known, goal, deadline))
     for ray in chain(chain.from_iterable(flat), filter(None, curved)):
         best = max(best, falling(known, goal, optimal, ray))

@@ -52,7 +52,9 @@ class Exact:
         """Return every entry that is not 0; raises nothing, for a problem's data are finite."""
         entries: Any = sp.coo_array(matrix)
         kept = np.flatnonzero(entries.data)
-        value, exponent = _integers(np.asarray(entries.data, dtype=np.float64)[kept])
+        ratios = [entry.as_integer_ratio() for entry in np.asarray(entries.data, dtype=np.float64)[kept].tolist()]
+        common = max((below for _, below in ratios), default=1)
+        value, exponent = [above * (common // below) for above, below in ratios], 1 - common.bit_length()
         rows, columns = matrix.shape
         return cls((rows, columns), entries.row[kept].tolist(), entries.col[kept].tolist(), value, exponent)
 
@@ -108,7 +110,8 @@ def solve(matrix: Matrix, right: Sequence[Fraction], near: Vector, deadline: flo
         return start
     if max(rows, columns) > LARGEST or not exact.value:
         return None
-    integers = _dense(exact)
+    integers = np.zeros(exact.shape, dtype=object)
+    integers[exact.row, exact.column] = exact.value
     pivots = _pivots(integers, _order(matrix, near), deadline)
     if pivots is None:
         return None
@@ -128,19 +131,6 @@ def solve(matrix: Matrix, right: Sequence[Fraction], near: Vector, deadline: flo
     return None
 
 
-def _integers(x: Vector) -> tuple[list[int], int]:
-    """Integers and e ≤ 0 with x = integers·2^e."""
-    ratios = [value.as_integer_ratio() for value in x.tolist()]
-    common = max((below for _, below in ratios), default=1)
-    return [above * (common // below) for above, below in ratios], 1 - common.bit_length()
-
-
-def _dense(exact: Exact) -> NDArray[Any]:
-    full = np.zeros(exact.shape, dtype=object)
-    full[exact.row, exact.column] = exact.value
-    return full
-
-
 def _order(matrix: Matrix, near: Vector) -> list[int]:
     """Columns by what their terms add that those before did not."""
     terms: Any = (sp.csr_array(matrix) * near[None, :]).toarray()
@@ -156,8 +146,7 @@ def _pivots(integers: NDArray[Any], order: list[int], deadline: float) -> tuple[
     residues = (integers % PRIME).astype(np.int64)
     work = np.concatenate([residues[:, order], np.eye(rows, dtype=np.int64)], axis=1)
     free = np.ones(rows, dtype=bool)
-    chosen_rows: list[int] = []
-    chosen_columns: list[int] = []
+    chosen_rows, chosen_columns = list[int](), list[int]()
     for place, column in enumerate(order):
         if len(chosen_rows) == rows:
             break
@@ -181,23 +170,21 @@ def _pivots(integers: NDArray[Any], order: list[int], deadline: float) -> tuple[
 
 def _lifted(block: NDArray[Any], inverse: _Integers, right: Rationals, deadline: float) -> Iterator[Rationals]:
     """Yield what may be the solution of `block` x = `right`, one p-adic digit after the other: the last one is it,
-    unless time ends or there are more digits than Hadamard and Cramer allow."""
-    n = len(right)
+    unless time ends (digits end by the bounds of Hadamard and Cramer)."""
     common = math.lcm(*(value.denominator for value in right))
     rest = [value.numerator * (common // value.denominator) for value in right]
     limbs, modulus, digits, look = _limbs(block), 1, list[NDArray[Any]](), 8
-    size = max(map(abs, [*block.ravel().tolist(), *rest]), default=0).bit_length() + n.bit_length()
-    most = 2 * (n + 1) * size + 2
+    size = max(map(abs, [*block.ravel().tolist(), *rest]), default=0).bit_length() + len(right).bit_length()
+    most = 2 * (len(right) + 1) * size + 2
     while modulus.bit_length() <= most:
         if time.perf_counter() > deadline:
             return
         digit = inverse @ np.array([value % PRIME for value in rest], dtype=np.int64) % PRIME
         digits.append(digit.astype(object))
         modulus *= PRIME
-        products = [(limb @ digit).tolist() for limb in limbs]
-        for place in range(n):
-            total = sum(part[place] << (_LIMB * k) for k, part in enumerate(products))
-            rest[place] = (rest[place] - total) // PRIME
+        products = zip(*((limb @ digit).tolist() for limb in limbs), strict=True)
+        totals = (sum(part << (_LIMB * k) for k, part in enumerate(parts)) for parts in products)
+        rest = [(value - total) // PRIME for value, total in zip(rest, totals, strict=True)]
         if len(digits) == look or modulus.bit_length() > most:
             look *= 2
             found = _fractions(_summed(digits).tolist(), modulus)
@@ -229,16 +216,11 @@ def _fractions(digits: list[int], modulus: int) -> Rationals | None:
     found: Rationals = []
     denominator = 1
     for digit in digits:
-        value = digit * denominator % modulus
-        value = value - modulus if 2 * value > modulus else value
-        if abs(value) > bound:
-            fraction = _fraction(digit * denominator % modulus, modulus, bound)
-            if fraction is None:
-                return None
-            found.append(fraction / denominator)
-            denominator *= fraction.denominator
-        else:
-            found.append(Fraction(value, denominator))
+        fraction = _fraction(digit * denominator % modulus, modulus, bound)
+        if fraction is None:
+            return None
+        found.append(fraction / denominator)
+        denominator *= fraction.denominator
     return found
 
 

@@ -39,16 +39,13 @@ def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
     gain = every[used]
     cost = 1.0 + np.abs(gain) + np.where(used < m + 2 * k, abs(balance).T @ far, 0.0)
 
-    def combined(v: Vector) -> Vector:
-        y = np.zeros(every.size)
-        y[used] = v
-        return np.concatenate([y[:m], y[m : m + k] - y[m + k : m + 2 * k]]) * row
-
+    split = sp.eye_array(m + k, format="csr")
+    rows: Any = sp.hstack([split, -split[:, m:], sp.csr_array((m + k, 2 * n))], format="csr")[:, used]
     most, still = cost.max(initial=1.0), np.zeros(n)
     vertex = _least(-gain, sp.csr_array(cost[None, :]), np.array([most]), balance, still, (0.0, None), deadline)
     if vertex is None or not gain @ vertex > 0.0:
         return
-    yield combined(vertex)
+    yield row * (rows @ vertex)
     # the same with half of it, and every ν of an unknown with one bound as far from 0 as the last one can be
     single = np.flatnonzero(np.concatenate([np.zeros(m + 2 * k), np.isinf(S.ub), np.isinf(S.lb)])[used])
     away = sp.hstack([-sp.eye_array(used.size, format="csr")[single], np.ones((single.size, 1))])
@@ -57,7 +54,7 @@ def multipliers(P: Polyhedron, deadline: float) -> Iterator[Vector]:
     last = np.append(np.zeros(used.size), -1.0)
     inside = _least(last, limits, sides, sp.hstack([balance, np.zeros((n, 1))]), still, (0.0, most), deadline)
     if inside is not None and inside[-1] > 0.0:
-        yield combined(inside[:-1])
+        yield row * (rows @ inside[:-1])
 
 
 def interior_point(P: Polyhedron, deadline: float) -> Vector | None:
@@ -88,14 +85,14 @@ def rays(P: Polyhedron, goal: Objective, deadline: float) -> Iterator[Vector]:
     if not 0 < n <= LARGEST:
         return
     Q: Any = column[:, None] * matrices.sparse(goal.Q).toarray() * column
-    level = sl.null_space(S.E.toarray()) if S.E.shape[0] else np.eye(n)
+    level = sl.null_space(matrices.sparse(S.E).toarray()) if S.f.size else np.eye(n)
     values, vectors = np.linalg.eigh(level.T @ (Q + Q.T) @ level)
     found = [v / np.abs(v).max() for v in (level @ vectors[:, (values < 0.0) & (np.arange(values.size) < CURVED)]).T]
     unit, still = sp.eye_array(n, format="csr"), sp.csr_array((rows.size, n))
-    sides = sp.block_array([[unit, -unit], [-unit, -unit], [-S.G[rows], still]], format="csr")
+    sides: Any = sp.block_array([[unit, -unit], [-unit, -unit], [-matrices.sparse(S.G)[rows], still]], format="csr")
     equal = sp.hstack([S.E, sp.csr_array((S.f.size, n))], format="csr")
-    low, high = np.where(np.isfinite(S.lb), 0.0, -1.0), np.where(np.isfinite(S.ub), 0.0, 1.0)
-    bounds = np.vstack([np.stack([low, high], axis=1), np.full((n, 2), (0.0, np.inf))])
+    cone = np.stack([np.maximum(S.recession.lb, -1.0), np.minimum(S.recession.ub, 1.0)], axis=1)
+    bounds = np.vstack([cone, np.full((n, 2), (0.0, np.inf))])
     cost = np.concatenate([np.zeros(n), np.ones(n)])
     for v in chain.from_iterable((v, -v) for v in found):
         limits = np.concatenate([v, -v, np.zeros(rows.size)])
@@ -120,8 +117,10 @@ def _least(cost: Vector, A: Any, b: Vector | None, E: Any, f: Vector, bounds: An
     from scipy.optimize import linprog  # slow to import, and rarely needed
 
     left = deadline - time.perf_counter()
-    numbers = [part.data if sp.issparse(part) else part for part in (cost, A, b, E, f) if part is not None]
-    if left <= 0.0 or not all(np.isfinite(part).all() for part in numbers):  # 1 over a subnormal number is not
+    numbers: list[Any] = [part for part in (cost, A, b, E, f) if part is not None]
+    if left <= 0.0 or not all(
+        np.isfinite(sp.coo_array(part).data).all() for part in numbers
+    ):  # 1 over a subnormal number is not
         return None
     options: Any = {"primal_feasibility_tolerance": ACCURACY, "dual_feasibility_tolerance": ACCURACY}
     if math.isfinite(left):

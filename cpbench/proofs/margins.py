@@ -13,6 +13,7 @@ the statement is therefore that no such problem has one within reach. It is abou
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from decimal import ROUND_DOWN, Context, Decimal
 from fractions import Fraction
 from typing import Any
@@ -22,34 +23,23 @@ import scipy.sparse as sp
 
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector
-from cpbench.proofs.exact_linear import Exact, dot, rationals
+from cpbench.proofs.exact_linear import Exact, dot
 from cpbench.proofs.part_sizes import Sizes
 from cpbench.proofs.polyhedra import Objective, Polyhedron
 
 _ZERO = Fraction(0)
 
 
-def contradiction(P: Polyhedron, size: Sizes, y: Sequence[Fraction]) -> Fraction:
+def contradiction(P: Polyhedron, y: Sequence[Fraction]) -> Fraction:
     """Return the least t at which conditions that y = (λ of Gx ≥ h, μ of Ex = f) adds up to 0 ≥ γ > 0, exactly, need
-    not contradict each other; 0 where they do not now.
-
-    With ν = −Gᵀλ − Eᵀμ, b the sides and bounds that go with (y, ν), s their sizes and R the reach, a solution within R
-    of a problem within t ≤ 1 says γ ≤ t(Σ|y_i|(|b_i| + s_i) + Σ|ν_j|(|b_j| + s_j) + (|λ|ᵀ|G| + |μ|ᵀ|E|)R).
-    """
-    combined = P.combined(y)
-    if combined is None or combined.gamma <= 0 or combined.excess:
-        return _ZERO
-    weights, m = [abs(v) for v in y], P.h.size
-    rows, unknowns, far = (rationals(part) for part in (size.rows, size.unknowns, size.reach))
-    change = combined.terms + dot(weights, rows) + dot([abs(v) for v in combined.nu], unknowns)
-    for matrix, part in zip(P.exact, (weights[:m], weights[m:]), strict=True):
-        change += dot(part, matrix.absolute().times(far))
-    return combined.gamma / change
+    not contradict each other; 0 where they do not now."""
+    gamma, excess, change = P.combined(y) or (_ZERO, _ZERO, _ZERO)
+    return gamma / change if gamma > 0 and not excess else _ZERO
 
 
-def optimality(P: Polyhedron, goal: Objective) -> tuple[Polyhedron, Sizes]:
+def optimality(P: Polyhedron, goal: Objective) -> Polyhedron:
     """Return the equalities of a stationary point of ½xᵀQx + pᵀx over P, of (x, λ, μ, and the multipliers of lower and
-    of upper bounds), and sizes.
+    of upper bounds).
 
     These are Qx + p = Gᵀλ + Eᵀμ + z_l − z_u with the signs of the multipliers: a ray along which the objective falls
     contradicts them. p sets the size of the multipliers.
@@ -64,14 +54,14 @@ def optimality(P: Polyhedron, goal: Objective) -> tuple[Polyhedron, Sizes]:
     prices = _equalities(priced, -goal.p, lb).sizes
     whole = _equalities(equalities, -goal.p, np.concatenate([np.full(n, -np.inf), lb]))
     ends = ((own.unknowns, own.reach) for own in (P.sizes, prices))
-    return whole, Sizes(prices.rows, *(np.concatenate(pair) for pair in zip(*ends, strict=True)))
+    return replace(whole, known_sizes=Sizes(prices.rows, *(np.concatenate(pair) for pair in zip(*ends, strict=True))))
 
 
 def _equalities(E: Any, f: Vector, lb: Vector) -> Polyhedron:
     return Polyhedron(sp.csr_array((0, lb.size)), np.zeros(0), E, f, lb, np.full(lb.size, np.inf))
 
 
-def falling(P: Polyhedron, goal: Objective, optimal: tuple[Polyhedron, Sizes], ray: Sequence[Fraction]) -> Fraction:
+def falling(P: Polyhedron, goal: Objective, optimal: Polyhedron, ray: Sequence[Fraction]) -> Fraction:
     """Return the least t at which the objective need not fall for ever along a ray d from a feasible point; 0 where it
     does not now, where the ray leaves P, or where rounding decides (dᵀQd = 0, and Qd is not).
 
@@ -79,7 +69,7 @@ def falling(P: Polyhedron, goal: Objective, optimal: tuple[Polyhedron, Sizes], r
     that is not so, that all have dᵀQd < 0. That the point is feasible, and that a curved d never leaves, is proved of
     the file's own numbers: near a problem whose equations depend on each other, infeasible ones may be.
     """
-    flat = contradiction(*optimal, ray)
+    flat = contradiction(optimal, ray)
     if flat > 0 or not P.recession.contains(ray):
         return flat
     Q, sizes = Exact.of(goal.Q), [abs(v) for v in ray]

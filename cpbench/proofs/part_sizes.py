@@ -46,7 +46,7 @@ class Sizes:
         m, n = A.shape
         _, part = connected_components(sp.block_array([[None, A], [A.T, None]]) if m else sp.csr_array((n, n)))
         with np.errstate(all="ignore"):  # beside subnormal numbers units are infinite
-            D, C = equilibrate_apart(A, part[:m])
+            D, C = equilibrate_apart(A)
             unit = np.concatenate([D, 1.0 / C])
             met = np.maximum(*(np.where(np.isfinite(side), np.abs(side), 0.0) for side in (low, high)))
             size = np.maximum(np.maximum(low, -high), IDLE * met)
@@ -55,6 +55,6 @@ class Sizes:
             own = np.where(largest > 0.0, largest, 1.0)[part] / unit
         empty = np.concatenate([A.sum(axis=1), A.sum(axis=0)]) == 0.0
         own[empty] = np.delete(size, np.arange(count, m)).max(initial=0.0) or 1.0
-        own = np.nan_to_num(own, posinf=np.finfo(np.float64).max)
+        own = np.nan_to_num(own, posinf=1e300)
         ends = np.maximum(np.abs(low[m:]), np.abs(high[m:]))
         return cls(own[:count], own[m:], np.minimum(REACH * own[m:], 2.0 * ends + own[m:]))

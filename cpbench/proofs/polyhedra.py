@@ -21,7 +21,7 @@ from cpbench.formulations.qp import QP
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.foundation.product_cones import Cone
-from cpbench.proofs.exact_linear import Exact
+from cpbench.proofs.exact_linear import Exact, dot, rationals
 from cpbench.proofs.part_sizes import Sizes
 from cpbench.verification.sets import INFINITE
 
@@ -29,27 +29,12 @@ _ZERO = Fraction(0)
 
 
 @dataclass(frozen=True, eq=False)
-class Combination:
-    """γ ≤ excess·‖x‖∞ for every x within: a sum of conditions.
-
-    Attributes
-    ----------
-    gamma : Σ y_i b_i over sides and bounds. terms : Σ|y_i b_i|. nu : multipliers of the bounds. excess : Σ|ν_j| where
-    there is none.
-    """
-
-    gamma: Fraction
-    terms: Fraction
-    nu: Sequence[Fraction]
-    excess: Fraction
-
-
-@dataclass(frozen=True, eq=False)
 class Polyhedron:
     """Gx ≥ h, Ex = f, lb ≤ x ≤ ub; sides and bounds may be infinite.
 
     `unknowns` is what x is called. `further` are rows and sides that are no conditions, and yet set the size of
-    solutions: Qx + p of a program, the tangential velocities of contacts.
+    solutions: Qx + p of a program, the tangential velocities of contacts. `known_sizes` are those of problems that are
+    not measured by their own sides.
     """
 
     G: Matrix
@@ -60,6 +45,7 @@ class Polyhedron:
     ub: Vector
     unknowns: str = "z"
     further: tuple[Matrix, Vector] | None = None
+    known_sizes: Sizes | None = None
 
     @cached_property
     def exact(self) -> tuple[Exact, Exact]:
@@ -69,14 +55,12 @@ class Polyhedron:
     @cached_property
     def sizes(self) -> Sizes:
         """Sizes of (Gx ≥ h, Ex = f) and of x."""
-        blocks = [(self.G, self.h, np.full(self.h.size, np.inf)), (self.E, self.f, self.f)]
-        if self.further is not None:
-            blocks.append((self.further[0], self.further[1], self.further[1]))
-        rows = sp.vstack([sp.csr_array(matrix) for matrix, _, _ in blocks], format="csr")
-        low, high = (
-            np.concatenate([*(b[1] for b in blocks), self.lb]),
-            np.concatenate([*(b[2] for b in blocks), self.ub]),
-        )
+        if self.known_sizes is not None:
+            return self.known_sizes
+        equal = [(self.E, self.f), *([] if self.further is None else [self.further])]
+        rows = sp.vstack([sp.csr_array(matrix) for matrix in (self.G, *(matrix for matrix, _ in equal))], format="csr")
+        low = np.concatenate([self.h, *(side for _, side in equal), self.lb])
+        high = np.concatenate([np.full(self.h.size, np.inf), *(side for _, side in equal), self.ub])
         return Sizes.of(rows, low, high, self.h.size + self.f.size)
 
     def contains(self, x: Sequence[Fraction]) -> bool:
@@ -96,24 +80,33 @@ class Polyhedron:
         h, f, lb, ub = sides
         return replace(self, h=h, f=f, lb=lb, ub=ub, further=None)
 
-    def combined(self, y: Sequence[Fraction]) -> Combination | None:
-        """Return the sum of the conditions by the multipliers y = (λ of Gx ≥ h, μ of Ex = f).
+    def combined(self, y: Sequence[Fraction]) -> tuple[Fraction, Fraction, Fraction] | None:
+        """Return γ, ε and δ with γ ≤ ε‖x‖∞ for every x within, by the multipliers y = (λ of Gx ≥ h, μ of Ex = f).
 
-        With ν = −Gᵀλ − Eᵀμ, −νᵀx ≥ hᵀλ + fᵀμ, and a bound that goes with the sign of ν_j replaces x_j. None where y is
-        no such vector: λ ≥ 0, and 0 at infinite sides.
+        With ν = −Gᵀλ − Eᵀμ, −νᵀx ≥ hᵀλ + fᵀμ; where a bound goes with the sign of ν_j it replaces x_j, which adds up to
+        γ, and ε is the sum of the other |ν_j|. By δ·t γ may change in problems within t (`margins`): with b the sides
+        and bounds that go with (y, ν), s their sizes and R the reach, δ = Σ|y_i|(|b_i| + s_i) + Σ|ν_j|(|b_j| + s_j) +
+        (|λ|ᵀ|G| + |μ|ᵀ|E|)R. None where y is no such vector: λ ≥ 0, and 0 at infinite sides.
         """
         m = self.h.size
         if len(y) != m + self.f.size:
             return None
         if any(v < 0 or (v and b == -math.inf) for v, b in zip(y[:m], self.h.tolist(), strict=True)):
             return None
-        by_rows, by_equalities = (A.transposed_times(part) for A, part in zip(self.exact, (y[:m], y[m:]), strict=True))
-        nu = [-a - b for a, b in zip(by_rows, by_equalities, strict=True)]
+        parts = list(zip(self.exact, (y[:m], y[m:]), strict=True))
+        nu = [-a - b for a, b in zip(*(matrix.transposed_times(part) for matrix, part in parts), strict=True)]
         bounds = [low if v > 0 else high for v, low, high in zip(nu, self.lb.tolist(), self.ub.tolist(), strict=True)]
-        products = [v * Fraction(b) for v, b in zip(y, [*self.h.tolist(), *self.f.tolist()], strict=True) if v]
-        products += [v * Fraction(b) for v, b in zip(nu, bounds, strict=True) if v and math.isfinite(b)]
-        excess = sum((abs(v) for v, b in zip(nu, bounds, strict=True) if math.isinf(b)), _ZERO)
-        return Combination(sum(products, _ZERO), sum(map(abs, products), _ZERO), nu, excess)
+        gamma = excess = change = _ZERO
+        sides, sizes = [*self.h.tolist(), *self.f.tolist(), *bounds], [*self.sizes.rows, *self.sizes.unknowns]
+        for v, side, size in zip([*y, *nu], sides, sizes, strict=True):
+            if v and math.isinf(side):
+                excess += abs(v)
+            elif v:
+                gamma += v * Fraction(side)
+                change += abs(v) * (abs(Fraction(side)) + Fraction(size))
+        far = rationals(self.sizes.reach)
+        change += sum(dot([abs(v) for v in part], matrix.absolute().times(far)) for matrix, part in parts)
+        return gamma, excess, change
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,12 +146,14 @@ def objective(problem: Problem) -> Objective | None:
     return Objective(problem.Q, problem.p) if isinstance(problem, QP | ConeQP) else None
 
 
-def multipliers(problem: Problem, certificate: Vector) -> Vector:
-    """Return a solver's vector, in the order of its node, in the order of the conditions."""
-    if isinstance(problem, MLCP):  # (y of the equalities, z of the rows)
-        n = problem.a.size
-        return np.concatenate([certificate[n:], certificate[:n]])
-    return certificate
+def multipliers(problem: Problem, certificate: Vector | None) -> list[Vector]:
+    """Return a solver's vector, in the order of its node, in the order of the conditions; none of another size or with
+    numbers that are not finite."""
+    known = conditions(problem)
+    if known is None or certificate is None or certificate.size != known.h.size + known.f.size:
+        return []
+    n = problem.a.size if isinstance(problem, MLCP) else 0  # (y of the equalities, z of the rows)
+    return [np.roll(certificate, -n)] if np.isfinite(certificate).all() else []
 
 
 def _over(

@@ -52,7 +52,7 @@ def _sizes(problem: Problem, proof: proofs.Proof) -> Sizes:
     if known is not None and isinstance(proof, proofs.Infeasible):
         return known.sizes
     if known is not None and goal is not None and isinstance(proof, proofs.Unbounded):
-        stationary, size = optimality(known, goal)
-        if contradiction(stationary, size, proof.ray) > 0:
-            return size
+        optimal = optimality(known, goal)
+        if contradiction(optimal, proof.ray) > 0:
+            return optimal.sizes
     return Sizes(*[np.zeros(0)] * 3)

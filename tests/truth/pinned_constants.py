@@ -28,7 +28,8 @@ PINNED = {
     "backward_error.ROUNDINGS": f"{CONSTANTS}test_rounding_of_a_tenth_of_a_constant_hides_it",
     "certificates.TOLERANCE": f"{MARGINS}test_the_tolerance_is_1e6_where_none_is_given",
     "equilibration.ENOUGH": f"{CONSTANTS}test_means_of_rows_are_right_to_a_twentieth_of_a_percent",
-    "margins.REACH": f"{MARGINS}test_solutions_up_to_ten_times_what_is_asked_are_excluded",
+    "part_sizes.IDLE": f"{MARGINS}test_limits_that_nothing_asks_for_count_by_a_millionth",
+    "part_sizes.REACH": f"{MARGINS}test_solutions_up_to_ten_times_what_is_asked_are_excluded",
     "measures.NOTICED": f"{CONSTANTS}test_a_loaded_contact_that_misses_its_law_by_a_tenth_is_flagged",
     "part_error.OWN": f"{CONSTANTS}test_a_bound_counts_by_a_tenth_of_its_own_terms",
     "part_error.SMALL": f"{CONSTANTS}test_a_bound_counts_by_its_own_terms_from_1e5_of_the_largest",
@@ -55,7 +56,6 @@ EFFORT = {
     "frame.SMALL": f"{JUDGE}test_zeros_that_are_stored_join_no_parts",
     "hints.CURVED": PROVED,
     "hints.LARGEST": PROVED,
-    "margins.LEAST": "unit/test_margins.py",
     "stacked.ENTRIES": "unit/test_solve_many.py",
 }
 """Constants of how a number is computed or a proof looked for."""

@@ -123,6 +123,15 @@ def test_a_side_that_is_rounding_contradicts_nothing(side: float) -> None:
             assert "the numbers in the file contradict each other by" in given.message
 
 
+def test_limits_that_nothing_asks_for_count_by_a_millionth() -> None:
+    """x₁ − x₂ ≥ κ and ≤ 0 in a box of 100: κ ≤ t(κ + 2s + 2R₁ + 2R₂) with s = 1e-4 and R = 10 s."""
+    kappa, limit = 1e-9, np.full(2, 100.0)
+    problem = program(A=np.array([[1.0, -1.0], [-1.0, 1.0]]), b=[kappa, 0.0], lb=-limit, ub=limit)
+    exact = kappa / (kappa + 42.0 * 1e-4)
+    found = prove(problem, "infeasible", np.ones(2), tolerance=ALL).margin
+    assert 0.9 * exact <= found <= exact * 1.01
+
+
 def test_a_row_without_entries_that_asks_for_as_much_as_others_is_a_contradiction() -> None:
     rows = np.array([[1.0, 1.0], [0.0, 0.0]])
     for others in (1.0, -1.0, 1e3):
@@ -170,7 +179,7 @@ def test_no_problem_within_the_margin_has_a_solution_within_reach(make) -> None:
         assert isinstance(attempt.proof, Infeasible)
         assert known is not None
         size, far, m = known.sizes, known.sizes.reach, known.h.size
-        t = 0.99 * float(contradiction(known, size, attempt.proof.multipliers))
+        t = 0.99 * float(contradiction(known, attempt.proof.multipliers))
 
         def changed(matrix: object, t: float = t) -> np.ndarray:
             A = np.asarray(matrix.toarray() if hasattr(matrix, "toarray") else matrix)  # type: ignore[union-attr]

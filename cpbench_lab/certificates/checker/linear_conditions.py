@@ -38,7 +38,7 @@ class Conditions:
         for j, v in enumerate(nu):
             bound = self.lo[j] if v > 0 else self.hi[j]
             require(not v or bound is not None, "the multipliers leave an unknown without a bound")
-            if v:
+            if v and bound is not None:
                 gain, change = gain + v * bound, change + abs(v) * (abs(bound) + bounds[j])
         require(gain > 0, "the multipliers add up to no contradiction")
         require(gain > t * change, "the contradiction has not the margin")
