@@ -63,12 +63,14 @@ def disproved(table: pd.DataFrame) -> pd.Series:
 def refuted(table: pd.DataFrame) -> pd.Series[bool]:
     """Return whether a certificate refutes each answer: no solution is near it, or the only ones are farther than FAR.
 
-    A table without certificates has no such row.
+    That no solution is near counts where one is known: the rounding of a file may leave its exact numbers none, and
+    then refutes every answer. A table without certificates has no such row.
     """
     if not {"certainty", "certificate", "distance"} <= set(table):
         return pd.Series(False, index=table.index)
     only = table["certificate"].str.contains("unique|all listed")
-    return (table["certainty"] == "refuted") | (only & (table["distance"] >= FAR))
+    solvable = table["fingerprint"].isin(table.loc[table["certainty"].isin(KNOWN), "fingerprint"])
+    return ((table["certainty"] == "refuted") & solvable) | (only & (table["distance"] >= FAR))
 
 
 def by_problem(table: pd.DataFrame) -> pd.DataFrame:

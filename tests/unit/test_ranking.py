@@ -204,3 +204,11 @@ def test_an_answer_that_a_certificate_refutes_recommends_nobody() -> None:
     assert {r.solver: r.solved for r in found.rows} == {"quick": 0, "boxed": 0, "other": 1, "right": 1}
     assert found.rows[0].solver == "other"  # of a continuum another solution is as good
     assert "2 answers that pass are refuted by a certificate and not counted" in found.sentence
+
+
+def test_a_file_whose_rounding_leaves_it_no_solution_refutes_no_solver() -> None:
+    """LIPMWALK4 says 0 ≥ 7e-18: a certificate about its exact numbers refutes every answer."""
+    told = {"certainty": "refuted", "distance": math.nan, "certificate": "none near"}
+    [found] = _ranked(row("a", "one", "solved", 1.0) | told, row("a", "two", "solved", 2.0) | told)
+    assert {r.solver: r.solved for r in found.rows} == {"one": 1, "two": 1}
+    assert "refuted" not in found.sentence
