@@ -38,8 +38,9 @@ def command(
 ) -> None:
     """Measure an answer on a problem; without --answer, the candidate in the file's own /solution.
 
-    With --all-measures, show the measures of Siconos, FCLIB, PATH, OSQP, qpbenchmark and ContactBench, as far as they
-    know the formulation. With --measure NAME, one of these numbers decides.
+    With --all-measures, show the measures of Siconos, FCLIB, PATH, Clarabel, SCS, HiGHS, DIMACS, OSQP, qpbenchmark,
+    ContactBench, Kamino and Björkegren, as far as they know the formulation. With --measure NAME, one of these numbers
+    decides.
 
     Where the formulation has multipliers, the other unknowns alone are an answer too: cpbench computes multipliers for
     them and says so.

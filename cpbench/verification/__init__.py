@@ -1,6 +1,17 @@
 """From an answer to a verdict and a status; knows no solver."""
 
-from cpbench.verification.published import PublishedMeasure
+from cpbench.verification.certificates import (
+    SECONDS,
+    Proof,
+    ProofAttempt,
+    certified_infeasible,
+    holds,
+    packed,
+    prove,
+    reach,
+    unpacked,
+)
+from cpbench.verification.published import BESIDE, PublishedMeasure, beside
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
     CONTRADICTION,
@@ -25,6 +36,7 @@ from cpbench.verification.verdict import (
 )
 
 __all__ = [
+    "BESIDE",
     "CHARGED_TO_ROUTE",
     "CONTRADICTION",
     "DIRECTION_DEGREES",
@@ -38,6 +50,8 @@ __all__ = [
     "PublishedMeasure",
     "Status",
     "Verdict",
+    "beside",
+    "certified_infeasible",
     "error_text",
     "judge",
     "judge_by_all",

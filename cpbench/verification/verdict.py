@@ -90,7 +90,7 @@ def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None)
     found, system = measures.measured_rows(problem, point)
     if measure is not None:
         if measure not in named(parts) and measure != "backward":
-            parts |= {row.name: row.value for row in published(problem, point, parts)}
+            parts |= {row.name: row.value for row in published(problem, point)}
         error = measured(parts, measure, found.error)
         parts["backward"] = found.error
     else:
