@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from cpbench import graph, proofs, verification
@@ -80,6 +80,7 @@ def judge_answer(
             between = time.perf_counter()
             verdict = verification.judge(source, point, tolerance, measure)
             lifted, verified = between - begun, time.perf_counter() - between
+            verdict = with_others(verdict, source, point)
             if promise.exact:
                 wanted = graph.tolerance(converted, tolerance, steps)
                 target = verification.judge(converted, found, wanted) if steps else verdict
@@ -110,6 +111,11 @@ def judge_answer(
         lifted,
         verified,
     )
+
+
+def with_others(verdict: verification.Verdict, problem: Problem, point: Any) -> verification.Verdict:
+    """Return the verdict with the number of others that reports print beside its error, which decides nothing."""
+    return replace(verdict, parts={**verdict.parts, **verification.beside(problem, point)}) if point.finite else verdict
 
 
 def look_for_proof(

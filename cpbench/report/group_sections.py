@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Iterator, Sequence
 
+import numpy as np
 import pandas as pd
 
 from cpbench.analysis import bootstrap, cautions, failures, means, pairwise, profiles, reliability, summary
@@ -16,6 +18,7 @@ from cpbench.report.matrix import legend, matrix
 from cpbench.report.mean_sections import below_floor, gap_section, mean_section
 from cpbench.report.run import Run, each
 from cpbench.report.text import code, counted, listed, number, plain, seconds, table
+from cpbench.verification import BESIDE
 
 MATRIX_PROBLEMS = 60
 """The most problems of a formulation for which the matrix is printed."""
@@ -56,6 +59,7 @@ def group_sections(run: Run, group: ResultGroup, rows: pd.DataFrame) -> Iterator
         yield from gap_section(times, lost, ranked, leading)
         yield from _figures(run, group, rows, times, lost)
     yield from _verdicts(rows, labels)
+    yield from _beside(group, rows, labels)
     yield from _matrix(run, rows, labels, problems)
     yield from _families(rows)
     yield from _unsolved(rows)
@@ -169,6 +173,41 @@ def _verdicts(rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
         "Counted are the pairs where the solver came back within its limits. A claim is about the problem that the "
         "solver was given, and is held against what was measured there; a solver that drops a term has none."
     )
+
+
+def _beside(group: ResultGroup, rows: pd.DataFrame, labels: Sequence[str]) -> Iterator[str]:
+    """Yield how the errors of each solver's answers compare with what the field measures of them."""
+    name = BESIDE.get(group.node, "")
+    theirs = rows["parts"].map(lambda parts: json.loads(parts or "{}").get(name, math.nan)).astype(float)
+    both = rows.assign(theirs=theirs)[theirs.notna() & np.isfinite(rows["error"])]
+    if both.empty or group.measure:
+        return
+    passes = both.assign(ours=both["error"] <= group.tolerance, they=both["theirs"] <= group.tolerance)
+    yield f"### Error and {code(name)}"
+    yield table(
+        [
+            "solver",
+            "answers",
+            "median error",
+            f"median {name}",
+            "pass both",
+            "pass the error only",
+            f"pass {name} only",
+        ],
+        (
+            [
+                code(label),
+                str(len(of)),
+                number(of["error"].median()),
+                number(of["theirs"].median()),
+                *(str(int((of["ours"].eq(a) & of["they"].eq(b)).sum())) for a, b in ((1, 1), (1, 0), (0, 1))),
+            ]
+            for label in labels
+            if len(of := passes[passes["label"] == label])
+        ),
+        right=range(1, 7),
+    )
+    yield f"The error gives the verdict; {code(name)} is the measure of others that is best known, and decides nothing."
 
 
 def _matrix(run: Run, rows: pd.DataFrame, labels: Sequence[str], problems: int) -> Iterator[str]:

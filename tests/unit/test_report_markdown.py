@@ -96,6 +96,20 @@ def test_the_same_data_give_the_same_bytes(tmp_path: Path) -> None:
         assert (one / name).read_bytes() == (two / name).read_bytes(), name
 
 
+def test_the_measure_of_others_stands_beside_the_error(tmp_path: Path) -> None:
+    """Of three answers one passes both at 1e-6, one the error alone and one the natural residual alone."""
+    numbers = ((1e-9, 1e-8), (1e-7, 1e-5), (1e-3, 1e-7))
+    rows = [
+        row(
+            f"a-{k}", "pgs", "solved" if error <= 1e-6 else "wrong", 1e-3, error=error, parts=f'{{"natural": {theirs}}}'
+        )
+        for k, (error, theirs) in enumerate(numbers)
+    ]
+    text = report(table(*rows, row("a-0", "lemke", "solved", 1e-3)), tmp_path)
+    section = text[text.index("### Error and `natural`") :].split("\n\n")[1].splitlines()
+    assert [line.split(" | ")[1:] for line in section[2:]] == [["3", "1e-07", "1e-07", "1", "1", "1 |"]]
+
+
 def test_counts_in_the_report_are_those_of_the_table(tmp_path: Path) -> None:
     text = report(
         table(

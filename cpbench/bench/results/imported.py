@@ -16,6 +16,7 @@ from typing import Any
 
 from cpbench import storage, verification
 from cpbench.bench import machine, multipliers
+from cpbench.bench.judging import with_others
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results import answer_files, answers
 from cpbench.bench.results.answer_files import ENDINGS, ForeignAnswer, Names, Reported
@@ -170,7 +171,7 @@ def _judged(pair: Pair, answer: ForeignAnswer | None, reported: Reported, origin
             problem: Problem = storage.load(pair.address, format=pair.format)
             begun = time.perf_counter()
             point, message = multipliers.whole(problem, answer.read(problem), pair.tolerance)
-            verdict = verification.judge(problem, point, pair.tolerance, pair.measure)
+            verdict = with_others(verification.judge(problem, point, pair.tolerance, pair.measure), problem, point)
             if message:
                 verdict = multipliers.marked(verdict)
             verify, blob = time.perf_counter() - begun, answers.pack(point)
