@@ -23,9 +23,8 @@ import numpy as np
 import real_files
 
 import cpbench
-from cpbench import storage
 from cpbench.errors import CpbenchError
-from cpbench.generators.collection import builtin_folder, catalogue
+from cpbench.generators.collection import catalogue
 from cpbench.verification import judge_by_all
 
 TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)
@@ -47,8 +46,8 @@ Found = tuple[str, Any, list[tuple[str, Any]]]
 
 def problems(folders: list[str]) -> Iterator[tuple[str, Any]]:
     """Yield the real problems, then those of the collection, each with a name."""
-    ours = [(e.name, builtin_folder() / e.address.removeprefix("builtin/")) for e in catalogue() if e.node in SOLVERS]
-    built = ((name, storage.load(address)) for name, address in ours) if not folders else iter(())
+    ours = [(e.name, e.address) for e in catalogue() if e.address.startswith("builtin/")]
+    built = ((name, cpbench.load(address)) for name, address in ours if not folders)
     for name, problem in itertools.chain(real_files.problems(*(folders or DATA)), built):
         if problem.node in SOLVERS and sum(problem.point_sizes.values()) <= UNKNOWNS:
             yield name, problem
