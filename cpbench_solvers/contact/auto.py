@@ -35,7 +35,7 @@ KERNELS = (
     "contact_newton",
     "contact_splitting",
     "gauss_seidel",
-    "part_energy",
+    "part_error",
 )
 STEEP = 1e4
 """Friction from which on a contact hardly ever slides: first it is solved with this."""

@@ -3,8 +3,8 @@
 A pile is many clusters of bodies. A norm over all of them says little of the small ones, and sweeps over all of them
 are made until the slowest has converged. Each part ends by its own error, so that the work is that of the parts.
 
-A method ends by norms that it has at hand. An answer that passes these is measured once by the sizes that the contacts
-in use set (the kernel `part_energy`); where that is more than the tolerance, the method goes on, to an error as much
+A method ends by norms that it has at hand. An answer that passes these is measured once by the free velocities of
+its part (the kernel `part_error`); where that is more than the tolerance, the method goes on, to an error as much
 smaller.
 """
 
@@ -41,7 +41,7 @@ from cpbench_solvers.contact.sweeps import BlockRows, scaled_contacts
 from cpbench_solvers.traits import ITERATIVE
 
 SURE = 0.995
-"""Share of the tolerance that is claimed: the verdict has its own equilibration, to a thousandth."""
+"""Share of the tolerance that is claimed: the verdict has its own rounding, to a thousandth."""
 
 contact_spec = partial(SolverSpec, node="fc", traits=ITERATIVE)
 """The spec of a solver of local contact problems, with what most of them share."""
@@ -83,7 +83,7 @@ class SolverByParts(PartSolver):
             part = part_of(problem, contacts, rows, place)
             return ContactPart.of(rows, part, self.prepare(part, budget, options))
 
-        whole = MeasuredParts.of(rows_of_blocks(problem), label, len(found))
+        whole = MeasuredParts(rows_of_blocks(problem), label, len(found))
         return ContactParts(whole, tuple(found), make)
 
     def solve(
@@ -122,7 +122,7 @@ class SolverByParts(PartSolver):
     def _solved(
         self, part: ContactPart, budget: Budget, options: Any, start: Any | None, record: Record | None
     ) -> SolverOutput:
-        """Solve one part; go on where its error is not small enough by the sizes of the contacts in use."""
+        """Solve one part; go on where its error is not small enough over the free velocities of the part."""
         if not part.problem.nc:
             return solved(FCPoint(np.zeros(0)), {"iterations": 0})
         deadline = budget.deadline()
@@ -147,7 +147,7 @@ class SolverByParts(PartSolver):
                 return solved(output.point, output.counters)
             if further.claim is not Claim.SOLVED:
                 break
-        message = f"error {error:.1e} by the sizes of the contacts in use"
+        message = f"error {error:.1e} over the free velocities of the part"
         message = f"{output.message}; {message}" if output.message else message
         return SolverOutput(claim=Claim.INACCURATE, point=output.point, counters=output.counters, message=message)
 

@@ -52,32 +52,21 @@ class MeasuredParts:
 
     Attributes
     ----------
-    label : (nc,), the number of the part of each contact. weights : norms of blocks and units of contacts, as the
-    kernel `part_energy` takes them.
+    label : (nc,), the number of the part of each contact. count : how many parts there are.
     """
 
     blocks: BlockRows | RollingBlocks
     label: Index
     count: int
-    weights: tuple[Vector, ...]
-
-    @classmethod
-    def of(cls, blocks: BlockRows | RollingBlocks, label: Index, count: int) -> MeasuredParts:
-        """Equilibrate the blocks of a problem."""
-        nc, matrix = blocks.problem.nc, blocks.matrix
-        weights = np.empty(matrix[1].size), np.empty(nc), np.empty(nc), np.empty(nc)
-        compiled(kernel("part_energy").weights)(*matrix, blocks.problem.dimension, *weights)
-        return cls(blocks, label, count, weights)
 
     def errors(self, r: Vector) -> Vector:
         """Return the error of the reactions r, shape (nc·d,), in every part."""
         blocks, problem, result = self.blocks, self.blocks.problem, np.empty(self.count)
         if isinstance(blocks, RollingBlocks):
-            law = *blocks.law[:3], r / blocks.lengths
+            law = *blocks.law[:4], r / blocks.lengths
         else:
-            law = problem.q, problem.mu, NO_ROLLING, r
-        measured = compiled(kernel("part_energy").part_energy)
-        measured(*blocks.matrix, *law, problem.dimension, *self.weights, self.label, result)
+            law = problem.q, problem.mu, NO_ROLLING, blocks.rho, r
+        compiled(kernel("part_error").part_error)(*blocks.matrix, *law, problem.dimension, self.label, result)
         return result
 
 
@@ -95,7 +84,7 @@ class ContactPart:
         blocks = prepared.rows if isinstance(prepared, ScaledContacts) else prepared
         if not isinstance(blocks, BlockRows | RollingBlocks):
             blocks = rows_of_blocks(problem)
-        return cls(rows, MeasuredParts.of(blocks, np.zeros(problem.nc, np.int64), 1), prepared)
+        return cls(rows, MeasuredParts(blocks, np.zeros(problem.nc, np.int64), 1), prepared)
 
     @property
     def problem(self) -> Contact:

@@ -1,0 +1,85 @@
+"""The error of reactions of every connected part of a contact problem, over the free velocities of the part.
+
+Signorini's and Coulomb's laws are equations (Alart and Curnier 1991), min(r_N/ρ, u_N) = 0 and r_T/ρ = P(r_T/ρ − u_T), P
+the projection on the ball of radius μ r_N/ρ. What reactions leave of them are velocities, compared with the largest
+free velocity of the part, and each with a tenth of the contact's own from `SMALL` of that on. Nothing is compared with
+the reactions: norms that have these in their scale pass where reactions cancel.
+"""
+
+import numpy as np
+from numba import int64, njit, void
+
+from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, INDEX, KEPT, START, VECTOR
+from cpbench_solvers.kernels.contact_error import velocity_2d, velocity_3d
+from cpbench_solvers.kernels.contact_law import velocity
+from cpbench_solvers.kernels.vectors import square
+
+OWN = 0.1
+SMALL = 1e-4
+FAR_BELOW = 2.0**-40
+"""A part whose free velocities are this share of the largest of all is at rest: they are rounding."""
+
+
+@njit(error_model="numpy")
+def _velocity(start, column, blocks, diagonal, q, r, c, rolling, u):
+    """Set u to row c of Wr + q."""
+    d = u.size
+    if rolling:
+        velocity(start, column, blocks, q, r, c, u)
+    elif d == 3:
+        u[0], u[1], u[2] = velocity_3d(start, column, blocks, q, r, c)  # the fast one, for blocks by columns
+    else:
+        u[0], u[1] = velocity_2d(start, column, blocks, q, r, c)
+    for a in range(d):
+        for b in range(d):
+            u[a] += diagonal[c, d * a + b] * r[d * c + b]
+
+
+@njit(error_model="numpy")
+def _slip(r, u, rho, radius):
+    """Return ‖r/ρ − P(r/ρ − u)‖."""
+    length = 0.0
+    for a in range(u.size):
+        length += (r[a] / rho - u[a]) ** 2
+    length = np.sqrt(length)
+    if length <= radius:  # within the ball it is u, which must not be lost beside r
+        return np.sqrt(square(u))
+    total = 0.0
+    for a in range(u.size):
+        total += (r[a] / rho - (r[a] / rho - u[a]) * radius / length) ** 2
+    return np.sqrt(total)
+
+
+@njit(void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, int64, INDEX, VECTOR), **KEPT)
+def part_error(start, column, blocks, diagonal, q, mu, mu_r, rho, r, dimension, part, errors):
+    """Write the error of r in every part; NaN when anything is. Parts without free velocities are measured as they are.
+
+    Parameters
+    ----------
+    blocks : by columns for contacts in space, else by rows. mu_r : (nc,), none without rolling friction. q, r : with
+    moments in units of a length of the contact. part : (nc,), the number of the part of each contact. errors : as many
+    as there are parts.
+    """
+    nc, d, rolling = mu.size, dimension, mu_r.size > 0
+    last = 1 + (d - 1) // 2 if rolling else d  # moments come after the friction
+    sizes, u = np.zeros(errors.size), np.empty(d)
+    for i in range(nc):
+        sizes[part[i]] = max(sizes[part[i]], np.sqrt(square(q[d * i : d * i + d])))
+    most = sizes.max() if sizes.size else 0.0
+    errors[:] = 0.0
+    for i in range(nc):
+        p, at, free = part[i], r[d * i : d * i + d], q[d * i : d * i + d]
+        size = sizes[p] if sizes[p] > FAR_BELOW * most else most
+        size = size if size > 0.0 else 1.0
+        _velocity(start, column, blocks, diagonal, q, r, i, rolling, u)
+        radius = max(at[0], 0.0) / rho[i]
+        missed, own = abs(min(at[0] / rho[i], u[0])), abs(free[0])
+        for kind in range(3 if rolling else 2):
+            if kind == 1:
+                missed, own = _slip(at[1:last], u[1:last], rho[i], mu[i] * radius), np.sqrt(square(free[1:last]))
+            elif kind == 2:
+                missed, own = _slip(at[last:], u[last:], rho[i], mu_r[i] * radius), np.sqrt(square(free[last:]))
+            error = missed / size
+            if own > SMALL * size:
+                error = max(error, OWN * missed / own)
+            errors[p] = errors[p] if errors[p] >= error else error  # NaN stays
