@@ -1,16 +1,5 @@
 """From an answer to a verdict and a status; knows no solver."""
 
-from cpbench.verification.certificates import (
-    SECONDS,
-    Proof,
-    ProofAttempt,
-    certified_infeasible,
-    holds,
-    packed,
-    prove,
-    reach,
-    unpacked,
-)
 from cpbench.verification.published import BESIDE, PublishedMeasure, beside
 from cpbench.verification.status import (
     CHARGED_TO_ROUTE,
@@ -51,7 +40,6 @@ __all__ = [
     "Status",
     "Verdict",
     "beside",
-    "certified_infeasible",
     "error_text",
     "judge",
     "judge_by_all",

@@ -9,20 +9,19 @@ has degree d > 0 (a square), the rest is (1 − d)F(z), as small as the row: suc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
+from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Vector, transpose
-from cpbench.verification.backward_error import EPS, ROUNDINGS
-from cpbench.verification.frame import Frame, System, Terms, block_norms
+from cpbench.verification.linear import orientation
 from cpbench.verification.merit_functions import BOUNDS
-from cpbench.verification.parts import Measure
+from cpbench.verification.rows import EPS, ROUNDINGS, ROWS, Frame, System, Terms, block_norms, kept
 from cpbench.verification.sets import ConeFactors, Flags, Sets, of_product
-from cpbench.verification.systems import kept, stack
-from cpbench.verification.tables import rows_of
+from cpbench.verification.systems import stack
 from cpbench.verification.vanishing import caps
 
 Own: TypeAlias = tuple[Any, Any, list[ConeFactors]]
@@ -41,19 +40,21 @@ class RowGroup:
     curved: Any = False
 
 
-@rows_of("soclcp", by=Measure.PAIRS)
+@ROWS.of("soclcp")
 def soclcp(P: Any, point: Any) -> System:
     """Return x in K beside Mx + q."""
 
     def frame() -> Frame:
         block, (lb, ub, cones) = P.K.blocks, of_product(P.K)
         own = Sets.of((P.q.size, lb, ub), cones=cones)
-        return Frame(Terms.of_blocks(P.M, block, block), _norms(P.q, block), own, P.q, block)
+        constants = _norms(P.q, block)
+        program = np.full(constants.size, matrices.is_symmetric(P.M))
+        return Frame(Terms.of_blocks(P.M, block, block), constants, own, P.q, block, ~program, program)
 
     return System(kept(P, frame), point.x, P.M @ point.x + P.q)
 
 
-@rows_of("coneqp", by=Measure.GAP)
+@ROWS.of("coneqp")
 def coneqp(P: Any, point: Any) -> System:
     """Return (x, y) beside Qx + p − Aᵀy and Ax + b, which is in K."""
     x, y = point.x, point.y
@@ -70,31 +71,32 @@ def coneqp(P: Any, point: Any) -> System:
             signed=np.concatenate([P.p, P.b]),
             block=block,
             multiplier=np.arange(last) >= n,
+            program=np.ones(last, dtype=bool),
+            certifying=True,
         )
 
     return System(
         frame=kept(P, frame),
         x=np.concatenate([x, y]),
         f=np.concatenate([P.Q @ x + P.p - P.A.T @ y, P.A @ x + P.b]),
-        convex=lambda: P.convex,
     )
 
 
-@rows_of("ncp", "micp", "equation")
+@ROWS.of("ncp", "micp", "equation")
 def complementarity(P: Any, point: Any) -> System:
     """Return the rows of ncp, micp and equation: z between bounds beside F(z)."""
     z = point.z
     return _with_rows(P, z, P.F(z), P.F.jacobian(z), (*BOUNDS[P.node](P), []), np.arange(z.size))
 
 
-@rows_of("ge")
+@ROWS.of("ge")
 def ge(P: Any, point: Any) -> System:
     """Return z in S beside F(z)."""
     z = point.z
     return _with_rows(P, z, P.F(z), P.F.jacobian(z), *_simple(P, P.K, P.lb, P.ub, z.size))
 
 
-@rows_of("vi")
+@ROWS.of("vi")
 def vi(P: Any, point: Any) -> System:
     """Return (z, λ, μ, ν) beside F(z) − Aᵀλ − Cᵀμ − ∇g ν, Az − b, Cz − d and g(z)."""
     z = point.z
@@ -105,7 +107,7 @@ def vi(P: Any, point: Any) -> System:
     return _with_rows(P, z, P.F(z), P.F.jacobian(z), *_simple(P, P.K, P.lb, P.ub, z.size), rows)
 
 
-@rows_of("cp")
+@ROWS.of("cp")
 def cp(P: Any, point: Any) -> System:
     """Return (x, λ) beside F(x) − Aᵀλ and Ax."""
     x = point.x
@@ -113,7 +115,7 @@ def cp(P: Any, point: Any) -> System:
     return _with_rows(P, x, P.F(x), P.F.jacobian(x), *_simple(P, P.K, -np.inf, np.inf, x.size), rows)
 
 
-@rows_of("qvi")
+@ROWS.of("qvi")
 def qvi(P: Any, point: Any) -> System:
     """Return (z, ν) beside F(z) − ∇_y g ν and g(z, z), z in S(z)."""
     z = point.z
@@ -129,23 +131,31 @@ def qvi(P: Any, point: Any) -> System:
     return _with_rows(P, z, P.F(z), P.F.jacobian(z), own, block, rows, moving=found, fixed=False)
 
 
-@rows_of("nlp", by=Measure.GAP)
+@ROWS.of("nlp")
 def nlp(P: Any, point: Any) -> System:
     """Return (z, λ, μ) beside ∇f − ∇g λ − ∇h μ, g(z) and h(z); ν is the first of them."""
     z, lam, mu = point.z, point.lam, point.mu
     g, h, Jg, Jh = P.g(z), P.h(z), sp.csr_array(P.g.jacobian(z)), sp.csr_array(P.h.jacobian(z))
     gradient = P.f.jacobian(z).toarray().ravel()
-    own = sp.csr_array(P.f.hessian(z, np.ones(1)))
-    curvature = abs(own)
-    for F, weights in ((P.g, lam), (P.h, mu)):
-        if F.rows:
-            curvature = curvature + abs(sp.csr_array(F.hessian(z, weights)))
-    system = _with_rows(
+    own, curvature = sp.csr_array(P.f.hessian(z, np.ones(1))), _curvature(P, z, lam, mu)
+    # a derivative that vanishes at the answer says nothing of units: the larger one counts, here or at the start
+    by, start = [curvature, abs(sp.csr_array(sp.vstack([Jg, Jh])))], P.at_start
+    there = [_curvature(P, start, lam, mu), abs(sp.csr_array(sp.vstack([P.g.jacobian(start), P.h.jacobian(start)])))]
+    by = [here.maximum(far) if np.isfinite(far.data).all() else here for here, far in zip(by, there, strict=True)]
+    return _with_rows(
         P, z, gradient, curvature, (P.lb, P.ub, []), np.arange(z.size),
         [RowGroup(Jg, g, g - Jg @ z, lam), RowGroup(Jh, h, h - Jh @ z, mu, lower=-np.inf)],
-        nu=point.nu, prices=_prices(P, z, gradient, own, gradient - curvature @ z),
+        nu=point.nu, prices=_prices(P, z, gradient, own, gradient - curvature @ z), by=by,
     )  # fmt: skip
-    return replace(system, convex=lambda: P.convexity == "checked")
+
+
+def _curvature(P: Any, z: Vector, lam: Vector, mu: Vector) -> Any:
+    """Return the sum of the sizes of the Hessians of f, gᵀλ and hᵀμ, as CSR."""
+    result = abs(sp.csr_array(P.f.hessian(z, np.ones(1))))
+    for F, weights in ((P.g, lam), (P.h, mu)):
+        if F.rows:
+            result = result + abs(sp.csr_array(F.hessian(z, weights)))
+    return sp.csr_array(result)
 
 
 def _prices(P: Any, z: Vector, gradient: Vector, hessian: Any, otherwise: Vector) -> Vector:
@@ -168,6 +178,7 @@ def _prices(P: Any, z: Vector, gradient: Vector, hessian: Any, otherwise: Vector
 def _with_rows(
     P: Any, z: Vector, force: Vector, slope: Any, own: Own, block: Any, rows: Sequence[RowGroup] = (), *,
     nu: Vector | None = None, moving: Vector | None = None, prices: Vector | None = None, fixed: bool = True,
+    by: Any = None,
 ) -> System:  # fmt: skip
     """Return F(z) less the rows' multipliers beside z, and each row beside its multiplier; `moving` are the sizes of
     the terms of bounds that depend on z, `prices` the constants of F where they are known, `fixed` tells whether the
@@ -179,11 +190,10 @@ def _with_rows(
     curved = np.concatenate([np.zeros(0, bool), *(np.broadcast_to(row.curved, row.value.shape) for row in rows)])
     n, m = z.size, multipliers.size
     A = sp.csr_array(sp.vstack([sp.csr_array(row.slope) for row in rows])) if rows else sp.csr_array((0, n))
-    bent, turning = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    bent = np.zeros(n, dtype=bool)
     constant, straight = prices, False
     if constant is None:
         bent = _curved(P.F)
-        turning[A[curved].indices] = True  # the force of such a row turns with it
         constant = np.where(bent, _of_one_degree(P.F, z, force, slope, force - slope @ z), P.F.compiled.q)
         straight = fixed and not (bent.any() or curved.any())
     beside = np.abs(constants)
@@ -191,23 +201,26 @@ def _with_rows(
 
     def frame() -> Frame:
         matrix = stack([[slope, A.T], [A, None]]) if m else slope
-        affine = steady = found = None
-        if not straight and prices is None:
-            affine = ~np.concatenate([_norms((bent | turning).astype(float), block) > 0, curved]) & fixed
-            own_steady = np.where(turning, np.inf, _steady(P, z, force, slope, constant, bent))
-            steady = np.concatenate([_norms(own_steady, block), np.where(curved, np.inf, beside)])
-            found = caps(P.F, z, force, slope) if P.node in ("ncp", "micp", "equation") else None
+        multiplier, program = np.arange(first + m) >= first, np.full(first + m, prices is not None)
+        if straight and first == n and not m:
+            multiplier, program = orientation(slope)
+        elif straight and first == n:
+            program[:] = matrices.is_symmetric(slope)
+        bare = not straight and P.node in ("ncp", "micp", "equation")
+        found = caps(P.F, z, force, slope) if bare else None
         return Frame(
             terms=Terms.of_blocks(matrix, whole, whole, keep_zeros=found is not None),  # caps are of these entries
             constants=np.concatenate([_norms(constant, block), beside]),
             sets=Sets.of((n, *own[:2]), *((row.value.size, row.lower, np.inf) for row in rows), cones=own[2]),
             signed=np.concatenate([constant, constants]),
             block=whole,
-            multiplier=np.arange(first + m) >= first if m else None,
+            multiplier=multiplier,
+            program=program,
+            certifying=prices is not None,
+            by=None if by is None else stack([[by[0], by[1].T], [by[1], None]]) if m else by[0],
+            linear=straight or prices is not None,
             caps=found,
             moving=None if moving is None else np.concatenate([_norms(moving, block), np.zeros(m)]),
-            affine=affine,
-            steady=steady,
         )
 
     made = kept(P, frame) if straight else frame()
@@ -223,16 +236,6 @@ def _with_rows(
 def _curved(F: Any) -> Flags:
     """Return which rows of a map are not linear."""
     return np.diff(F.compiled.C.indptr) > 0
-
-
-def _steady(P: Any, z: Vector, value: Vector, slope: Any, constant: Vector, bent: Flags) -> Vector:
-    """Return the constants of the rows of F, of those that are `bent` and have one with what of their terms is not
-    linear along z, (F′(2z) − F′(z))z; ∞ where that is no number."""
-    bent = bent & (constant != 0)
-    if not bent.any():
-        return np.abs(constant)
-    size = np.abs(value - slope @ z) + abs(sp.csr_array(P.F.jacobian(2.0 * z)) - slope) @ np.abs(z)
-    return np.where(bent, np.where(np.isfinite(size), size, np.inf), np.abs(constant))
 
 
 def _of_one_degree(F: Any, z: Vector, value: Vector, slope: Any, constant: Vector) -> Vector:

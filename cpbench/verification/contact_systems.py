@@ -1,11 +1,7 @@
-"""Answers to the contact formulations as systems for `part_error`.
+"""Answers to the contact formulations at their contacts, for `contacts.contact_error`.
 
-A contact is one block: the friction law is in the change of variable û = u + μ‖u_T‖e_N (De Saxcé and Feng 1998), so
-that û is in the dual of the cone of r and orthogonal to it. Moments are divided and angular velocities multiplied by
-the lengths of the contacts, so that a block has one unit.
-
-A reaction in its cone with u = 0 obeys the law, whatever μ is. So a contact is off by no more than its distance from
-the cone and its velocity; û has μ times the rounding of u_T.
+In problems of motion the reactions make velocities, and an answer has others: what is between them is an error of u,
+and of bodies and joints an error by itself, as the root of an energy.
 """
 
 from __future__ import annotations
@@ -14,167 +10,171 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from scipy.sparse.csgraph import connected_components
 
-from cpbench.foundation.matrices import Vector, dense
-from cpbench.foundation.product_cones import Cone
-from cpbench.verification.frame import Frame, System, Terms
-from cpbench.verification.parts import Measure
-from cpbench.verification.projections import row_norms
-from cpbench.verification.sets import ConeFactors, Sets
-from cpbench.verification.systems import kept, stack
-from cpbench.verification.tables import rows_of
+from cpbench.foundation.matrices import Dense, Vector, dense
+from cpbench.verification.contacts import ContactAnswer
+from cpbench.verification.rows import EPS, FAR_BELOW, ROUNDINGS, ROWS, STACKED, Groups, inverse, kept
 
-
-@rows_of("fc", by=Measure.ENERGY, stacked=True)
-@rows_of("rfc", "afc", by=Measure.ENERGY)
-def local(P: Any, point: Any) -> System:
-    """Return the rows of fc, rfc and afc: r beside û(Wr + q)."""
-    unit = _units(P)
-    r, u = point.r / unit, (P.W @ point.r + P.q) * unit
-
-    def frame() -> Frame:
-        block = np.arange(r.size) // P.dimension
-        terms = Terms.of_blocks(_scaled(P.W, unit, unit), block, block)
-        return Frame(terms, _norms(P.q * unit, P.dimension), contact_sets(P), block=block)
-
-    return System(kept(P, frame), r, shifted(P, u), velocity=u)
+STACKED.enter(True, "fc")
 
 
-@rows_of("fcm", by=Measure.ENERGY)
-def mixed(P: Any, point: Any) -> System:
-    """Return the rows of fcm: (r, λ) beside û(Wr + Vλ + q) and Vᵀr + Rλ + s."""
-    unit, lam = _units(P), point.lam
-    u = (P.W @ point.r + P.V @ lam + P.q) * unit
-    rows, joints = point.r.size, lam.size
-    f = np.concatenate([shifted(P, u), P.V.T @ point.r + P.R @ lam + P.s])
-
-    def frame() -> Frame:
-        block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(joints)])
-        V = _scaled(P.V, unit, np.ones(joints))
-        terms = Terms.of_blocks(stack([[_scaled(P.W, unit, unit), V], [V.T, P.R]]), block, block)
-        constants = np.concatenate([_norms(P.q * unit, P.dimension), np.abs(P.s)])
-        return Frame(terms, constants, contact_sets(P, joints), block=block)
-
-    velocity = np.concatenate([u, np.zeros(joints)])
-    return System(kept(P, frame), np.concatenate([point.r / unit, lam]), f, velocity=velocity)
+@ROWS.of("fc", "rfc", "afc")
+def local(P: Any, point: Any) -> ContactAnswer:
+    """Return r beside u = Wr + q."""
+    W, part = kept(P, lambda: (abs(P.W), _contacts_of(P, _connected(P, P.q.size, (P.W, 0, 0)))))
+    return _at(P, point.r, P.W @ point.r + P.q, W @ np.abs(point.r) + np.abs(P.q), part)
 
 
-@rows_of("gfc", "grfc", by=Measure.ENERGY)
-def dynamic(P: Any, point: Any) -> System:
-    """Return the rows of gfc and grfc: (r, v, λ) beside û(Hᵀv + w), Mv − Hr − Gλ − f and Gᵀv + b."""
-    v, lam = point.v, point.lam
-    force = P.M @ v - P.H @ point.r - P.G @ lam - P.f
-    joints = P.G.T @ v + P.b
-    return _dynamics(P, point.r, v, lam, force, joints, lambda: P.M, np.abs(P.f), np.abs(P.b), P.G, keep=True)
+@ROWS.of("fcm")
+def mixed(P: Any, point: Any) -> ContactAnswer:
+    """Return r beside u = Wr + Vλ + q, with what Vᵀr + Rλ + s = 0 leaves."""
+
+    def made() -> Any:
+        label = _connected(P, P.q.size + P.s.size, (P.W, 0, 0), (P.V, 0, P.q.size), (P.R, P.q.size, P.q.size))
+        return abs(P.W), abs(P.V), label, _contacts_of(P, label)
+
+    W, V, label, part = kept(P, made)
+    r, lam = point.r, point.lam
+    miss = P.V.T @ r + P.R @ lam + P.s
+    u, sums = P.W @ r + P.V @ lam + P.q, W @ np.abs(r) + V @ np.abs(lam) + np.abs(P.q)
+    masses = inverse(np.abs(P.R.diagonal()))
+    own = abs(P.V).T @ np.abs(r) + abs(P.R) @ np.abs(lam) + np.abs(P.s)
+    others = _energies(P, label, [(label[P.q.size :], masses, miss, P.s, own)])
+    off = None if P.factorization.singular or not lam.size else P.V @ P.factorization.solve(miss)
+    return _at(P, r, u, sums, part, off, others)
 
 
-@rows_of("nfc", by=Measure.ENERGY)
-def nonlinear_dynamic(P: Any, point: Any) -> System:
-    """Return the rows of nfc: (r, v) beside û(Hᵀv + w) and F(v) − Hr, F linearized at v."""
+@ROWS.of("gfc", "grfc")
+def dynamic(P: Any, point: Any) -> ContactAnswer:
+    """Return r beside u = Hᵀv + w, with what Mv = Hr + Gλ + f and Gᵀv + b = 0 leave."""
+    v, r, lam = point.v, point.r, point.lam
+    force, joints = P.M @ v - P.H @ r - P.G @ lam - P.f, P.G.T @ v + P.b
+    pushed = inverse(np.abs(P.M.diagonal())) * force if P.factorization.singular else P.factorization.solve(force)
+    off = pushed if P.saddle.singular else P.saddle.solve(np.concatenate([force, joints]))[: v.size]
+    return _dynamics(P, v, r, lam, P.M, (pushed, off), joints, P.G, P.f, P.b)
+
+
+@ROWS.of("nfc")
+def nonlinear_dynamic(P: Any, point: Any) -> ContactAnswer:
+    """Return r beside u = Hᵀv + w, with what F(v) = Hr leaves, linearized at v."""
     v, F, M = point.v, P.F(point.v), P.F.jacobian(point.v)
-    none = np.zeros(0)
-    constants = np.abs(F - M @ v)
-    G = sp.csr_array((v.size, 0))
-    return _dynamics(P, point.r, v, none, F - P.H @ point.r, none, lambda: M, constants, none, G, keep=False)
+    none, force = np.zeros(0), F - P.H @ point.r
+    off = np.atleast_1d(spla.spsolve(sp.csc_array(M), force)) if v.size else none
+    off = off if np.isfinite(off).all() else inverse(np.abs(M.diagonal())) * force
+    return _dynamics(P, v, point.r, none, M, (off, off), none, sp.csr_array((v.size, 0)), F - M @ v, none)
 
 
 def _dynamics(
-    P: Any, r: Vector, v: Vector, lam: Vector, force: Vector, joints: Vector, mass: Any, load: Vector, drift: Vector,
-    G: Any, *, keep: bool,
-) -> System:  # fmt: skip
+    P: Any,
+    v: Vector,
+    r: Vector,
+    lam: Vector,
+    M: Any,
+    moved: Vector,
+    joints: Vector,
+    G: Any,
+    load: Vector,
+    drift: Vector,
+) -> ContactAnswer:
+    """Return the contacts of bodies with velocities v; `moved` is how far these are from what all forces make them, and
+    from what the reactions make them where joints hold."""
+
+    def made() -> Any:
+        m, n = r.size, v.size
+        label = _connected(P, m + n + lam.size, (P.H, m, 0), (M, m, m), (G, m, m + n))
+        return abs(P.H), abs(G), label, _contacts_of(P, label)
+
+    H, G, label, part = kept(P, made)
+    masses = np.abs(M.diagonal())
+    impulses = abs(M) @ np.abs(v) + H @ np.abs(r) + G @ np.abs(lam) + np.abs(load)
+    sums = H.T @ (np.abs(v) + inverse(masses) * impulses) + np.abs(P.w)
+    of_joints = inverse((G * G).T @ inverse(masses)) if lam.size else lam
+    bodies, ties = label[r.size : r.size + v.size], label[r.size + v.size :]
+    moving = (bodies, masses, moved[0], P.free_motion, np.abs(v) + np.abs(moved[0]))
+    others = _energies(P, label, [moving, (ties, of_joints, joints, drift, G.T @ np.abs(v) + np.abs(drift))])
+    return _at(P, r, P.H.T @ v + P.w, sums, part, P.H.T @ moved[1], others)
+
+
+def _at(
+    P: Any, r: Vector, u: Vector, sums: Vector, part: Groups, off: Vector | None = None, others: Vector | None = None
+) -> ContactAnswer:
     unit = _units(P)
-    u = (P.H.T @ v + P.w) * unit
-    rows, n, p = r.size, v.size, lam.size
 
-    def frame() -> Frame:
-        block = np.concatenate([np.arange(rows) // P.dimension, P.nc + np.arange(n + p)])
-        at = np.arange(P.nc + n + p)
-        H = _scaled(P.H, np.ones(n), unit)
-        whole = stack([[None, H.T, None], [H, mass(), G], [None, G.T, None]])
-        return Frame(
-            terms=Terms.of_blocks(whole, block, block),
-            constants=np.concatenate([_norms(P.w * unit, P.dimension), load, drift]),
-            sets=contact_sets(P, n + p),
-            block=block,
-            multiplier=(at < P.nc) | (at >= P.nc + n),
-        )
+    def by_contact(x: Vector) -> Dense:
+        return (x * unit).reshape(-1, P.dimension)
 
-    return System(
-        kept(P, frame) if keep else frame(),
-        x=np.concatenate([r / unit, v, lam]),
-        f=np.concatenate([shifted(P, u), force, joints]),
-        velocity=np.concatenate([u, np.zeros(n + p)]),
+    q = (
+        P.q
+        if P.node in ("fc", "rfc", "afc")
+        else P.free_velocity
+        if hasattr(P, "free_velocity")
+        else P.reference.free_velocity
+    )
+    return ContactAnswer(
+        r=(r / unit).reshape(-1, P.dimension),
+        u=by_contact(u),
+        q=by_contact(q),
+        rho=P.rho,
+        balls=_balls(P),
+        noise=by_contact(ROUNDINGS * EPS * sums),
+        part=part,
+        off=0.0 if off is None else by_contact(off),
+        others=others,
     )
 
 
-def worst_loaded(P: Any, system: System, tolerance: float) -> float:
-    """Return largest ‖r_c − P(r_c − ρ_c û_c)‖/max(‖r_c‖, ρ_c‖û_c‖) of the contacts that carry load.
-
-    A contact does where its own reaction or velocity has more than the tolerance of the energy of the free velocities,
-    so that neither the self-stress of others nor a contact that only just touches decides.
-    """
-    assert system.velocity is not None
-    (law,), d = system.frame.sets.cones, P.dimension
-    r, u = system.x[: P.nc * d], system.f[: P.nc * d]
-    rho = np.repeat(P.rho, d)
-    defect = row_norms(law.defect(r, u, np.ones(r.size), rho))
-    r_size, u_size = _norms(r, d), P.rho * _norms(u, d)
-    free = P.q if hasattr(P, "q") else P.free_velocity if hasattr(P, "free_velocity") else P.reference.free_velocity
-    energy = np.sqrt((P.rho * _norms(free * _units(P), d) ** 2).sum())
-    own = np.maximum(r_size, u_size)
-    loaded = own / np.sqrt(P.rho) > np.sqrt(tolerance) * energy
-    return float(np.max(np.divide(defect, own, out=np.zeros_like(own), where=loaded & (own > 0)), initial=0.0))
-
-
-def contact_sets(P: Any, free: int = 0) -> Sets:
-    """Return the cones of the reactions, and unknowns after them that may be anything."""
-    at = np.arange(P.nc * P.dimension).reshape(P.nc, P.dimension)
-    mu, mu_r = coefficients(P)
-    kind, rolling = (Cone.SECOND_ORDER, np.zeros(P.nc)) if mu_r is None else (Cone.ROLLING, mu_r)
-    return Sets.of((at.size + free, -np.inf, np.inf), cones=[ConeFactors(kind, at, mu, rolling)])
-
-
-def coefficients(P: Any) -> tuple[Vector, Vector | None]:
-    """Return μ and μ_r of the cones in the variables of the blocks: 1 for an elliptic cone, whose axes are in the
-    units."""
-    mu_r = getattr(P, "mu_r", None)
+def _balls(P: Any) -> tuple[tuple[slice, Vector], ...]:
+    """Return the components of friction and of rolling friction, with the coefficients in the units of the answer."""
     if P.node == "afc":
-        return np.ones(P.nc), None
-    if mu_r is None:
-        return P.mu, None
-    k = (P.dimension - 1) // 2
-    length = _units(P).reshape(P.nc, P.dimension)[:, 1 + k]
-    return P.mu, mu_r / length
-
-
-def shifted(P: Any, u: Vector) -> Vector:
-    """Return û of velocities in the units of the blocks."""
-    U = u.reshape(P.nc, P.dimension).copy()
-    mu, mu_r = coefficients(P)
-    k = P.dimension - 1 if mu_r is None else (P.dimension - 1) // 2
-    slide = mu * np.sqrt((U[:, 1 : 1 + k] ** 2).sum(axis=1))
-    roll = 0.0 if mu_r is None else mu_r * np.sqrt((U[:, 1 + k :] ** 2).sum(axis=1))
-    U[:, 0] += slide + roll
-    return U.ravel()
+        return ((slice(1, None), np.ones(P.nc)),)
+    if not hasattr(P, "mu_r"):
+        return ((slice(1, None), P.mu),)
+    k = 1 + (P.dimension - 1) // 2
+    return (slice(1, k), P.mu), (slice(k, None), P.mu_r / P.lengths[:, k])
 
 
 def _units(P: Any) -> Vector:
     """Return what divides reactions and multiplies velocities: lengths of moments, axes of an elliptic cone."""
     if P.node == "afc":
-        mu = dense(P.mu)
-        return np.column_stack([np.ones(P.nc), mu]).ravel()
-    if hasattr(P, "mu_r"):
-        return P.lengths.ravel()
-    return np.ones(P.nc * P.dimension)
+        return np.column_stack([np.ones(P.nc), dense(P.mu)]).ravel()
+    return P.lengths.ravel()
 
 
-def _scaled(M: Any, left: Vector, right: Vector) -> Any:
-    if (left == 1.0).all() and (right == 1.0).all():
-        return M
-    if isinstance(M, np.ndarray):
-        return left[:, None] * M * right
-    return sp.csr_array(sp.diags_array(left) @ sp.csr_array(M) @ sp.diags_array(right))
+def _connected(P: Any, size: int, *blocks: tuple[Any, int, int]) -> Any:
+    """Return the number of the connected part of every row: by the entries of the blocks, each with its first row and
+    column, and of one contact all components belong together; shape (size,)."""
+    components = np.arange(P.nc * P.dimension)
+    rows, columns = [components], [components - components % P.dimension]
+    for block, row, column in blocks:
+        entries: Any = sp.coo_array(block)
+        some = entries.data != 0
+        rows.append(entries.coords[0][some] + row)
+        columns.append(entries.coords[1][some] + column)
+    ends = np.concatenate(rows), np.concatenate(columns)
+    graph = sp.coo_array((np.ones(ends[0].size), ends), shape=(size, size))
+    return connected_components(graph, directed=False)[1]
 
 
-def _norms(x: Vector, d: int) -> Vector:
-    return row_norms(x.reshape(-1, d))
+def _contacts_of(P: Any, label: Any) -> Groups:
+    """Return the parts of the contacts, whose components are the first rows."""
+    first = label[: P.nc * P.dimension].reshape(P.nc, P.dimension)
+    return Groups(first[:, 0], int(label.max(initial=-1)) + 1, P.nc)
+
+
+def _energies(P: Any, label: Any, rows: list[tuple[Any, Vector, Vector, Vector, Vector]]) -> Vector:
+    """Return √(m e²) of every row over the root of the energy that the data give its part; where nothing moves with
+    the row, e over its own terms.
+
+    rows : the part of each, its mass, its error, the velocity that the data give it, and the sum of its terms.
+    """
+    count = int(label.max(initial=-1)) + 1
+    q = (P.free_velocity if hasattr(P, "free_velocity") else P.reference.free_velocity) ** 2
+    energy = np.zeros(count)
+    for at, energies in [(label[: q.size], P.effective_mass * q), *((at, m * e**2) for at, m, _, e, _ in rows)]:
+        np.add.at(energy, at, energies)
+    energy = np.where(energy > FAR_BELOW**2 * energy.max(initial=0.0), energy, energy.max(initial=0.0))
+    unit = np.where(energy > 0, inverse(np.sqrt(energy)), 1.0)
+    shares = [(np.sqrt(m) * np.abs(e) * unit[at], np.abs(e) * inverse(own)) for at, m, e, _, own in rows]
+    return np.concatenate([np.where(m > 0, *both) for (_, m, *_), both in zip(rows, shares, strict=True)])

@@ -75,6 +75,12 @@ class Sets:
         return bool((self.lb <= 0).all() and (self.ub >= 0).all())
 
     @cached_property
+    def sides(self) -> Vector:
+        """Size of the largest finite side of every component."""
+        lower, upper = self.bounded
+        return np.maximum(np.where(lower, np.abs(self.lb), 0.0), np.where(upper, np.abs(self.ub), 0.0))
+
+    @cached_property
     def own_unit(self) -> Vector:
         """1 over the size of the set where that is finite, 0 elsewhere."""
         units = _inverse_size(np.maximum(np.abs(self.lb), np.abs(self.ub)))
@@ -128,16 +134,15 @@ class Sets:
             result = np.maximum(np.maximum(below, above), 0.0)
         return self._with_cones(result, lambda cone: cone.conditions(x, f, x_unit, f_unit))
 
-    def products(self, x: Vector, f: Vector, reach: Vector, rounding: float) -> Vector:
-        """Return x f, of boxes with x counted from the bound to which f pushes, at most `reach` and less by the share
-        `rounding` of that."""
+    def products(self, x: Vector, f: Vector, reach: Vector) -> Vector:
+        """Return x f, of boxes with x counted from the bound to which f pushes, at most `reach`."""
         if self.kind == "orthant" and not self.off_0:  # what is below 0 is pushed to no bound
             room = x
         else:
             bound = np.where(f > 0, self.lb, self.ub)
             room = np.where(np.isfinite(bound), x - bound, x)
-        size = np.maximum(np.minimum(np.abs(room), reach) - rounding * reach, 0.0)
-        return self._with_cones(f * np.copysign(size, room), lambda cone: cone.products(x, f))
+        inside = np.copysign(np.minimum(np.abs(room), reach), room)
+        return self._with_cones(f * inside, lambda cone: cone.products(x, f))
 
     def defect(self, x: Vector, f: Vector, x_unit: Vector, f_unit: Vector) -> Vector:
         """Return x̂ − P(x̂ − f̂); the set is measured in the units of its part."""

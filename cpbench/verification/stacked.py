@@ -1,9 +1,7 @@
 """Verdicts on answers to many problems of one formulation and size, as arrays.
 
-The judge measures a problem part by part (`part_error`), and problems side by side are parts of one large problem: its
-blocks have the errors that they have by themselves. So answers to thousands of problems are measured in one go, by the
-code and the definition that measure one. What belongs to a whole problem is taken for each: which numbers are finite,
-and the largest error.
+Problems side by side are one large problem, of which each is a group of rows with sizes of its own. So answers to
+thousands of problems are measured in one go, by the code and the definition that measure one.
 """
 
 from __future__ import annotations
@@ -18,12 +16,10 @@ from numpy.typing import NDArray
 from cpbench.errors import PointError
 from cpbench.formulations.stack import Stack
 from cpbench.foundation.matrices import Vector, is_psd
-from cpbench.verification.frame import System, largest_of
-from cpbench.verification.measures import BY_PARTS, SYSTEMS
-from cpbench.verification.part_error import block_errors
-from cpbench.verification.parts import Parts
+from cpbench.verification.contacts import ContactAnswer, contact_error
+from cpbench.verification.linear import linear_error
+from cpbench.verification.rows import ROWS, STACKED, Groups, System
 from cpbench.verification.sets import Flags
-from cpbench.verification.tables import STACKED
 
 ENTRIES = 2**17
 """Numbers of the data that are judged in one go: what is made of them stays in the cache."""
@@ -62,11 +58,10 @@ def judge_stack(stack: Stack, answers: Mapping[str, Any], tolerance: float) -> V
     for name, size in stack.point_sizes.items():
         if parts[name].shape != (stack.count, size):
             raise PointError(f"{name} has shape {parts[name].shape}, expected {(stack.count, size)}")
-    error, floor = np.zeros(stack.count), np.zeros(stack.count)
-
+    error, unresolvable = np.zeros(stack.count), np.zeros(stack.count, dtype=bool)
     for some in stack.pieces(ENTRIES):
-        error[some], floor[some] = _measured(stack, some, {name: x[some] for name, x in parts.items()})
-    unresolvable = np.maximum(error, tolerance) <= floor
+        here = {name: x[some] for name, x in parts.items()}
+        error[some], unresolvable[some] = _measured(stack, some, here, tolerance)
     return Verdicts(tolerance, (error <= tolerance) & ~unresolvable, error, unresolvable, ~_convex(stack))
 
 
@@ -89,46 +84,30 @@ def _convex(stack: Stack) -> Flags:
     return result
 
 
-def _measured(stack: Stack, some: slice, answers: dict[str, Any]) -> tuple[Vector, Vector]:
-    """Errors of the answers to some problems, and what rounding may cause."""
+def _measured(stack: Stack, some: slice, answers: dict[str, Any], tolerance: float) -> tuple[Vector, Flags]:
+    """Errors of the answers to some problems, and whether rounding decides of them."""
     count = some.stop - some.start
     finite = np.ones(count, dtype=bool)
     for x in answers.values():
         finite &= np.isfinite(x).all(axis=1)
     problem = stack.direct_sum(some)
+    point = problem.point_type(**{name: np.where(finite[:, None], x, 0.0).ravel() for name, x in answers.items()})
     with np.errstate(all="ignore"):
-        system = _system(problem, answers, finite)
-        if not system.frame.k:
-            return np.where(finite, 0.0, np.inf), np.zeros(count)
-        own = _owners(system, answers)
-        sums = system.frame.terms.sums(system.sizes)
-        bounded = np.bincount(own, ~np.isfinite(sums + system.frame.constants), count) == 0
-        if not bounded.all():  # squares of such unknowns are no numbers any more
-            finite &= bounded
-            system = _system(problem, answers, finite)
-            sums = system.frame.terms.sums(system.sizes)
-        node = stack.kind.node
-        parts = Parts.of(system.frame, system.frame.terms.sizes, BY_PARTS[node], own)
-        found = block_errors(system, parts, sums)
-        error = largest_of(own, np.maximum(found.errors, found.grown**2), count)
-        floor = largest_of(own, found.floors, count)
-    return np.where(finite & np.isfinite(error), error, np.inf), np.where(finite, floor, 0.0)
-
-
-def _system(problem: Any, answers: dict[str, Any], finite: Flags) -> System:
-    """Return the rows of the answers, 0 in place of those that are no numbers."""
-    whole = {name: np.where(finite[:, None], x, 0.0).ravel() for name, x in answers.items()}
-    return SYSTEMS[problem.node](problem, problem.point_type(**whole))
+        answer = ROWS[problem.node](problem, point)
+        if isinstance(answer, ContactAnswer):
+            own = Groups(np.repeat(np.arange(count), problem.nc // count), count, problem.nc)
+            found = contact_error(answer, own)
+            error, floor = own.largest(found.errors), own.largest(found.floors)
+        else:
+            if not answer.frame.k:
+                return np.where(finite, 0.0, np.inf), np.zeros(count, dtype=bool)
+            found = linear_error(answer, Groups(_owners(answer, answers), count, answer.frame.k))
+            error, floor = found.errors, found.floors
+    return np.where(finite & np.isfinite(error), error, np.inf), finite & found.hidden(error, floor, tolerance)
 
 
 def _owners(system: System, answers: dict[str, Any]) -> NDArray[np.int64]:
-    """Return which of the problems side by side has which block, (k,): the parts of answers come one after the
+    """Return which of the problems side by side has which unknown, (k,): the parts of answers come one after the
     other."""
     numbers = [np.repeat(np.arange(len(x)), x.shape[1]) for x in answers.values()]
-    # what follows the unknowns are multipliers of bounds, which are none here
-    components, block = np.concatenate(numbers)[: system.x.size], system.frame.block
-    if block is None:
-        return components
-    blocks = np.empty(system.frame.k, np.int64)
-    blocks[block] = components
-    return blocks
+    return np.concatenate(numbers)[: system.x.size]  # what follows the unknowns are multipliers of bounds

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
-from weakref import WeakKeyDictionary
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.base import Problem
+from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector, dense, transpose
-from cpbench.verification.frame import SMALL, Frame, System, Terms, every
+from cpbench.verification.linear import orientation
 from cpbench.verification.merit_functions import BOUNDS
-from cpbench.verification.parts import Measure
+from cpbench.verification.rows import ROWS, SMALL, STACKED, Frame, System, Terms, every, kept
 from cpbench.verification.sets import INFINITE, Sets
-from cpbench.verification.tables import rows_of
-
-_FRAMES: WeakKeyDictionary[Problem, Any] = WeakKeyDictionary()
-AnyFrame = TypeVar("AnyFrame", bound=Frame)
-
-
-def kept(problem: Problem, make: Callable[[], AnyFrame]) -> AnyFrame:
-    """Return the frame of a problem, made once: many answers to it are judged."""
-    if problem not in _FRAMES:
-        _FRAMES[problem] = make()
-    return _FRAMES[problem]
 
 
 def stack(blocks: list[list[Any]]) -> Any:
@@ -46,18 +33,21 @@ def stack(blocks: list[list[Any]]) -> Any:
     return sp.csr_array(sp.coo_array((data, (rows, columns)), shape=shape))
 
 
-@rows_of("lcp", by=Measure.PAIRS, stacked=True)
-@rows_of("relay", by=Measure.PAIRS)
+STACKED.enter(True, "lcp", "mlcp", "qp")
+
+
+@ROWS.of("lcp", "relay")
 def relay(P: Any, point: Any) -> System:
     """Return z between bounds beside Mz + q; those of an LCP are 0 and ∞."""
 
     def frame() -> Frame:
-        return Frame(Terms.of(abs(P.M)), np.abs(P.q), Sets.of((P.q.size, *BOUNDS[P.node](P))), P.q)
+        own = Sets.of((P.q.size, *BOUNDS[P.node](P)))
+        return Frame(Terms.of(abs(P.M)), np.abs(P.q), own, P.q, None, *orientation(P.M))
 
     return System(kept(P, frame), point.z, P.M @ point.z + P.q)
 
 
-@rows_of("mlcp", by=Measure.PAIRS, stacked=True)
+@ROWS.of("mlcp")
 def mlcp(problem: Any, point: Any) -> System:
     """Return (u, v) with v ≥ 0 beside Au + Cv + a and Du + Bv + b."""
     P, u, v = problem, point.u, point.v
@@ -65,25 +55,26 @@ def mlcp(problem: Any, point: Any) -> System:
     def frame() -> Frame:
         own = Sets.of((u.size, -np.inf, np.inf), (v.size, 0.0, np.inf))
         constants = np.concatenate([P.a, P.b])
-        return Frame(Terms.of(stack([[P.A, P.C], [P.D, P.B]])), np.abs(constants), own, constants)
+        J = [[P.A, P.C], [P.D, P.B]]
+        return Frame(Terms.of(stack(J)), np.abs(constants), own, constants, None, *orientation(matrices.block(J)))
 
     f = np.concatenate([P.A @ u + P.C @ v + P.a, P.D @ u + P.B @ v + P.b])
     return System(kept(P, frame), np.concatenate([u, v]), f)
 
 
-@rows_of("avi", by=Measure.PAIRS)
+@ROWS.of("avi")
 def avi(problem: Any, point: Any) -> System:
     """Return z and the multipliers of its rows beside Mz + q less their forces, and the rows."""
     return _with_rows(problem, point, problem.M, problem.q)
 
 
-@rows_of("qp", by=Measure.GAP, stacked=True)
+@ROWS.of("qp")
 def qp(problem: Any, point: Any) -> System:
     """Return z and the multipliers of its rows beside Qz + p less their forces, and the rows."""
-    return _with_rows(problem, point, problem.Q, problem.p, lambda: problem.convex)
+    return _with_rows(problem, point, problem.Q, problem.p)
 
 
-def _with_rows(P: Any, point: Any, M: Matrix, q: Vector, convex: Callable[[], bool] | None = None) -> System:
+def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
     """Mz + q − Aᵀλ − Cᵀμ beside the box of z, Az − b beside λ, Cz − d beside μ; ν, where given, is the first."""
     z, mu = point.z, point.mu
     n, m, k = z.size, P.b.size, mu.size
@@ -100,6 +91,8 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector, convex: Callable[[], bo
             sets=Sets.of((n, P.lb, P.ub), (m, 0.0, np.inf), (k, -np.inf, np.inf)),
             signed=np.concatenate([q, -b, -P.d]),
             multiplier=np.arange(n + m + k) >= n,
+            program=np.full(n + m + k, matrices.is_symmetric(M)),
+            certifying=P.node == "qp",
         )
 
     force = M @ z + q - P.A.T @ lam - P.C.T @ mu
@@ -112,5 +105,4 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector, convex: Callable[[], bo
         x=np.concatenate([z, lam, mu]),
         f=np.concatenate([force, rows]),
         also=None if nu is None else (force - nu, slice(0, n)),
-        convex=convex,
     )

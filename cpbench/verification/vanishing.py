@@ -23,8 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from cpbench.foundation.matrices import Vector
-from cpbench.verification.backward_error import EPS, ROUNDINGS
-from cpbench.verification.frame import Caps, inverse
+from cpbench.verification.rows import EPS, ROUNDINGS, Caps, inverse
 
 
 def caps(F: Any, z: Vector, value: Vector, slope: Any) -> Caps | None:

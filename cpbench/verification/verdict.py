@@ -9,10 +9,16 @@ from typing import Any
 
 import numpy as np
 
+import cpbench.verification.conic_systems
+import cpbench.verification.contact_systems
+import cpbench.verification.systems  # noqa: F401  # pyright: ignore[reportUnusedImport]  (enter their rows)
 from cpbench.errors import UnknownName
 from cpbench.formulations.base import Problem, Residuals
-from cpbench.verification import measures
+from cpbench.verification.contacts import ContactAnswer, contact_error
+from cpbench.verification.linear import linear_error
+from cpbench.verification.nonlinear import row_errors
 from cpbench.verification.published import PublishedMeasure, all_measures, named, published
+from cpbench.verification.rows import ROWS, AnswerError
 
 DIRECTION_DEGREES = 5.0
 """An accepted contact answer whose slip angle is above this carries the flag `direction`."""
@@ -29,8 +35,7 @@ class Verdict:
     literature among them.
     flags : `stationary` (conditions of optimality were measured, which do not show that the answer is a minimum),
     `convexity declared` (they do if the problem is convex, as its author says), `direction` (accepted, but some contact
-    slips or rolls more than 5° off), `contact` (accepted, but a contact that carries load misses the law by more than a
-    tenth), `absolute` (a part of the problem has no constants), `unresolvable` (rounding alone may cause the error),
+    slips or rolls more than 5° off), `absolute` (the data give no size), `unresolvable` (rounding decides),
     `multipliers completed` (they are not the author's, but computed here).
     """
 
@@ -51,6 +56,17 @@ class Verdict:
         return self.solved
 
 
+@np.errstate(all="ignore")
+def error_of(problem: Any, point: Any) -> AnswerError:
+    """Return the error of an answer that the problem has accepted."""
+    if problem.node not in ROWS:  # a formulation of a plugin is measured by its own residuals
+        return AnswerError(np.array([problem.residuals(point).error]), np.zeros(1))
+    answer = ROWS[problem.node](problem, point)
+    if isinstance(answer, ContactAnswer):
+        return contact_error(answer)
+    return linear_error(answer) if answer.frame.linear else row_errors(answer)
+
+
 def error_text(error: float) -> str:
     """Return a backward error as a share of the problem's own terms; one above 1 is no share, its size says nothing."""
     return f"{error:.3g}" if error <= 1.0 or not math.isfinite(error) else "above 1"
@@ -59,7 +75,7 @@ def error_text(error: float) -> str:
 def judge(problem: Problem, point: Any, tolerance: float, measure: str | None = None) -> Verdict:
     """Measure `point` on `problem`; raises PointError when it is not an answer to it.
 
-    The backward error decides (`cpbench.verification.measures`). With `measure`, a published number does: one of the
+    The backward error decides (`error_of`). With `measure`, a published number does: one of the
     verdict's parts (`natural`, `siconos_mlcp`, `fclib2018`, ...), or of `cpbench.verification.published`
     (`path_fischer`, `osqp_primal`, ...).
     """
@@ -87,7 +103,7 @@ def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None)
     residuals = problem.residuals(point, tolerance)
     parts = {**residuals.parts, **residuals.measured}
     flags = [flag for flag in residuals.flags if flag != "absolute"]
-    found, system = measures.measured_rows(problem, point)
+    found = error_of(problem, point)
     if measure is not None:
         if measure not in named(parts) and measure != "backward":
             parts |= {row.name: row.value for row in published(problem, point)}
@@ -97,13 +113,11 @@ def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None)
         error = found.error
         if found.absolute:
             flags.append("absolute")
-        if max(error, tolerance) <= found.floor:
+        if found.hidden(error, found.floor, tolerance):
             flags.append("unresolvable")
     within = error <= tolerance and "unresolvable" not in flags
     if within and any(parts.get(f"{k}_angle [deg]", 0.0) > DIRECTION_DEGREES for k in ("slip", "rolling")):
         flags.append("direction")
-    if within and measures.misses_the_law(problem, system, tolerance):
-        flags.append("contact")
     return Verdict(tolerance, within, error, {measure or "backward": error}, parts, tuple(flags)), residuals
 
 

@@ -23,7 +23,7 @@ from cpbench.foundation.matrices import Vector
 from cpbench.solvers import warming
 from cpbench.solvers.base import Budget, Solver, Trait, parse_options, solvers
 from cpbench.verification import MET_TOLERANCE, Status
-from cpbench.verification.measures import measure
+from cpbench.verification.verdict import error_of
 
 KEPT = 400
 """Iterates that are kept: half of them the first ones, half the last."""
@@ -234,4 +234,4 @@ def named(text: str) -> tuple[Solver, Any]:
 
 def floor_of(problem: Problem, point: Any) -> float:
     """Return the error that rounding alone may cause at a point; 0 without one."""
-    return 0.0 if point is None or not point.finite else measure(problem, point).floor
+    return 0.0 if point is None or not point.finite else error_of(problem, point).floor

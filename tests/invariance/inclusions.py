@@ -14,7 +14,7 @@ from pairs import Pairs, Project, box, cone, identity
 from cpbench.foundation.product_cones import Cone
 
 Factors = list[tuple[int, Project]]
-"""Sizes and projections of consecutive factors."""
+"""AnswerSizes and projections of consecutive factors."""
 
 
 def _cones(K: Any) -> Factors:
@@ -176,7 +176,7 @@ def _global(p: Any, point: Any, K: np.ndarray, force: np.ndarray) -> Pairs:
 
 
 def _local(p: Any, x: list[np.ndarray], J: list[list[np.ndarray]], values: list[np.ndarray]) -> Pairs:
-    """Contacts, and equations after them."""
+    """ContactAnswer, and equations after them."""
     factors, hat = _contact(p)
     m = x[0].size
     if p.node == "afc":  # r = Sr′, u = S⁻¹u′ of isotropic contacts with μ = 1

@@ -13,10 +13,14 @@ from cpbench.formulations.expressions import Map
 from cpbench.foundation import matrices
 from cpbench.foundation.product_cones import Cone
 
+ONE_SIZE = ("qp", "avi", "coneqp", "nlp")
+"""Nodes of which all prices are compared with the largest: of multipliers t that cancel, ε t is an error of a price,
+and a row that a right answer misses by ε/100 gives t ε/100 away."""
 
-def _size(rng: RNG, tolerance: float) -> float:
-    """A power of two up to 1e7, and up to what leaves rounding below ε/10."""
-    most = min(23, int(np.log2(tolerance / 10.0 * 2.0**49)))
+
+def _size(rng: RNG, answer: Answer) -> float:
+    """A power of two up to 1e7, and up to what leaves rounding below ε/10; up to 16 where prices have one size."""
+    most = 4 if answer.problem.node in ONE_SIZE else min(23, int(np.log2(answer.tolerance / 10.0 * 2.0**49)))
     return 2.0 ** float(rng.integers(0, most + 1))
 
 
@@ -75,9 +79,9 @@ def repeated(answer: Answer, rng: RNG, variant: str) -> Iterator[Answer]:
 
 
 def cancelling(answer: Answer, rng: RNG, variant: str) -> Iterator[Answer]:
-    """An equality as row and −row with large equal multipliers, and beside itself with opposite ones; likewise rows of
+    """An equality as row and −row with equal multipliers, and beside itself with opposite ones; likewise rows of
     {0} and joints."""
-    p, x, t = answer.problem, answer.point, _size(rng, answer.tolerance)
+    p, x, t = answer.problem, answer.point, _size(rng, answer)
     if p.node in WITH_ROWS and x.mu.size:
         k = int(rng.integers(x.mu.size))
         yield _with_rows(answer, "lam", k, [1.0, -1.0], [t, t])

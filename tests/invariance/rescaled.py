@@ -112,16 +112,21 @@ def _soclcp(p: Any, s: Draws) -> Rescaling:
 
 
 def _frames(p: Any, s: Draws) -> Vector:
-    """Signs of tangent directions and of axes of rotation; one number a contact of units."""
+    """Signs of tangent directions and of axes of rotation."""
     flips = s.signed(p.nc * p.dimension).reshape(p.nc, p.dimension)
     flips = np.sign(flips)
     flips[:, 0] = 1.0
     return flips.ravel()
 
 
+def _at_contacts(p: Any, s: Draws) -> Vector:
+    """One unit for all contacts, whose velocities are compared with each other, and signs."""
+    return s.shared(np.array([p.nc * p.dimension])) * _frames(p, s)
+
+
 def _local(p: Any, s: Draws) -> Rescaling:
     """Work has one unit at all contacts, or W of symmetric mechanics would be symmetric no more."""
-    d, o = s.shared(np.full(p.nc, p.dimension)) * _frames(p, s), s.positive(1)
+    d, o = _at_contacts(p, s), s.positive(1)
     return {"W": (o * d, d), "q": o * d}, {"r": 1 / d}
 
 
@@ -135,7 +140,7 @@ def _fcm(p: Any, s: Draws) -> Rescaling:
 
 def _dynamics(p: Any, s: Draws) -> tuple[Vector, Scale, Vector, Rescaling]:
     d, o = s.signed(p.H.shape[0]), s.positive(1)
-    c = s.shared(np.full(p.nc, p.dimension)) * _frames(p, s)
+    c = _at_contacts(p, s)
     data = {"H": (o * d, c), "w": o * c}
     return d, o, c, (data, {"v": 1 / d, "r": 1 / c})
 

@@ -52,9 +52,19 @@ def _maps(F: Map, G: Map, shape: tuple[str, str]) -> Map:
     return Map.from_casadi(z, sum(values) if shape[0] == "1" else ca.vertcat(*values))
 
 
+PROGRAMS = ("qp", "coneqp", "nlp")
+
+
+def _apart(problem: Any) -> int:
+    """Bits between the units of two problems. Programs have one objective, and of scenes one that moves 2^-40 as fast
+    as another counts as at rest: velocities are apart by twice as much."""
+    return 10 if problem.node in PROGRAMS else 15 if hasattr(problem, "dimension") else 40
+
+
 def union(answer: Answer, rng: RNG, variant: str) -> Iterator[Answer]:
-    """Beside a right answer in units that are 2^±40 apart, before it and after it."""
-    other = rescaled.rescaled(Answer(*VARIANTS[variant](rng), answer.tolerance, True), rescaled.one_unit(rng))
+    """Beside a right answer in other units, before it and after it."""
+    right = Answer(*VARIANTS[variant](rng), answer.tolerance, True)
+    other = rescaled.rescaled(right, rescaled.one_unit(rng, _apart(answer.problem)))
     for pair in ((answer, other), (other, answer)):
         yield answer.of(*together(*((a.problem, a.point) for a in pair)))
 
@@ -153,11 +163,13 @@ def _sides(rng: RNG) -> tuple[float, float]:
 
 
 def idle(answer: Answer, rng: RNG, variant: str) -> Iterator[Answer]:
-    """Beside an idle problem, before it and after it."""
+    """Beside an idle problem, before it and after it. An open contact opens as fast as others close: a free velocity
+    is a size, whatever the contact does."""
     p = answer.problem
     if p.node not in _IDLE:
         return
-    data, parts = _IDLE[p.node](p, *_sides(rng))
+    force, side = _sides(rng)
+    data, parts = _IDLE[p.node](p, 1.0 if hasattr(p, "dimension") else force, side)
     cls = formulations.get(p.node)
     keep = {name: getattr(p, name) for name in ("dimension",) if hasattr(p, name)}
     other = cls(**data, **keep), cls.point_type(*(np.asarray(part, float) for part in parts))
@@ -165,7 +177,7 @@ def idle(answer: Answer, rng: RNG, variant: str) -> Iterator[Answer]:
         yield answer.of(*together(*pair))
 
 
-COUPLED = {"lcp": "M", "soclcp": "M", "fc": "W", "rfc": "W", "afc": "W", "mlcp": "B", "fcm": "W"}
+COUPLED = {"lcp": "M", "soclcp": "M", "mlcp": "B"}
 """Matrices of the unknowns that are 0 in an idle problem."""
 
 

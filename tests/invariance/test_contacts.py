@@ -48,7 +48,7 @@ def _corrupted(problem: Any, r: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _scene(seed: int) -> tuple[FrictionContact, FCPoint]:
-    """Contacts of rigid bodies in local form; W = HᵀM⁻¹H has a null space where there are enough of them."""
+    """ContactAnswer of rigid bodies in local form; W = HᵀM⁻¹H has a null space where there are enough of them."""
     rng = np.random.default_rng(seed)
     nc, d = int(rng.integers(2, 8)), 2 if seed % 4 == 0 else 3
     body, point = planted.gfc(rng, 2, nc, d)

@@ -50,6 +50,14 @@ def _always(problem: Any, point: Any, *tolerances: float) -> None:
         assert verdict.solved, f"not solved at {tolerance:g}, error {verdict.error:.1e}, {dict(verdict.judged)}"
 
 
+def _known_or_unresolvable(problem: Any, point: Any, *tolerances: float) -> None:
+    """An exact answer, rounded: solved, or flagged where rounding of its terms is more than the tolerance."""
+    for tolerance in tolerances or TOLERANCES:
+        verdict = judge(problem, point, tolerance)
+        said = f"not solved at {tolerance:g}, error {verdict.error:.1e}, {verdict.flags}"
+        assert verdict.solved or "unresolvable" in verdict.flags, said
+
+
 # an idle side hides a row that is missed
 
 
@@ -175,7 +183,10 @@ def _squeezed(reaction: list[float], stress: float) -> tuple[FrictionContact, FC
 
 @pytest.mark.parametrize("stress", [0.0, 1.0, 1e3, 1e6, 1e8])
 def test_self_stress_hides_no_wrong_contact(stress: float) -> None:
-    _always(*_squeezed([1.0, -0.3, 0.0], stress))
+    """Terms of a stress of 1e8 add up to 2e8 in each wall: 8 roundings are 3.6e-7 of the free velocity, above 1e-8."""
+    right = _squeezed([1.0, -0.3, 0.0], stress)
+    _always(*right, *(tolerance for tolerance in TOLERANCES if tolerance > 8.0 * 2.0**-52 * 2.0 * stress))
+    _known_or_unresolvable(*right)
     _never(*_squeezed([5.0, 0.3, 0.0], stress))
 
 
@@ -195,7 +206,8 @@ def test_self_stress_of_a_joint_hides_no_wrong_motion(stress: float) -> None:
 
 @pytest.mark.parametrize("stiffness", [1e6, 1e8, 1e10, 1e12, 1e14])
 def test_the_exact_solution_rounded_to_doubles_is_solved(stiffness: float) -> None:
-    """M = [[k, −k], [−k, k + 1]]: in plain residuals no double near the solution is within 1e-6 at k = 1e12."""
+    """M = [[k, −k], [−k, k + 1]]: no double near the solution has residuals within 1e-6 at k = 1e12, nor within 1e-8 at
+    k = 1e8. With k = 1e6 the residuals are 1e-10, and the answer is solved."""
     M, q = np.array([[stiffness, -stiffness], [-stiffness, stiffness + 1.0]]), np.array([-1.0, -0.3])
     a, b, c, d = (Fraction(float(m)) for m in M.ravel())
     e, f = (-Fraction(float(x)) for x in q)
@@ -207,7 +219,7 @@ def test_the_exact_solution_rounded_to_doubles_is_solved(stiffness: float) -> No
         (QP.build(M, q), lambda z: dataclasses.replace(ZERO2, z=z)),
         (FrictionContact(W=M, q=q, mu=[2.0], dimension=2), lambda z: FCPoint(r=z)),
     ):
-        _always(problem, answer(z), 1e-6, 1e-8)
+        (_always if stiffness == 1e6 else _known_or_unresolvable)(problem, answer(z), 1e-6, 1e-8)
         _never(problem, answer(z * [1.5, 1.0]))
 
 

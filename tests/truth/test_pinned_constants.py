@@ -12,7 +12,7 @@ def test_every_constant_of_the_verdict_is_listed() -> None:
 
 
 @pytest.mark.parametrize("factor", [2.0, 0.5])
-@pytest.mark.parametrize("name", ["sizes.BALANCED", *(pytest.param(n, marks=pytest.mark.nightly) for n in PINNED)])
+@pytest.mark.parametrize("name", ["linear.BALANCED", *(pytest.param(n, marks=pytest.mark.nightly) for n in PINNED)])
 def test_a_constant_that_decides_is_pinned(name: str, factor: float) -> None:
     assert not pinned_constants.passes(name, factor)
 

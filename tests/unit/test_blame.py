@@ -36,14 +36,15 @@ from cpbench.verification import TARGET_UNRESOLVABLE, Status, Verdict, judge, st
 TOLERANCE = 1e-6
 
 
-def degenerate() -> LCP:
-    """z = (1, 0), w = 0. With z₂ = w₂ = √ε its program is within ε of the least objective, and the pair √ε off."""
-    return LCP(M=np.eye(2), q=[-1.0, 0.0])
+def degenerate() -> FrictionContact:
+    """Two contacts without friction, r_N = (1, 0), u = 0. With r₂ = u₂ = √ε the gap of its LCP is ε, and the second
+    contact parts with √ε."""
+    return FrictionContact(W=np.eye(4), q=[-1.0, 0.0, 0.0, 0.0], mu=np.zeros(2), dimension=2)
 
 
-RIGHT, AWAY = np.array([1.0, 0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0, 1.0])
-"""Its answer as a program, (z, ν), and a direction in which ν is the gradient at z."""
-WRONG = np.array([2.0, 0.0, 1.0, 0.0])
+RIGHT, AWAY = np.array([1.0, 0.0]), np.array([0.0, 1.0])
+"""Its answer as an LCP, and a direction in which both numbers of a pair grow."""
+WRONG = np.array([2.0, 0.0])
 
 
 def contact() -> FrictionContact:
@@ -80,22 +81,21 @@ class Bench:
         self.prepared = self.referee.prepare(self.case)
 
     def judged(self, z: np.ndarray, claim: str = "solved", promise: str = "equivalent") -> Judged:
-        answer = {"z": z} if self.case.node == "lcp" else {"z": z[:2], "lam": z[:0], "mu": z[:0], "nu": z[2:]}
-        return self.referee.judge(Judge(self.case, claim, True, promise, PROOF_SECONDS, answer))
+        return self.referee.judge(Judge(self.case, claim, True, promise, PROOF_SECONDS, {"z": z}))
 
 
 @pytest.fixture
 def program(tmp_path: Path) -> Bench:
-    return Bench(tmp_path, degenerate(), "qp", plan.exact())
+    return Bench(tmp_path, degenerate(), "lcp", plan.exact())
 
 
 def nearly(program: Bench, tolerance: float) -> np.ndarray:
     """An answer that just solves the program at a tolerance."""
-    return at_its_tolerance(make("lcp-qp").step(program.problem), RIGHT, AWAY, tolerance)
+    return at_its_tolerance(make("fc-lcp-frictionless").step(program.problem), RIGHT, AWAY, tolerance)
 
 
 def test_what_an_exact_conversion_loses_is_lost_and_not_wrong(program: Bench) -> None:
-    assert (program.prepared.route, program.prepared.kind) == ("lcp-qp", "equivalent")
+    assert (program.prepared.route, program.prepared.kind) == ("fc-lcp-frictionless", "equivalent")
     asked = program.prepared.tolerance
     for claim in ("solved", "max_iter"):
         row = program.judged(nearly(program, asked), claim)
@@ -195,7 +195,7 @@ def test_kept_answers_are_judged_again_as_they_were(program: Bench, tmp_path: Pa
 
 def test_what_an_older_file_lacks_is_reported(program: Bench, tmp_path: Path) -> None:
     lost = nearly(program, program.prepared.tolerance)
-    older = {"target_error": None, "target_tolerance": None, "status": "inaccurate"}
+    older = {"target_error": None, "target_tolerance": None, "status": "wrong"}
     told = list(rejudge_file(results_of(program, tmp_path, {"daqp": (lost, "solved")}, **older), None, None))
     assert "did not measure them on the solver's own problem" in told[0]
     assert told[1] == "1 answer judged again: no change"

@@ -26,11 +26,10 @@ MANY = 4
 """Names of formulations in one literal that make it a list."""
 ENTERED = """
 from cpbench.testing.makers import plants
-from cpbench.verification.parts import Measure
+from cpbench.verification.rows import ROWS
 from cpbench.verification.systems import relay
-from cpbench.verification.tables import rows_of
 
-rows_of("sliding", by=Measure.PAIRS)(relay)
+ROWS.enter(relay, "sliding")
 
 @plants("sliding")
 def corners():
@@ -85,11 +84,7 @@ def test_the_doctor_says_what_a_new_formulation_lacks(tmp_path: Path) -> None:
     assert before["rows for the judge"] == MISSING
     assert before["planted cases"] == before["map_place"] == DERIVED
     assert before["terms"] == before["data"] == before["generator"] == PRESENT
-    assert after == before | {
-        "rows for the judge": PRESENT,
-        "measure of connected parts": PRESENT,
-        "planted cases": PRESENT,
-    }
+    assert after == before | {"rows for the judge": PRESENT, "planted cases": PRESENT}
 
 
 def _doctor(folder: Path, text: str) -> dict[str, str]:

@@ -50,15 +50,6 @@ def test_the_force_of_a_bound_hides_nothing_however_it_is_written(
     assert verdict.solved == solved, verdict.error
 
 
-def test_multipliers_of_a_row_that_is_given_twice_may_cancel() -> None:
-    """min ½(z₁² + z₂²) + z₁ + z₂ over z₁ + z₂ ≥ 2 and ≤ 2, off by 10⁻⁷: λ = (t + z₁ + 1, t)."""
-    problem = QP.build(np.eye(2), [1.0, 1.0], A=np.array([[1.0, 1.0], [-1.0, -1.0]]), b=[2.0, -2.0])
-    z, t = 1.0 + 5e-8, 1e4
-    point = QPPoint(z=np.full(2, z), lam=np.array([t + z + 1.0, t]), mu=np.zeros(0), nu=np.zeros(2))
-    verdict = judge(problem, point, 1e-6)
-    assert verdict.solved, verdict.error
-
-
 @pytest.mark.parametrize(("z", "solved"), [(2.0, True), (0.5, False)])
 def test_a_program_without_an_objective_needs_no_multipliers(z: float, solved: bool) -> None:
     """Find z ≥ 1: multipliers of 10⁻⁹ are what is left of 0, and have no price to be compared with."""
@@ -68,9 +59,9 @@ def test_a_program_without_an_objective_needs_no_multipliers(z: float, solved: b
 
 
 def test_an_unknown_beyond_a_finite_set_is_wrong_where_no_row_depends_on_it() -> None:
-    """0 ≤ z ≤ 10⁻³ beside w = (0, z₂ − 10⁻³/2): z₁ = 1.5 · 10⁻³ is off by half of its set."""
+    """0 ≤ z ≤ 10⁻³ beside w = (0, z₂ − 10⁻³/2): z₁ = 1.5 · 10⁻³ is beyond by a third of itself, the largest."""
     problem = Relay(M=np.diag([0.0, 1.0]), q=np.array([0.0, -5e-4]), lb=np.zeros(2), ub=np.full(2, 1e-3))
-    assert judge(problem, LCPPoint(z=np.array([1.5e-3, 5e-4])), 1e-6).error == pytest.approx(0.5)
+    assert judge(problem, LCPPoint(z=np.array([1.5e-3, 5e-4])), 1e-6).error == pytest.approx(1.0 / 3.0)
 
 
 @pytest.mark.parametrize(("off", "solved"), [(0.0, True), (1e-5, False)])
@@ -116,18 +107,6 @@ def test_sides_that_are_rounding_of_their_rows_set_no_size(side: float, off: flo
     ):
         verdict = judge(problem, point, 1e-6)
         assert verdict.solved == solved, (problem.node, verdict.error, verdict.flags)
-
-
-def test_sides_count_where_only_prices_of_others_could_make_them_rounding() -> None:
-    """z₁ − z₂ + z₃ = 1 with a price of 1 on z₃ ≥ 0: a curvature of 10⁻³⁰ would let prices make z₁ 10³⁰.
-
-    z = (t, t, 0) misses the row by all of its side, and by 10⁻⁸ of its terms for t = 10⁸/2.
-    """
-    problem = QP.build(
-        np.diag([1e-30, 0.0, 0.0]), [0.0, 0.0, 1.0], C=np.array([[1.0, -1.0, 1.0]]), d=[1.0], lb=[-np.inf, -np.inf, 0.0]
-    )
-    point = QPPoint(z=np.array([5e7, 5e7, 0.0]), lam=np.zeros(0), mu=np.zeros(1), nu=np.array([0.0, 0.0, 1.0]))
-    assert judge(problem, point, 1e-6).error == pytest.approx(1.0)
 
 
 def test_sides_count_where_only_the_answer_makes_them_rounding() -> None:
@@ -183,7 +162,9 @@ def test_an_unknown_beyond_a_finite_set_is_wrong_where_no_nonlinear_row_depends_
 
 @pytest.mark.parametrize("unit", [1.0, 1e-8, 1e8])
 def test_an_unknown_at_a_bound_sizes_a_nonlinear_row_without_a_constant(unit: float) -> None:
-    """z₁ ≥ 1 beside z₁² + z₂² and z₂ ≥ 0 beside z₂² − z₁²: z = (1, 1), in any unit of the rows."""
+    """z₁ ≥ 1 beside z₁² + z₂² and z₂ ≥ 0 beside z₂² − z₁²: z = (1, 1), in any unit of the rows.
+
+    z₂ = 2 misses by 3 of terms of 10."""
     F = graph(2, lambda z: np.array([unit * (z[0] ** 2 + z[1] ** 2), unit * (z[1] ** 2 - z[0] ** 2)], dtype=object))
     problem = MiCP(F=F, lb=[1.0, 0.0], ub=np.full(2, np.inf), start=np.ones(2))
     assert judge(problem, MiCPPoint(z=np.ones(2)), 1e-6).solved
@@ -215,4 +196,4 @@ def test_entries_that_decay_to_nothing_hide_no_row(n: int) -> None:
     M, z = np.abs(np.linalg.inv(band)), 1.0 + np.arange(n) / n
     problem, off = LCP(M=M, q=-M @ z), np.where(np.arange(n) == n // 2, 1.5, 1.0)
     assert judge(problem, LCPPoint(z=z), 1e-6).solved
-    assert judge(problem, LCPPoint(z=z * off), 1e-6).error > 0.01
+    assert judge(problem, LCPPoint(z=z * off), 1e-6).error > 1e-3

@@ -1,4 +1,4 @@
-"""Componentwise backward error of an answer: the number that a verdict compares with the tolerance.
+"""Error of an answer to a problem with nonlinear rows: a componentwise backward error.
 
 Every formulation is a list of unknowns x_c, each paired with a row f_c: x_c is in a set X_c and −f_c in its normal
 cone there. A row is measured by the sum of the sizes of its terms, s_d = Σ_c |∂f_d/∂x_c||x_c| + |constant|, an unknown
@@ -23,61 +23,25 @@ in it (`vanishing`).
 from __future__ import annotations
 
 import heapq
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from cpbench.formulations.base import squared
 from cpbench.foundation.matrices import Vector
-from cpbench.verification.frame import Frame, System, Terms, inverse, largest
+from cpbench.verification.rows import EPS, AnswerError, Frame, System, Terms, inverse
 from cpbench.verification.sets import Flags
 
-EPS = float(np.finfo(np.float64).eps)
-ROUNDINGS = 8.0
-"""Roundings of the largest term that a sum may carry."""
 
-
-@dataclass(frozen=True)
-class BackwardError:
-    """`error` of the answer, whether a part without constants was measured absolutely, and what rounding may cause."""
-
-    error: float
-    absolute: bool
-    floor: float
-
-
-@dataclass(frozen=True, eq=False)
-class BlockErrors:
-    """The same of every block, (k,).
-
-    Attributes
-    ----------
-    errors : of blocks or of their parts. grown : with sizes by the constants alone, at most 1; squares count.
-    floors : what rounding may cause. absolute : whether something that no constant sizes was measured as it is.
-    """
-
-    errors: Vector
-    grown: Vector
-    floors: Vector
-    absolute: bool
-
-    def worst(self) -> BackwardError:
-        """Return the error of the answer."""
-        errors, grown, floor = (float(part.max(initial=0.0)) for part in (self.errors, self.grown, self.floors))
-        return BackwardError(largest(errors, squared(largest(grown))), self.absolute, floor)
-
-
-def row_errors(system: System) -> BlockErrors:
+def row_errors(system: System) -> AnswerError:
     """Measure the answer of a system, block by block."""
     frame, none = system.frame, np.zeros(system.frame.k)
     if not frame.k:
-        return BlockErrors(none, none, none, False)
+        return AnswerError(none, none)
     sizes, fixed = system.sizes, system.fixed
     scale = frame.terms.sums(sizes) + frame.constants
     if not np.isfinite(scale).all():  # squares of such unknowns are no numbers any more
-        return BlockErrors(np.full(frame.k, np.inf), none, none, False)
+        return AnswerError(np.full(frame.k, np.inf), none)
     definite = _definite(frame, sizes, scale, fixed)
     homogeneous = (definite == 0) & (scale > 0)
     if homogeneous.any():
@@ -86,7 +50,7 @@ def row_errors(system: System) -> BlockErrors:
     else:
         error = _measure(system, sizes, scale, definite)
     floors = np.full(frame.k, EPS * (4.0 + frame.terms.lengths.max(initial=0)))
-    return BlockErrors(error, none, floors, bool(homogeneous.any()))
+    return AnswerError(error, floors, bool(homogeneous.any()))
 
 
 def _measure(system: System, sizes: Vector, scale: Vector, definite: Vector, absolute: Flags | None = None) -> Vector:
@@ -102,7 +66,7 @@ def _measure(system: System, sizes: Vector, scale: Vector, definite: Vector, abs
     if absolute is not None:
         x_unit = np.where(absolute, 1.0, x_unit)
     # a set of finite size is data: an unknown beyond it is wrong even where no row feels that
-    x_unit = np.maximum(x_unit, frame.own_unit)
+    x_unit = np.maximum(x_unit, frame.largest(frame.sets.own_unit))
     if frame.moving is not None:
         x_unit = np.where(frame.moving > 0, np.minimum(x_unit, inverse(frame.moving)), x_unit)
     return system.defect(x_unit, f_unit)

@@ -1,7 +1,7 @@
-"""Answers as lists of unknowns and rows: what the judge measures, whatever the formulation.
+"""Answers as lists of unknowns and rows: what the judge measures of a formulation that is no contact problem.
 
 A `Frame` is what all answers to a problem have in common, made once where the problem is linear; a `System` is one
-answer.
+answer. `Groups` tells which blocks belong to which of several problems side by side.
 """
 
 from __future__ import annotations
@@ -11,13 +11,23 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
 
+from cpbench.formulations.base import Problem
+from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Vector, dense
+from cpbench.verification.equilibration import equilibrate_apart
 from cpbench.verification.sets import Flags, Sets
 
+EPS = float(np.finfo(np.float64).eps)
+ROUNDINGS = 8.0
+"""Roundings of the largest term that a sum may carry."""
+FAR_BELOW = 2.0**-40
+"""A constant that is this share of the largest of its kind stands for 0: files have 1e-17, solvers leave 1e-14."""
 SMALL = 2**10
 """Entries of the largest matrix that is an array whatever it holds: a sparse one takes longer."""
 
@@ -91,6 +101,83 @@ class Terms:
 
 
 @dataclass(frozen=True, eq=False)
+class Groups:
+    """Blocks in groups, with operations over each group; results have the shape (count,).
+
+    Attributes
+    ----------
+    of : (k,) number of the group of each block, None where there is only one group. count : how many groups there are.
+    k : how many blocks there are.
+    """
+
+    of: Any
+    count: int
+    k: int
+
+    @classmethod
+    def one(cls, k: int) -> Groups:
+        """Return one group of k blocks."""
+        return cls(None, 1, k)
+
+    def largest(self, values: Vector) -> Vector:
+        """Return the largest of the nonnegative values of each group; 0 for an empty group."""
+        if self.of is None:
+            return np.maximum.reduce(values, initial=0.0, keepdims=True)
+        return largest_of(self.of, values, self.count)
+
+    def sum(self, values: Vector) -> Vector:
+        """Return the sum of the values of each group."""
+        if self.of is None:
+            return np.add.reduce(values, keepdims=True)
+        return np.bincount(self.of, values, self.count).astype(np.float64, copy=False)
+
+    def any(self, flags: Flags) -> Flags:
+        """Return whether a block of the group is flagged."""
+        return self.largest(flags.astype(np.float64)) > 0
+
+    def spread(self, values: Any) -> Any:
+        """Return the value of its group, for each block; shape (k,)."""
+        return values.repeat(self.k) if self.of is None else values[self.of]
+
+
+@dataclass(frozen=True, eq=False)
+class AnswerError:
+    """Error of an answer.
+
+    Attributes
+    ----------
+    errors : of each group, block or contact. floors : what rounding may make of them. absolute : whether the data give
+    no size, so that the answer is compared as it is. strict : whether an error of 0, too, says nothing where rounding
+    may exceed the tolerance.
+    """
+
+    errors: Vector
+    floors: Vector
+    absolute: bool = False
+    strict: bool = False
+
+    @property
+    def error(self) -> float:
+        """The error of the answer; ∞ where one is no number."""
+        return _largest(self.errors)
+
+    @property
+    def floor(self) -> float:
+        """The largest error that rounding may make."""
+        return _largest(self.floors)
+
+    def hidden(self, error: Any, floor: Any, tolerance: float) -> Any:
+        """Return whether rounding decides of an error at a tolerance."""
+        return np.isfinite(error) & (error <= floor) & ((error > tolerance) | (self.strict & (floor >= tolerance)))
+
+
+def _largest(values: Vector) -> float:
+    if not every(np.isfinite(values)):  # max() would drop a NaN
+        return math.inf
+    return float(values.max(initial=0.0))
+
+
+@dataclass(frozen=True, eq=False)
 class Caps:
     """Up to what rows are definite: (n,) by their constants, (nnz,) by the unknown of each of their entries."""
 
@@ -108,12 +195,13 @@ class Frame:
     terms : sizes of the blocks of ∂f/∂x. constants : (k,) sizes of what else is in a row. signed : (N,) the same with
         signs, component by component; None where only the sizes are known.
     sets : what the unknowns are in.
-    multiplier : (k,) whether an unknown only certifies others; without constants it may be anything.
+    multiplier : (k,) whether an unknown is a multiplier. program : (k,) whether the rows of its part are the conditions
+        of a program.
+    certifying : whether multipliers are asked for as a certificate only: without an objective any will do.
+    linear : whether all rows are linear, and the sets stay where they are.
+    by : sizes of entries by which units are found, where the terms of one answer do not tell them.
     caps : up to what rows are definite by what vanishes with an unknown that they say is 0.
     moving : (k,) sizes of the terms of bounds that depend on the answer; small ones may be differences of large ones.
-    affine : (k,) whether rows, and the sets beside them, are linear in all unknowns; None where that is so of all.
-    steady : (k,) sizes of the constants that rows have as far as they are linear along the answer, at most the sums of
-        their terms; None where they are `constants`.
     """
 
     terms: Terms
@@ -121,11 +209,13 @@ class Frame:
     sets: Sets
     signed: Vector | None = None
     block: Any = None
-    multiplier: Flags | None = None
+    multiplier: Any = False
+    program: Any = False
+    certifying: bool = False
+    linear: bool = True
+    by: Any = None
     caps: Caps | None = None
     moving: Vector | None = None
-    affine: Flags | None = None
-    steady: Vector | None = None
 
     @property
     def k(self) -> int:
@@ -133,19 +223,14 @@ class Frame:
         return self.constants.size
 
     @cached_property
-    def own_unit(self) -> Vector:
-        """1 over the size of the set of every block, 0 where it has none."""
-        return self.largest(self.sets.own_unit)
+    def units(self) -> tuple[Vector, Vector]:
+        """D and C, (k,): rows are compared times D, unknowns over C."""
+        return equilibrate_apart(self.terms.sizes if self.by is None else self.by)
 
     @cached_property
-    def amplification(self) -> Vector:
-        """By how much a rounding error of the row of every block is larger in f."""
-        return self.largest(self.sets.amplification)
-
-    @cached_property
-    def even(self) -> bool:
-        """Return whether no coefficient of friction is above 1: none hides in a distance how fast a contact closes."""
-        return bool((self.amplification <= 2.0).all())
+    def part(self) -> Any:
+        """(k,) number of the connected part of each block."""
+        return connected_components(self.terms.rows, directed=False)[1]
 
     def spread(self, values: Vector) -> Vector:
         """Return the values of blocks, for every unknown of each."""
@@ -176,17 +261,12 @@ class System:
     ----------
     frame : the problem. x, f : (N,) the unknowns and the values of the rows paired with them.
     also : residuals that must vanish beside f, each with the blocks of the rows by which they are measured.
-    convex : says of a program whether it is convex, which takes time; None where that is not known.
-    velocity : (N,) f of contacts without the sliding that the law adds, û − μ‖u_T‖e_N, 0 elsewhere; None without
-        contacts.
     """
 
     frame: Frame
     x: Vector
     f: Vector
     also: tuple[Vector, Any] | None = None
-    velocity: Vector | None = None
-    convex: Callable[[], bool] | None = None
 
     @cached_property
     def sizes(self) -> Vector:
@@ -204,13 +284,10 @@ class System:
         return frame.any(frame.sets.anchored(self.x)) if frame.sets.moored else np.zeros(frame.k, dtype=bool)
 
     def distances(self, x_unit: Vector, f_unit: Vector) -> Vector:
-        """Return the larger of the distances of x̂ from its set and of f̂ from the dual set, in units of the blocks."""
+        """Return the larger of the distances of x̂ from its set and of f̂ from the dual set, in units, by block."""
         frame = self.frame
-        return frame.sets.conditions(self.x, self.f, frame.spread(x_unit), frame.spread(f_unit))
-
-    def excess(self, f_unit: Vector) -> Vector:
-        """Return the rows that no unknown may have, in units of the blocks."""
-        return self.distances(np.zeros(self.frame.k), f_unit)
+        both = frame.sets.conditions(self.x, self.f, frame.spread(x_unit), frame.spread(f_unit))
+        return frame.largest(both)
 
     def defect(self, x_unit: Vector, f_unit: Vector) -> Vector:
         """Return the norms of x̂ − P(x̂ − f̂), in units of the blocks."""
@@ -218,18 +295,24 @@ class System:
         return frame.norms(frame.sets.defect(self.x, self.f, frame.spread(x_unit), frame.spread(f_unit)))
 
 
-def largest(*values: float) -> float:
-    """Return the largest; ∞ where one is no number, which max() would drop."""
-    return max(0.0, *values) if all(map(math.isfinite, values)) else math.inf
+ROWS: NodeTable[Callable[[Any, Any], Any]] = NodeTable(
+    "rows for the judge", "residuals of the class decide the verdict"
+)
+"""Function of a problem and an answer that returns the answer as a `System`, or at its contacts (`contacts`)."""
+STACKED: NodeTable[bool] = NodeTable("verdicts as arrays", "solve_many judges answers one by one")
+"""Nodes of which many answers are judged in one go (`stacked`)."""
+_FRAMES: WeakKeyDictionary[Problem, Any] = WeakKeyDictionary()
 
 
-def some(flags: Flags) -> bool:
-    """Return whether one is true: of a few in a fourth of the time of `flags.any()`."""
-    return bool(np.count_nonzero(flags))
+def kept(problem: Problem, make: Callable[[], Any]) -> Any:
+    """Return what is the same for all answers to a problem, made once."""
+    if problem not in _FRAMES:
+        _FRAMES[problem] = make()
+    return _FRAMES[problem]
 
 
 def every(flags: Flags) -> bool:
-    """Return whether all are true."""
+    """Return whether all are true: of a few in a fourth of the time of `flags.all()`."""
     return int(np.count_nonzero(flags)) == flags.size
 
 

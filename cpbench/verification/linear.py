@@ -1,0 +1,215 @@
+"""Error of an answer to a program, a complementarity problem or an affine inequality.
+
+All of them are unknowns x in sets beside rows f that are linear in x, and are measured by one function: so an answer
+has the same verdict as lcp, mlcp, avi and qp. `docs/methods/verdict.md` shows that function with its reasons. What
+methods hold in norms is measured in norms; a constraint or a bound counts by its own terms, too, and what is left is
+the duality gap, over the objective itself. Nonlinear programs are measured by their linearization at the answer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.csgraph import connected_components
+
+from cpbench.foundation.matrices import SYMMETRY_TOLERANCE, Vector
+from cpbench.verification.rows import EPS, FAR_BELOW, ROUNDINGS, AnswerError, Frame, Groups, System, every, inverse
+from cpbench.verification.sets import Flags
+
+OWN = 0.1
+"""Share by which a constraint or a bound is compared with its own terms: it is missed by at most 10 ε of them."""
+SMALL = 1e-5
+"""Share of the largest below which the terms of such a row say nothing: they may be rounding of others."""
+BALANCED = 0.1
+"""Share of an idle constant that the other terms of its row must reach for it to give a size."""
+
+
+@dataclass(frozen=True, eq=False)
+class AnswerSizes:
+    """Sizes that an answer is compared with; arrays have the shape (k,), with the values of a problem for its blocks.
+
+    Attributes
+    ----------
+    of : the problem that a block belongs to; of what is no program each connected part, for units of their rows have
+        nothing to do with each other.
+    z : whether an unknown is none of the multipliers of a program. program : whether the rows are those of a program.
+    D, C : units of rows and unknowns. sums : Σ_j |J_ij||x_j|. needed : constants that the answer needs.
+    x, f : sizes of unknowns and of rows; ∞ where anything will do.
+    prices, cheapest, sides : the largest and the least constant of the gradient, and the largest of constraints and
+        bounds, in units.
+    curved : whether z is in the gradient. absolute : whether the data give no size, so that all are 1.
+    """
+
+    of: Groups
+    z: Flags
+    program: Flags
+    D: Vector
+    C: Vector
+    sums: Vector
+    needed: Vector
+    x: Vector
+    f: Vector
+    prices: Vector
+    cheapest: Vector
+    sides: Vector
+    curved: Flags
+    absolute: Flags
+
+    @property
+    def reach(self) -> Vector:
+        """How large sides make z, or prices where the objective is curved, in units."""
+        return np.maximum(self.sides, np.where(self.curved, self.prices, 0.0))
+
+
+def linear_error(system: System, problem: Groups | None = None) -> AnswerError:
+    """Measure an answer; of several problems side by side, each by itself.
+
+    problem : the problem that each block belongs to, None where there is one. Errors are those of the problems.
+    """
+    problem = problem or Groups.one(system.frame.k)
+    sums = system.frame.terms.sums(system.sizes)
+    if not every(np.isfinite(sums)):  # squares of such unknowns are no numbers any more
+        return AnswerError(np.full(problem.count, np.inf), np.zeros(problem.count))
+    sizes = sizes_of(system, problem, sums)
+    gap, floor = gap_error(system, sizes)
+    errors = np.maximum(distances(system, sizes), sizes.of.spread(gap))
+    return AnswerError(problem.largest(errors), problem.largest(sizes.of.spread(floor)), bool(sizes.absolute.any()))
+
+
+def sizes_of(system: System, problem: Groups, sums: Vector) -> AnswerSizes:
+    """Return the sizes of an answer, in norms: one for the gradient, the constraints, the unknowns, the multipliers."""
+    frame = system.frame
+    of, program = _groups(frame, problem)
+    z, (D, C) = ~(frame.multiplier & program), frame.units
+    D, C = np.where(program, np.sqrt(D) * np.sqrt(C), D), np.where(program, np.sqrt(D) * np.sqrt(C), C)
+
+    def largest(values: Vector, where: Flags) -> Vector:
+        return of.spread(of.largest(np.where(where, values, 0.0)))
+
+    # not needed is the constant of a row that is far from deciding anything, and one far below others stands for 0
+    constants, reach = D * frame.constants, system.sizes / C
+    idle = frame.any(frame.sets.idle(system.x, system.f)) & (D * sums <= BALANCED * constants)
+    curved = of.spread(of.any(z & (frame.terms.sums(z.astype(np.float64)) > 0)))
+    least = FAR_BELOW * np.where(curved, largest(constants, ~idle), largest(constants, ~idle & z))
+    least = np.where(z | curved, least, FAR_BELOW * largest(constants, ~idle & ~z))
+    constants = np.where(constants > least, constants, 0.0)
+    needed = np.where(idle, 0.0, constants)
+    sides, prices = np.maximum(largest(needed, ~z), largest(reach, system.fixed & z)), largest(needed, z)
+    bare = (sides == 0) & ~(curved & (prices > 0))  # as where 0 is the solution: the least constant is a size
+    needed = np.where(np.where(z, prices, largest(needed, ~z)) > 0, needed, constants)
+    sides, prices = np.where(sides > 0, sides, largest(needed, ~z)), largest(needed, z)
+    if bare.any():
+        far = np.where(z, frame.largest(frame.sets.sides) / C, needed)
+        sides = np.where(bare, inverse(largest(inverse(far), far > 0)), sides)
+        prices = np.where(bare, inverse(largest(inverse(needed), z)), prices)
+    cheapest = inverse(largest(inverse(needed), z))
+    aimless = program & ~curved & of.spread(of.any(~z) & ~of.any(z & (constants > 0)))
+    absolute = ((sides == 0) & (prices == 0)) | (aimless & (not frame.certifying))
+
+    rows = np.maximum(D * sums, needed)
+    gradient, unknowns = largest(rows, z), largest(reach, z)
+    unknowns = np.where(bare, np.maximum(unknowns, np.maximum(sides, np.where(curved, prices, 0.0))), unknowns)
+    x = C * np.where(z, unknowns, np.maximum(largest(reach, ~z), gradient))
+    f = np.where(z, gradient, np.maximum(largest(rows, ~z), unknowns)) / D
+    x = np.where(absolute, 1.0, np.where(aimless & ~z, np.inf, x))
+    f = np.where(absolute, 1.0, np.where(aimless & z, np.inf, f))
+    return AnswerSizes(of, z, program, D, C, sums, needed / D, x, f, prices, cheapest, sides, curved, absolute)
+
+
+def _groups(frame: Frame, problem: Groups) -> tuple[Groups, Flags]:
+    """Return what is measured together, and whether it is a program."""
+    other = problem.any(~frame.program)
+    if not other.any():
+        return problem, frame.program
+    program, number = ~problem.spread(other), problem.spread(np.arange(problem.count))
+    label = np.unique(np.where(program, number, problem.count + frame.part), return_inverse=True)[1]
+    return Groups(label, int(label.max()) + 1, frame.k), program
+
+
+def distances(system: System, sizes: AnswerSizes) -> Vector:
+    """Return how far unknowns and rows are from where they must be, over their sizes, (k,)."""
+    frame, z = system.frame, sizes.z
+    x_unit, f_unit = inverse(sizes.x), inverse(sizes.f)
+    # a constraint, or a bound other than 0, is missed by at most 10 ε of its own terms
+    constraint = ~(z & sizes.of.spread(sizes.of.any(~z)))
+    terms = np.where(constraint, sizes.sums + sizes.needed, 0.0)
+    missed = frame.largest(frame.sets.missed(system.x))
+    beyond = np.where(z & (missed > 0), missed + frame.norms(system.x), 0.0)
+    by_terms = np.maximum(f_unit, OWN * inverse(np.where(terms * f_unit > SMALL, terms, 0.0)))
+    by_bound = np.maximum(x_unit, OWN * inverse(np.where(beyond * x_unit > SMALL, beyond, 0.0)))
+    found = system.distances(by_bound, by_terms)
+    if system.also is not None:
+        value, at = system.also
+        off = np.abs(value) * f_unit[at]  # the force of a bound has the digits of its own size
+        np.maximum.at(found, np.arange(frame.k)[at], off / np.maximum(1.0, frame.norms(system.f)[at] * f_unit[at]))
+    # unknowns that cancel may be as large as one likes, and hide by that no more than √ε of the data
+    grown = system.distances(np.zeros_like(x_unit), np.where(z, 0.0, sizes.D * inverse(sizes.reach)))
+    found = np.maximum(found, np.where(sizes.absolute, 0.0, np.minimum(grown, 1.0) ** 2))
+    free = sizes.program & sizes.curved & (sizes.prices == 0)
+    if not free.any():
+        return found
+    # without prices a gradient whose terms are all below ε of what sides make of it is 0
+    gradient = sizes.of.spread(sizes.of.largest(np.where(z, sizes.f * sizes.D, 0.0)))
+    share = np.divide(gradient, sizes.sides, out=np.ones_like(found), where=gradient < sizes.sides)
+    primal = np.maximum(
+        system.distances(np.where(z, by_bound, 0.0), np.where(z, 0.0, by_terms)), np.minimum(grown, 1.0) ** 2
+    )
+    return np.where(free, np.maximum(primal, np.minimum(found, share)), found)
+
+
+def gap_error(system: System, sizes: AnswerSizes) -> tuple[Vector, Vector]:
+    """Return the duality gap over the objective, and the rounding of its terms over the same, of each problem."""
+    frame, of, z = system.frame, sizes.of, sizes.z
+    if frame.signed is None:
+        return np.zeros(of.count), np.zeros(of.count)
+    weight = np.where(np.isinf(sizes.x) | np.isinf(sizes.f), 0.0, sizes.D / sizes.C)
+    room = frame.spread(np.where(sizes.absolute, np.inf, sizes.x))
+    gap = of.sum(weight * np.abs(frame.block_sums(frame.sets.products(system.x, system.f, room))))
+    linear = weight * frame.block_sums(system.x * frame.signed)
+    quadratic = of.sum(weight * frame.block_sums(system.x * system.f) - linear)
+    straight, square = np.abs(0.5 * quadratic + of.sum(np.where(z, linear, 0.0))), 0.5 * np.abs(quadratic)
+    # without multipliers the products of rows and of constants have the same unknowns, whatever cancels
+    straight = np.where(of.any(~z), straight, of.sum(np.abs(linear)))
+    objective = np.maximum(straight, square)
+    size = np.maximum(objective, gap)
+    error = np.divide(gap, size, out=np.zeros_like(gap), where=gap > 0)
+
+    # an objective far below what the data make of it is 0: below ε of that by the least price, or ε² by squares
+    prices, reach = of.largest(sizes.prices), of.largest(sizes.reach)
+    by_square = np.where(of.any(sizes.curved), reach, 0.0) ** 2
+    by_prices = of.largest(sizes.cheapest) * np.minimum(reach, of.largest(np.where(z, sizes.x / sizes.C, 0.0)))
+    made = np.where(prices > 0, by_prices, by_square)
+    share = np.divide(np.where(prices > 0, size, gap), made, out=np.ones_like(gap), where=size < made)
+    of_square = np.divide(square, by_square, out=(by_square > 0).astype(float), where=square < by_square)
+    error = np.minimum(error, np.maximum(share, np.sqrt(of_square)))
+    rounding = ROUNDINGS * EPS * of.sum(weight * system.sizes * (sizes.sums + frame.constants))
+    most = np.maximum(objective, np.maximum(made, by_square))
+    floor = np.divide(rounding, most, out=np.zeros_like(gap), where=most > 0)
+    return np.where(of.any(sizes.absolute), gap, error), floor
+
+
+def orientation(J: Any) -> tuple[Flags, Flags]:
+    """Return which unknowns of the rows Jx + c are multipliers, and which are in a part that is a program at all.
+
+    The conditions of a program are rows that are symmetric but for the signs of those of multipliers: J_ij = J_ji
+    between unknowns of one kind, J_ij = −J_ji between both kinds. Of each connected part the first unknown is none.
+    """
+    J = sp.csr_array(J)
+    n, T = J.shape[0], sp.csr_array(J.T)
+    if not J.nnz or np.abs(J - T).max() <= SYMMETRY_TOLERANCE * np.abs(J).max():
+        return np.zeros(n, dtype=bool), np.ones(n, dtype=bool)
+    uneven: Any = sp.coo_array(abs(abs(J) - abs(T)) - SYMMETRY_TOLERANCE * abs(J).maximum(abs(T)))
+    both: Any = sp.coo_array(J.multiply(T))
+    (i, j), alike = both.coords, both.data > 0
+    # twice every unknown: as it is, and as a multiplier
+    ends = np.concatenate([np.where(alike, j, j + n), np.where(alike, j + n, j)])
+    graph = sp.coo_array((np.ones(ends.size), (np.concatenate([i, i + n]), ends)), shape=(2 * n, 2 * n))
+    label = connected_components(graph, directed=False)[1]
+    part = connected_components(J, directed=False)[1]
+    broken = np.zeros(n, dtype=bool)
+    broken[part[label[:n] == label[n:]]] = True
+    broken[part[uneven.coords[0][uneven.data > 0]]] = True
+    return label[:n] > label[n:], ~broken[part]
