@@ -166,7 +166,8 @@ def gap_error(system: System, sizes: AnswerSizes) -> tuple[Vector, Vector]:
     if frame.signed is None:
         return np.zeros(of.count), np.zeros(of.count)
     weight = np.where(np.isinf(sizes.x) | np.isinf(sizes.f), 0.0, sizes.D / sizes.C)
-    room = frame.spread(np.where(sizes.absolute, np.inf, sizes.x))
+    far = np.where(z, np.maximum(sizes.x, sizes.C * sizes.reach), sizes.x)  # an answer of 0 is not near its bounds
+    room = frame.spread(np.where(sizes.absolute, np.inf, far))
     gap = of.sum(weight * np.abs(frame.block_sums(frame.sets.products(system.x, system.f, room))))
     linear = weight * frame.block_sums(system.x * frame.signed)
     quadratic = of.sum(weight * frame.block_sums(system.x * system.f) - linear)

@@ -226,7 +226,7 @@ def test_real_programs(shared_data: Path, name: str) -> None:
     pytest.importorskip("clarabel")
     problem = storage.load(shared_data / "qp" / f"{name}.mat")
     found = cpbench.solve(problem, "clarabel", tolerance=1e-10)
-    assert found.error < 1e-8, found
+    assert found.error < 1e-7, found
     assert cpbench.verify(problem, found.point.z).error <= max(found.error, 1e-10)
     z = found.point.z.copy()
     z[int(np.argmax(np.abs(z)))] *= 1.01
