@@ -136,7 +136,7 @@ class SolverByParts(PartSolver):
         while asked > EPS:
             asked = reduced(asked, error, enough)
             left = replace(budget.left(deadline), tolerance=asked)
-            further = self.solve_part(part.prepared, left, options, output.point, record)
+            further = self.solve_part(part.prepared, left, options, output.point, _after(record, output.counters))
             counters = Counter(output.counters)
             counters.update(further.counters)
             now = error if further.point is None else part.error(further.point.r)
@@ -150,6 +150,14 @@ class SolverByParts(PartSolver):
         message = f"error {error:.1e} over the free velocities of the part"
         message = f"{output.message}; {message}" if output.message else message
         return SolverOutput(claim=Claim.INACCURATE, point=output.point, counters=output.counters, message=message)
+
+
+def _after(record: Record | None, counters: Any) -> Record | None:
+    """Return the record of a run that goes on after the iterations counted."""
+    if record is None:
+        return None
+    done = counters["iterations"] + 1
+    return lambda iteration, error, answer: record(done + iteration, error, answer)
 
 
 def _progress(record: Record, parts: ContactParts, r: Vector, budget: Budget) -> PartsProgress:

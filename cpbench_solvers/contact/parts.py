@@ -165,7 +165,7 @@ def worst_part(problem: Contact, r: Vector) -> float:
     label = np.empty(problem.nc, np.int64)
     for k, some in enumerate(contacts):
         label[some] = k
-    return float(MeasuredParts.of(rows_of_blocks(problem), label, len(contacts)).errors(r).max(initial=0.0))
+    return float(MeasuredParts(rows_of_blocks(problem), label, len(contacts)).errors(r).max(initial=0.0))
 
 
 def connected_parts(problem: Contact) -> list[Index]:
