@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cpbench.foundation.matrices import Dense, Vector
+from cpbench.verification.projections import row_norms
 from cpbench.verification.rows import FAR_BELOW, AnswerError, Groups
 
 OWN = 0.1
@@ -62,16 +63,16 @@ def contact_error(at: ContactAnswer, problem: Groups | None = None) -> AnswerErr
     speed, radius = at.r / at.rho[:, None], np.maximum(at.r[:, 0], 0.0) / at.rho
     missed = [(np.abs(np.minimum(speed[:, 0], at.u[:, 0])), slice(0, 1))]
     missed += [(_slip(speed[:, some], at.u[:, some], mu * radius), some) for some, mu in at.balls]
-    free = norms(at.q)
+    free = row_norms(at.q)
     size, most = at.part.spread(at.part.largest(free)), problem.spread(problem.largest(free))
     size = np.where(size > FAR_BELOW * most, size, most)  # a part at rest has 1e-16 for 0 where others move
     absolute = size == 0
     unit = 1.0 / np.where(absolute, 1.0, size)
     error = floor = np.zeros(at.rho.size)
     for miss, some in missed:
-        noise = norms(at.noise[:, some])
-        miss = miss + norms(at.off[:, some]) if isinstance(at.off, np.ndarray) else miss
-        own = norms(at.q[:, some])
+        noise = row_norms(at.noise[:, some])
+        miss = miss + row_norms(at.off[:, some]) if isinstance(at.off, np.ndarray) else miss
+        own = row_norms(at.q[:, some])
         by_own = OWN * np.divide(np.maximum(miss - noise, 0.0), own, out=np.zeros_like(own), where=own * unit > SMALL)
         error, floor = np.maximum(error, np.maximum(miss * unit, by_own)), np.maximum(floor, noise * unit)
     if at.others is not None:
@@ -82,12 +83,7 @@ def contact_error(at: ContactAnswer, problem: Groups | None = None) -> AnswerErr
 def _slip(r: Dense, u: Dense, radius: Vector) -> Vector:
     """Return ‖r − P(r − u)‖ of every row, P the projection on the ball of its radius."""
     y = r - u
-    size = norms(y)
+    size = row_norms(y)
     slides = size > radius  # within the ball it is u, which must not be lost beside r
     share = np.divide(radius, size, out=np.zeros_like(size), where=slides)
-    return norms(np.where(slides[:, None], r - share[:, None] * y, u))
-
-
-def norms(x: Dense) -> Vector:
-    """Return the Euclidean norm of every row."""
-    return np.sqrt(np.einsum("ij,ij->i", x, x))
+    return row_norms(np.where(slides[:, None], r - share[:, None] * y, u))

@@ -60,18 +60,12 @@ class Sets:
 
     @cached_property
     def moored(self) -> bool:
-        """Whether a part of the boundary is not 0."""
+        """Return whether a part of the boundary is not 0."""
         return bool(self.off_0) or any(cone.moored for cone in self.cones)
 
     @cached_property
-    def free(self) -> Flags:
-        """Whether a component may be anything."""
-        lower, upper = self.bounded
-        return self._with_cones(~lower & ~upper, lambda cone: False)
-
-    @cached_property
     def has_0(self) -> bool:
-        """Whether 0 is in the set, so that the nearest point of it is never larger."""
+        """Return whether 0 is in the set, so that the nearest point of it is never larger."""
         return bool((self.lb <= 0).all() and (self.ub >= 0).all())
 
     @cached_property
@@ -85,11 +79,6 @@ class Sets:
         """1 over the size of the set where that is finite, 0 elsewhere."""
         units = _inverse_size(np.maximum(np.abs(self.lb), np.abs(self.ub)))
         return self._with_cones(units, lambda cone: cone.own_unit())
-
-    @cached_property
-    def amplification(self) -> Vector:
-        """By how much a rounding error of a row is larger in f; 1 or less but for a law with a large coefficient."""
-        return self._with_cones(np.ones(self.lb.size), lambda cone: cone.amplification())
 
     def nearest(self, x: Vector) -> Vector:
         """Return P(x); x itself where it is within the sides."""
@@ -203,11 +192,6 @@ class ConeFactors:
         if not self.moored:
             return np.zeros((len(self.at), 1), dtype=bool)
         return ((self.mu > 0) & (row_norms(self._round_part(x[self.at])) >= NEAR * self.mu))[:, None]
-
-    def amplification(self) -> Vector:
-        if self.round:
-            return np.ones((len(self.at), 1))
-        return 1.0 + (np.where(np.isfinite(self.mu), self.mu, 0.0) + self.mu_r)[:, None]
 
     def idle(self, f: Vector) -> Flags:
         # on the boundaries of both cones xᵀf is rounding, and its sign says nothing
