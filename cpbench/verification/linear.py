@@ -165,7 +165,7 @@ def gap_error(system: System, sizes: AnswerSizes) -> tuple[Vector, Vector]:
     frame, of, z = system.frame, sizes.of, sizes.z
     if frame.signed is None:
         return np.zeros(of.count), np.zeros(of.count)
-    weight = np.where(np.isinf(sizes.x) | np.isinf(sizes.f), 0.0, sizes.D / sizes.C)
+    weight = np.where(np.isinf(sizes.x) | np.isinf(sizes.f), 0.0, np.where(sizes.absolute, 1.0, sizes.D / sizes.C))
     far = np.where(z, np.maximum(sizes.x, sizes.C * sizes.reach), sizes.x)  # an answer of 0 is not near its bounds
     room = frame.spread(np.where(sizes.absolute, np.inf, far))
     gap = of.sum(weight * np.abs(frame.block_sums(frame.sets.products(system.x, system.f, room))))

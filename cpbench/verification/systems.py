@@ -85,13 +85,18 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
 
     def frame() -> Frame:
         sizes = stack([[M, transpose(P.A), transpose(P.C)], [P.A, None, None], [P.C, None, None]])
+        if P.node == "qp":
+            multiplier, program = np.arange(n + m + k) >= n, np.ones(n + m + k, dtype=bool)
+        else:
+            J = [[M, -transpose(P.A), -transpose(P.C)], [P.A, None, None], [P.C, None, None]]
+            multiplier, program = orientation(sp.block_array(J))
         return Frame(
             terms=Terms.of(sizes),
             constants=np.abs(np.concatenate([q, b, P.d])),
             sets=Sets.of((n, P.lb, P.ub), (m, 0.0, np.inf), (k, -np.inf, np.inf)),
             signed=np.concatenate([q, -b, -P.d]),
-            multiplier=np.arange(n + m + k) >= n,
-            program=np.full(n + m + k, matrices.is_symmetric(M)),
+            multiplier=multiplier,
+            program=program,
             certifying=P.node == "qp",
         )
 

@@ -17,7 +17,7 @@ from cpbench.formulations.relay import Relay
 from cpbench.foundation import matrices
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench_solvers.automatic import AutomaticChoice, LastNumber
-from cpbench_solvers.avi.claims import Affine, data_of, error_of_parts
+from cpbench_solvers.avi.claims import Affine, data_of, verdict_error
 from cpbench_solvers.qp.apart import block, claimed, labels, missed, split
 
 Index: TypeAlias = NDArray[np.int64]
@@ -79,7 +79,7 @@ def solve_apart(
         if output.claim is not Claim.SOLVED:
             claim = output.claim
             messages.append(missed(output, number, at))
-    point, error = problem.point_from_vector(x), error_of_parts(problem, x)
+    point, error = problem.point_from_vector(x), verdict_error(problem, x)
     return claimed(point, error, budget, claim, messages, dict(counters))
 
 

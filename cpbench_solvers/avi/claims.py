@@ -1,4 +1,4 @@
-"""The error by which solvers of affine problems end: that of norms, and that of connected parts."""
+"""The error by which solvers of affine problems end: that of norms, and the verdict's."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ from cpbench_solvers.qp.kkt_system import entries
 
 Affine: TypeAlias = LCP | MLCP | Relay | AVI
 _DATA: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
-_PROGRAMS: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
+_ROWS: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
+NONE = np.zeros(0)
 
 
 @cache
 def load_measure() -> Any:
-    """Load all loops that measure connected parts, for a warm-up leaves nothing to a solve; return those of rows."""
-    for name in ("qp_sparse", "affine_parts"):
+    """Load all loops that measure as the verdict does, for a warm-up leaves nothing to a solve; return the last."""
+    for name in ("qp_sparse", "linear_rows"):
         load(f"cpbench_solvers.kernels.{name}")
-    return load("cpbench_solvers.kernels.affine_rows")
+    return load("cpbench_solvers.kernels.linear_error")
 
 
 def data_of(problem: Affine) -> Any:
@@ -35,8 +36,8 @@ def data_of(problem: Affine) -> Any:
     loops; made once. Those of an MLCP have u before v."""
     if problem in _DATA:
         return _DATA[problem]
-    none, inf, P = np.zeros(0), np.inf, problem
-    rows, sides, count = (np.zeros(1, np.int32), np.zeros(0, np.int32), none), none, 0
+    inf, P = np.inf, problem
+    rows, sides, count = (np.zeros(1, np.int32), np.zeros(0, np.int32), NONE), NONE, 0
     if isinstance(P, MLCP):
         M, q, low = matrices.block([[P.A, P.C], [P.D, P.B]]), np.concatenate([P.a, P.b]), np.zeros(P.a.size + P.b.size)
         low[: P.a.size] = -inf
@@ -50,24 +51,24 @@ def data_of(problem: Affine) -> Any:
     return result
 
 
-def program_of(problem: Affine) -> Any:
-    """Return the rows of a problem with their connected parts, as the kernel `affine_parts` has them, found once."""
-    if problem not in _PROGRAMS:
-        _PROGRAMS[problem] = load("cpbench_solvers.kernels.affine_parts").affine(*data_of(problem))
-    return _PROGRAMS[problem]
+def rows_of(problem: Affine) -> Any:
+    """Return the rows of a problem, as the kernel `linear_rows` has them, made once."""
+    if problem not in _ROWS:
+        _ROWS[problem] = load("cpbench_solvers.kernels.linear_rows").linear(*data_of(problem), False)
+    return _ROWS[problem]
 
 
-def error_of_parts(problem: Affine, x: Vector) -> float:
-    """Return the largest error of a connected part (`affine_rows`), which is the verdict's; 8 eps for an answer that is
-    exact to rounding, as nearly all of pivoting are. x : z, or u and v, then multipliers."""
+def verdict_error(problem: Affine, x: Vector) -> float:
+    """Return the verdict's error (`linear_error`); 8 eps for an answer that is exact to rounding, as nearly all of
+    pivoting are. x : z, or u and v, then multipliers."""
     kernel = load_measure()
     if kernel.exact(*data_of(problem), x):
         return kernel.NOISE
-    return kernel.largest_error(program_of(problem), x)
+    return kernel.largest_error(rows_of(problem), x, NONE)
 
 
 def error_of(problem: AVI | Relay, point: Any, tolerance: float) -> float:
-    """Return the error of norms (`residuals`) or, where that is within the tolerance, of a connected part if that is
+    """Return the error of norms (`residuals`) or, where that is within the tolerance, the verdict's if that is
     larger; infinity for an answer that is not finite."""
     x, kernel = point.vector, load_measure()
     if kernel.exact(*data_of(problem), x):
@@ -75,4 +76,4 @@ def error_of(problem: AVI | Relay, point: Any, tolerance: float) -> float:
     if not point.finite:
         return np.inf
     error = problem.residuals(point, tolerance).error
-    return max(error, kernel.largest_error(program_of(problem), x)) if error <= tolerance else error
+    return max(error, kernel.largest_error(rows_of(problem), x, NONE)) if error <= tolerance else error

@@ -20,12 +20,11 @@ import numpy as np
 
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
 from cpbench.foundation import matrices
-from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Matrix, Vector
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register
 from cpbench.solvers.shared.progress import SHARE, Progress
-from cpbench_solvers.cone import polyhedral
+from cpbench_solvers.cone.scaled_form import judged
 from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 from cpbench_solvers.traits import ITERATIVE
@@ -96,11 +95,10 @@ class APGD(Solver):
         p = d * problem.p
         size = matrices.max_abs(np.where(K.extended, p, 0.0)) or 1.0
         unit = size * d
-        error = polyhedral.judged(problem, budget.tolerance)
+        error = judged(problem, budget.tolerance)
         return ScaledProgram(problem, congruent(problem.Q, d), p / size, K.in_units(1.0 / unit), unit, error)
 
     def warmup(self) -> None:
-        load_all("cpbench_solvers.kernels", polyhedral.KERNELS)
         self.run(ConeQP.over(np.eye(3), -np.ones(3), ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))))
 
     def solve(

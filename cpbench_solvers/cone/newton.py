@@ -8,12 +8,11 @@ import numpy as np
 
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
-from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench.solvers.shared.jacobians import projection_jacobian
-from cpbench_solvers.cone.polyhedral import KERNELS, judged
+from cpbench_solvers.cone.scaled_form import judged
 from cpbench_solvers.nonlinear.natural_map import (
     AffineVI,
     NaturalMapNewton,
@@ -68,6 +67,5 @@ class NewtonCone(NaturalMapNewton):
         return ScaledVI(vi, unit)
 
     def warmup(self) -> None:
-        load_all("cpbench_solvers.kernels", KERNELS)
         K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))
         self.run(SOCLCP(M=np.eye(3), q=-np.ones(3), **cone_fields(K)))  # pyright: ignore[reportArgumentType]

@@ -10,12 +10,10 @@ import numpy as np
 from cpbench.formulations.coneqp import ConeQP
 from cpbench.formulations.conic import cone_fields
 from cpbench.formulations.soclcp import SOCLCP
-from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import Vector, least_eigenvalue
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput
 from cpbench.solvers.shared.progress import SHARE, Progress
-from cpbench_solvers.cone import polyhedral
 from cpbench_solvers.cone.scaled_form import ConicForm, conic_form
 from cpbench_solvers.lcp.claims import CLOSE, concluded
 
@@ -53,7 +51,6 @@ class ConicSolver(Solver):
         return conic_form(problem, budget.tolerance)
 
     def warmup(self) -> None:
-        load_all("cpbench_solvers.kernels", polyhedral.KERNELS)
         K = ProductCone.of((Cone.SECOND_ORDER, 1, 3, 0.5))
         if self.spec.node == "coneqp":
             self.run(ConeQP.over(np.eye(3), -np.ones(3), K))

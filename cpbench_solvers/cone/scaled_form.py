@@ -19,7 +19,7 @@ from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
 from cpbench.foundation.product_cones import ProductCone
-from cpbench_solvers.cone.polyhedral import judged
+from cpbench.verification.verdict import error_of
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
 
 
@@ -42,6 +42,17 @@ class ConicForm:
     answer: Callable[[Vector, Vector, Vector], Any]
     start: Callable[[Any], tuple[Vector, Vector]]
     error: Callable[[Any], float]
+
+
+def judged(problem: ConeQP | SOCLCP, tolerance: float) -> Callable[[Any], float]:
+    """Return what measures an answer: by norms (`residuals`) and, where these are within the tolerance, as the verdict
+    does."""
+
+    def error(point: Any) -> float:
+        found = problem.residuals(point, tolerance).error if point.finite else np.inf
+        return max(found, error_of(problem, point).error) if found <= tolerance else found
+
+    return error
 
 
 def conic_form(problem: ConeQP | SOCLCP, tolerance: float) -> ConicForm:

@@ -11,7 +11,7 @@ from numba import float64, int64, njit, void
 from cpbench_solvers.kernels.array_types import COMPILED, DATA, FAST, INDEX, START, VECTOR
 
 STEPS, CG_STEPS = 30, 100
-GUESSED, ENOUGH = 0.1, 2e-3
+GUESSED, ENOUGH = 0.1, 1e-4
 """Rows may be off by this much in the root mean square: in logarithms at the guess, on average at the end."""
 INEXACT = 0.1
 """Conjugate gradients leave this share of the right side of a Newton step."""

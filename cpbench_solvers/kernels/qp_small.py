@@ -11,6 +11,8 @@ from numba import njit, types
 
 from cpbench_solvers.kernels.array_types import COMPILED
 from cpbench_solvers.kernels.dense_cholesky import BY_BLOCKS, backward, cholesky, forward, forward_by_blocks
+from cpbench_solvers.kernels.linear_error import exact_program, largest_error
+from cpbench_solvers.kernels.linear_rows import linear
 from cpbench_solvers.kernels.qp_dense import dot, equilibrate, judged_error
 from cpbench_solvers.kernels.qp_dual import (
     FIRST_PART,
@@ -25,8 +27,6 @@ from cpbench_solvers.kernels.qp_dual import (
     begin,
     normalise,
 )
-from cpbench_solvers.kernels.qp_parts import program
-from cpbench_solvers.kernels.qp_rows import exact, largest_error
 from cpbench_solvers.kernels.qp_sparse import rows_of, stacked
 from cpbench_solvers.kernels.vectors import put
 
@@ -141,12 +141,12 @@ def _write_answer(x, y, place, norms, D, E, lb, ub, z, lam, mu, nu):
 
 @njit(types.float64(*PROGRAM, types.float64, _OUT, _OUT, _OUT, _OUT, _OUT), **COMPILED)
 def _error_of(Q, p, A, b, C, d, lb, ub, tolerance, z, lam, mu, nu, judge):
-    """Return the error of an answer by norms and, where that is within the tolerance, by connected parts."""
+    """Return the error of an answer by norms and, where that is within the tolerance, the verdict's."""
     error = judged_error(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu, judge)
-    # the measure by parts takes as long as a solve: last, and only if needed
-    if error <= tolerance and not exact(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
-        conditions = program(rows_of(Q), stacked(rows_of(A), rows_of(C)), p, np.concatenate((b, d)), b.size, lb, ub)
-        error = max(error, largest_error(conditions, np.concatenate((z, lam, mu)), nu))
+    # the verdict's takes as long as a solve: last, and only if needed
+    if error <= tolerance and not exact_program(Q, p, A, b, C, d, lb, ub, z, lam, mu, nu):
+        rows = linear(rows_of(Q), stacked(rows_of(A), rows_of(C)), p, np.concatenate((b, d)), b.size, lb, ub, True)
+        error = max(error, largest_error(rows, np.concatenate((z, lam, mu)), nu))
     return error
 
 
@@ -171,7 +171,7 @@ def _keep(best, z, nu, lam, mu):
 def solve(
     Q, p, A, b, C, d, lb, ub, tolerance, psd, proximal, feasible, crowd, most, operations, z, lam, mu, nu, error, counts
 ):
-    """Write z, λ, μ, ν and their judged error, by norms and, within the tolerance, by connected parts; return SOLVED
+    """Write z, λ, μ, ν and their judged error, by norms and, within the tolerance, the verdict's; return SOLVED
     where both are within it, else why not.
 
     Parameters

@@ -18,7 +18,7 @@ from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Matrix, Vector, dense, max_abs, sparse
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench_solvers import linear_program
-from cpbench_solvers.avi.claims import error_of_parts
+from cpbench_solvers.avi.claims import verdict_error
 
 CLOSE = 100.0
 """A method that ended regularly within this factor of the tolerance claims `inaccurate`, beyond it `failed`."""
@@ -134,8 +134,8 @@ def farkas(problem: LCP, budget: Budget) -> Vector | None:
 
 
 def error_of(problem: LCP, z: Vector, tolerance: float = -1.0) -> float:
-    """Return the error of norms or, of answers within the tolerance, of a connected part if that is larger; infinite
-    where z is not finite."""
+    """Return the error of norms or, of answers within the tolerance, the verdict's if that is larger; infinite where z
+    is not finite."""
     M, q, unit, kernel = problem.M, problem.q, problem.z_unit, load("cpbench_solvers.kernels.lcp_error")
     if isinstance(M, np.ndarray):
         error = compiled(kernel.error_dense)(M, q, z, unit)
@@ -143,7 +143,7 @@ def error_of(problem: LCP, z: Vector, tolerance: float = -1.0) -> float:
         M = sparse(M)
         error = kernel.error_sparse(M.indptr, M.indices, M.data, q, z, unit)
     if error <= tolerance:
-        error = max(error, error_of_parts(problem, z))
+        error = max(error, verdict_error(problem, z))
     return error if math.isfinite(error) else math.inf
 
 

@@ -11,7 +11,7 @@ from cpbench.formulations.lcp import LCP, LCPPoint
 from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, SolverSpec, Trait, register, solved
 from cpbench_solvers import linear_program
-from cpbench_solvers.avi.claims import error_of_parts, load_measure
+from cpbench_solvers.avi.claims import load_measure, verdict_error
 from cpbench_solvers.lcp.claims import conclude, dense_obstacle, error_of
 from cpbench_solvers.lcp.even_units import APART, EvenLCP, in_even_units
 from cpbench_solvers.lcp.first_basis import DenseLCP, dense_lcp, swept
@@ -89,7 +89,7 @@ class Lemke(Solver):
             limit, (pivot, codes) = budget.iterations or options.max_pivots or 50 * n + 1000, judged()
             z, tied = np.empty(n), options.tie_tolerance
             code, error, exact = pivot(prepared.M, q, z, problem.z_unit, limit, options.pivot_tolerance, tied)
-            if error <= budget.tolerance and (exact or error_of_parts(problem, z) <= budget.tolerance):
+            if error <= budget.tolerance and (exact or verdict_error(problem, z) <= budget.tolerance):
                 pivots = code // codes
                 return solved(LCPPoint(z), {"iterations": pivots, "pivots": pivots})
             return LemkeRun(prepared, budget, options).from_origin(z, code)

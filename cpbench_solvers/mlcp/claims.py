@@ -17,7 +17,7 @@ from cpbench.foundation.kernel_cache import compiled, load
 from cpbench.foundation.matrices import Dense, Matrix, Vector, dense, max_abs
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput
 from cpbench_solvers import linear_program
-from cpbench_solvers.avi.claims import error_of_parts, load_measure
+from cpbench_solvers.avi.claims import load_measure, verdict_error
 from cpbench_solvers.lcp.claims import WORTH, concluded, principal, size_obstacle, solve_linear
 
 PASSES = 3
@@ -57,18 +57,18 @@ class ScaledMLCP:
         return np.concatenate([point.u, np.maximum(point.v, 0.0)]) / self.unit
 
     def error(self, x: Vector, tolerance: float = -1.0) -> float:
-        """Return the error of norms or, of answers within the tolerance, of a connected part if that is larger;
-        infinite where x is not finite."""
+        """Return the error of norms or, of answers within the tolerance, the verdict's if that is larger; infinite
+        where x is not finite."""
         error = self._of_norms(x)
-        return max(error, self.of_parts(x)) if error <= tolerance else error
+        return max(error, self.verdict(x)) if error <= tolerance else error
 
-    def of_parts(self, x: Vector) -> float:
-        """Return the largest error of a connected part (`avi.claims`)."""
+    def verdict(self, x: Vector) -> float:
+        """Return the verdict's error (`avi.claims`)."""
         if not matrices.is_sparse(self.K):
             exact = compiled(load("cpbench_solvers.kernels.row_errors").is_exact)
             if exact(self.K, self.k, x, self.free):
                 return 0.0
-        return error_of_parts(self.problem, self.unit * x)
+        return verdict_error(self.problem, self.unit * x)
 
     def _of_norms(self, x: Vector) -> float:
         if matrices.is_sparse(self.K):

@@ -116,7 +116,7 @@ class LemkeMLCP(Solver):
         counters = {"iterations": pivots, "pivots": pivots, "factorizations": 0}
         x = answer / scaled.unit
         if outcome == kernel.RIGHT:  # a ray at the height of rounding errors, too
-            if scaled.of_parts(x) <= budget.tolerance:
+            if scaled.verdict(x) <= budget.tolerance:
                 return solved(MLCPPoint(answer[: scaled.free], answer[scaled.free :]), counters)
             outcome = kernel.COMPLEMENTARY
         return _ended(scaled, x, outcome, budget, counters)

@@ -29,7 +29,7 @@ from cpbench.foundation.product_cones import ProductCone
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec
 from cpbench.solvers.shared.progress import Progress
 from cpbench.solvers.shared.row_error import row_error
-from cpbench_solvers.avi.claims import error_of_parts, load_measure
+from cpbench_solvers.avi.claims import load_measure, verdict_error
 from cpbench_solvers.lcp.claims import CLOSE
 from cpbench_solvers.traits import ITERATIVE
 
@@ -85,9 +85,9 @@ class Field:
 
     def row_error(self, x: Vector, F: Vector) -> float:
         """Return the largest natural map of a row of x, of which F is F(x), or of the rows of a factor of the set; of
-        an affine F over a box the error of connected parts."""
+        an affine F over a box the verdict's error."""
         if self._as_affine is not None:
-            return error_of_parts(self._as_affine, x)
+            return verdict_error(self._as_affine, x)
         slope = self.derivative(x)
         return math.inf if slope is None else row_error(x, F, slope, *self.bounds(x))
 

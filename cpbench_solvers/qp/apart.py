@@ -14,7 +14,7 @@ from cpbench.foundation import matrices
 from cpbench.foundation.kernel_cache import load
 from cpbench.solvers.base import Budget, Claim, SolverOutput
 from cpbench_solvers.lcp.claims import concluded
-from cpbench_solvers.qp.claims import PARTS_KERNEL, SPARSE_KERNEL, ErrorMeasure
+from cpbench_solvers.qp.claims import ROWS_KERNEL, SPARSE_KERNEL, ErrorMeasure
 from cpbench_solvers.qp.kkt_system import Entries, entries
 from cpbench_solvers.qp.proximal_active_set import OPERATIONS, PASSES, ProximalActiveSetOptions
 
@@ -50,7 +50,7 @@ def parted(problem: QP) -> PartedQP | None:
 def labels(Q: Entries, G: Entries) -> NDArray[np.int64]:
     """Return the connected part of every unknown and row, numbered from 0. Rows without entries, which are part of
     nothing, count to the first unknown's."""
-    part, n = load(PARTS_KERNEL).labels(Q, G), Q[0].size - 1
+    part, n = load(ROWS_KERNEL).labels(Q, G), Q[0].size - 1
     alone = ~np.isin(part[n:], part[:n])
     if n and alone.any():
         part[n:][alone] = part[0]
@@ -156,7 +156,7 @@ class _Answer:
         """Return the answer with a claim."""
         m = self._problem.b.size
         answer = self.z, self.y[:m], self.y[m:], self.nu
-        error = ErrorMeasure(self._problem).of_parts(answer)
+        error = ErrorMeasure(self._problem).verdict(answer)
         return claimed(QPPoint(*answer), error, budget, self._claim, self._missed, self.counters)
 
 

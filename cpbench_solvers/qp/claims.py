@@ -28,7 +28,7 @@ RESTORED = 1_000_000
 """Entries of the largest matrix of a least-squares problem that completes a proof."""
 KERNEL = "cpbench_solvers.kernels.qp_dense"
 SPARSE_KERNEL = "cpbench_solvers.kernels.qp_sparse"
-PARTS_KERNEL, ROWS_KERNEL = "cpbench_solvers.kernels.qp_parts", "cpbench_solvers.kernels.qp_rows"
+ROWS_KERNEL, VERDICT_KERNEL = "cpbench_solvers.kernels.linear_rows", "cpbench_solvers.kernels.linear_error"
 
 
 Parts: TypeAlias = tuple[Vector, Vector, Vector, Vector]
@@ -38,8 +38,7 @@ Parts: TypeAlias = tuple[Vector, Vector, Vector, Vector]
 class ErrorMeasure:
     """The judged error of answers to one problem, for whoever records as well.
 
-    Of answers within `tolerance` it is the larger one of that and of the errors of the connected parts of the problem,
-    which are the verdict's (`qp_rows`): norms over all hide what is small beside the rest.
+    Of answers within `tolerance` it is the larger one of norms and of the verdict's error (`linear_error`).
 
     best : the answer with the least error of those that were seen, but not merely in passing: those are seen only where
     somebody records. least : that error. norms : the error of the last answer by norms.
@@ -59,23 +58,23 @@ class ErrorMeasure:
         self._data, self._work = (Q, P.p, A, P.b, C, P.d, P.lb, P.ub), work
 
     def error(self, answer: Parts) -> float:
-        """Return `QP.residuals(...).error`, or the error of a part where that is larger; infinite for an answer that
+        """Return `QP.residuals(...).error`, or the verdict's error where that is larger; infinite for an answer that
         is not finite."""
         self.norms = error = self._judged(*self._data, *answer, *self._work)
-        return max(error, self.of_parts(answer)) if error <= self._tolerance else error
+        return max(error, self.verdict(answer)) if error <= self._tolerance else error
 
-    def of_parts(self, answer: Parts) -> float:
-        """Return the largest error of a connected part; infinite for an answer that is not finite."""
+    def verdict(self, answer: Parts) -> float:
+        """Return the verdict's error; infinite for an answer that is not finite."""
         z, lam, mu, nu = answer
-        return load(ROWS_KERNEL).largest_error(self._program, np.concatenate([z, lam, mu]), nu)
+        return load(VERDICT_KERNEL).largest_error(self._rows, np.concatenate([z, lam, mu]), nu)
 
     @cached_property
-    def _program(self) -> Any:
-        """The conditions of the problem and its connected parts, as `qp_parts` has them."""
+    def _rows(self) -> Any:
+        """The conditions of the problem, as `linear_rows` has them."""
         P = self._problem
         G = load(SPARSE_KERNEL).stacked(entries(P.A), entries(P.C))
         sides = np.concatenate([P.b, P.d])
-        return load(PARTS_KERNEL).program(entries(P.Q), G, P.p, sides, P.b.size, P.lb, P.ub)
+        return load(ROWS_KERNEL).linear(entries(P.Q), G, P.p, sides, P.b.size, P.lb, P.ub, True)
 
     def see(self, iteration: int, answer: Parts, *, passing: bool = False) -> float:
         """Return the error, recorded where nothing was recorded of that iteration."""

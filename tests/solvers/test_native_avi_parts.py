@@ -12,7 +12,7 @@ from cpbench.formulations import AVI, LCP, MLCP, AVIPoint, LCPPoint, MLCPPoint, 
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted, planted_conic
 from cpbench.verification import judge
-from cpbench_solvers.avi.claims import error_of, error_of_parts
+from cpbench_solvers.avi.claims import error_of, verdict_error
 from cpbench_solvers.lcp import claims as lcp_claims
 from cpbench_solvers.mlcp import claims as mlcp_claims
 
@@ -124,18 +124,14 @@ def test_errors_of_parts_of_pairs_are_those_of_the_verdict(seed: int) -> None:
             off = type(answer)(
                 **{n: a * (1.0 + size * rng.standard_normal(a.size)) for n, a in answer.arrays().items()}
             )
-            assert error_of_parts(P, off.vector) == pytest.approx(judge(P, off, 1e-6).error, rel=0.01)
-
-
-def _beside_a_large_one() -> LCP:
-    """z₁ - z₂ ≥ 1 and z₂ - z₁ ≥ -½ have no solution; z₁ = z₂ + 1 = 10¹⁰ misses ½ in terms of 10¹⁰. z₃ ≥ 10⁸."""
-    M = np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    return LCP(M=M, q=np.array([-1.0, 0.5, -1e8]))
+            assert verdict_error(P, off.vector) == pytest.approx(judge(P, off, 1e-6).error, rel=0.01)
 
 
 def test_an_answer_that_hides_a_miss_behind_its_size_is_no_claim() -> None:
-    """Norms over all and rows by their own terms let it pass."""
-    P, z = _beside_a_large_one(), np.array([1e10 + 1.0, 1e10, 1e8])
+    """z₁ - z₂ ≥ 1 and z₂ - z₁ ≥ -½ have no solution; z₁ = z₂ + 1 = 10¹⁰ misses ½ in terms of 10¹⁰. Norms let it pass
+    beside a part of 10⁸, which is no program."""
+    M = np.array([[1.0, -1.0, 0.0, 0.0], [-1.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 2.0], [0.0, 0.0, 0.0, 1.0]])
+    P, z = LCP(M=M, q=np.array([-1.0, 0.5, -1e8, -1e8])), np.array([1e10 + 1.0, 1e10, 0.0, 1e8])
     assert lcp_claims.error_of(P, z) <= 1e-6
     assert lcp_claims.error_of(P, z, 1e-6) > 0.01
     assert lcp_claims.conclude(P, z, Budget(tolerance=1e-6), {}).claim is not Claim.SOLVED

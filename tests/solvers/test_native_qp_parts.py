@@ -67,7 +67,7 @@ def test_the_error_of_parts_is_the_verdicts() -> None:
         problem, x = side_by_side(seed, int(rng.integers(1, 4)), 6)
         for size in (1e-9, 1e-6, 1e-3):
             z, lam, mu, nu = (v * (1.0 + size * rng.standard_normal(v.size)) for v in (x.z, x.lam, x.mu, x.nu))
-            found = ErrorMeasure(problem).of_parts((z, lam, mu, nu))
+            found = ErrorMeasure(problem).verdict((z, lam, mu, nu))
             near.append(found / judge(problem, QPPoint(z, lam, mu, nu), 1e-6).error)
     assert np.mean((np.array(near) > 1 / 1.1) & (np.array(near) < 1.1)) >= 0.95
 
