@@ -98,7 +98,9 @@ def sizes_of(system: System, problem: Groups, sums: Vector) -> AnswerSizes:
     constants = np.where(constants > least, constants, 0.0)
     needed = np.where(idle, 0.0, constants)
     sides, prices = np.maximum(largest(needed, ~z), largest(reach, system.fixed & z)), largest(needed, z)
-    bare = (sides == 0) & ~(curved & (prices > 0))  # as where 0 is the solution: the least constant is a size
+    constrained = of.spread(of.any(~z))
+    # as where 0 is the solution, which constraints without sides hold against prices: the least constant is a size
+    bare = (sides == 0) & (constrained | ~(curved & (prices > 0)))
     needed = np.where(np.where(z, prices, largest(needed, ~z)) > 0, needed, constants)
     sides, prices = np.where(sides > 0, sides, largest(needed, ~z)), largest(needed, z)
     if bare.any():
@@ -106,7 +108,7 @@ def sizes_of(system: System, problem: Groups, sums: Vector) -> AnswerSizes:
         sides = np.where(bare, inverse(largest(inverse(far), far > 0)), sides)
         prices = np.where(bare, inverse(largest(inverse(needed), z)), prices)
     cheapest = inverse(largest(inverse(needed), z))
-    aimless = program & ~curved & of.spread(of.any(~z) & ~of.any(z & (constants > 0)))
+    aimless = program & ~curved & constrained & ~of.spread(of.any(z & (constants > 0)))
     absolute = ((sides == 0) & (prices == 0)) | (aimless & (not frame.certifying))
 
     rows = np.maximum(D * sums, needed)

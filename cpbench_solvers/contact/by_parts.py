@@ -156,8 +156,13 @@ def _after(record: Record | None, counters: Any) -> Record | None:
     """Return the record of a run that goes on after the iterations counted."""
     if record is None:
         return None
-    done = counters["iterations"] + 1
-    return lambda iteration, error, answer: record(done + iteration, error, answer)
+    done = counters["iterations"]
+
+    def further(iteration: int, error: float, answer: Any) -> None:
+        if iteration:  # the start is the answer that the run before has recorded
+            record(done + iteration, error, answer)
+
+    return further
 
 
 def _progress(record: Record, parts: ContactParts, r: Vector, budget: Budget) -> PartsProgress:

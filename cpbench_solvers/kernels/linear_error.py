@@ -95,7 +95,8 @@ def _needed(problem, x, f, sizes, sums, needed, known, size):
             most[kind, g] = max(most[kind, g], needed[i])
     for g in range(known.shape[1]):
         size[SIDES, g] = max(size[SIDES, g], most[1, g])
-        known[BARE, g] = size[SIDES, g] == 0.0 and not (known[CURVED, g] and most[0, g] > 0.0)
+        driven = known[CURVED, g] and most[0, g] > 0.0 and not known[CONSTRAINED, g]
+        known[BARE, g] = size[SIDES, g] == 0.0 and not driven
     for i in range(x.size):
         if idle[i] and most[0 if z[i] else 1, group[i]] > 0.0:
             needed[i] = 0.0  # an idle constant is a size where there is no other

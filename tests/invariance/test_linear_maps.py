@@ -20,8 +20,9 @@ def _failures(judge: Judge, kind: str, seed: int) -> tuple[Counter[str], list[st
     for answer in KINDS[kind](rng):
         for other in (answer, *written(answer)):
             asked[other.problem.node] += 1
-            # beside a curve rows are measured one by one, and the tail of what decays has no digits of its own
-            curve = other.problem.node == "ncp" and kind != "decaying"
+            # beside a curve rows are measured one by one: the tail of what decays has no digits of its own, and what
+            # grows hides a miss in its own terms
+            curve = other.problem.node == "ncp" and kind not in ("decaying", "growing")
             whole = [other, beside_a_curve(other, rng)] if curve else [other]
             for case in whole:
                 solved, error = judge(case.problem, case.point, case.tolerance)

@@ -27,8 +27,9 @@ def test_what_is_known_is_measured(name: str) -> None:
     if instance.known in KNOWN:
         assert instance.solution is not None
         verdict = verification.judge(instance.problem, instance.solution, KNOWN[instance.known])
-        assert verdict.within, verdict
-        assert verdict.flags in ((), ("absolute",), ("stationary",), ("convexity declared",))
+        # a tolerance may be below what rounding of the terms of a high stack makes of the free velocities
+        assert verdict.error <= verdict.tolerance
+        assert verdict.flags in ((), ("absolute",), ("stationary",), ("convexity declared",), ("unresolvable",))
     elif instance.known == "infeasible":
         assert instance.solution is None
         assert instance.certificate is not None
