@@ -98,9 +98,9 @@ def sizes_of(system: System, problem: Groups, sums: Vector) -> AnswerSizes:
     constants = np.where(constants > least, constants, 0.0)
     needed = np.where(idle, 0.0, constants)
     sides, prices = np.maximum(largest(needed, ~z), largest(reach, system.fixed & z)), largest(needed, z)
-    constrained = of.spread(of.any(~z))
-    # as where 0 is the solution, which constraints without sides hold against prices: the least constant is a size
-    bare = (sides == 0) & (constrained | ~(curved & (prices > 0)))
+    constrained, driven = of.spread(of.any(~z)), curved & (prices > 0)
+    bare = (sides == 0) & ~driven  # as where 0 is the solution: the least constant is a size
+    at_0 = (sides == 0) & (constrained | ~driven)  # constraints without sides may hold 0 against prices, too
     needed = np.where(np.where(z, prices, largest(needed, ~z)) > 0, needed, constants)
     sides, prices = np.where(sides > 0, sides, largest(needed, ~z)), largest(needed, z)
     if bare.any():
@@ -113,7 +113,7 @@ def sizes_of(system: System, problem: Groups, sums: Vector) -> AnswerSizes:
 
     rows = np.maximum(D * sums, needed)
     gradient, unknowns = largest(rows, z), largest(reach, z)
-    unknowns = np.where(bare, np.maximum(unknowns, np.maximum(sides, np.where(curved, prices, 0.0))), unknowns)
+    unknowns = np.where(at_0, np.maximum(unknowns, np.maximum(sides, np.where(curved, cheapest, 0.0))), unknowns)
     x = C * np.where(z, unknowns, np.maximum(largest(reach, ~z), gradient))
     f = np.where(z, gradient, np.maximum(largest(rows, ~z), unknowns)) / D
     x = np.where(absolute, 1.0, np.where(aimless & ~z, np.inf, x))

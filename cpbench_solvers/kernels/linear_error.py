@@ -21,8 +21,8 @@ SIDES, PRICES, CHEAPEST, LEAST, REACH, GRADIENT, FEEDS, UNKNOWNS, MULTIPLIERS = 
 """Sizes of a group, in units: the largest constant of a constraint or unknown at a bound; the largest and the least
 constant of the gradient; the least side; how large sides make z, or prices where the objective is curved; rows beside z
 and beside multipliers; z and multipliers."""
-CURVED, BARE, AIMLESS, ABSOLUTE, CONSTRAINED = range(5)
-"""What is known of a group: z is in the gradient; only the least constant is a size; there is no objective; the data
+CURVED, BARE, AT_0, AIMLESS, ABSOLUTE, CONSTRAINED = range(6)
+"""What is known of a group: z is in the gradient; only the least constant is a size; z may be 0; there is no objective; the data
 give no size; it has multipliers."""
 _KNOWN, _SIZE = types.boolean[:, ::1], types.float64[:, ::1]
 
@@ -95,8 +95,8 @@ def _needed(problem, x, f, sizes, sums, needed, known, size):
             most[kind, g] = max(most[kind, g], needed[i])
     for g in range(known.shape[1]):
         size[SIDES, g] = max(size[SIDES, g], most[1, g])
-        driven = known[CURVED, g] and most[0, g] > 0.0 and not known[CONSTRAINED, g]
-        known[BARE, g] = size[SIDES, g] == 0.0 and not driven
+        known[BARE, g] = size[SIDES, g] == 0.0 and not (known[CURVED, g] and most[0, g] > 0.0)
+        known[AT_0, g] = size[SIDES, g] == 0.0 and (known[CONSTRAINED, g] or known[BARE, g])
     for i in range(x.size):
         if idle[i] and most[0 if z[i] else 1, group[i]] > 0.0:
             needed[i] = 0.0  # an idle constant is a size where there is no other
@@ -131,8 +131,9 @@ def _sizes(problem, sizes, sums, needed, known, size):
         known[ABSOLUTE, g] = size[SIDES, g] == 0.0 and size[PRICES, g] == 0.0
         known[ABSOLUTE, g] |= known[AIMLESS, g] and not problem[12]
         size[REACH, g] = max(size[SIDES, g], size[PRICES, g] if known[CURVED, g] else 0.0)
-        if known[BARE, g]:
-            size[UNKNOWNS, g] = max(size[UNKNOWNS, g], size[REACH, g])
+        if known[AT_0, g]:
+            price = size[CHEAPEST, g] if known[CURVED, g] else 0.0
+            size[UNKNOWNS, g] = max(size[UNKNOWNS, g], size[SIDES, g], price)
         size[MULTIPLIERS, g] = max(size[MULTIPLIERS, g], size[GRADIENT, g])
         size[FEEDS, g] = max(size[FEEDS, g], size[UNKNOWNS, g])
 
@@ -249,7 +250,7 @@ def largest_error(problem, answer, nu):
     for i in range(N):
         if not np.isfinite(f[i] * sums[i]):  # one test for both, NaN included
             return np.inf
-    known, size = np.zeros((5, count), np.bool_), np.zeros((9, count))
+    known, size = np.zeros((6, count), np.bool_), np.zeros((9, count))
     _needed(problem, x, f, sizes, sums, needed, known, size)
     _sizes(problem, sizes, sums, needed, known, size)
     _units(problem, known, size, x_unit, f_unit)
