@@ -178,7 +178,7 @@ def test_a_claim_about_a_right_answer_is_explained() -> None:
     pytest.importorskip("highspy")
     qp = cp.QP.build(np.diag([1.0, 0.0]), np.array([1.0, 0.0]), A=np.zeros((1, 2)), b=np.array([-1.0]),
                      lb=np.full(2, -10.0), ub=np.full(2, 10.0))  # fmt: skip
-    found = diagnose(SolverTrial(problem=qp, solver="highs"))
+    found = diagnose(SolverTrial(problem=qp, solver="highs", tolerance=1e-5))
     assert not found.fails
     assert found.complaint is not None
     assert found.complaint.kind == "claim"
