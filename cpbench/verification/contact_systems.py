@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
+from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Dense, Vector, dense
 from cpbench.verification.contacts import ContactAnswer
 from cpbench.verification.rows import EPS, FAR_BELOW, ROUNDINGS, ROWS, STACKED, Groups, inverse, kept
@@ -23,7 +23,7 @@ STACKED.enter(True, "fc")
 @ROWS.of("fc", "rfc", "afc")
 def local(P: Any, point: Any) -> ContactAnswer:
     """Return r beside u = Wr + q."""
-    W, part = kept(P, lambda: (abs(P.W), _contacts_of(P, _connected(P, P.q.size, (P.W, 0, 0)))))
+    W, part = kept(P, lambda: (abs(P.W), _contacts_of(P, connected(P, P.q.size, (P.W, 0, 0)))))
     return _at(P, point.r, P.W @ point.r + P.q, W @ np.abs(point.r) + np.abs(P.q), part)
 
 
@@ -32,7 +32,7 @@ def mixed(P: Any, point: Any) -> ContactAnswer:
     """Return r beside u = Wr + Vλ + q, with what Vᵀr + Rλ + s = 0 leaves."""
 
     def made() -> Any:
-        label = _connected(P, P.q.size + P.s.size, (P.W, 0, 0), (P.V, 0, P.q.size), (P.R, P.q.size, P.q.size))
+        label = connected(P, P.q.size + P.s.size, (P.W, 0, 0), (P.V, 0, P.q.size), (P.R, P.q.size, P.q.size))
         return abs(P.W), abs(P.V), label, _contacts_of(P, label)
 
     W, V, label, part = kept(P, made)
@@ -52,7 +52,8 @@ def dynamic(P: Any, point: Any) -> ContactAnswer:
     v, r, lam = point.v, point.r, point.lam
     force, joints = P.M @ v - P.H @ r - P.G @ lam - P.f, P.G.T @ v + P.b
     pushed = inverse(np.abs(P.M.diagonal())) * force if P.factorization.singular else P.factorization.solve(force)
-    off = pushed if P.saddle.singular else P.saddle.solve(np.concatenate([force, joints]))[: v.size]
+    joined = joints.size and not P.saddle.singular
+    off = P.saddle.solve(np.concatenate([force, joints]))[: v.size] if joined else pushed
     return _dynamics(P, v, r, lam, P.M, (pushed, off), joints, P.G, P.f, P.b)
 
 
@@ -61,8 +62,8 @@ def nonlinear_dynamic(P: Any, point: Any) -> ContactAnswer:
     """Return r beside u = Hᵀv + w, with what F(v) = Hr leaves, linearized at v."""
     v, F, M = point.v, P.F(point.v), P.F.jacobian(point.v)
     none, force = np.zeros(0), F - P.H @ point.r
-    off = np.atleast_1d(spla.spsolve(sp.csc_array(M), force)) if v.size else none
-    off = off if np.isfinite(off).all() else inverse(np.abs(M.diagonal())) * force
+    factors = Factorization(sp.csr_array(M))
+    off = inverse(np.abs(M.diagonal())) * force if factors.singular else np.asarray(factors.solve(force))
     return _dynamics(P, v, point.r, none, M, (off, off), none, sp.csr_array((v.size, 0)), F - M @ v, none)
 
 
@@ -83,7 +84,7 @@ def _dynamics(
 
     def made() -> Any:
         m, n = r.size, v.size
-        label = _connected(P, m + n + lam.size, (P.H, m, 0), (M, m, m), (G, m, m + n))
+        label = connected(P, m + n + lam.size, (P.H, m, 0), (M, m, m), (G, m, m + n))
         return abs(P.H), abs(G), label, _contacts_of(P, label)
 
     H, G, label, part = kept(P, made)
@@ -105,17 +106,10 @@ def _at(
     def by_contact(x: Vector) -> Dense:
         return (x * unit).reshape(-1, P.dimension)
 
-    q = (
-        P.q
-        if P.node in ("fc", "rfc", "afc")
-        else P.free_velocity
-        if hasattr(P, "free_velocity")
-        else P.reference.free_velocity
-    )
     return ContactAnswer(
         r=(r / unit).reshape(-1, P.dimension),
         u=by_contact(u),
-        q=by_contact(q),
+        q=by_contact(_free_velocity(P)),
         rho=P.rho,
         balls=_balls(P),
         noise=by_contact(ROUNDINGS * EPS * sums),
@@ -123,6 +117,13 @@ def _at(
         off=0.0 if off is None else by_contact(off),
         others=others,
     )
+
+
+def _free_velocity(P: Any) -> Vector:
+    """Return the velocities of the contacts for r = 0."""
+    if P.node in ("fc", "rfc", "afc"):
+        return P.q
+    return P.reference.free_velocity if P.node == "nfc" else P.free_velocity
 
 
 def _balls(P: Any) -> tuple[tuple[slice, Vector], ...]:
@@ -142,7 +143,7 @@ def _units(P: Any) -> Vector:
     return P.lengths.ravel()
 
 
-def _connected(P: Any, size: int, *blocks: tuple[Any, int, int]) -> Any:
+def connected(P: Any, size: int, *blocks: tuple[Any, int, int]) -> Any:
     """Return the number of the connected part of every row: by the entries of the blocks, each with its first row and
     column, and of one contact all components belong together; shape (size,)."""
     components = np.arange(P.nc * P.dimension)
@@ -170,7 +171,7 @@ def _energies(P: Any, label: Any, rows: list[tuple[Any, Vector, Vector, Vector, 
     rows : the part of each, its mass, its error, the velocity that the data give it, and the sum of its terms.
     """
     count = int(label.max(initial=-1)) + 1
-    q = (P.free_velocity if hasattr(P, "free_velocity") else P.reference.free_velocity) ** 2
+    q = _free_velocity(P) ** 2
     energy = np.zeros(count)
     for at, energies in [(label[: q.size], P.effective_mass * q), *((at, m * e**2) for at, m, _, e, _ in rows)]:
         np.add.at(energy, at, energies)

@@ -23,8 +23,7 @@ from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Matrix, Vector, block, identity, max_abs, sparse, transpose, zeros
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
 from cpbench_solvers.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
-from cpbench_solvers.contact.dynamics_error import DynamicsError
-from cpbench_solvers.contact.global_parts import SolverByMovingParts
+from cpbench_solvers.contact.global_parts import SolverByMovingParts, dynamics_error
 from cpbench_solvers.contact.run import iterate_on
 from cpbench_solvers.traits import ITERATIVE
 
@@ -48,7 +47,6 @@ class Dynamics(Delassus):
         D = sp.diags_array(self.s)
         self._columns: Matrix = sp.csr_array(sparse(H) @ D) if sp.issparse(H) else np.asarray(H * self.s)
         self._free = self.s * (problem.H.T @ self._motion(np.zeros_like(self.s))[0] + problem.w)
-        self.error = DynamicsError.of(problem)
 
     def factorize(self, rho: float) -> None:
         problem, H = self.problem, self._columns
@@ -117,7 +115,8 @@ class GlobalADMM(SolverByMovingParts):
         r = np.zeros(problem.w.size) if start is None else np.array(start.r)
 
         method = ConicADMM(prepared, options, r, budget)
-        return iterate_on(prepared.error, prepared.point, method, budget, options, record)
+        error = dynamics_error(problem, budget.tolerance)
+        return iterate_on(error, prepared.point, method, budget, options, record)
 
 
 _spec = partial(

@@ -10,32 +10,28 @@ from typing import Any, ClassVar
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
-from cpbench.foundation.kernel_cache import load_all
 from cpbench.foundation.matrices import EPS
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
 from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
 from cpbench_solvers.contact.condensed import Condensed, condensed
-from cpbench_solvers.contact.dynamics_error import DynamicsError
-from cpbench_solvers.contact.global_parts import MovingParts, moving_parts, solve_moving
+from cpbench_solvers.contact.global_parts import MovingParts, dynamics_error, moving_parts, solve_moving
+from cpbench_solvers.contact.sweeps import kernel
 
 SWEEPS, ITERATIONS = 2_000, 1_000
 """Sweeps of Gauss–Seidel and iterations of ADMM before the other goes on: they stand still for different reasons."""
 LOCAL = "auto-fc"
-KERNELS = ("dynamics_rows", "row_errors", "equilibration", "dynamics_error")
-"""Compiled loops by which answers in velocities and reactions are measured."""
 FINER = 0.1
 """Times the tolerance, asked for in r at first: in v and r, part by part, an answer has a few times that error."""
 
 
 @dataclass(frozen=True)
 class PreparedCondensed:
-    """Prepared problem: the problem condensed, what the local solver has made of it, and the error of answers."""
+    """Prepared problem: the problem condensed, and what the local solver has made of it."""
 
     condensed: Condensed
     local: Any
     options: Any
-    error: DynamicsError
 
 
 @register
@@ -51,7 +47,7 @@ class AutoGlobal(AutomaticChoice):
     members: ClassVar[tuple[str, ...]] = ("nsgs-gfc", "admm-gfc")
 
     def error(self, problem: GlobalFrictionContact, point: GFCPoint, tolerance: float) -> float:
-        return DynamicsError.of(problem)(point)
+        return dynamics_error(problem, tolerance)(point)
 
     def phases(self, problem: GlobalFrictionContact) -> Sequence[SolverPhase]:
         if problem.b.size:
@@ -66,15 +62,15 @@ class AutoGlobal(AutomaticChoice):
             return super().setup(problem, budget, options) if parts is None else parts
         solver = solvers.get(LOCAL)
         own = solver.spec.options()
-        return PreparedCondensed(small, solver.setup(small.local, budget, own), own, DynamicsError.of(problem))
+        return PreparedCondensed(small, solver.setup(small.local, budget, own), own)
 
     def warmup(self) -> None:
         super().warmup()
         solvers.get(LOCAL).warmup()
 
     def warmup_quickly(self) -> None:
-        # almost every problem is condensed, which needs these besides what the local solver takes as it goes on
-        load_all("cpbench_solvers.kernels", KERNELS)
+        # almost every problem is condensed, which needs this besides what the local solver takes as it goes on
+        kernel("part_error")
         solvers.get(LOCAL).warmup_quickly()
 
     def solve(
@@ -113,6 +109,7 @@ def _locally(
 ) -> SolverOutput:
     """Solve the condensed problem more finely than is asked for, again where the lifted answer is not good enough."""
     small, end = prepared.condensed, budget.deadline()
+    measured = dynamics_error(small.problem, budget.tolerance)
     begin = None if start is None else FCPoint(start.r)
     passing = None if record is None else lambda done, error, local: record(done, error, lambda: small.lift(local()))
     finer, counters = replace(budget, tolerance=FINER * budget.tolerance), Counter[str]()
@@ -122,7 +119,7 @@ def _locally(
         point, claim = None, output.claim
         if output.point is not None:
             begin, passing, point = output.point, None, small.lift(output.point)
-            error = prepared.error(point)
+            error = measured(point)
             if error <= budget.tolerance:
                 claim = Claim.SOLVED
             elif claim is Claim.SOLVED:

@@ -5,6 +5,7 @@ Norms over all parts say little of small ones, and factors and penalties suit no
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
-from cpbench.foundation.matrices import Vector, entries, is_sparse
+from cpbench.foundation.matrices import Vector, is_sparse
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
-from cpbench_solvers.contact.dynamics_error import DynamicsError
-from cpbench_solvers.contact.parts import PartSolver, PartsProgress, claimed, rows_of
+from cpbench.verification.contact_systems import connected
+from cpbench.verification.verdict import error_of
+from cpbench_solvers.contact.parts import NO_ROLLING, PartSolver, PartsProgress, claimed, rows_of
 from cpbench_solvers.contact.sweeps import kernel
 
 Index = NDArray[np.int64]
@@ -51,15 +53,32 @@ class MovingParts:
     parts: tuple[MovingPart, ...]
 
 
+def dynamics_error(problem: GlobalContact, tolerance: float) -> Callable[[GFCPoint], float]:
+    """Return what measures an answer: the law at the contacts and, where that is within the tolerance, the verdict's
+    error, which has the dynamics and the joints, too, and takes longer. Infinite where it is not a number."""
+    lengths, law = problem.lengths.ravel(), kernel("part_error").velocity_error
+    q, mu_r = problem.free_velocity * lengths, NO_ROLLING
+    if hasattr(problem, "mu_r"):
+        mu_r = problem.mu_r / problem.lengths[:, -1]
+
+    def error(point: GFCPoint) -> float:
+        u = (problem.H.T @ point.v + problem.w) * lengths
+        missed = law(u, point.r / lengths, q, problem.mu, mu_r, problem.rho, problem.dimension)
+        found = error_of(problem, point).error if missed <= tolerance else missed
+        return found if math.isfinite(found) else math.inf
+
+    return error
+
+
 def moving_parts(problem: GlobalContact) -> MovingParts | None:
     """Return a problem with its parts, those with the most contacts first; None where it is one part, or where nothing
     moves a contact. What no contact touches is one part."""
     nc, n, p = problem.nc, problem.f.size, problem.b.size
     if nc < 2:
         return None
-    label = np.empty(nc + n + p, np.int64)
-    matrices = (problem.M, problem.H, problem.G)
-    kernel("dynamics_rows").label(*(x for A in matrices for x in entries(A)), problem.dimension, nc, label)
+    m = problem.w.size
+    every = connected(problem, m + n + p, (problem.H, m, 0), (problem.M, m, m), (problem.G, m, m + n))
+    label = np.concatenate([every[: m : problem.dimension], every[m:]])
     with_contacts, size = np.unique(label[:nc], return_counts=True)
     if size.size < 2 or not np.isin(with_contacts, label[nc : nc + n]).all():
         return None
@@ -144,5 +163,5 @@ def _progress(record: Record, whole: MovingParts, point: GFCPoint) -> PartsProgr
         whole.parts[k].put(now, own, d)
         return GFCPoint(*now)  # a copy
 
-    errors = [DynamicsError.of(restricted(whole.problem, x))(x.start(point, d)) for x in whole.parts]
+    errors = [error_of(restricted(whole.problem, x), x.start(point, d)).error for x in whole.parts]
     return PartsProgress(record, errors, put)

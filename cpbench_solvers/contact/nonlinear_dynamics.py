@@ -22,7 +22,7 @@ from cpbench.formulations.sizes import row_sizes
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
-from cpbench_solvers.contact.dynamics_error import DynamicsError
+from cpbench.verification.verdict import error_of
 from cpbench_solvers.inner import inner_solver
 from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.traits import ITERATIVE
@@ -94,12 +94,7 @@ class NewtonContact(Solver):
         counters = {"iterations": 0, "inner_iterations": 0, "factorizations": 0}
 
         def error_at(point: NFCPoint) -> float:
-            error = problem.residuals(point, budget.tolerance).error
-            if not error <= budget.tolerance:
-                return error
-            # the verdict measures by connected parts, and at the answer these are those of the linearized dynamics
-            parts = DynamicsError.of(problem.linearized(point.v))
-            return max(error, parts(GFCPoint(v=point.v, r=point.r)))
+            return error_of(problem, point).error if point.finite else math.inf
 
         merit = _merit(problem)
         point = NFCPoint(problem.start, np.zeros(problem.w.size)) if start is None else start

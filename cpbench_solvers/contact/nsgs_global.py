@@ -17,8 +17,7 @@ from cpbench.formulations.global_contact import GFCPoint
 from cpbench.foundation.factorization import Blocks, assembled, components, diagonal_blocks
 from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector, dense, entries, freeze, sparse
 from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
-from cpbench_solvers.contact.dynamics_error import DynamicsError
-from cpbench_solvers.contact.global_parts import SolverByMovingParts
+from cpbench_solvers.contact.global_parts import SolverByMovingParts, dynamics_error
 from cpbench_solvers.contact.run import ContactMethod, MethodOptions, iterate_on
 from cpbench_solvers.contact.sweeps import kernel
 from cpbench_solvers.traits import ITERATIVE
@@ -57,7 +56,6 @@ class Bodies:
     free: Vector
     diagonal: Dense
     local: Dense
-    error: DynamicsError
 
     @classmethod
     def of(cls, problem: GlobalFrictionContact) -> Bodies:
@@ -75,8 +73,7 @@ class Bodies:
         kernel("velocity_sweeps").diagonal_blocks(start, A, D)
         if d == 3:
             layout.one_contact_constants(D, local)
-        error = DynamicsError.of(problem)
-        return cls(problem, start, unknown, A, inverse @ problem.f, freeze(D.reshape(nc, d * d)), local, error)
+        return cls(problem, start, unknown, A, inverse @ problem.f, freeze(D.reshape(nc, d * d)), local)
 
     def point(self, r: Vector) -> GFCPoint:
         """Return the answer that these reactions make."""
@@ -159,4 +156,5 @@ class NSGSGlobal(SolverByMovingParts):
         r = np.zeros(problem.w.size) if start is None else np.array(start.r)
 
         method = VelocitySweeps(prepared, r)
-        return iterate_on(prepared.error, prepared.point, method, budget, options, record)
+        error = dynamics_error(problem, budget.tolerance)
+        return iterate_on(error, prepared.point, method, budget, options, record)

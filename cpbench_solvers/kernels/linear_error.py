@@ -22,8 +22,8 @@ SIDES, PRICES, CHEAPEST, LEAST, REACH, GRADIENT, FEEDS, UNKNOWNS, MULTIPLIERS = 
 constant of the gradient; the least side; how large sides make z, or prices where the objective is curved; rows beside z
 and beside multipliers; z and multipliers."""
 CURVED, BARE, AT_0, AIMLESS, ABSOLUTE, CONSTRAINED = range(6)
-"""What is known of a group: z is in the gradient; only the least constant is a size; z may be 0; there is no objective; the data
-give no size; it has multipliers."""
+"""What is known of a group: z is in the gradient; only the least constant is a size; z may be 0; there is no
+objective; the data give no size; it has multipliers."""
 _KNOWN, _SIZE = types.boolean[:, ::1], types.float64[:, ::1]
 
 

@@ -7,7 +7,7 @@ the reactions: norms that have these in their scale pass where reactions cancel.
 """
 
 import numpy as np
-from numba import int64, njit, void
+from numba import float64, int64, njit, void
 
 from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, INDEX, KEPT, START, VECTOR
 from cpbench_solvers.kernels.contact_error import velocity_2d, velocity_3d
@@ -50,6 +50,41 @@ def _slip(r, u, rho, radius):
     return np.sqrt(total)
 
 
+@njit(error_model="numpy")
+def _error(u, r, q, rho, mu, mu_r, size):
+    """Return the error of a contact: of its reaction r at the velocity u, over the free velocities of its part."""
+    d, radius = u.size, max(r[0], 0.0) / rho
+    last = d if mu_r < 0.0 else 1 + (d - 1) // 2  # moments come after the friction
+    worst = 0.0
+    missed, own = abs(min(r[0] / rho, u[0])), abs(q[0])
+    for kind in range(2 if mu_r < 0.0 else 3):
+        if kind == 1:
+            missed, own = _slip(r[1:last], u[1:last], rho, mu * radius), np.sqrt(square(q[1:last]))
+        elif kind == 2:
+            missed, own = _slip(r[last:], u[last:], rho, mu_r * radius), np.sqrt(square(q[last:]))
+        error = missed / size
+        if own > SMALL * size:
+            error = max(error, OWN * missed / own)
+        worst = worst if worst >= error else error  # NaN stays
+    return worst
+
+
+@njit(float64(DATA, DATA, DATA, DATA, DATA, DATA, int64), **KEPT)
+def velocity_error(u, r, q, mu, mu_r, rho, dimension):
+    """Return the largest error of reactions at given velocities, all contacts taken for one part; NaN when anything
+    is. Arguments are those of `part_error`."""
+    size = worst = 0.0
+    for i in range(mu.size):
+        size = max(size, np.sqrt(square(q[dimension * i : dimension * (i + 1)])))
+    for i in range(mu.size):
+        own = slice(dimension * i, dimension * (i + 1))
+        error = _error(
+            u[own], r[own], q[own], rho[i], mu[i], mu_r[i] if mu_r.size else -1.0, size if size > 0.0 else 1.0
+        )
+        worst = worst if worst >= error else error
+    return worst
+
+
 @njit(void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, int64, INDEX, VECTOR), **KEPT)
 def part_error(start, column, blocks, diagonal, q, mu, mu_r, rho, r, dimension, part, errors):
     """Write the error of r in every part; NaN when anything is. Parts without free velocities are measured as they are.
@@ -61,7 +96,6 @@ def part_error(start, column, blocks, diagonal, q, mu, mu_r, rho, r, dimension, 
     as there are parts.
     """
     nc, d, rolling = mu.size, dimension, mu_r.size > 0
-    last = 1 + (d - 1) // 2 if rolling else d  # moments come after the friction
     sizes, u = np.zeros(errors.size), np.empty(d)
     for i in range(nc):
         sizes[part[i]] = max(sizes[part[i]], np.sqrt(square(q[d * i : d * i + d])))
@@ -70,16 +104,6 @@ def part_error(start, column, blocks, diagonal, q, mu, mu_r, rho, r, dimension, 
     for i in range(nc):
         p, at, free = part[i], r[d * i : d * i + d], q[d * i : d * i + d]
         size = sizes[p] if sizes[p] > FAR_BELOW * most else most
-        size = size if size > 0.0 else 1.0
         _velocity(start, column, blocks, diagonal, q, r, i, rolling, u)
-        radius = max(at[0], 0.0) / rho[i]
-        missed, own = abs(min(at[0] / rho[i], u[0])), abs(free[0])
-        for kind in range(3 if rolling else 2):
-            if kind == 1:
-                missed, own = _slip(at[1:last], u[1:last], rho[i], mu[i] * radius), np.sqrt(square(free[1:last]))
-            elif kind == 2:
-                missed, own = _slip(at[last:], u[last:], rho[i], mu_r[i] * radius), np.sqrt(square(free[last:]))
-            error = missed / size
-            if own > SMALL * size:
-                error = max(error, OWN * missed / own)
-            errors[p] = errors[p] if errors[p] >= error else error  # NaN stays
+        error = _error(u, at, free, rho[i], mu[i], mu_r[i] if rolling else -1.0, size if size > 0.0 else 1.0)
+        errors[p] = errors[p] if errors[p] >= error else error

@@ -16,6 +16,7 @@ from cpbench.solvers import Budget, Claim, SolverOutput, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_solvers.contact import sweeps as contact_sweeps
+from cpbench_solvers.contact.parts import worst_part
 
 
 def answer(output: SolverOutput) -> FCPoint:
@@ -161,16 +162,17 @@ def test_places_have_the_kernels_names() -> None:
 
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-8])
-def test_sweeps_end_where_the_error_is_first_small(rng: np.random.Generator, dimension: int, tolerance: float) -> None:
-    """Most sweeps are not measured in full; still none is made after the error has become small enough."""
+def test_sweeps_end_soon_after_the_error_is_small(rng: np.random.Generator, dimension: int, tolerance: float) -> None:
+    """Sweeps end by norms, and go on as far as the verdict asks: by that about an eighth of them more than are needed."""
     for nc in (5, 40):
         problem, _ = planted.fc(rng, nc, dimension, "positive definite")
         sweeps, r, error = contact_sweeps.Sweeps(contact_sweeps.block_rows(problem)), np.zeros(nc * dimension), np.inf
         while not error <= tolerance:
-            error = sweeps.sweep(r, 1, 1e-300)
+            sweeps.sweep(r, 1, 1e-300)
+            error = worst_part(problem, r)
         output = solvers.get("nsgs").run(problem, Budget(tolerance=tolerance))
         assert output.claim is Claim.SOLVED
-        assert sweeps.done <= output.counters["iterations"] <= sweeps.done + 1
+        assert sweeps.done <= output.counters["iterations"] <= 1.25 * sweeps.done + 5
         assert output.counters["matrix_vector_products"] <= sweeps.done
 
 

@@ -20,7 +20,7 @@ from cpbench.testing import planted_contact
 from cpbench.verification import judge
 from cpbench_solvers.contact.admm_global import Dynamics
 from cpbench_solvers.contact.condensed import condensed as condense
-from cpbench_solvers.contact.dynamics_error import DynamicsError
+from cpbench_solvers.contact.global_parts import dynamics_error
 from cpbench_solvers.contact.nsgs_global import Bodies, VelocitySweeps
 from cpbench_solvers.contact.sweeps import Sweeps, block_rows
 
@@ -117,7 +117,7 @@ def test_a_body_without_mass_is_refused() -> None:
     [
         ("fc3d_global/CubeH8.hdf5", 1e-8),
         ("fc3d_global/mj_box_wall8x8-nc450-global.hdf5", 1e-8),
-        ("fc3d_global/spheres-in-a-box-98-i10000-256-10.hdf5", 1e-4),
+        ("fc3d_global/spheres-in-a-box-98-i10000-256-10.hdf5", 1e-3),
         ("rolling_global/Chute-ndof-768-nc-4-3.hdf5", 1e-8),
         ("rolling_local/rockfall_14_25792.dat", 1e-8),
     ],
@@ -254,80 +254,19 @@ def test_what_is_claimed_of_bodies_that_press_and_hardly_move_is_so(name: str) -
     assert claimed >= 6
 
 
-def test_norms_alone_would_claim_what_is_not_so() -> None:
-    """The verdict sees what is wrong, and so does the error by which methods end.
-
-    The loads give velocities a size: for the verdict one of each contact, for methods one of all contacts together.
-    """
-    wrong = 0
-    for seed in range(4):
-        problem = tower(seed, 2 + seed % 2)
-        made, error = Bodies.of(problem), DynamicsError.of(problem)
-        method = VelocitySweeps(made, np.zeros(problem.w.size))
-        point = made.point(method.r)
-        while problem.residuals(point).error > 1e-4:
-            method.step(50, 1.0, 1.0)
-            point = made.point(method.r)
-        backward = judge(problem, point, 1e-4).error
-        wrong += backward > 1e-4
-        # the same sums in another order, each of no more terms than there are numbers in the point
-        rounding = (point.v.size + point.r.size) * np.finfo(float).eps
-        assert error(point) >= (1.0 - rounding) * backward
-        most = max(1.6 * backward * np.sqrt(problem.nc), problem.residuals(point).error)
-        assert error(point) <= (1.0 + rounding) * most
-    assert wrong
-
-
-def even_units(A: np.ndarray) -> np.ndarray:
-    """log₂ of the D that make the entries D_i A_ij D_j of every row that are not 0 on average 1, by plain sweeps."""
-    counts, D = (A > 0).sum(axis=1), np.ones(len(A))
-    for _ in range(3000):
-        D = np.sqrt(D * counts / (A @ D))
-    return np.log2(D)
-
-
-@pytest.mark.parametrize("sparse", [False, True])
 @pytest.mark.parametrize("node", ["gfc", "grfc"])
-def test_the_error_of_dynamics_is_that_of_plain_numpy(rng: np.random.Generator, node: str, sparse: bool) -> None:
-    """Norms of `residuals`, and the parts with the compiled units, which are those of least squares but for a tenth."""
+def test_the_error_of_bodies_is_the_verdicts(rng: np.random.Generator, node: str) -> None:
+    """As well where the law alone is measured, for velocities that reactions make."""
     for seed in range(4):
-        problem, answer = problem_of(node, seed, sparse=sparse)
-        M, H, G = (A.toarray() if sparse else A for A in (problem.M, problem.H, problem.G))
-        lengths, law = problem.lengths, problem.law.in_units(problem.lengths)
-        nc, n = problem.nc, problem.f.size
-        Hn = np.linalg.norm((H * lengths.ravel()).reshape(n, nc, -1), axis=2)
-        A = np.zeros((nc + n + problem.b.size,) * 2)
-        A[nc : nc + n, :nc], A[nc : nc + n, nc : nc + n], A[nc : nc + n, nc + n :] = Hn, abs(M), abs(G)
-        A = np.maximum(A, A.T)
-        measured = DynamicsError.of(problem)
-        D = measured.units
-        even = np.log2(D) - even_units(A)
-        assert np.ptp(even) < 0.4
-        constants = np.concatenate(
-            [np.linalg.norm(problem.w.reshape(nc, -1) * lengths, axis=1), abs(problem.f), abs(problem.b)]
-        )
+        problem, answer = problem_of(node, seed, sparse=bool(seed % 2))
         for size in (1e-6, 1e-3, 1.0):
-            v, r, lam = (x + size * rng.standard_normal(x.size) for x in (answer.v, answer.r, answer.lam))
-            R, U = r.reshape(nc, -1) / lengths, law.shift((H.T @ v + problem.w).reshape(nc, -1) * lengths)
-            equations = np.concatenate([M @ v - H @ r - G @ lam - problem.f, G.T @ v + problem.b])
-            sums = A @ np.concatenate([np.linalg.norm(R, axis=1), abs(v), abs(lam)])
-            idle = np.zeros(D.size, bool)
-            idle[:nc] = (U != 0).any(axis=1)
-            force, other = slice(nc, nc + n), np.r_[0:nc, nc + n : D.size]
-            counted = np.where(idle, sums, np.maximum(sums, constants))
-            F = np.linalg.norm((D * counted)[force])
-            V = max(np.linalg.norm((D * counted)[other]), np.linalg.norm(v / D[force]))
-            x, f = R * (Hn * D[force, None] / F).max(axis=0)[:, None], U * D[:nc, None] / V
-            parts = [(x - law.project(x - f)).ravel(), equations[:n] * D[force] / F, equations[n:] * D[nc + n :] / V]
-            beyond = np.linalg.norm(law.project(-U), axis=1) * D[:nc] / np.linalg.norm((D * constants)[other])
-            expected = max(
-                problem.residuals(GFCPoint(v=v, r=r, lam=lam)).error,
-                1.25 * np.linalg.norm(np.concatenate(parts)),
-                beyond.max() ** 2,
-                (abs(equations[:n]) * D[force]).max() ** 2 / np.linalg.norm((D * constants)[force]) ** 2,
-                (abs(equations[n:]) * D[nc + n :]).max(initial=0) ** 2 / np.linalg.norm((D * constants)[other]) ** 2,
-            )
-            assert measured(GFCPoint(v=v, r=r, lam=lam)) == pytest.approx(expected, rel=1e-6), (seed, size)
+            r = answer.r * (1.0 + size * rng.standard_normal(answer.r.size))
+            force = np.concatenate([problem.f + problem.H @ r, -problem.b])
+            v, lam = np.split(problem.saddle.solve(force), [problem.f.size])
+            point = GFCPoint(v=v, r=r, lam=lam)
+            expected = judge(problem, point, 1e-6).error
+            for tolerance in (0.0, np.inf):
+                assert dynamics_error(problem, tolerance)(point) == pytest.approx(expected, rel=1e-6), (seed, size)
 
 
 @pytest.mark.parametrize("sparse", [False, True])
