@@ -59,7 +59,7 @@ def equilibrate_apart(A: Any) -> tuple[Vector, Vector]:
         D, C = -np.log(np.where(rows > 0, rows, 1.0)), np.zeros(A.shape[1])
         left = logs + by_entry(D, C)
     W = at_places(np.exp(np.clip(left, -LARGEST, LARGEST)) * some)
-    turned, c = W.T, np.ones(A.shape[1])
+    turned, d, c = W.T, np.ones(A.shape[0]), np.ones(A.shape[1])
     for _ in range(SWEEPS):
         d = _ratio(counts, W @ c)
         c = _ratio(beside, turned @ d)

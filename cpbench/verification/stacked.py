@@ -90,7 +90,7 @@ def _measured(stack: Stack, some: slice, answers: dict[str, Any], tolerance: flo
     finite = np.ones(count, dtype=bool)
     for x in answers.values():
         finite &= np.isfinite(x).all(axis=1)
-    problem = stack.direct_sum(some)
+    problem: Any = stack.direct_sum(some)
     point = problem.point_type(**{name: np.where(finite[:, None], x, 0.0).ravel() for name, x in answers.items()})
     with np.errstate(all="ignore"):
         answer = ROWS[problem.node](problem, point)

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 
-import cpbench.verification.conic_systems
-import cpbench.verification.contact_systems
-import cpbench.verification.systems  # noqa: F401  # pyright: ignore[reportUnusedImport]  (enter their rows)
+# these enter their rows
+import cpbench.verification.conic_systems  # pyright: ignore[reportUnusedImport]
+import cpbench.verification.contact_systems  # pyright: ignore[reportUnusedImport]
+import cpbench.verification.systems  # noqa: F401  # pyright: ignore[reportUnusedImport]
 from cpbench.errors import UnknownName
 from cpbench.formulations.base import Problem, Residuals
 from cpbench.verification.contacts import ContactAnswer, contact_error

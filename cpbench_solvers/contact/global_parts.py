@@ -53,7 +53,7 @@ class MovingParts:
     parts: tuple[MovingPart, ...]
 
 
-def dynamics_error(problem: GlobalContact, tolerance: float) -> Callable[[GFCPoint], float]:
+def dynamics_error(problem: Any, tolerance: float) -> Callable[[GFCPoint], float]:
     """Return what measures an answer: the law at the contacts and, where that is within the tolerance, the verdict's
     error, which has the dynamics and the joints, too, and takes longer. Infinite where it is not a number."""
     lengths, law = problem.lengths.ravel(), kernel("part_error").velocity_error

@@ -163,7 +163,7 @@ def test_places_have_the_kernels_names() -> None:
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-8])
 def test_sweeps_end_soon_after_the_error_is_small(rng: np.random.Generator, dimension: int, tolerance: float) -> None:
-    """Sweeps end by norms, and go on as far as the verdict asks: by that about an eighth of them more than are needed."""
+    """Sweeps end by norms, and go on as far as the verdict asks: about an eighth more than are needed."""
     for nc in (5, 40):
         problem, _ = planted.fc(rng, nc, dimension, "positive definite")
         sweeps, r, error = contact_sweeps.Sweeps(contact_sweeps.block_rows(problem)), np.zeros(nc * dimension), np.inf
