@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
 from cpbench.foundation.matrices import SYMMETRY_TOLERANCE, Vector
-from cpbench.verification.rows import EPS, FAR_BELOW, ROUNDINGS, AnswerError, Frame, Groups, System, every, inverse
+from cpbench.verification.rows import EPS, FAR_BELOW, ROUNDINGS, AnswerError, Groups, Layout, System, every, inverse
 from cpbench.verification.sets import Flags
 
 OWN = 0.1
@@ -29,25 +29,18 @@ BALANCED = 0.1
 
 @dataclass(frozen=True, eq=False)
 class AnswerSizes:
-    """Sizes that an answer is compared with; arrays have the shape (k,), with the values of a problem for its blocks.
+    """Sizes that an answer is compared with; those of a group have the shape (count,), the others (k,).
 
     Attributes
     ----------
-    of : the problem that a block belongs to; of what is no program each connected part, for units of their rows have
-        nothing to do with each other.
-    z : whether an unknown is none of the multipliers of a program. program : whether the rows are those of a program.
-    D, C : units of rows and unknowns. sums : Σ_j |J_ij||x_j|. needed : constants that the answer needs.
-    x, f : sizes of unknowns and of rows; ∞ where anything will do.
-    prices, cheapest, sides : the largest and the least constant of the gradient, and the largest of constraints and
-        bounds, in units.
-    curved : whether z is in the gradient. absolute : whether the data give no size, so that all are 1.
+    sums : Σ_j |J_ij||x_j|. needed : constants that the answer needs. x, f : sizes of unknowns and of rows; ∞ where
+        anything will do.
+    prices, cheapest, sides : of a group the largest and the least constant of the gradient, and the largest of
+        constraints and bounds, in units.
+    reach : of a group how large sides make z, or prices where the objective is curved, in units.
+    absolute : whether the data give a group no size, so that all are 1.
     """
 
-    of: Groups
-    z: Flags
-    program: Flags
-    D: Vector
-    C: Vector
     sums: Vector
     needed: Vector
     x: Vector
@@ -55,13 +48,8 @@ class AnswerSizes:
     prices: Vector
     cheapest: Vector
     sides: Vector
-    curved: Flags
+    reach: Vector
     absolute: Flags
-
-    @property
-    def reach(self) -> Vector:
-        """How large sides make z, or prices where the objective is curved, in units."""
-        return np.maximum(self.sides, np.where(self.curved, self.prices, 0.0))
 
 
 def linear_error(system: System, problem: Groups | None = None) -> AnswerError:
@@ -69,129 +57,130 @@ def linear_error(system: System, problem: Groups | None = None) -> AnswerError:
 
     problem : the problem that each block belongs to, None where there is one. Errors are those of the problems.
     """
-    problem = problem or Groups.one(system.frame.k)
+    layout = system.frame.layout if problem is None else Layout.of_problems(system.frame, problem)
+    problem, of = problem or Groups.one(system.frame.k), layout.of
     sums = system.frame.terms.sums(system.sizes)
     if not every(np.isfinite(sums)):  # squares of such unknowns are no numbers any more
         return AnswerError(np.full(problem.count, np.inf), np.zeros(problem.count))
-    sizes = sizes_of(system, problem, sums)
-    gap, floor = gap_error(system, sizes)
-    errors = np.maximum(distances(system, sizes), sizes.of.spread(gap))
-    return AnswerError(problem.largest(errors), problem.largest(sizes.of.spread(floor)), bool(sizes.absolute.any()))
+    sizes = sizes_of(system, layout, sums)
+    errors, (gap, floor) = of.largest(distances(system, layout, sizes)), gap_error(system, layout, sizes)
+    errors = np.maximum(errors, gap)
+    if of.count > 1:
+        errors, floor = (problem.largest(of.spread(values)) for values in (errors, floor))
+    return AnswerError(errors, floor, bool(sizes.absolute.any()))
 
 
-def sizes_of(system: System, problem: Groups, sums: Vector) -> AnswerSizes:
+def sizes_of(system: System, layout: Layout, sums: Vector) -> AnswerSizes:
     """Return the sizes of an answer, in norms: one for the gradient, the constraints, the unknowns, the multipliers."""
-    frame = system.frame
-    of, program = _groups(frame, problem)
-    z, (D, C) = ~(frame.multiplier & program), frame.units
-    D, C = np.where(program, np.sqrt(D) * np.sqrt(C), D), np.where(program, np.sqrt(D) * np.sqrt(C), C)
+    frame, of, z, D, C = system.frame, layout.of, layout.z, layout.D, layout.C
+    curved, constrained = layout.curved, layout.constrained
 
     def largest(values: Vector, where: Flags) -> Vector:
-        return of.spread(of.largest(np.where(where, values, 0.0)))
+        return of.largest(np.where(where, values, 0.0))
+
+    def least(values: Vector, where: Flags) -> Vector:
+        return inverse(largest(inverse(values), where))
 
     # not needed is the constant of a row that is far from deciding anything, and one far below others stands for 0
     constants, reach = D * frame.constants, system.sizes / C
-    idle = frame.any(frame.sets.idle(system.x, system.f)) & (D * sums <= BALANCED * constants)
-    curved = of.spread(of.any(z & (frame.terms.sums(z.astype(np.float64)) > 0)))
-    least = FAR_BELOW * np.where(curved, largest(constants, ~idle), largest(constants, ~idle & z))
-    least = np.where(z | curved, least, FAR_BELOW * largest(constants, ~idle & ~z))
-    constants = np.where(constants > least, constants, 0.0)
-    needed = np.where(idle, 0.0, constants)
-    sides, prices = np.maximum(largest(needed, ~z), largest(reach, system.fixed & z)), largest(needed, z)
-    constrained, driven = of.spread(of.any(~z)), curved & (prices > 0)
+    rows, counts = D * sums, constants.copy()
+    counts[frame.any(frame.sets.idle(system.x, system.f)) & (rows <= BALANCED * constants)] = 0.0
+    prices, sides = largest(counts, z), largest(counts, ~z)
+    most = np.maximum(prices, sides)
+    own, beside = np.where(curved, most, prices), np.where(curved, most, sides)
+    far_below = constants <= FAR_BELOW * np.where(z, of.spread(own), of.spread(beside))
+    constants[far_below] = counts[far_below] = 0.0
+    prices, sides = largest(counts, z), largest(counts, ~z)
+    needed = np.where(np.where(z, of.spread(prices), of.spread(sides)) > 0, counts, constants)
+    driven = curved & (prices > 0)
+    sides = np.maximum(sides, largest(reach, system.fixed & z))
     bare = (sides == 0) & ~driven  # as where 0 is the solution: the least constant is a size
     at_0 = (sides == 0) & (constrained | ~driven)  # constraints without sides may hold 0 against prices, too
-    needed = np.where(np.where(z, prices, largest(needed, ~z)) > 0, needed, constants)
-    sides, prices = np.where(sides > 0, sides, largest(needed, ~z)), largest(needed, z)
+    prices, cheapest = largest(needed, z), least(needed, z)
+    sides = np.where(sides > 0, sides, largest(needed, ~z))
     if bare.any():
         far = np.where(z, frame.largest(frame.sets.sides) / C, needed)
-        sides = np.where(bare, inverse(largest(inverse(far), far > 0)), sides)
-        prices = np.where(bare, inverse(largest(inverse(needed), z)), prices)
-    cheapest = inverse(largest(inverse(needed), z))
-    aimless = program & ~curved & constrained & ~of.spread(of.any(z & (constants > 0)))
+        sides, prices = np.where(bare, least(far, far > 0), sides), np.where(bare, cheapest, prices)
+    aimless = constrained & ~curved & layout.program & (largest(constants, z) == 0)
     absolute = ((sides == 0) & (prices == 0)) | (aimless & (not frame.certifying))
 
-    rows = np.maximum(D * sums, needed)
+    rows = np.maximum(rows, needed)
     gradient, unknowns = largest(rows, z), largest(reach, z)
     unknowns = np.where(at_0, np.maximum(unknowns, np.maximum(sides, np.where(curved, cheapest, 0.0))), unknowns)
-    x = C * np.where(z, unknowns, np.maximum(largest(reach, ~z), gradient))
-    f = np.where(z, gradient, np.maximum(largest(rows, ~z), unknowns)) / D
-    x = np.where(absolute, 1.0, np.where(aimless & ~z, np.inf, x))
-    f = np.where(absolute, 1.0, np.where(aimless & z, np.inf, f))
-    return AnswerSizes(of, z, program, D, C, sums, needed / D, x, f, prices, cheapest, sides, curved, absolute)
+    multipliers, feeds = np.maximum(largest(reach, ~z), gradient), np.maximum(largest(rows, ~z), unknowns)
+    x = C * np.where(z, of.spread(unknowns), of.spread(multipliers))
+    f = np.where(z, of.spread(gradient), of.spread(feeds)) / D
+    if absolute.any() or aimless.any():
+        none, free = of.spread(absolute), of.spread(aimless)
+        x = np.where(none, 1.0, np.where(free & ~z, np.inf, x))
+        f = np.where(none, 1.0, np.where(free & z, np.inf, f))
+    reach = np.maximum(sides, np.where(curved, prices, 0.0))
+    return AnswerSizes(sums, needed / D, x, f, prices, cheapest, sides, reach, absolute)
 
 
-def _groups(frame: Frame, problem: Groups) -> tuple[Groups, Flags]:
-    """Return what is measured together, and whether it is a program."""
-    other = problem.any(~frame.program)
-    if not other.any():
-        return problem, frame.program
-    program, number = ~problem.spread(other), problem.spread(np.arange(problem.count))
-    label = np.unique(np.where(program, number, problem.count + frame.part), return_inverse=True)[1]
-    return Groups(label, int(label.max()) + 1, frame.k), program
-
-
-def distances(system: System, sizes: AnswerSizes) -> Vector:
+def distances(system: System, layout: Layout, sizes: AnswerSizes) -> Vector:
     """Return how far unknowns and rows are from where they must be, over their sizes, (k,)."""
-    frame, z = system.frame, sizes.z
+    frame, of, z = system.frame, layout.of, layout.z
     x_unit, f_unit = inverse(sizes.x), inverse(sizes.f)
     # a constraint, or a bound other than 0, is missed by at most 10 ε of its own terms
-    constraint = ~(z & sizes.of.spread(sizes.of.any(~z)))
-    terms = np.where(constraint, sizes.sums + sizes.needed, 0.0)
-    missed = frame.largest(frame.sets.missed(system.x))
-    beyond = np.where(z & (missed > 0), missed + frame.norms(system.x), 0.0)
+    terms = np.where(z & of.spread(layout.constrained), 0.0, sizes.sums + sizes.needed)
     by_terms = np.maximum(f_unit, OWN * inverse(np.where(terms * f_unit > SMALL, terms, 0.0)))
-    by_bound = np.maximum(x_unit, OWN * inverse(np.where(beyond * x_unit > SMALL, beyond, 0.0)))
+    by_bound = x_unit
+    if frame.sets.moored:
+        missed = frame.largest(frame.sets.missed(system.x))
+        beyond = np.where(z & (missed > 0), missed + frame.norms(system.x), 0.0)
+        by_bound = np.maximum(x_unit, OWN * inverse(np.where(beyond * x_unit > SMALL, beyond, 0.0)))
     found = system.distances(by_bound, by_terms)
     if system.also is not None:
         value, at = system.also
         off = np.abs(value) * f_unit[at]  # the force of a bound has the digits of its own size
         np.maximum.at(found, np.arange(frame.k)[at], off / np.maximum(1.0, frame.norms(system.f)[at] * f_unit[at]))
     # unknowns that cancel may be as large as one likes, and hide by that no more than √ε of the data
-    grown = system.distances(np.zeros_like(x_unit), np.where(z, 0.0, sizes.D * inverse(sizes.reach)))
-    found = np.maximum(found, np.where(sizes.absolute, 0.0, np.minimum(grown, 1.0) ** 2))
-    free = sizes.program & sizes.curved & (sizes.prices == 0)
+    data = np.where(sizes.absolute, 0.0, inverse(sizes.reach))
+    grown = system.distances(np.zeros_like(x_unit), np.where(z, 0.0, layout.D * of.spread(data)))
+    found = np.maximum(found, np.minimum(grown, 1.0) ** 2)
+    free = layout.curved & layout.program & (sizes.prices == 0)
     if not free.any():
         return found
     # without prices a gradient whose terms are all below ε of what sides make of it is 0
-    gradient = sizes.of.spread(sizes.of.largest(np.where(z, sizes.f * sizes.D, 0.0)))
-    share = np.divide(gradient, sizes.sides, out=np.ones_like(found), where=gradient < sizes.sides)
-    primal = np.maximum(
-        system.distances(np.where(z, by_bound, 0.0), np.where(z, 0.0, by_terms)), np.minimum(grown, 1.0) ** 2
-    )
-    return np.where(free, np.maximum(primal, np.minimum(found, share)), found)
+    gradient = of.largest(np.where(z, sizes.f * layout.D, 0.0))
+    share = np.divide(gradient, sizes.sides, out=np.ones_like(gradient), where=gradient < sizes.sides)
+    primal = system.distances(np.where(z, by_bound, 0.0), np.where(z, 0.0, by_terms))
+    primal = np.maximum(primal, np.minimum(grown, 1.0) ** 2)
+    return np.where(of.spread(free), np.maximum(primal, np.minimum(found, of.spread(share))), found)
 
 
-def gap_error(system: System, sizes: AnswerSizes) -> tuple[Vector, Vector]:
-    """Return the duality gap over the objective, and the rounding of its terms over the same, of each problem."""
-    frame, of, z = system.frame, sizes.of, sizes.z
+def gap_error(system: System, layout: Layout, sizes: AnswerSizes) -> tuple[Vector, Vector]:
+    """Return the duality gap over the objective, and the rounding of its terms over the same, of each group."""
+    frame, of, z = system.frame, layout.of, layout.z
     if frame.signed is None:
         return np.zeros(of.count), np.zeros(of.count)
-    weight = np.where(np.isinf(sizes.x) | np.isinf(sizes.f), 0.0, np.where(sizes.absolute, 1.0, sizes.D / sizes.C))
-    far = np.where(z, np.maximum(sizes.x, sizes.C * sizes.reach), sizes.x)  # an answer of 0 is not near its bounds
-    room = frame.spread(np.where(sizes.absolute, np.inf, far))
-    gap = of.sum(weight * np.abs(frame.block_sums(frame.sets.products(system.x, system.f, room))))
+    weight = np.where(np.isinf(sizes.x) | np.isinf(sizes.f), 0.0, layout.D / layout.C)
+    far = np.where(z, np.maximum(sizes.x, layout.C * of.spread(sizes.reach)), sizes.x)  # 0 is not near its bounds
+    if sizes.absolute.any():
+        none = of.spread(sizes.absolute)
+        weight, far = np.where(none, 1.0, weight), np.where(none, np.inf, far)
+    gap = of.sum(weight * np.abs(frame.block_sums(frame.sets.products(system.x, system.f, frame.spread(far)))))
     linear = weight * frame.block_sums(system.x * frame.signed)
     quadratic = of.sum(weight * frame.block_sums(system.x * system.f) - linear)
     straight, square = np.abs(0.5 * quadratic + of.sum(np.where(z, linear, 0.0))), 0.5 * np.abs(quadratic)
     # without multipliers the products of rows and of constants have the same unknowns, whatever cancels
-    straight = np.where(of.any(~z), straight, of.sum(np.abs(linear)))
+    straight = np.where(layout.constrained, straight, of.sum(np.abs(linear)))
     objective = np.maximum(straight, square)
     size = np.maximum(objective, gap)
     error = np.divide(gap, size, out=np.zeros_like(gap), where=gap > 0)
 
     # an objective far below what the data make of it is 0: below ε of that by the least price, or ε² by squares
-    prices, reach = of.largest(sizes.prices), of.largest(sizes.reach)
-    by_square = np.where(of.any(sizes.curved), reach, 0.0) ** 2
-    by_prices = of.largest(sizes.cheapest) * np.minimum(reach, of.largest(np.where(z, sizes.x / sizes.C, 0.0)))
-    made = np.where(prices > 0, by_prices, by_square)
-    share = np.divide(np.where(prices > 0, size, gap), made, out=np.ones_like(gap), where=size < made)
+    by_square = np.where(layout.curved, sizes.reach, 0.0) ** 2
+    by_prices = sizes.cheapest * np.minimum(sizes.reach, of.largest(np.where(z, sizes.x / layout.C, 0.0)))
+    made = np.where(sizes.prices > 0, by_prices, by_square)
+    share = np.divide(np.where(sizes.prices > 0, size, gap), made, out=np.ones_like(gap), where=size < made)
     of_square = np.divide(square, by_square, out=(by_square > 0).astype(float), where=square < by_square)
     error = np.minimum(error, np.maximum(share, np.sqrt(of_square)))
     rounding = ROUNDINGS * EPS * of.sum(weight * system.sizes * (sizes.sums + frame.constants))
     most = np.maximum(objective, np.maximum(made, by_square))
     floor = np.divide(rounding, most, out=np.zeros_like(gap), where=most > 0)
-    return np.where(of.any(sizes.absolute), gap, error), floor
+    return np.where(sizes.absolute, gap, error), floor
 
 
 def orientation(J: Any) -> tuple[Flags, Flags]:

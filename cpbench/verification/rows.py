@@ -136,8 +136,8 @@ class Groups:
         return self.largest(flags.astype(np.float64)) > 0
 
     def spread(self, values: Any) -> Any:
-        """Return the value of its group, for each block; shape (k,)."""
-        return values.repeat(self.k) if self.of is None else values[self.of]
+        """Return the value of its group, for each block; of one group the value alone, as (1,)."""
+        return values if self.of is None else values[self.of]
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,9 +228,9 @@ class Frame:
         return equilibrate_apart(self.terms.sizes if self.by is None else self.by)
 
     @cached_property
-    def part(self) -> Any:
-        """(k,) number of the connected part of each block."""
-        return connected_components(self.terms.rows, directed=False)[1]
+    def layout(self) -> Layout:
+        """What linear rows have in common for all answers."""
+        return Layout.of_problems(self, Groups.one(self.k))
 
     def spread(self, values: Vector) -> Vector:
         """Return the values of blocks, for every unknown of each."""
@@ -251,6 +251,44 @@ class Frame:
     def any(self, flags: Flags) -> Flags:
         """Return whether any component of a block is flagged."""
         return flags if self.block is None else np.bincount(self.block, flags, self.k) > 0
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """What is measured together of linear rows, and in which units.
+
+    Attributes
+    ----------
+    of : groups of blocks: the problems of programs; of what is no program each connected part, for units of their rows
+        have nothing to do with each other.
+    z : (k,) whether an unknown is none of the multipliers of a program. D, C : (k,) units of rows and unknowns.
+    program, curved, constrained : (count,) whether rows are those of a program; z is in the gradient; there are
+        multipliers.
+    """
+
+    of: Groups
+    z: Flags
+    D: Vector
+    C: Vector
+    program: Flags
+    curved: Flags
+    constrained: Flags
+
+    @classmethod
+    def of_problems(cls, frame: Frame, problem: Groups) -> Layout:
+        """Find it for problems side by side."""
+        flags = np.broadcast_to(frame.program, frame.k)
+        other, of = problem.any(~flags), problem
+        if other.any():
+            flags, number = ~problem.spread(other) & np.ones(frame.k, bool), problem.spread(np.arange(problem.count))
+            part = connected_components(frame.terms.rows, directed=False)[1]
+            label = np.unique(np.where(flags, number, problem.count + part), return_inverse=True)[1]
+            of = Groups(label, int(label.max()) + 1, frame.k) if label.any() else Groups.one(frame.k)
+        z, (D, C) = ~(frame.multiplier & flags), frame.units
+        both = np.sqrt(D) * np.sqrt(C)
+        D, C = np.where(flags, both, D), np.where(flags, both, C)
+        curved = of.any(z & (frame.terms.sums(z.astype(np.float64)) > 0))
+        return cls(of, z, D, C, of.any(flags), curved, of.any(~z))
 
 
 @dataclass(frozen=True, eq=False)
