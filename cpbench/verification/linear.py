@@ -67,7 +67,14 @@ def linear_error(system: System, problem: Groups | None = None) -> AnswerError:
     errors = np.maximum(errors, gap)
     if of.count > 1:
         errors, floor = (problem.largest(of.spread(values)) for values in (errors, floor))
-    return AnswerError(errors, floor, bool(sizes.absolute.any()))
+    alike, apart = system.frame.alike, np.zeros(problem.count)
+    if alike is not None:
+        n = system.frame.k - system.frame.rows.shape[0]
+        equality, terms = np.isinf(system.frame.sets.lb[n:]), sums[n:] + system.frame.constants[n:]
+        own = None if problem.of is None else problem.of[n + alike.first]
+        missed = alike.missed(system.x[:n], system.f[n:], terms, equality)
+        apart = Groups(own, problem.count, missed.size).largest(missed)
+    return AnswerError(errors, floor, bool(sizes.absolute.any()), apart=apart)
 
 
 def sizes_of(system: System, layout: Layout, sums: Vector) -> AnswerSizes:

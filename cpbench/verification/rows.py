@@ -20,6 +20,7 @@ from scipy.sparse.csgraph import connected_components
 from cpbench.formulations.base import Problem
 from cpbench.formulations.node_table import NodeTable
 from cpbench.foundation.matrices import Vector, dense
+from cpbench.verification.alike_rows import AlikeRows
 from cpbench.verification.equilibration import equilibrate_apart
 from cpbench.verification.sets import Flags, Sets
 
@@ -28,6 +29,8 @@ ROUNDINGS = 8.0
 """Roundings of the largest term that a sum may carry."""
 FAR_BELOW = 2.0**-40
 """A constant that is this share of the largest of its kind stands for 0: files have 1e-17, solvers leave 1e-14."""
+ILL_POSED = 1e-2
+"""Share of its terms by which the difference of two rows that are nearly the same is missed: two digits are left."""
 SMALL = 2**10
 """Entries of the largest matrix that is an array whatever it holds: a sparse one takes longer."""
 
@@ -148,13 +151,15 @@ class AnswerError:
     ----------
     errors : of each group, block or contact. floors : what rounding may make of them. absolute : whether the data give
     no size, so that the answer is compared as it is. strict : whether an error of 0, too, says nothing where rounding
-    may exceed the tolerance.
+    may exceed the tolerance. apart : the share by which the difference of
+    two rows is missed that are nearly the same.
     """
 
     errors: Vector
     floors: Vector
     absolute: bool = False
     strict: bool = False
+    apart: Vector | None = None
 
     @property
     def error(self) -> float:
@@ -165,6 +170,11 @@ class AnswerError:
     def floor(self) -> float:
         """The largest error that rounding may make."""
         return _largest(self.floors)
+
+    @property
+    def ill_posed(self) -> Flags:
+        """Whether nothing is known of the difference of two rows that are nearly the same; of each problem."""
+        return np.zeros(1, dtype=bool) if self.apart is None else self.apart > ILL_POSED
 
     def hidden(self, error: Any, floor: Any, tolerance: float) -> Any:
         """Return whether rounding decides of an error at a tolerance."""
@@ -199,6 +209,7 @@ class Frame:
         of a program.
     certifying : whether multipliers are asked for as a certificate only: without an objective any will do.
     linear : whether all rows are linear, and the sets stay where they are.
+    rows : the rows of a quadratic program, with their signs.
     by : sizes of entries by which units are found, where the terms of one answer do not tell them.
     caps : up to what rows are definite by what vanishes with an unknown that they say is 0.
     moving : (k,) sizes of the terms of bounds that depend on the answer; small ones may be differences of large ones.
@@ -212,6 +223,7 @@ class Frame:
     multiplier: Any = False
     program: Any = False
     certifying: bool = False
+    rows: Any = None
     linear: bool = True
     by: Any = None
     caps: Caps | None = None
@@ -226,6 +238,11 @@ class Frame:
     def units(self) -> tuple[Vector, Vector]:
         """D and C, (k,): rows are compared times D, unknowns over C."""
         return equilibrate_apart(self.terms.sizes if self.by is None else self.by)
+
+    @cached_property
+    def alike(self) -> AlikeRows | None:
+        """Rows that are nearly the same."""
+        return None if self.rows is None else AlikeRows.of(self.rows, self.signed, *self.units)
 
     @cached_property
     def layout(self) -> Layout:

@@ -103,7 +103,8 @@ def _measured(stack: Stack, some: slice, answers: dict[str, Any], tolerance: flo
                 return np.where(finite, 0.0, np.inf), np.zeros(count, dtype=bool)
             found = linear_error(answer, Groups(_owners(answer, answers), count, answer.frame.k))
             error, floor = found.errors, found.floors
-    return np.where(finite & np.isfinite(error), error, np.inf), finite & found.hidden(error, floor, tolerance)
+    hidden = found.hidden(error, floor, tolerance) | found.ill_posed
+    return np.where(finite & np.isfinite(error), error, np.inf), finite & hidden
 
 
 def _owners(system: System, answers: dict[str, Any]) -> NDArray[np.int64]:

@@ -98,6 +98,7 @@ def _with_rows(P: Any, point: Any, M: Matrix, q: Vector) -> System:
             multiplier=multiplier,
             program=program,
             certifying=P.node == "qp",
+            rows=sp.vstack([sp.csr_array(P.A), sp.csr_array(P.C)]) if P.node == "qp" and m + k > 1 else None,
         )
 
     force = M @ z + q - P.A.T @ lam - P.C.T @ mu

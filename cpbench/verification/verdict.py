@@ -36,7 +36,8 @@ class Verdict:
     literature among them.
     flags : `stationary` (conditions of optimality were measured, which do not show that the answer is a minimum),
     `convexity declared` (they do if the problem is convex, as its author says), `direction` (accepted, but some contact
-    slips or rolls more than 5° off), `absolute` (the data give no size), `unresolvable` (rounding decides),
+    slips or rolls more than 5° off), `absolute` (the data give no size), `unresolvable` (rounding decides, or
+    `ill-posed`: the answer has no digit of the difference of two rows that are nearly the same),
     `multipliers completed` (they are not the author's, but computed here).
     """
 
@@ -114,8 +115,9 @@ def _judged(problem: Problem, point: Any, tolerance: float, measure: str | None)
         error = found.error
         if found.absolute:
             flags.append("absolute")
-        if found.hidden(error, found.floor, tolerance):
-            flags.append("unresolvable")
+        ill_posed = bool(found.ill_posed.any())
+        if ill_posed or found.hidden(error, found.floor, tolerance):
+            flags += ["unresolvable", "ill-posed"] if ill_posed else ["unresolvable"]
     within = error <= tolerance and "unresolvable" not in flags
     if within and any(parts.get(f"{k}_angle [deg]", 0.0) > DIRECTION_DEGREES for k in ("slip", "rolling")):
         flags.append("direction")
