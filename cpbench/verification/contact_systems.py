@@ -50,11 +50,12 @@ def mixed(P: Any, point: Any) -> ContactAnswer:
 def dynamic(P: Any, point: Any) -> ContactAnswer:
     """Return r beside u = Hᵀv + w, with what Mv = Hr + Gλ + f and Gᵀv + b = 0 leave."""
     v, r, lam = point.v, point.r, point.lam
-    force, joints = P.M @ v - P.H @ r - P.G @ lam - P.f, P.G.T @ v + P.b
-    pushed = inverse(np.abs(P.M.diagonal())) * force if P.factorization.singular else P.factorization.solve(force)
+    M, H, G = P.at_hand
+    force, joints = M @ v - H @ r - G @ lam - P.f, G.T @ v + P.b
+    pushed = inverse(np.abs(M.diagonal())) * force if P.factorization.singular else P.factorization.solve(force)
     joined = joints.size and not P.saddle.singular
     off = P.saddle.solve(np.concatenate([force, joints]))[: v.size] if joined else pushed
-    return _dynamics(P, v, r, lam, P.M, (pushed, off), joints, P.G, P.f, P.b)
+    return _dynamics(P, v, r, lam, (M, H, G), (pushed, off), joints, P.f, P.b)
 
 
 @ROWS.of("nfc")
@@ -64,7 +65,7 @@ def nonlinear_dynamic(P: Any, point: Any) -> ContactAnswer:
     none, force = np.zeros(0), F - P.H @ point.r
     factors = Factorization(sp.csr_array(M))
     off = inverse(np.abs(M.diagonal())) * force if factors.singular else np.asarray(factors.solve(force))
-    return _dynamics(P, v, point.r, none, M, (off, off), none, sp.csr_array((v.size, 0)), F - M @ v, none)
+    return _dynamics(P, v, point.r, none, (M, P.H, sp.csr_array((v.size, 0))), (off, off), none, F - M @ v, none)
 
 
 def _dynamics(
@@ -72,30 +73,30 @@ def _dynamics(
     v: Vector,
     r: Vector,
     lam: Vector,
-    M: Any,
-    moved: Vector,
+    matrices: tuple[Any, Any, Any],
+    moved: tuple[Vector, Vector],
     joints: Vector,
-    G: Any,
     load: Vector,
     drift: Vector,
 ) -> ContactAnswer:
-    """Return the contacts of bodies with velocities v; `moved` is how far these are from what all forces make them, and
-    from what the reactions make them where joints hold."""
+    """Return the contacts of bodies with velocities v and matrices M, H, G; `moved` is how far v is from what all
+    forces make it, and from what the reactions make it where joints hold."""
+    M, H, _ = matrices
 
     def made() -> Any:
         m, n = r.size, v.size
-        label = connected(P, m + n + lam.size, (P.H, m, 0), (M, m, m), (G, m, m + n))
-        return abs(P.H), abs(G), label, _contacts_of(P, label)
+        label = connected(P, m + n + lam.size, *zip(matrices, (m, m, m), (m, 0, m + n), strict=True))
+        return abs(H), abs(matrices[2]), label, _contacts_of(P, label)
 
-    H, G, label, part = kept(P, made)
+    sizes, G, label, part = kept(P, made)
     masses = np.abs(M.diagonal())
-    impulses = abs(M) @ np.abs(v) + H @ np.abs(r) + G @ np.abs(lam) + np.abs(load)
-    sums = H.T @ (np.abs(v) + inverse(masses) * impulses) + np.abs(P.w)
+    impulses = abs(M) @ np.abs(v) + sizes @ np.abs(r) + G @ np.abs(lam) + np.abs(load)
+    sums = sizes.T @ (np.abs(v) + inverse(masses) * impulses) + np.abs(P.w)
     of_joints = inverse((G * G).T @ inverse(masses)) if lam.size else lam
     bodies, ties = label[r.size : r.size + v.size], label[r.size + v.size :]
     moving = (bodies, masses, moved[0], P.free_motion, np.abs(v) + np.abs(moved[0]))
     others = _energies(P, label, [moving, (ties, of_joints, joints, drift, G.T @ np.abs(v) + np.abs(drift))])
-    return _at(P, r, P.H.T @ v + P.w, sums, part, P.H.T @ moved[1], others)
+    return _at(P, r, H.T @ v + P.w, sums, part, H.T @ moved[1], others)
 
 
 def _at(
@@ -149,10 +150,9 @@ def connected(P: Any, size: int, *blocks: tuple[Any, int, int]) -> Any:
     components = np.arange(P.nc * P.dimension)
     rows, columns = [components], [components - components % P.dimension]
     for block, row, column in blocks:
-        entries: Any = sp.coo_array(block)
-        some = entries.data != 0
-        rows.append(entries.coords[0][some] + row)
-        columns.append(entries.coords[1][some] + column)
+        of_row, of_column = np.nonzero(block) if isinstance(block, np.ndarray) else block.nonzero()
+        rows.append(of_row + row)
+        columns.append(of_column + column)
     ends = np.concatenate(rows), np.concatenate(columns)
     graph = sp.coo_array((np.ones(ends[0].size), ends), shape=(size, size))
     return connected_components(graph, directed=False)[1]

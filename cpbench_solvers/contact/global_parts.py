@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
-from cpbench.foundation.matrices import Vector, is_sparse
+from cpbench.foundation.matrices import Vector, is_sparse, transpose
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench.verification.contact_systems import connected
 from cpbench.verification.verdict import error_of
@@ -57,12 +57,12 @@ def dynamics_error(problem: Any, tolerance: float) -> Callable[[GFCPoint], float
     """Return what measures an answer: the law at the contacts and, where that is within the tolerance, the verdict's
     error, which has the dynamics and the joints, too, and takes longer. Infinite where it is not a number."""
     lengths, law = problem.lengths.ravel(), kernel("part_error").velocity_error
-    q, mu_r = problem.free_velocity * lengths, NO_ROLLING
+    q, mu_r, moves = problem.free_velocity * lengths, NO_ROLLING, transpose(problem.at_hand[1])
     if hasattr(problem, "mu_r"):
         mu_r = problem.mu_r / problem.lengths[:, -1]
 
     def error(point: GFCPoint) -> float:
-        u = (problem.H.T @ point.v + problem.w) * lengths
+        u = (moves @ point.v + problem.w) * lengths
         missed = law(u, point.r / lengths, q, problem.mu, mu_r, problem.rho, problem.dimension)
         found = error_of(problem, point).error if missed <= tolerance else missed
         return found if math.isfinite(found) else math.inf

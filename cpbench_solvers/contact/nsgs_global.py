@@ -78,7 +78,7 @@ class Bodies:
     def point(self, r: Vector) -> GFCPoint:
         """Return the answer that these reactions make."""
         problem = self.problem
-        return GFCPoint(v=np.asarray(problem.factorization.solve(problem.f + problem.H @ r)), r=r)
+        return GFCPoint(v=np.asarray(problem.factorization.solve(problem.f + problem.at_hand[1] @ r)), r=r)
 
 
 class VelocitySweeps(ContactMethod):
