@@ -12,7 +12,7 @@ so that W = HᵀK⁻¹H, which has an entry for any two contacts that a chain of
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -21,10 +21,9 @@ from cpbench.formulations.base import formulations
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
 from cpbench.foundation.factorization import Factorization
 from cpbench.foundation.matrices import Matrix, Vector, block, identity, max_abs, sparse, transpose, zeros
-from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
+from cpbench.solvers.base import Budget, SolverSpec, register
 from cpbench_solvers.cone.law_admm import ConicADMM, ConicADMMOptions, Delassus
-from cpbench_solvers.contact.global_parts import SolverByMovingParts, dynamics_error
-from cpbench_solvers.contact.run import iterate_on
+from cpbench_solvers.contact.global_parts import SolverByMovingParts
 from cpbench_solvers.traits import ITERATIVE
 
 RELAXED, REFINEMENTS = 1e-8, 3
@@ -108,15 +107,8 @@ class GlobalADMM(SolverByMovingParts):
     def prepare(self, problem: GlobalContact, budget: Budget, options: ConicADMMOptions) -> Dynamics:
         return Dynamics(problem)
 
-    def solve_part(
-        self, prepared: Dynamics, budget: Budget, options: ConicADMMOptions, start: Any, record: Record | None
-    ) -> SolverOutput:
-        problem = prepared.problem
-        r = np.zeros(problem.w.size) if start is None else np.array(start.r)
-
-        method = ConicADMM(prepared, options, r, budget)
-        error = dynamics_error(problem, budget.tolerance)
-        return iterate_on(error, prepared.point, method, budget, options, record)
+    def method(self, prepared: Dynamics, budget: Budget, options: ConicADMMOptions, r: Vector) -> ConicADMM:
+        return ConicADMM(prepared, options, r, budget)
 
 
 _spec = partial(

@@ -14,8 +14,9 @@ from cpbench.foundation.matrices import EPS
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
 from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
+from cpbench_solvers.contact.by_parts import SURE
 from cpbench_solvers.contact.condensed import Condensed, condensed
-from cpbench_solvers.contact.global_parts import MovingParts, dynamics_error, moving_parts, solve_moving
+from cpbench_solvers.contact.global_parts import DynamicsError, MovingParts, moving_parts, solve_moving
 from cpbench_solvers.contact.sweeps import kernel
 
 SWEEPS, ITERATIONS = 2_000, 1_000
@@ -47,7 +48,8 @@ class AutoGlobal(AutomaticChoice):
     members: ClassVar[tuple[str, ...]] = ("nsgs-gfc", "admm-gfc")
 
     def error(self, problem: GlobalFrictionContact, point: GFCPoint, tolerance: float) -> float:
-        return dynamics_error(problem, tolerance)(point)
+        measured = DynamicsError(problem, SURE * tolerance)
+        return max(measured(point), measured.floor)
 
     def phases(self, problem: GlobalFrictionContact) -> Sequence[SolverPhase]:
         if problem.b.size:
@@ -109,7 +111,8 @@ def _locally(
 ) -> SolverOutput:
     """Solve the condensed problem more finely than is asked for, again where the lifted answer is not good enough."""
     small, end = prepared.condensed, budget.deadline()
-    measured = dynamics_error(small.problem, budget.tolerance)
+    enough = SURE * budget.tolerance
+    measured = DynamicsError(small.problem, enough)
     begin = None if start is None else FCPoint(start.r)
     passing = None if record is None else lambda done, error, local: record(done, error, lambda: small.lift(local()))
     finer, counters = replace(budget, tolerance=FINER * budget.tolerance), Counter[str]()
@@ -120,14 +123,14 @@ def _locally(
         if output.point is not None:
             begin, passing, point = output.point, None, small.lift(output.point)
             error = measured(point)
-            if error <= budget.tolerance:
+            if error <= enough:
                 claim = Claim.SOLVED
             elif claim is Claim.SOLVED:
                 claim = Claim.INACCURATE
-                finer = replace(finer, tolerance=reduced(finer.tolerance, error, budget.tolerance))
+                finer = replace(finer, tolerance=reduced(finer.tolerance, error, enough))
         left = _left(finer, counters, budget, end)
         if claim is not Claim.INACCURATE or left is None or finer.tolerance < EPS:
             break
         finer = left
     message = f"condensed, {LOCAL}" + (f": {output.message}" if output.message else "")
-    return replace(output, claim=claim, point=point, counters=dict(counters), message=message)
+    return measured.claimed(replace(output, claim=claim, point=point, counters=dict(counters), message=message))

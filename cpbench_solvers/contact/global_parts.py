@@ -6,9 +6,10 @@ Norms over all parts say little of small ones, and factors and penalties suit no
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -19,7 +20,9 @@ from cpbench.foundation.matrices import Vector, is_sparse, transpose
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
 from cpbench.verification.contact_systems import connected
 from cpbench.verification.verdict import error_of
+from cpbench_solvers.contact.by_parts import SURE
 from cpbench_solvers.contact.parts import NO_ROLLING, PartSolver, PartsProgress, claimed, rows_of
+from cpbench_solvers.contact.run import ContactMethod, iterate_on
 from cpbench_solvers.contact.sweeps import kernel
 
 Index = NDArray[np.int64]
@@ -53,21 +56,40 @@ class MovingParts:
     parts: tuple[MovingPart, ...]
 
 
-def dynamics_error(problem: Any, tolerance: float) -> Callable[[GFCPoint], float]:
-    """Return what measures an answer: the law at the contacts and, where that is within the tolerance, the verdict's
-    error, which has the dynamics and the joints, too, and takes longer. Infinite where it is not a number."""
-    lengths, law = problem.lengths.ravel(), kernel("part_error").velocity_error
-    q, mu_r, moves = problem.free_velocity * lengths, NO_ROLLING, transpose(problem.at_hand[1])
-    if hasattr(problem, "mu_r"):
-        mu_r = problem.mu_r / problem.lengths[:, -1]
+class DynamicsError:
+    """Error of answers to one problem: of the law at the contacts and, where that is within the tolerance, the
+    verdict's, which has the dynamics and the joints, too, and takes longer. Infinite where it is not a number.
 
-    def error(point: GFCPoint) -> float:
-        u = (moves @ point.v + problem.w) * lengths
-        missed = law(u, point.r / lengths, q, problem.mu, mu_r, problem.rho, problem.dimension)
-        found = error_of(problem, point).error if missed <= tolerance else missed
-        return found if math.isfinite(found) else math.inf
+    Attributes
+    ----------
+    floor : what rounding may make of the last answer, where that hides its error at the tolerance; else 0.
+    """
 
-    return error
+    def __init__(self, problem: Any, tolerance: float) -> None:
+        self._problem, self._tolerance, self.floor = problem, tolerance, 0.0
+        self._lengths, self._law = problem.lengths.ravel(), kernel("part_error").velocity_error
+        self._moves, mu_r = transpose(problem.at_hand[1]), NO_ROLLING
+        if hasattr(problem, "mu_r"):
+            mu_r = problem.mu_r / problem.lengths[:, -1]
+        free = problem.free_velocity * self._lengths
+        self._data = free, problem.mu, mu_r, problem.rho, problem.dimension
+
+    def __call__(self, point: GFCPoint) -> float:
+        """Measure an answer."""
+        u = (self._moves @ point.v + self._problem.w) * self._lengths
+        error, self.floor = self._law(u, point.r / self._lengths, *self._data), 0.0
+        if error <= self._tolerance:
+            found = error_of(self._problem, point)
+            error = found.error
+            self.floor = found.floor if found.hidden(error, found.floor, self._tolerance) else 0.0
+        return error if math.isfinite(error) else math.inf
+
+    def claimed(self, output: SolverOutput) -> SolverOutput:
+        """Return the output whose answer was measured last, `inaccurate` where rounding hides its error."""
+        if not self.floor or output.claim is not Claim.SOLVED:
+            return output
+        message = f"rounding makes errors up to {self.floor:.1e}"
+        return replace(output, claim=Claim.INACCURATE, message=message)
 
 
 def moving_parts(problem: GlobalContact) -> MovingParts | None:
@@ -137,7 +159,22 @@ def solve_moving(
 
 
 class SolverByMovingParts(PartSolver):
-    """A solver of global contact problems."""
+    """A solver of global contact problems, by what `prepare` makes: with the `problem`, and the `point` of reactions.
+
+    It ends within `SURE` of the tolerance: what a part is by itself and in the whole is the same up to rounding.
+    """
+
+    @abstractmethod
+    def method(self, prepared: Any, budget: Budget, options: Any, r: Vector) -> ContactMethod:
+        """Return the iterates of a part from the reactions r."""
+
+    def solve_part(
+        self, prepared: Any, budget: Budget, options: Any, start: Any, record: Record | None
+    ) -> SolverOutput:
+        r = np.zeros(prepared.problem.w.size) if start is None else np.array(start.r)
+        sure = replace(budget, tolerance=SURE * budget.tolerance)
+        error, method = DynamicsError(prepared.problem, sure.tolerance), self.method(prepared, budget, options, r)
+        return error.claimed(iterate_on(error, prepared.point, method, sure, options, record))
 
     def setup(self, problem: Any, budget: Budget, options: Any) -> Any:
         """Return `MovingParts`, or what is prepared for a problem that is one part."""

@@ -16,9 +16,9 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.formulations.global_contact import GFCPoint
 from cpbench.foundation.factorization import Blocks, assembled, components, diagonal_blocks
 from cpbench.foundation.matrices import Dense, Matrix, Sparse, Vector, dense, entries, freeze, sparse
-from cpbench.solvers.base import Budget, Record, SolverOutput, SolverSpec, register
-from cpbench_solvers.contact.global_parts import SolverByMovingParts, dynamics_error
-from cpbench_solvers.contact.run import ContactMethod, MethodOptions, iterate_on
+from cpbench.solvers.base import Budget, SolverSpec, register
+from cpbench_solvers.contact.global_parts import SolverByMovingParts
+from cpbench_solvers.contact.run import ContactMethod, MethodOptions
 from cpbench_solvers.contact.sweeps import kernel
 from cpbench_solvers.traits import ITERATIVE
 
@@ -149,12 +149,5 @@ class NSGSGlobal(SolverByMovingParts):
             f[0] = -1.0
             self.run(GlobalFrictionContact(M=one, H=one, f=f, w=np.zeros(d), mu=np.array([0.5]), dimension=d))
 
-    def solve_part(
-        self, prepared: Bodies, budget: Budget, options: MethodOptions, start: Any, record: Record | None
-    ) -> SolverOutput:
-        problem = prepared.problem
-        r = np.zeros(problem.w.size) if start is None else np.array(start.r)
-
-        method = VelocitySweeps(prepared, r)
-        error = dynamics_error(problem, budget.tolerance)
-        return iterate_on(error, prepared.point, method, budget, options, record)
+    def method(self, prepared: Bodies, budget: Budget, options: MethodOptions, r: Vector) -> VelocitySweeps:
+        return VelocitySweeps(prepared, r)

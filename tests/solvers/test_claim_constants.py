@@ -10,6 +10,8 @@ import scipy.sparse as sp
 from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
+from cpbench.formulations.gfc import GlobalFrictionContact
+from cpbench.formulations.global_contact import GFCPoint
 from cpbench.formulations.lcp import LCP
 from cpbench.foundation.kernel_cache import load
 from cpbench.solvers.base import Budget, Claim, solvers
@@ -19,18 +21,23 @@ from cpbench_solvers.contact.parts import ContactParts, worst_part
 from cpbench_solvers.lcp.claims import conclude
 
 
-@pytest.mark.parametrize(("share", "taken"), [(0.98, True), (1.01, False)])
-def test_claims_end_just_before_the_tolerance(share: float, taken: bool) -> None:
+@pytest.mark.parametrize(("share", "taken"), [(0.99, True), (0.999, False)])
+@pytest.mark.parametrize("name", ["admm-fc", "admm-gfc"])
+def test_claims_end_just_before_the_tolerance(name: str, share: float, taken: bool) -> None:
     """`SURE`: a start is the answer as it is up to 0.995 of the tolerance, for the verdict is known to a thousandth.
 
     One contact carries 1; with r_N = 1 + x it opens with x of its free velocity 1."""
-    problem = FrictionContact(W=np.eye(3), q=np.array([-1.0, 0.0, 0.0]), mu=np.full(1, 0.1), dimension=3)
-    start = FCPoint(np.array([1.0 + share * 1e-4, 0.0, 0.0]))
-    assert worst_part(problem, start.r) == pytest.approx(share * 1e-4, rel=1e-9)
-    output = solvers.get("admm-fc").run(problem, Budget(tolerance=1e-4), start=start)
+    law = {"mu": np.full(1, 0.1), "dimension": 3}
+    free, r = np.array([-1.0, 0.0, 0.0]), np.array([1.0 + share * 1e-4, 0.0, 0.0])
+    problem = FrictionContact(W=np.eye(3), q=free, **law)
+    assert worst_part(problem, r) == pytest.approx(share * 1e-4, rel=1e-9)
+    start = FCPoint(r)
+    if name == "admm-gfc":
+        problem, start = GlobalFrictionContact(M=np.eye(3), H=np.eye(3), f=free, **law), GFCPoint(v=free + r, r=r)
+    output = solvers.get(name).run(problem, Budget(tolerance=1e-4), start=start)
     assert output.claim is Claim.SOLVED
-    assert isinstance(output.point, FCPoint)
-    assert np.array_equal(output.point.r, start.r) == taken
+    assert isinstance(output.point, FCPoint | GFCPoint)
+    assert np.array_equal(output.point.r, r) == taken
     assert judge(problem, output.point, 1e-4).error <= 1e-4
 
 

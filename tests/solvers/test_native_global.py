@@ -20,7 +20,7 @@ from cpbench.testing import planted_contact
 from cpbench.verification import judge
 from cpbench_solvers.contact.admm_global import Dynamics
 from cpbench_solvers.contact.condensed import condensed as condense
-from cpbench_solvers.contact.global_parts import dynamics_error
+from cpbench_solvers.contact.global_parts import DynamicsError
 from cpbench_solvers.contact.nsgs_global import Bodies, VelocitySweeps
 from cpbench_solvers.contact.sweeps import Sweeps, block_rows
 
@@ -209,14 +209,14 @@ def test_real_files_by_gauss_seidel_on_velocities(shared_data: Path, file: str, 
     assert_claim(problem, output.point, tolerance)
 
 
-def tower(seed: int, dimension: int = 3) -> GlobalFrictionContact:
-    """Four boxes on each other, the ground sloping, four contacts (two in the plane) under each, masses to 1000 times
+def tower(seed: int, dimension: int = 3, decades: float = 3.0) -> GlobalFrictionContact:
+    """Four boxes on each other, the ground sloping, four contacts (two in the plane) under each, masses some decades
     apart: hyperstatic, with reactions that are large beside all velocities."""
     rng = np.random.default_rng(seed)
     plane = dimension == 2
     freedoms, corners = (3, [[-1.0], [1.0]]) if plane else (6, [[x, y] for x in (-1.0, 1.0) for y in (-1.0, 1.0)])
     boxes, per = 4, len(corners)
-    masses, n = 10.0 ** rng.uniform(-1.5, 1.5, boxes), boxes * freedoms
+    masses, n = 10.0 ** rng.uniform(-decades / 2, decades / 2, boxes), boxes * freedoms
     H = np.zeros((n, boxes * per * dimension))
     for box in range(boxes):
         for k, corner in enumerate(corners):
@@ -254,6 +254,18 @@ def test_what_is_claimed_of_bodies_that_press_and_hardly_move_is_so(name: str) -
     assert claimed >= 6
 
 
+@pytest.mark.parametrize("name", ["admm-gfc", "auto-gfc"])
+def test_an_answer_that_rounding_hides_is_not_claimed(name: str) -> None:
+    """Masses of nine decades press: the error is small, and says nothing at 1e-8; at 1e-6 it does."""
+    for tolerance, claim in ((1e-8, Claim.INACCURATE), (1e-6, Claim.SOLVED)):
+        problem = tower(102, 2, decades=9.0)
+        output = solvers.get(name).run(problem, Budget(tolerance=tolerance))
+        verdict = judge(problem, output.point, tolerance)
+        assert verdict.error <= tolerance
+        assert (output.claim, verdict.solved) == (claim, claim is Claim.SOLVED)
+        assert ("rounding" in output.message) == (not verdict.solved)
+
+
 @pytest.mark.parametrize("node", ["gfc", "grfc"])
 def test_the_error_of_bodies_is_the_verdicts(rng: np.random.Generator, node: str) -> None:
     """As well where the law alone is measured, for velocities that reactions make."""
@@ -266,7 +278,7 @@ def test_the_error_of_bodies_is_the_verdicts(rng: np.random.Generator, node: str
             point = GFCPoint(v=v, r=r, lam=lam)
             expected = judge(problem, point, 1e-6).error
             for tolerance in (0.0, np.inf):
-                assert dynamics_error(problem, tolerance)(point) == pytest.approx(expected, rel=1e-6), (seed, size)
+                assert DynamicsError(problem, tolerance)(point) == pytest.approx(expected, rel=1e-6), (seed, size)
 
 
 @pytest.mark.parametrize("sparse", [False, True])

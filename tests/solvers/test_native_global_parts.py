@@ -15,7 +15,7 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted_contact
 from cpbench.verification import judge
-from cpbench_solvers.contact.global_parts import dynamics_error, moving_parts, restricted
+from cpbench_solvers.contact.global_parts import DynamicsError, moving_parts, restricted
 
 
 def side_by_side(problems: list[Any], rng: Any) -> Any:
@@ -91,7 +91,7 @@ def test_a_body_that_falls_through_its_support_is_wrong_by_all_of_its_velocity()
         dimension=3,
     )
     fallen = GFCPoint(v=problem.f, r=np.zeros(3))
-    assert dynamics_error(problem, 1e-8)(fallen) == pytest.approx(1.0)
+    assert DynamicsError(problem, 1e-8)(fallen) == pytest.approx(1.0)
     output = solvers.get("nsgs-gfc").run(problem, Budget(tolerance=1e-8))
     assert output.claim is Claim.SOLVED, output.message
 
