@@ -17,6 +17,7 @@ from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_sp
 from cpbench_solvers.contact.by_parts import SURE
 from cpbench_solvers.contact.condensed import Condensed, condensed
 from cpbench_solvers.contact.global_parts import DynamicsError, MovingParts, moving_parts, solve_moving
+from cpbench_solvers.contact.parts import verdict_error
 from cpbench_solvers.contact.sweeps import kernel
 
 SWEEPS, ITERATIONS = 2_000, 1_000
@@ -48,8 +49,7 @@ class AutoGlobal(AutomaticChoice):
     members: ClassVar[tuple[str, ...]] = ("nsgs-gfc", "admm-gfc")
 
     def error(self, problem: GlobalFrictionContact, point: GFCPoint, tolerance: float) -> float:
-        measured = DynamicsError(problem, SURE * tolerance)
-        return max(measured(point), measured.floor)
+        return verdict_error(problem, point, SURE * tolerance)
 
     def phases(self, problem: GlobalFrictionContact) -> Sequence[SolverPhase]:
         if problem.b.size:

@@ -10,7 +10,8 @@ from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
-from cpbench_solvers.contact.parts import worst_part
+from cpbench_solvers.contact.by_parts import SURE
+from cpbench_solvers.contact.parts import verdict_error
 
 ITERATIONS = 200, 800
 """Iterations of ADMM in the first turns; the last ones have the solvers' own limits."""
@@ -26,7 +27,7 @@ class AutoRolling(AutomaticChoice):
     members: ClassVar[tuple[str, ...]] = ("nsgs-rfc", "admm-rfc")
 
     def error(self, problem: RollingFrictionContact, point: FCPoint, tolerance: float) -> float:
-        return max(super().error(problem, point, tolerance), worst_part(problem, point.r))
+        return verdict_error(problem, point, SURE * tolerance)
 
     def phases(self, problem: RollingFrictionContact) -> Sequence[SolverPhase]:
         return _turns(*self.members, problem.nc)

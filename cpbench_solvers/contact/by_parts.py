@@ -131,9 +131,7 @@ class SolverByParts(PartSolver):
         if output.point is None or output.claim is not Claim.SOLVED or relaxed:
             return output
         error, asked, enough = part.error(output.point.r), budget.tolerance, SURE * budget.tolerance
-        if error <= enough:
-            return output
-        while asked > EPS:
+        while not error <= enough and asked > EPS:
             asked = reduced(asked, error, enough)
             left = replace(budget.left(deadline), tolerance=asked)
             further = self.solve_part(part.prepared, left, options, output.point, _after(record, output.counters))
@@ -143,13 +141,16 @@ class SolverByParts(PartSolver):
             better = further if now < error else output
             output = replace(better, counters=dict(counters), message=further.message)
             error = min(now, error)
-            if error <= enough:
-                return solved(output.point, output.counters)
             if further.claim is not Claim.SOLVED:
                 break
-        message = f"error {error:.1e} over the free velocities of the part"
-        message = f"{output.message}; {message}" if output.message else message
-        return SolverOutput(claim=Claim.INACCURATE, point=output.point, counters=output.counters, message=message)
+        point: Any = output.point
+        what = f"error {error:.1e} over the free velocities of the part"
+        if error <= enough:
+            if not part.hidden(point.r, enough):
+                return output if output.claim is Claim.SOLVED else solved(point, output.counters)
+            what = "rounding hides the error"
+        message = f"{output.message}; {what}" if output.message else what
+        return SolverOutput(claim=Claim.INACCURATE, point=point, counters=output.counters, message=message)
 
 
 def _after(record: Record | None, counters: Any) -> Record | None:

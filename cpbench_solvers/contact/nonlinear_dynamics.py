@@ -23,6 +23,7 @@ from cpbench.foundation import matrices
 from cpbench.foundation.matrices import norm
 from cpbench.solvers.base import Budget, Claim, Record, Solver, SolverOutput, SolverSpec, register, solvers
 from cpbench.verification.verdict import error_of
+from cpbench_solvers.contact.parts import verdict_error
 from cpbench_solvers.inner import inner_solver
 from cpbench_solvers.lcp.claims import concluded
 from cpbench_solvers.traits import ITERATIVE
@@ -132,6 +133,8 @@ class NewtonContact(Solver):
                     record(counters["iterations"], error, lambda now=best: now)
         if not math.isfinite(least):
             return SolverOutput(claim=Claim.FAILED, counters=counters, message="F is not defined at the start")
+        if least <= budget.tolerance:
+            least, message = verdict_error(problem, best, budget.tolerance), "rounding hides the error"
         return concluded(best, least, budget, counters, claim, f"{message}, error {least:.1e}")
 
 

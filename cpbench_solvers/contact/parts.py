@@ -13,11 +13,14 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
+from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.foundation.kernel_cache import compiled
-from cpbench.foundation.matrices import Vector
+from cpbench.foundation.matrices import EPS, Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, solved
+from cpbench.verification.rows import ROUNDINGS
+from cpbench.verification.verdict import error_of
 from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
 from cpbench_solvers.contact.sweeps import BlockRows, ScaledContacts, block_rows, kernel
 
@@ -95,6 +98,18 @@ class ContactPart:
         """Return the error of the reactions r of this part, shape (nc·d,)."""
         return float(self.measured.errors(r)[0])
 
+    def hidden(self, r: Vector, tolerance: float) -> bool:
+        """Return whether rounding hides that the error of these reactions is within the tolerance.
+
+        Most are far from that by |W_ij| ≤ d/min ρ, as it is of a W that is positive semidefinite.
+        """
+        problem, lengths, d = self.problem, self.problem.lengths.ravel(), self.problem.dimension
+        size = np.abs(problem.q * lengths).max()
+        pushed = d / problem.rho.min() * np.abs(r / lengths).sum()
+        if d * ROUNDINGS * EPS * (pushed + size) < tolerance * size:
+            return False
+        return not verdict_error(problem, FCPoint(r), tolerance) <= tolerance
+
 
 @dataclass(frozen=True)
 class ContactParts:
@@ -159,13 +174,10 @@ def rows_of_blocks(problem: Contact) -> BlockRows | RollingBlocks:
     return rolling_blocks(problem) if isinstance(problem, RollingFrictionContact) else block_rows(problem)
 
 
-def worst_part(problem: Contact, r: Vector) -> float:
-    """Return the error of the reactions r, shape (nc·d,), in the connected part where it is largest."""
-    contacts = connected_parts(problem)
-    label = np.empty(problem.nc, np.int64)
-    for k, some in enumerate(contacts):
-        label[some] = k
-    return float(MeasuredParts(rows_of_blocks(problem), label, len(contacts)).errors(r).max(initial=0.0))
+def verdict_error(problem: Any, point: Any, tolerance: float) -> float:
+    """Return the error of the verdict, and where rounding hides it at the tolerance, what that may make of it."""
+    found = error_of(problem, point)
+    return found.floor if found.hidden(found.error, found.floor, tolerance) else found.error
 
 
 def connected_parts(problem: Contact) -> list[Index]:

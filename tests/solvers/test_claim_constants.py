@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from claims import compiled_error
 
 from cpbench.formulations.avi import AVI, AVIPoint
 from cpbench.formulations.contact import FCPoint
@@ -17,7 +18,7 @@ from cpbench.foundation.kernel_cache import load
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.verification import judge
 from cpbench_solvers.avi.claims import NONE, rows_of
-from cpbench_solvers.contact.parts import ContactParts, worst_part
+from cpbench_solvers.contact.parts import ContactParts
 from cpbench_solvers.lcp.claims import conclude
 
 
@@ -30,7 +31,7 @@ def test_claims_end_just_before_the_tolerance(name: str, share: float, taken: bo
     law = {"mu": np.full(1, 0.1), "dimension": 3}
     free, r = np.array([-1.0, 0.0, 0.0]), np.array([1.0 + share * 1e-4, 0.0, 0.0])
     problem = FrictionContact(W=np.eye(3), q=free, **law)
-    assert worst_part(problem, r) == pytest.approx(share * 1e-4, rel=1e-9)
+    assert compiled_error(problem, r) == pytest.approx(share * 1e-4, rel=1e-9)
     start = FCPoint(r)
     if name == "admm-gfc":
         problem, start = GlobalFrictionContact(M=np.eye(3), H=np.eye(3), f=free, **law), GFCPoint(v=free + r, r=r)
@@ -61,7 +62,7 @@ def test_a_contact_counts_by_its_own_free_velocity_from_a_share_of_the_largest(f
     problem = FrictionContact(W=W, q=q, mu=np.zeros(2), dimension=3)
     r = np.array([1.01, 0.0, 0.0, 0.0, 0.0, 0.0])
     assert judge(problem, FCPoint(r), 1e-6).error == pytest.approx(error, rel=0.01)
-    assert worst_part(problem, r) == pytest.approx(error, rel=0.01)
+    assert compiled_error(problem, r) == pytest.approx(error, rel=0.01)
 
 
 @pytest.mark.parametrize(("times", "claim"), [(60.0, Claim.INACCURATE), (150.0, Claim.FAILED)])

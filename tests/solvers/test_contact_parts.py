@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from claims import compiled_error
 from test_page import SHOWN, of_contact
 
 from cpbench.formulations.contact import FCPoint
@@ -15,7 +16,7 @@ from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.solvers.base import Budget, Claim, solvers
 from cpbench.testing import planted_contact
 from cpbench.verification import judge
-from cpbench_solvers.contact.parts import ContactPart, connected_parts, worst_part
+from cpbench_solvers.contact.parts import ContactPart, connected_parts
 from cpbench_solvers.contact.sweeps import block_rows
 
 METHODS = (
@@ -116,7 +117,7 @@ def test_the_error_of_a_part_with_rolling_friction_is_that_of_the_verdict(dimens
         assert point is not None
         r = point.r * (1.0 + 10.0 ** rng.uniform(-8, -1) * rng.standard_normal(point.r.size))
         expected = judge(problem, FCPoint(r), 1e-6).error
-        assert worst_part(problem, r) == pytest.approx(expected, rel=3e-3, abs=1e-13), seed
+        assert compiled_error(problem, r) == pytest.approx(expected, rel=3e-3, abs=1e-13), seed
 
 
 def test_parts_are_found_by_entries_that_are_not_0() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from claims import assert_claim
+from claims import assert_claim, compiled_error
 from scipy.optimize import brentq
 
 from cpbench import storage
@@ -16,7 +16,6 @@ from cpbench.solvers import Budget, Claim, SolverOutput, solvers
 from cpbench.testing import planted
 from cpbench.verification import judge
 from cpbench_solvers.contact import sweeps as contact_sweeps
-from cpbench_solvers.contact.parts import worst_part
 
 
 def answer(output: SolverOutput) -> FCPoint:
@@ -169,7 +168,7 @@ def test_sweeps_end_soon_after_the_error_is_small(rng: np.random.Generator, dime
         sweeps, r, error = contact_sweeps.Sweeps(contact_sweeps.block_rows(problem)), np.zeros(nc * dimension), np.inf
         while not error <= tolerance:
             sweeps.sweep(r, 1, 1e-300)
-            error = worst_part(problem, r)
+            error = compiled_error(problem, r)
         output = solvers.get("nsgs").run(problem, Budget(tolerance=tolerance))
         assert output.claim is Claim.SOLVED
         assert sweeps.done <= output.counters["iterations"] <= 2 * sweeps.done + 10
