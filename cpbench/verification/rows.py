@@ -246,7 +246,7 @@ class Frame:
 
     @cached_property
     def layout(self) -> Layout:
-        """What linear rows have in common for all answers."""
+        """Layout of linear rows, the same for all answers."""
         return Layout.of_problems(self, Groups.one(self.k))
 
     def spread(self, values: Vector) -> Vector:
@@ -272,7 +272,7 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """What is measured together of linear rows, and in which units.
+    """Groups of linear rows that are measured together, and their units.
 
     Attributes
     ----------

@@ -8,19 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
+from cpbench.formulations.avi import AVI
 from cpbench.formulations.coneqp import ConeQP, ConeQPPoint
+from cpbench.formulations.qp import QP
 from cpbench.formulations.sizes import least
 from cpbench.formulations.soclcp import SOCLCP, SOCLCPPoint
 from cpbench.foundation import matrices
 from cpbench.foundation.matrices import Matrix, Vector, max_abs
-from cpbench.foundation.product_cones import ProductCone
-from cpbench.verification.verdict import error_of
+from cpbench.foundation.product_cones import Cone, ProductCone
+from cpbench_solvers.avi.claims import verdict_error
 from cpbench_solvers.nonlinear.natural_map import congruent, equilibrate
+from cpbench_solvers.qp.claims import ErrorMeasure
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +49,61 @@ class ConicForm:
 
 
 def judged(problem: ConeQP | SOCLCP, tolerance: float) -> Callable[[Any], float]:
-    """Return what measures an answer: by norms (`residuals`) and, where these are within the tolerance, as the verdict
-    does."""
+    """Return what measures an answer: by norms (`residuals`) and, where these are within the tolerance, by the gap over
+    the objective; as the verdict does where all cones have flat faces, which make it a QP or a problem in a box."""
+
+    @cache
+    def flat() -> Callable[[Any], float] | None:
+        return _flat(problem)
 
     def error(point: Any) -> float:
         found = problem.residuals(point, tolerance).error if point.finite else np.inf
-        return max(found, error_of(problem, point).error) if found <= tolerance else found
+        return max(found, (flat() or partial(_gap, problem))(point)) if found <= tolerance else found
 
     return error
+
+
+def _flat(problem: ConeQP | SOCLCP) -> Callable[[Any], float] | None:
+    """Return the verdict's error of answers to a problem without other cones than {0}, ℝ and ℝ₊; else None."""
+    kind = np.repeat(problem.K.kind, problem.K.size.astype(int))
+    if not np.isin(problem.K.kind, (Cone.ZERO, Cone.FREE, Cone.NONNEGATIVE)).all():
+        return None
+    if isinstance(problem, SOCLCP):
+        lb, ub = np.where(kind == Cone.FREE, -np.inf, 0.0), np.where(kind == Cone.ZERO, 0.0, np.inf)
+        box = AVI(M=problem.M, q=problem.q, lb=lb, ub=ub)
+        return lambda point: verdict_error(box, point.x)
+    rows, equations, free = (np.flatnonzero(kind == one) for one in (Cone.NONNEGATIVE, Cone.ZERO, Cone.FREE))
+    A, b = problem.A, problem.b
+    measure = ErrorMeasure(QP.build(problem.Q, problem.p, A[rows], -b[rows], A[equations], -b[equations]))
+    none = np.zeros(problem.p.size)
+
+    def error(point: ConeQPPoint) -> float:
+        if point.y[free].any():
+            return np.inf
+        return measure.verdict((point.x, point.y[rows], point.y[equations], none))
+
+    return error
+
+
+def _gap(problem: ConeQP | SOCLCP, point: Any) -> float:
+    """Return the gap, Σ|⟨s_c, y_c⟩ + σ_c(−y_c)| over the factors of K and that of the gradient, over the objective.
+
+    σ is the support function of balls and cylinders, 0 of cones.
+    """
+    x, K = point.x, problem.K
+    if isinstance(problem, SOCLCP):
+        Mx, slack, y, gap = problem.M @ x, x, problem.M @ x + problem.q, 0.0
+        straight = float(np.abs(problem.q * x).sum())
+    else:
+        Mx, slack, y = problem.Q @ x, problem.A @ x + problem.b, point.y
+        gap = float(np.abs(x * (Mx + problem.p - problem.A.T @ y)).sum())
+        straight = abs(0.5 * float(x @ Mx) + float(problem.p @ x))
+    size, leads = K.size.astype(int), np.diff(K.blocks, prepend=-1) != 0
+    kind = np.repeat(K.kind, size)
+    radii = np.where(leads & np.isin(kind, (Cone.CYLINDER, Cone.BALL)), np.repeat(K.mu, size), 0.0)
+    reach = np.sqrt(np.bincount(K.blocks, np.where(leads & (kind == Cone.CYLINDER), 0.0, y) ** 2))
+    gap += float(np.abs(np.bincount(K.blocks, slack * y) + np.bincount(K.blocks, radii) * reach).sum())
+    return gap / max(gap, straight, 0.5 * abs(float(x @ Mx))) if gap > 0.0 else 0.0
 
 
 def conic_form(problem: ConeQP | SOCLCP, tolerance: float) -> ConicForm:

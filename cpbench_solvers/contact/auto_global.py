@@ -16,8 +16,8 @@ from cpbench.solvers.shared.progress import reduced
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
 from cpbench_solvers.contact.by_parts import SURE
 from cpbench_solvers.contact.condensed import Condensed, condensed
-from cpbench_solvers.contact.global_parts import DynamicsError, MovingParts, moving_parts, solve_moving
-from cpbench_solvers.contact.parts import verdict_error
+from cpbench_solvers.contact.dynamics_error import DynamicsError
+from cpbench_solvers.contact.global_parts import MovingParts, moving_parts, solve_moving
 from cpbench_solvers.contact.sweeps import kernel
 
 SWEEPS, ITERATIONS = 2_000, 1_000
@@ -49,7 +49,8 @@ class AutoGlobal(AutomaticChoice):
     members: ClassVar[tuple[str, ...]] = ("nsgs-gfc", "admm-gfc")
 
     def error(self, problem: GlobalFrictionContact, point: GFCPoint, tolerance: float) -> float:
-        return verdict_error(problem, point, SURE * tolerance)
+        measured = DynamicsError(problem, tolerance)
+        return max(measured(point), measured.floor)
 
     def phases(self, problem: GlobalFrictionContact) -> Sequence[SolverPhase]:
         if problem.b.size:

@@ -11,7 +11,7 @@ from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.solvers.base import SolverSpec, register
 from cpbench_solvers.automatic import AutomaticChoice, SolverPhase, automatic_spec
 from cpbench_solvers.contact.by_parts import SURE
-from cpbench_solvers.contact.parts import verdict_error
+from cpbench_solvers.contact.parts import error_or_rounding
 
 ITERATIONS = 200, 800
 """Iterations of ADMM in the first turns; the last ones have the solvers' own limits."""
@@ -27,7 +27,7 @@ class AutoRolling(AutomaticChoice):
     members: ClassVar[tuple[str, ...]] = ("nsgs-rfc", "admm-rfc")
 
     def error(self, problem: RollingFrictionContact, point: FCPoint, tolerance: float) -> float:
-        return verdict_error(problem, point, SURE * tolerance)
+        return error_or_rounding(problem, point.r, SURE * tolerance)
 
     def phases(self, problem: RollingFrictionContact) -> Sequence[SolverPhase]:
         return _turns(*self.members, problem.nc)

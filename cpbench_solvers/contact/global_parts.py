@@ -16,14 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.formulations.global_contact import GFCPoint, GlobalContact
-from cpbench.foundation.matrices import Vector, is_sparse, transpose
+from cpbench.foundation.matrices import Vector, is_sparse
 from cpbench.solvers.base import Budget, Claim, Record, SolverOutput
-from cpbench.verification.contact_systems import connected
-from cpbench.verification.verdict import error_of
 from cpbench_solvers.contact.by_parts import SURE
-from cpbench_solvers.contact.parts import NO_ROLLING, PartSolver, PartsProgress, claimed, rows_of
+from cpbench_solvers.contact.dynamics_error import DynamicsError, moving_labels
+from cpbench_solvers.contact.parts import PartSolver, PartsProgress, claimed, rows_of
 from cpbench_solvers.contact.run import ContactMethod, iterate_on
-from cpbench_solvers.contact.sweeps import kernel
 
 Index = NDArray[np.int64]
 Unknowns: TypeAlias = tuple[Vector, Vector, Vector]
@@ -56,51 +54,13 @@ class MovingParts:
     parts: tuple[MovingPart, ...]
 
 
-class DynamicsError:
-    """Error of answers to one problem: of the law at the contacts and, where that is within the tolerance, the
-    verdict's, which has the dynamics and the joints, too, and takes longer. Infinite where it is not a number.
-
-    Attributes
-    ----------
-    floor : what rounding may make of the last answer, where that hides its error at the tolerance; else 0.
-    """
-
-    def __init__(self, problem: Any, tolerance: float) -> None:
-        self._problem, self._tolerance, self.floor = problem, tolerance, 0.0
-        self._lengths, self._law = problem.lengths.ravel(), kernel("part_error").velocity_error
-        self._moves, mu_r = transpose(problem.at_hand[1]), NO_ROLLING
-        if hasattr(problem, "mu_r"):
-            mu_r = problem.mu_r / problem.lengths[:, -1]
-        free = problem.free_velocity * self._lengths
-        self._data = free, problem.mu, mu_r, problem.rho, problem.dimension
-
-    def __call__(self, point: GFCPoint) -> float:
-        """Measure an answer."""
-        u = (self._moves @ point.v + self._problem.w) * self._lengths
-        error, self.floor = self._law(u, point.r / self._lengths, *self._data), 0.0
-        if error <= self._tolerance:
-            found = error_of(self._problem, point)
-            error = found.error
-            self.floor = found.floor if found.hidden(error, found.floor, self._tolerance) else 0.0
-        return error if math.isfinite(error) else math.inf
-
-    def claimed(self, output: SolverOutput) -> SolverOutput:
-        """Return the output whose answer was measured last, `inaccurate` where rounding hides its error."""
-        if not self.floor or output.claim is not Claim.SOLVED:
-            return output
-        message = f"rounding makes errors up to {self.floor:.1e}"
-        return replace(output, claim=Claim.INACCURATE, message=message)
-
-
 def moving_parts(problem: GlobalContact) -> MovingParts | None:
     """Return a problem with its parts, those with the most contacts first; None where it is one part, or where nothing
     moves a contact. What no contact touches is one part."""
-    nc, n, p = problem.nc, problem.f.size, problem.b.size
+    nc, n = problem.nc, problem.f.size
     if nc < 2:
         return None
-    m = problem.w.size
-    every = connected(problem, m + n + p, (problem.H, m, 0), (problem.M, m, m), (problem.G, m, m + n))
-    label = np.concatenate([every[: m : problem.dimension], every[m:]])
+    label = np.concatenate(moving_labels(problem))
     with_contacts, size = np.unique(label[:nc], return_counts=True)
     if size.size < 2 or not np.isin(with_contacts, label[nc : nc + n]).all():
         return None
@@ -200,5 +160,5 @@ def _progress(record: Record, whole: MovingParts, point: GFCPoint) -> PartsProgr
         whole.parts[k].put(now, own, d)
         return GFCPoint(*now)  # a copy
 
-    errors = [error_of(restricted(whole.problem, x), x.start(point, d)).error for x in whole.parts]
+    errors = [DynamicsError(restricted(whole.problem, x), math.inf)(x.start(point, d)) for x in whole.parts]
     return PartsProgress(record, errors, put)

@@ -13,14 +13,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
-from cpbench.formulations.contact import FCPoint
 from cpbench.formulations.fc import FrictionContact
 from cpbench.formulations.rfc import RollingFrictionContact
 from cpbench.foundation.kernel_cache import compiled
 from cpbench.foundation.matrices import EPS, Vector
 from cpbench.solvers.base import Budget, Record, Solver, SolverOutput, solved
-from cpbench.verification.rows import ROUNDINGS
-from cpbench.verification.verdict import error_of
 from cpbench_solvers.contact.rolling_blocks import RollingBlocks, rolling_blocks
 from cpbench_solvers.contact.sweeps import BlockRows, ScaledContacts, block_rows, kernel
 
@@ -28,6 +25,8 @@ Index = NDArray[np.int64]
 Contact = FrictionContact | RollingFrictionContact
 
 NO_ROLLING = np.zeros(0)
+ROUNDINGS = 8.0
+"""Roundings of the largest term that a sum may carry."""
 DENSE = 100
 """Parts of at most so many rows are full matrices: sparse ones take longer to make than to solve."""
 
@@ -108,7 +107,7 @@ class ContactPart:
         pushed = d / problem.rho.min() * np.abs(r / lengths).sum()
         if d * ROUNDINGS * EPS * (pushed + size) < tolerance * size:
             return False
-        return not verdict_error(problem, FCPoint(r), tolerance) <= tolerance
+        return rounding_error(problem, r, np.zeros(problem.nc, np.int64)) >= tolerance
 
 
 @dataclass(frozen=True)
@@ -174,10 +173,26 @@ def rows_of_blocks(problem: Contact) -> BlockRows | RollingBlocks:
     return rolling_blocks(problem) if isinstance(problem, RollingFrictionContact) else block_rows(problem)
 
 
-def verdict_error(problem: Any, point: Any, tolerance: float) -> float:
-    """Return the error of the verdict, and where rounding hides it at the tolerance, what that may make of it."""
-    found = error_of(problem, point)
-    return found.floor if found.hidden(found.error, found.floor, tolerance) else found.error
+def rounding_error(problem: Contact, r: Vector, label: Index) -> float:
+    """Return what rounding may make of the velocities of reactions, over the free velocities of their part."""
+    lengths, d = problem.lengths.ravel(), problem.dimension
+    sums = (abs(problem.W) @ np.abs(r) + np.abs(problem.q)) * lengths
+    noise, free = (np.linalg.norm(x.reshape(-1, d), axis=1) for x in (ROUNDINGS * EPS * sums, problem.q * lengths))
+    size = np.zeros(1 + label.max(initial=0))
+    np.maximum.at(size, label, free)
+    size = np.where(size > 2.0**-40 * size.max(), size, size.max())[label]
+    return float(np.divide(noise, size, out=np.zeros(noise.size), where=size > 0).max(initial=0.0))
+
+
+def error_or_rounding(problem: Contact, r: Vector, tolerance: float) -> float:
+    """Return the largest error of a part, and where rounding hides it at the tolerance, what that may make of it."""
+    label = np.empty(problem.nc, np.int64)
+    found = connected_parts(problem)
+    for k, contacts in enumerate(found):
+        label[contacts] = k
+    error = float(MeasuredParts(rows_of_blocks(problem), label, len(found)).errors(r).max(initial=0.0))
+    floor = rounding_error(problem, r, label)
+    return floor if max(error, tolerance) <= floor else error
 
 
 def connected_parts(problem: Contact) -> list[Index]:

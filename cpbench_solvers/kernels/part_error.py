@@ -7,7 +7,7 @@ the reactions: norms that have these in their scale pass where reactions cancel.
 """
 
 import numpy as np
-from numba import float64, int64, njit, void
+from numba import int64, njit, void
 
 from cpbench_solvers.kernels.array_types import COLUMN, DATA, DATA_2D, INDEX, KEPT, START, VECTOR
 from cpbench_solvers.kernels.contact_error import velocity_2d, velocity_3d
@@ -51,17 +51,21 @@ def _slip(r, u, rho, radius):
 
 
 @njit(error_model="numpy")
-def _error(u, r, q, rho, mu, mu_r, size):
-    """Return the error of a contact: of its reaction r at the velocity u, over the free velocities of its part."""
+def _error(u, off, r, q, rho, mu, mu_r, size):
+    """Return the error of a contact: of its reaction r at the velocity u, which is wrong by `off`, over the free
+    velocities of its part."""
     d, radius = u.size, max(r[0], 0.0) / rho
     last = d if mu_r < 0.0 else 1 + (d - 1) // 2  # moments come after the friction
     worst = 0.0
-    missed, own = abs(min(r[0] / rho, u[0])), abs(q[0])
+    missed, own, away = abs(min(r[0] / rho, u[0])), abs(q[0]), abs(off[0])
     for kind in range(2 if mu_r < 0.0 else 3):
         if kind == 1:
             missed, own = _slip(r[1:last], u[1:last], rho, mu * radius), np.sqrt(square(q[1:last]))
+            away = np.sqrt(square(off[1:last]))
         elif kind == 2:
             missed, own = _slip(r[last:], u[last:], rho, mu_r * radius), np.sqrt(square(q[last:]))
+            away = np.sqrt(square(off[last:]))
+        missed += away
         error = missed / size
         if own > SMALL * size:
             error = max(error, OWN * missed / own)
@@ -69,20 +73,28 @@ def _error(u, r, q, rho, mu, mu_r, size):
     return worst
 
 
-@njit(float64(DATA, DATA, DATA, DATA, DATA, DATA, int64), **KEPT)
-def velocity_error(u, r, q, mu, mu_r, rho, dimension):
-    """Return the largest error of reactions at given velocities, all contacts taken for one part; NaN when anything
-    is. Arguments are those of `part_error`."""
-    size = worst = 0.0
+@njit(error_model="numpy")
+def _sizes(q, d, part, sizes):
+    """Write the largest free velocity of every part; of a part at rest, where others move, that of all."""
+    sizes[:] = 0.0
+    for i in range(part.size):
+        sizes[part[i]] = max(sizes[part[i]], np.sqrt(square(q[d * i : d * i + d])))
+    most = sizes.max() if sizes.size else 0.0
+    for p in range(sizes.size):
+        sizes[p] = sizes[p] if sizes[p] > FAR_BELOW * most else most
+        sizes[p] = sizes[p] if sizes[p] > 0.0 else 1.0
+
+
+@njit(void(DATA, DATA, DATA, DATA, DATA, DATA, DATA, int64, INDEX, VECTOR, VECTOR), **KEPT)
+def velocity_error(u, off, r, q, mu, mu_r, rho, dimension, part, sizes, errors):
+    """Write the free velocity and the error of every part, of reactions at given velocities; NaN when anything is.
+    Arguments are those of `part_error`, and `off`, by how much the velocities are wrong."""
+    _sizes(q, dimension, part, sizes)
+    errors[:] = 0.0
     for i in range(mu.size):
-        size = max(size, np.sqrt(square(q[dimension * i : dimension * (i + 1)])))
-    for i in range(mu.size):
-        own = slice(dimension * i, dimension * (i + 1))
-        error = _error(
-            u[own], r[own], q[own], rho[i], mu[i], mu_r[i] if mu_r.size else -1.0, size if size > 0.0 else 1.0
-        )
-        worst = worst if worst >= error else error
-    return worst
+        own, p = slice(dimension * i, dimension * (i + 1)), part[i]
+        error = _error(u[own], off[own], r[own], q[own], rho[i], mu[i], mu_r[i] if mu_r.size else -1.0, sizes[p])
+        errors[p] = errors[p] if errors[p] >= error else error  # NaN stays
 
 
 @njit(void(START, COLUMN, DATA, DATA_2D, DATA, DATA, DATA, DATA, DATA, int64, INDEX, VECTOR), **KEPT)
@@ -96,14 +108,11 @@ def part_error(start, column, blocks, diagonal, q, mu, mu_r, rho, r, dimension, 
     as there are parts.
     """
     nc, d, rolling = mu.size, dimension, mu_r.size > 0
-    sizes, u = np.zeros(errors.size), np.empty(d)
-    for i in range(nc):
-        sizes[part[i]] = max(sizes[part[i]], np.sqrt(square(q[d * i : d * i + d])))
-    most = sizes.max() if sizes.size else 0.0
+    sizes, u, none = np.empty(errors.size), np.empty(d), np.zeros(d)
+    _sizes(q, d, part, sizes)
     errors[:] = 0.0
     for i in range(nc):
         p, at, free = part[i], r[d * i : d * i + d], q[d * i : d * i + d]
-        size = sizes[p] if sizes[p] > FAR_BELOW * most else most
         _velocity(start, column, blocks, diagonal, q, r, i, rolling, u)
-        error = _error(u, at, free, rho[i], mu[i], mu_r[i] if rolling else -1.0, size if size > 0.0 else 1.0)
+        error = _error(u, none, at, free, rho[i], mu[i], mu_r[i] if rolling else -1.0, sizes[p])
         errors[p] = errors[p] if errors[p] >= error else error

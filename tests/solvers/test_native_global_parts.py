@@ -15,7 +15,8 @@ from cpbench.formulations.gfc import GlobalFrictionContact
 from cpbench.solvers import Budget, Claim, solvers
 from cpbench.testing import planted_contact
 from cpbench.verification import judge
-from cpbench_solvers.contact.global_parts import DynamicsError, moving_parts, restricted
+from cpbench_solvers.contact.dynamics_error import DynamicsError
+from cpbench_solvers.contact.global_parts import moving_parts, restricted
 
 
 def side_by_side(problems: list[Any], rng: Any) -> Any:
