@@ -173,7 +173,7 @@ class AnswerError:
 
     @property
     def ill_posed(self) -> Flags:
-        """Whether nothing is known of the difference of two rows that are nearly the same; of each problem."""
+        """Return whether nothing is known of the difference of two rows that are nearly the same; of each problem."""
         return np.zeros(1, dtype=bool) if self.apart is None else self.apart > ILL_POSED
 
     def hidden(self, error: Any, floor: Any, tolerance: float) -> Any:

@@ -32,6 +32,7 @@ from cpbench_solvers.contact.parts import (
     PartsProgress,
     claimed,
     connected_parts,
+    labels_of,
     part_of,
     rows_of,
     rows_of_blocks,
@@ -72,9 +73,7 @@ class SolverByParts(PartSolver):
         if len(found) == 1:
             rows = np.arange(problem.q.size)
             return ContactPart.of(rows, problem, self.prepare(problem, budget, options))
-        label = np.empty(problem.nc, np.int64)
-        for k, contacts in enumerate(found):
-            label[contacts] = k
+        label = labels_of(found, problem.nc)
         place = np.empty(problem.nc, np.int64)
 
         def make(contacts: Index) -> ContactPart:

@@ -186,13 +186,19 @@ def rounding_error(problem: Contact, r: Vector, label: Index) -> float:
 
 def error_or_rounding(problem: Contact, r: Vector, tolerance: float) -> float:
     """Return the largest error of a part, and where rounding hides it at the tolerance, what that may make of it."""
-    label = np.empty(problem.nc, np.int64)
     found = connected_parts(problem)
-    for k, contacts in enumerate(found):
-        label[contacts] = k
+    label = labels_of(found, problem.nc)
     error = float(MeasuredParts(rows_of_blocks(problem), label, len(found)).errors(r).max(initial=0.0))
     floor = rounding_error(problem, r, label)
     return floor if max(error, tolerance) <= floor else error
+
+
+def labels_of(parts: list[Index], count: int) -> Index:
+    """Return the number of the part of each of `count` contacts."""
+    label = np.empty(count, np.int64)
+    for k, contacts in enumerate(parts):
+        label[contacts] = k
+    return label
 
 
 def connected_parts(problem: Contact) -> list[Index]:
