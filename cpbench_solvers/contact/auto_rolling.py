@@ -27,7 +27,8 @@ class AutoRolling(AutomaticChoice):
     members: ClassVar[tuple[str, ...]] = ("nsgs-rfc", "admm-rfc")
 
     def error(self, problem: RollingFrictionContact, point: FCPoint, tolerance: float) -> float:
-        return error_or_rounding(problem, point.r, SURE * tolerance)
+        norms = super().error(problem, point, tolerance)
+        return max(norms, error_or_rounding(problem, point.r, SURE * tolerance))
 
     def phases(self, problem: RollingFrictionContact) -> Sequence[SolverPhase]:
         return _turns(*self.members, problem.nc)
