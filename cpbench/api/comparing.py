@@ -7,7 +7,6 @@ from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cpbench.api.sides import base as base_side
 from cpbench.api.sides import side
 from cpbench.bench import rerun
 from cpbench.bench.execution import RunObserver
@@ -30,7 +29,7 @@ def compare_files(
 
     Parameters
     ----------
-    base : a results file, or a baseline (.csv) where there is a new one. new : None to compare `labels` of the base.
+    base : a results file. new : None to compare `labels` of the base.
     settings : margins and levels, None for the default. noise : two labels of equal code, whose difference is noise.
     again : confirms what alarmed, as `confirm` does.
 
@@ -44,7 +43,7 @@ def compare_files(
         if new is None:
             return comparison.compare_labels(after, *labels, chosen, noise)
         equal = comparison.equal_pairs(after, noise) if noise is not None else None
-        return comparison.compare(base_side(base, after), after, chosen, equal)
+        return comparison.compare(side(base), after, chosen, equal)
 
     found = compared(side(new or base))
     return found if again is None else again(found, new or base, compared)

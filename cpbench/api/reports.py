@@ -73,14 +73,14 @@ def write_report(
 def report_file(
     results: Path, folder: Path, title: str, baseline: Path | None, data: Sequence[str] | None, **choices: Any
 ) -> tuple[list[Path], list[str]]:
-    """Write the report of a results file, with a comparison where another run, or a baseline (.csv), is given.
+    """Write the report of a results file, with a comparison where another run is given.
 
     Parameters
     ----------
     data, choices : as `write_report` takes them. Returns what `write_report` does.
     """
     from cpbench.analysis.comparison import compare
-    from cpbench.api.sides import base, side_of
+    from cpbench.api.sides import side, side_of
 
     with sealed(results) as store:
         require_folder(folder)
@@ -89,7 +89,7 @@ def report_file(
             files, notes = write_report(store, folder, title, data=data, changed=changed, **choices)
             return files, [*notes, *changed]
         new = side_of(store)
-        comparison = compare(base(baseline, new), new)
+        comparison = compare(side(baseline), new)
         run = RunTable.of(new.table, store.meta())
         files, notes = write_report(
             store, folder, title, run, data=data, comparison=comparison, changed=changed, **choices

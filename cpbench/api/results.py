@@ -150,7 +150,7 @@ class Results:
         return next(file for file in files if file.suffix == ".html")
 
     def compare(self, base: str | Path | Results, **settings: Any) -> Comparison:
-        """Compare with an earlier run, or a baseline (.csv): what improved, regressed or is inconclusive.
+        """Compare with an earlier run: what improved, regressed or is inconclusive.
 
         Parameters
         ----------
@@ -161,8 +161,8 @@ class Results:
         from cpbench.api import sides
 
         after = sides.side(self.path)
-        before = base.path if isinstance(base, Results) else Path(base)
-        return compare(sides.base(before, after), after, Thresholds(**settings))
+        before = sides.side(base.path if isinstance(base, Results) else Path(base))
+        return compare(before, after, Thresholds(**settings))
 
     def __len__(self) -> int:
         return len(self._run.stored)

@@ -29,14 +29,3 @@ def side_of(store: Store) -> ComparisonSide:
         raise CpbenchError(f"{store.path}: has no rows; make some with: cpbench run PROBLEMS -o {store.path}")
     meta = {**store.meta(), "changed": problem_files.changed(store)}
     return ComparisonSide(str(store.path), table, meta, store.machines())
-
-
-def base(path: Path, new: ComparisonSide) -> ComparisonSide:
-    """Return a results file, or the text of a baseline, whose lines are completed from the results they are compared
-    with."""
-    from cpbench.analysis.comparison import ComparisonSide
-    from cpbench.report import baseline_file
-
-    if path.suffix != baseline_file.SUFFIX:
-        return side(path)
-    return ComparisonSide(str(path), baseline_file.table(path, new.table))

@@ -36,7 +36,7 @@ COMMANDS = (
     "run", "solve", "sweep", "convert", "lift", "verify", "info", "show", "plot", "graph", "route", "list", "pack",
     "report", "compare", "results", "collection", "generate", "new", "check", "doctor",
 )  # fmt: skip
-RESULT_COMMANDS = ("baseline", "import", "merge", "export")
+RESULT_COMMANDS = ("import", "merge", "export")
 """Commands of `cpbench results`, which packages may add to; each is also found by its name alone, as it was before."""
 RESULTS = "results"
 _PLUGIN: dict[str, Any] = {

@@ -73,7 +73,6 @@ def command(
     seed: int,
 ) -> None:
     """Compare two results files, or two builds that were interleaved in one run (BASE --a mine@base --b mine@head).
-    BASE may be a baseline (.csv).
 
     Every pair of a problem and a solver is improved, the same, inconclusive or regressed. The status decides first,
     then the verified error, then the counters. The time decides last, only where both were timed on one machine and

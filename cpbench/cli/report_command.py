@@ -31,7 +31,7 @@ from cpbench.errors import UnknownName
     "--baseline",
     type=PATH,
     metavar="OTHER",
-    help="Run (or baseline .csv) to compare with in a section of the Markdown report.",
+    help="Run to compare with in a section of the Markdown report.",
 )
 @publishable_option
 @click.option(

@@ -1,4 +1,4 @@
-"""Merge, import or export results, or keep outcomes as text for version control (baseline).
+"""Merge, import or export results.
 
 The group of commands that make results files of others, or other files of them.
 """
@@ -21,4 +21,4 @@ class ResultsGroup(LazyGroup):
 
 @click.group(cls=ResultsGroup)
 def command() -> None:
-    """Merge, import or export results, or keep their outcomes as text."""
+    """Merge, import or export results."""

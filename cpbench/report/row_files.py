@@ -1,7 +1,7 @@
 """Rows of results as CSV, JSON or Parquet, written whole or not at all.
 
 JSON is a list with an object a row, every digit kept: null where there is nothing, "inf" and "-inf" for infinite
-numbers, which JSON does not have.
+numbers, which JSON does not have. Some columns of the rows, sorted, are a text for version control.
 """
 
 from __future__ import annotations
@@ -13,15 +13,19 @@ from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import numpy as np
 import pandas as pd
 
-from cpbench.errors import FormatError
+from cpbench.errors import FormatError, UnknownName
 from cpbench.foundation.plain_text import cell
 from cpbench.storage.base import write_atomic
+from cpbench.verification import Status
 
 FORMATS = ("csv", "json", "parquet")
 MOST = {"csv": 200_000, "json": 20_000, "parquet": 200_000}
 """Rows up to which a report has them in a format unasked: 180 MB of CSV, 40 MB of JSON; Parquet is made in a second."""
+DECADE = "decade"
+"""A column beside those of the rows: the power of ten at or above the error."""
 _CHUNK = 10_000
 _REMEMBERED = 10_000
 """Texts that are made safe once."""
@@ -36,6 +40,35 @@ def write(rows: pd.DataFrame, path: Path, *, force: bool = True) -> None:
     if put is _parquet and not _has_parquet():
         raise FormatError(path, "", _NO_PARQUET)
     write_atomic(path, partial(put, rows), force=force)
+
+
+def selected(rows: pd.DataFrame, names: Collection[str]) -> pd.DataFrame:
+    """Return these columns of the rows, sorted by them, so that equal outcomes are equal lines; raises UnknownName.
+
+    >>> rows = pd.DataFrame({"problem": ["q", "p"], "status": "solved", "error": [2e-9, 3e-4], "tolerance": 1e-3})
+    >>> selected(rows, ["problem", "decade"]).values.tolist()
+    [['p', '<=1e-03'], ['q', '<=1e-03']]
+    """
+    known = [*map(str, rows.columns), DECADE]
+    for name in names:
+        if name not in known:
+            raise UnknownName("column of the rows", name, known)
+    table = rows.assign(**{DECADE: _decades(rows)}) if DECADE in names else rows
+    return table[list(names)].sort_values(list(names), kind="stable", ignore_index=True)
+
+
+def _decades(rows: pd.DataFrame) -> list[str]:
+    """Return the power of ten at or above each error; of an answer within its tolerance only that it is, as rounding
+    decides how far; nothing where a solver gave up."""
+    texts: list[str] = []
+    for error, tolerance, status in rows[["error", "tolerance", "status"]].itertuples(index=False, name=None):
+        if pd.isna(error) or status in (Status.FAILED, Status.ERROR):
+            texts.append("")
+        elif error <= tolerance:
+            texts.append(f"<={tolerance:.0e}")
+        else:
+            texts.append(f"{10.0 ** np.ceil(np.log10(error) - 1e-12):.0e}")
+    return texts
 
 
 def chosen(count: int, requested: Collection[str] | None = None) -> tuple[list[str], list[str]]:
@@ -68,7 +101,7 @@ def _has_parquet() -> bool:
     return True
 
 
-def _csv(rows: pd.DataFrame, file: BinaryIO) -> None:
+def write_csv(rows: pd.DataFrame, file: BinaryIO) -> None:
     """Write rows as pandas does; cells of text, which others wrote, are made safe first."""
     safe = lru_cache(_REMEMBERED)(cell)  # most texts repeat
     texts = {
@@ -99,7 +132,7 @@ def _valid(value: Any) -> Any:
 
 
 _PUT: Mapping[str, Callable[[pd.DataFrame, BinaryIO], None]] = {
-    "csv": _csv,
+    "csv": write_csv,
     "json": _json,
     "parquet": _parquet,
 }

@@ -38,7 +38,6 @@ from made_up_rows import LIMIT, as_paths, as_starts, make
 
 from cpbench.analysis import (
     bands,
-    baseline,
     best,
     bootstrap,
     data_profiles,
@@ -145,7 +144,6 @@ def commands(data: Data) -> dict[str, Callable[[], Any]]:
     again = half.assign(solve=half["solve"] * np.random.default_rng(1).lognormal(0, 0.02, len(half)))
     return {
         "compare two runs of half": lambda: compare(ComparisonSide("base", half), ComparisonSide("new", again)),
-        "baseline, written": lambda: baseline.text(baseline.outcomes(rows)),
     }
 
 

@@ -561,13 +561,13 @@ def test_a_run_is_the_same_as_itself_and_mirrored_by_its_mirror() -> None:
 
 
 def test_a_table_without_times_is_compared_by_the_rest() -> None:
-    """A baseline: status, the decade of the error, counters."""
+    """Status, error and counters."""
     run = table(row("p", "s", "solved", 1.0, counters='{"iterations": 10}'), row("q", "s", "max_iter", error=2e-3))
     columns = ["problem", "fingerprint", "solver", "label", "request", "tolerance", "start", "threads", "status"]
-    baseline = run[[*columns, "error", "counters"]].assign(error=[1e-6, 1e-2])
-    assert compare(ComparisonSide("baseline", baseline), ComparisonSide("run", run)).verdict == PairVerdict.SAME
+    before = run[[*columns, "error", "counters"]].assign(error=[1e-6, 1e-2])
+    assert compare(ComparisonSide("before", before), ComparisonSide("run", run)).verdict == PairVerdict.SAME
     worse = run.assign(counters=['{"iterations": 20}', "{}"])
-    found = compare(ComparisonSide("baseline", baseline), ComparisonSide("run", worse))
+    found = compare(ComparisonSide("before", before), ComparisonSide("run", worse))
     assert found.verdict == PairVerdict.REGRESSED
     assert found.pairs["ratio"].isna().all()
     assert not any("machines" in note for note in found.notes)

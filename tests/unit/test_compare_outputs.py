@@ -17,7 +17,6 @@ import pytest
 from synthetic_results import row, suite
 from tiers import some_by_day
 
-from cpbench.analysis import baseline
 from cpbench.analysis.comparison import ComparisonSide, compare
 from cpbench.bench.results.rows import Row
 from cpbench.bench.results.schema import MEASURED, PLANNED
@@ -145,18 +144,6 @@ def test_two_builds_of_one_run(made: Make, cpbench) -> None:
     assert "equal builds 0.1% apart" in told
     assert cpbench(run, "--a", "x@base", "--b", "x@again", "--fail-on", "regression,inconclusive")[0] == 0
     assert cpbench(run, run, "--noise", "x@base,x@again")[0] == 0
-
-
-def test_a_baseline_is_a_base(made: Make, cpbench, tmp_path: Path) -> None:
-    base, new = changed(("solved", "solved"), ("wrong", "wrong"), ("solved", "wrong"))
-    kept = tmp_path / "baseline.csv"
-    kept.write_text(baseline.text(baseline.outcomes(pd.DataFrame(base))))
-    code, told, _ = cpbench(kept, made("new.sqlite", new), "--fail-on", "wrong")
-    assert code == 1
-    assert "p2, s: solved → wrong" in told
-    assert "p1" not in told
-    kept.write_bytes(b"\xff\xfe no text")
-    assert cpbench(kept, tmp_path / "new.sqlite")[0] == 2
 
 
 # ------------------------------------------------------------------------------------------- bad input

@@ -1,4 +1,4 @@
-"""Old names of solvers: they still work and say so once; old results and baselines are read under the new names."""
+"""Old names of solvers: they still work and say so once; old results are read under the new names."""
 
 import logging
 import sqlite3
@@ -10,7 +10,6 @@ import pytest
 from edited_results import seal_anew
 
 from cpbench import storage
-from cpbench.analysis import baseline
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.grids import entries
 from cpbench.bench.results.store import Store
@@ -93,12 +92,3 @@ def test_results_written_under_an_old_name_are_read_and_resumed_under_the_new_on
         store.plan([pair])  # the same pair, asked for by its new name
         assert store.pending() == set()
         assert len(store.table()) == 1
-
-
-def test_a_baseline_of_old_names_compares_with_results_of_new_ones():
-    import pandas as pd
-
-    rows = {"problem": ["p"], "fingerprint": ["p"], "solver": [NEW], "label": [NEW], "tolerance": [1e-6]}
-    today = baseline.outcomes(pd.DataFrame(rows | {"status": ["solved"], "error": [1e-9], "claim": ["solved"]}))
-    kept = baseline.parse(baseline.text(today).replace(NEW, OLD), "baseline.csv")
-    assert list(kept["solver"]) == [NEW]

@@ -153,6 +153,28 @@ def test_export_has_the_digits_too(tmp_path: Path) -> None:
     assert CliRunner().invoke(cli, ["export", str(path), "--rows", str(tmp_path / "r.json")]).exit_code != 0
 
 
+def test_columns_of_an_export_are_sorted_and_say_the_decade_of_the_error(tmp_path: Path) -> None:
+    rows = table(
+        row("b", "lemke", "solved", 1.0, error=3e-9),
+        row("a", "pgs", "wrong", 2.0, error=2e-3),
+        row("a", "lemke", "failed", 3.0, error=0.5),
+        row("a", "psor", "timeout", error=INF),
+    )
+    path = results_file(tmp_path / "r.sqlite", rows)
+    words = ["export", str(path), "--columns", "problem,solver,status,decade"]
+    expected = (
+        "problem,solver,status,decade\na,lemke,failed,\na,pgs,wrong,1e-02\na,psor,timeout,inf\nb,lemke,solved,<=1e-06\n"
+    )
+    done = CliRunner().invoke(cli, words)
+    assert done.exit_code == 0, done.exception
+    assert done.output == expected
+    assert CliRunner().invoke(cli, [*words, "--rows", str(tmp_path / "kept.csv")]).exit_code == 0
+    assert (tmp_path / "kept.csv").read_text() == expected
+    unknown = CliRunner().invoke(cli, ["export", str(path), "--columns", "statsu"])
+    assert unknown.exit_code != 0
+    assert "unknown column of the rows 'statsu'" in str(unknown.exception)
+
+
 def test_a_report_without_rows_as_csv_has_none(tmp_path: Path) -> None:
     write_folder(RunTable.of(suite(4, 3), meta()), tmp_path, "t", data=["json"])
     assert {path.name for path in tmp_path.glob("results.*")} == {"results.json"}

@@ -34,7 +34,7 @@ NOT_AGAIN = "not confirmed"
 class ComparisonSide:
     """One side: its name, a table (`analysis.table`), and the facts of its file beside the rows.
 
-    A table without times (a baseline) is compared by status, error and counters. `references` are the repeated
+    A table without times is compared by status, error and counters. `references` are the repeated
     reference solves, `machines` what each host is.
     """
 
