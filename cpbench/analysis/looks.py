@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import multi_start
+from cpbench.analysis import starts
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import performance_profile
 
@@ -27,7 +27,7 @@ def looks(table: pd.DataFrame, colours: int) -> dict[str, int]:
     """
     labels = sorted(str(label) for label in table["label"].unique())
     place = {label: k for k, label in enumerate(labels)}
-    groups = rows_of.groups(multi_start.merged(table))
+    groups = rows_of.groups(starts.merged(table))
     weight = np.zeros((len(labels), len(groups)))
     for g, (_, rows) in enumerate(groups):
         compared = rows_of.only_ranked(rows)

@@ -1,12 +1,12 @@
-"""Means of times in which a failure costs something: what was charged, over what, and what the choice decides.
+"""Means of times in which a failure costs something: what was charged, and over what.
 
     SGM(t; s) = exp( (1/N) Σ_p log(t_p + s) ) − s = s · expm1( (1/N) Σ_p log1p(t_p / s) )
 
 is the shifted geometric mean of Mittelmann's benchmarks. It needs two choices that the data do not make: the shift s
 (far above the times it is the arithmetic mean, which one failure decides; far below, the tiniest times decide) and
 the penalty that a problem not solved is charged (the time limit; 2 or 10 times it: PAR2, PAR10, as in the SAT
-competitions; or seconds). Both are arguments here and part of every result, `sensitivity` varies them, and a failure
-is never charged less than the slowest answer of the table: a false claim cannot be ahead of a slow answer.
+competitions; or seconds). Both are arguments here and part of every result, and a failure is never charged less than
+the slowest answer of the table: a false claim cannot be ahead of a slow answer.
 
 A matrix holds times [s], problems × labels, ∞ or NaN where the pair is not verified as solved; it has a row for each
 of the N planned problems.

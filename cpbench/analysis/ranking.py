@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import best, cautions, certainty, multi_start
+from cpbench.analysis import best, cautions, certainty, starts
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.ranking_order import order
@@ -138,7 +138,7 @@ def rankings(table: pd.DataFrame, sheets: Mapping[str, Mapping[str, Any]] | None
     >>> found.sentence, [(row.solver, row.solved, row.started) for row in found.rows]
     ('lcp: a hint from 2 problems: s solves 2 of 2, alone on 1, fastest on 1.', [('s', 2, 2), ('t', 1, 2)])
     """
-    parts = rows_of.groups(multi_start.merged(table))
+    parts = rows_of.groups(starts.merged(table))
     groups = [group for group, _ in parts]
     launching = cautions.launching(sheets or {}, sheets or {})
     result: list[Ranking] = []
@@ -177,7 +177,7 @@ def _ranking(group: ResultGroup, name: str, started: pd.DataFrame, launching: Co
     hopeless = started["fingerprint"].isin(started.loc[proved, "fingerprint"].unique())
     rows = started[~hopeless]
     cases = rows["fingerprint"].nunique()
-    problems = rows["fingerprint"].map(multi_start.original).nunique()
+    problems = rows["fingerprint"].map(starts.original).nunique()
     times = rows_of.times(rows_of.only_ranked(rows))
     gap = best.gaps(times)
     factors = {str(label): float(factor) for label, factor in gap["mean"].items()}

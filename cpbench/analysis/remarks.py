@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import pandas as pd
 
-from cpbench.analysis import multi_start
+from cpbench.analysis import starts
 from cpbench.analysis.failures import flagged
-from cpbench.analysis.starts import honoured
 from cpbench.foundation.plurals import counted, some_of
 
 LISTED = 3
@@ -17,7 +16,7 @@ def remarks(table: pd.DataFrame) -> list[str]:
     """Return one line each: starts that were not as requested, files that held other data when some of the rows were
     made, clocks that were not believed, rows that were not sealed by the key of this user.
     """
-    return [*honoured(multi_start.merged(table)), *changed_files(table), *clocks(table), *seals(table)]
+    return [*starts.honoured(starts.merged(table)), *changed_files(table), *clocks(table), *seals(table)]
 
 
 def clocks(table: pd.DataFrame) -> list[str]:

@@ -10,6 +10,9 @@ what the warm start gains, and they answer different questions:
 
 Both come with a bootstrap interval that resamples sequences (families where there is no sequence): the steps of one
 simulation resemble each other (`bootstrap`). Times below the floor count as equal.
+
+Starts of a problem's file (`file`, `file:2`, ...) are cases of one formulation, not several formulations: `merged`
+makes them so.
 """
 
 from __future__ import annotations
@@ -30,6 +33,10 @@ from cpbench.analysis.table import Integers
 from cpbench.verification import VERIFIED, Status
 
 COLD = "cold"
+EVERY = "file:all"
+"""Name of the start of merged rows."""
+BEGAN = "began"
+"""Column of merged rows with the start that was asked for."""
 _SETTING = ["node", "fingerprint", "label", "tolerance", "threads", "set", "measure"]
 _CASE = ["node", "label", "start"]
 _NEEDED = (
@@ -192,7 +199,7 @@ def honoured(table: pd.DataFrame) -> list[str]:
         started, message = rows["started"].fillna("").astype(str), rows["message"].fillna("").astype(str)
         without = (rows["status"] == str(Status.UNSUPPORTED)) & message.str.contains(_NO_START)
         cold = started.str.startswith(COLD)
-        own = rows["began"] if "began" in rows else rows["start"]  # several starts of a file have one policy
+        own = rows[BEGAN] if BEGAN in rows else rows["start"]  # several starts of a file have one policy
         texts = zip(started[~cold], own[~cold], strict=True)
         other = [text.removeprefix(begun).lstrip(",: ") for text, begun in texts if text not in ("", begun)]
         reasons = [*started[cold], *("unsupported: " + message[without]), *(f"warm, {text}" for text in other)]
@@ -200,6 +207,45 @@ def honoured(table: pd.DataFrame) -> list[str]:
             warm = int((~cold & (started != "")).sum())
             lines.append(f"start {policy}: {warm} of {len(rows)} rows started so; {_counted_alike(reasons)}")
     return lines
+
+
+def several(table: pd.DataFrame) -> pd.Series[bool]:
+    """Return whether each row is of a formulation of which some problem was started from several points of its file."""
+    guess = table["start"].str.fullmatch(r"file(:\d+)?")
+    if not guess.any():
+        return guess
+    counts = table[guess].groupby(["node", "fingerprint"])["start"].nunique()
+    nodes = counts[counts > 1].index.get_level_values("node").unique()
+    return guess & table["node"].isin(nodes)
+
+
+def merged(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the table with a problem for each start of a file, all of one start, `file:all`; itself where there is
+    one start.
+
+    >>> rows = pd.DataFrame({"problem": "p", "fingerprint": "f", "node": "ncp", "start": ["file", "file:2"]})
+    >>> merged(rows)[["problem", "fingerprint", "start", "began"]].to_numpy().tolist()
+    [['p from file', 'f/file', 'file:all', 'file'], ['p from file:2', 'f/file:2', 'file:all', 'file:2']]
+    """
+    chosen = several(table)
+    if not chosen.any():
+        return table
+    start = table["start"].astype(object)
+    return table.assign(
+        problem=table["problem"].astype(object).where(~chosen, table["problem"] + " from " + start),
+        fingerprint=table["fingerprint"].astype(object).where(~chosen, table["fingerprint"] + "/" + start),
+        start=start.where(~chosen, EVERY),
+        **{BEGAN: start},
+    )
+
+
+def original(fingerprint: str) -> str:
+    """Return the fingerprint of the problem itself of a merged row.
+
+    >>> original("5e/file:2"), original("5e")
+    ('5e', '5e')
+    """
+    return re.sub(r"/file(:\d+)?$", "", fingerprint)
 
 
 _NO_START = "^start|no starting point"

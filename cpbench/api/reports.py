@@ -7,24 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpbench.analysis import multi_start
-from cpbench.analysis import table as rows_of
 from cpbench.analysis.run_table import RunTable
 from cpbench.api.thumbnails import Thumbnails
 from cpbench.bench import history
 from cpbench.bench.results import problem_files
-from cpbench.bench.results.answers import unpack
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
-from cpbench.foundation.matrices import Vector
 from cpbench.generators.collection import address_text
 from cpbench.report import row_files
 from cpbench.report.folder import write_folder
 from cpbench.storage.base import require_folder
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from cpbench.analysis.comparison import Comparison
 
 
@@ -39,7 +33,6 @@ def write_report(
     publishable: bool = False,
     with_imported: bool = False,
     count_stationary: bool = False,
-    reached: bool = False,
     changed: Sequence[str] = (),
 ) -> tuple[list[Path], list[str]]:
     """Write Markdown, the offline page, figures and rows into a folder; returns the files, and what was left out.
@@ -60,12 +53,10 @@ def write_report(
         comparison=comparison,
         data=forms,
         thumbnails=Thumbnails(store, run.stored),
-        answers=_start_answers(store, run.stored),
         address=address_text,
         publishable=publishable,
         with_imported=with_imported,
         count_stationary=count_stationary,
-        reached=reached,
     )
     return list(files), list(notes)
 
@@ -113,13 +104,3 @@ def write_tex(results: Path, folder: Path, title: str, facets: Sequence[str], **
         run, cited = RunTable.of(store.table(), store.meta()), citations(store)
         run = replace(run, meta={**run.meta, "changed": problem_files.changed(store)})
         return write_document(run, folder, title, citations=cited, facets=tuple(facets), **choices)
-
-
-def _start_answers(store: Store, table: pd.DataFrame) -> dict[str, Vector]:
-    """Return the kept answers of problems with several starts, by key of the row."""
-    answers: dict[str, Vector] = {}
-    for key in multi_start.wanted(rows_of.normalised(table, ("start", "node", "status"))):
-        _, kept = store.ending(key)
-        if kept is not None:
-            answers[key] = unpack(kept)
-    return answers

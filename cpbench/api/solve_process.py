@@ -190,7 +190,7 @@ def _start(policy: starts.StartPolicy, problem: Problem, way: Way, address: str,
     """Return the starting point on the solver's own problem, and its description; raises NotApplicable."""
     if Trait.WARM_START not in way.solver.spec.traits:
         raise NotApplicable(way.name, "takes no starting point, and a cold start is not what was asked for")
-    begin = starts.start(policy, problem, address, way.problem, way.steps, tolerance=tolerance)
+    begin = starts.start(policy, problem, address, way.problem, way.steps)
     return begin.point, begin.description
 
 

@@ -123,8 +123,7 @@ class Referee:
             case.address,
             ready.problem,
             ready.steps,
-            tolerance=case.tolerance,
-            before=earlier,
+            earlier,
         )
         return messages.StartFound(begin.description, begin.point.arrays() if begin.point is not None else {})
 

@@ -1,4 +1,4 @@
-"""Starting points: none, the file's guess, the solver's own last answer, or a known solution with noise.
+"""Starting points: none, the file's guess, or the solver's own last answer.
 
 A start belongs to the source problem and is carried to the converted one by the `push` of every conversion. Where there
 is none the pair is unsupported (NotApplicable, with the reason); it is never run cold instead.
@@ -7,27 +7,19 @@ is none the pair is unsupported (NotApplicable, with the reason); it is never ru
     file         the first of the file's guesses, or the problem's own start; file:K the K-th; file:all each of them, a
                  pair of the plan each
     previous     the solver's own answer to the step before, brought to this one by `formulations.transfer`
-    perturbed:σ  x* + σ s ξ: x* the file's solution, if it is one at the tolerance of the run; ξ standard normal, from
-                 the fingerprint and the seed alone; s = ‖x*_b‖₂/√n_b for every block b of n_b numbers, so that σ is
-                 the relative error of every block. Blocks are the parts of the point (v, r, λ, z, ...); with
-                 rolling friction forces and moments are two. A block of zeros stays.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-import numpy as np
-
-from cpbench import graph, storage, verification
+from cpbench import graph, storage
 from cpbench.errors import CpbenchError, NotApplicable, ProblemError, UnknownName
 from cpbench.formulations.base import Contacts, Problem
-from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.transfer import BY_ID, BY_ORDER, BY_POSITION, transfer
-from cpbench.foundation.matrices import Vector, norm
+from cpbench.foundation.matrices import Vector
 
 EVERY = 0
 """The number that stands for every guess of a file."""
@@ -37,7 +29,6 @@ class StartKind(StrEnum):
     COLD = "cold"
     FILE = "file"
     PREVIOUS = "previous"
-    PERTURBED = "perturbed"
 
 
 @dataclass(frozen=True)
@@ -46,18 +37,14 @@ class StartPolicy:
 
     Attributes
     ----------
-    sigma : relative size of the noise of `perturbed`, 0 for the solution itself.
     guess : number of the file's guess, from 1; EVERY for all of them, of which a plan makes a pair each.
     """
 
     kind: StartKind = StartKind.COLD
-    sigma: float = 0.0
     guess: int = 1
 
     def __str__(self) -> str:
         """Return the text that identifies the policy: part of a row's key."""
-        if self.kind is StartKind.PERTURBED:
-            return f"{self.kind}:{self.sigma!r}"
         if self.guess == EVERY:
             return f"{self.kind}:all"
         return f"{self.kind}:{self.guess}" if self.guess != 1 else str(self.kind)
@@ -85,29 +72,20 @@ class Start:
 
 
 def parse_start(text: str) -> StartPolicy:
-    """Return `cold`, `file`, `file:2`, `file:all`, `previous` or `perturbed:0.01`; raises UnknownName, CpbenchError
-    on a wrong number.
+    """Return `cold`, `file`, `file:2`, `file:all` or `previous`; raises UnknownName, CpbenchError on a wrong number.
 
-    >>> str(parse_start("perturbed:1e-2"))
-    'perturbed:0.01'
+    >>> str(parse_start("file:1")), parse_start("file:2").guess
+    ('file', 2)
     """
     name, colon, number = text.strip().partition(":")
-    known = [str(kind) for kind in StartKind if kind is not StartKind.PERTURBED]
+    known = [str(kind) for kind in StartKind]
     if name in known and not colon:
         return StartPolicy(StartKind(name))
     if name == StartKind.FILE and number == "all":
         return StartPolicy(StartKind.FILE, guess=EVERY)
     if name == StartKind.FILE and number:
         return StartPolicy(StartKind.FILE, guess=_counted(text, number))
-    if name != StartKind.PERTURBED:
-        raise UnknownName("start", text, [*known, "file:K", "file:all", "perturbed:σ"])
-    try:
-        sigma = float(number)
-    except ValueError:
-        sigma = math.nan
-    if not 0.0 <= sigma < math.inf:
-        raise CpbenchError(f"start '{text}': the noise is '{number}', expected a number ≥ 0, as in perturbed:0.01")
-    return StartPolicy(StartKind.PERTURBED, sigma)
+    raise UnknownName("start", text, [*known, "file:K", "file:all"])
 
 
 def one_start(text: str) -> StartPolicy:
@@ -154,28 +132,17 @@ def start(
     address: str,
     converted: Problem,
     steps: int,
-    *,
-    tolerance: float,
-    seed: int = 0,
     before: Before | None = None,
 ) -> Start:
     """Return the start on `converted`, which is `problem` after `steps` conversions.
 
     Raises NotApplicable with the reason where the policy gives no start, or a conversion cannot carry it.
     """
-    begin = start_for(policy, problem, address, tolerance=tolerance, seed=seed, before=before)
+    begin = start_for(policy, problem, address, before)
     return begin if begin.point is None else Start(carry(begin.point, converted, steps), begin.description)
 
 
-def start_for(
-    policy: StartPolicy,
-    problem: Problem,
-    address: str,
-    *,
-    tolerance: float,
-    seed: int = 0,
-    before: Before | None = None,
-) -> Start:
+def start_for(policy: StartPolicy, problem: Problem, address: str, before: Before | None = None) -> Start:
     """Return the start on the problem at `address` itself; raises NotApplicable, FormatError.
 
     before : the preceding step; without it the policy `previous` gives a cold start, which its description says.
@@ -187,10 +154,6 @@ def start_for(
             return _from_file(problem, address, policy)
         case StartKind.PREVIOUS:
             return _from_step(problem, before)
-        case StartKind.PERTURBED:
-            return Start(
-                perturbed(problem, known_solution(problem, address, tolerance), policy.sigma, seed), str(policy)
-            )
 
 
 def carry(point: Any, converted: Problem, steps: int) -> Any:
@@ -203,47 +166,6 @@ def carry(point: Any, converted: Problem, steps: int) -> Any:
     if not carried.finite:
         raise NotApplicable("start", f"no way to carry it to {converted.node}: it is not finite there")
     return carried
-
-
-def known_solution(problem: Problem, address: str, tolerance: float) -> Any:
-    """Return the file's solution, if it is one; raises NotApplicable with what was measured."""
-    solution = storage.solution(address)
-    if solution is None:
-        raise NotApplicable("start perturbed", "the file has no solution to start near to")
-    verdict = verification.judge(problem, solution[0], tolerance)
-    if not verdict.within:
-        raise NotApplicable(
-            "start",
-            f"the solution in the file does not solve it: error {verdict.error:.1e}, tolerance {tolerance:.0e}",
-        )
-    return solution[0]
-
-
-def perturbed(problem: Problem, solution: Any, sigma: float, seed: int) -> Any:
-    """Return x* + σ s ξ; raises NotApplicable for x* = 0, which has no scale."""
-    if not any(x.any() for x in solution.arrays().values()):
-        raise NotApplicable(
-            "start perturbed", "the solution in the file is 0: noise has no scale there, and 0 is the cold start"
-        )
-    # all solvers of a problem get the same noise, and each problem its own, in whatever order they are run
-    rng = np.random.default_rng([seed, int(problem.fingerprint, 16)])
-    parts: dict[str, Vector] = {}
-    for name, x in solution.arrays().items():
-        noise, scale = rng.standard_normal(x.size), np.zeros(x.size)
-        for block in _blocks(problem, name, x.size):
-            # the root mean square, not each number's size: zeros are moved too, and with them the active set
-            scale[block] = norm(x[block]) / math.sqrt(max(block.size, 1))
-        parts[name] = x + sigma * scale * noise
-    return type(solution)(**parts)
-
-
-def _blocks(problem: Problem, part: str, size: int) -> list[np.ndarray[Any, np.dtype[np.intp]]]:
-    """Return the indices of numbers with one unit: a part, or forces and moments of reactions with rolling friction."""
-    index = np.arange(size)
-    if part != "r" or not hasattr(problem, "mu_r") or not isinstance(problem, ContactProblem):
-        return [index]
-    moment = index % problem.dimension > (problem.dimension - 1) // 2
-    return [index[~moment], index[moment]]
 
 
 def _counted(text: str, number: str) -> int:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,10 +13,8 @@ import click
 from cpbench.analysis.participation import lacking_lines, unreached_lines, unreached_summary
 from cpbench.analysis.quotation import quotation
 from cpbench.analysis.ranking import RankedSolver, Ranking
-from cpbench.analysis.reached import SENTENCE, at_reached
 from cpbench.analysis.run_table import RunTable
 from cpbench.api.cross_examination import contradiction_lines
-from cpbench.bench import history
 from cpbench.bench.results.sealed import sealed
 from cpbench.cli.terminal import folded, print_lines, width
 from cpbench.report.text import counted, number, seconds
@@ -34,14 +31,10 @@ WIDE, SHORTEST = 400, 16
 """Columns of a table where the output is not a terminal; the least width of names."""
 
 
-def print_results(path: str, reached: bool = False) -> None:
+def print_results(path: str) -> None:
     """Print the answer of a results file, as the run that wrote it ended; raises StoreError, SealError."""
     with sealed(Path(path)) as store:
-        run = RunTable.of(store.table(), store.meta())
-        if reached:
-            run = replace(run, rows=at_reached(run.rows, history.table(store.histories())))
-            print_lines(folded(f"{SENTENCE}."))
-        print_answer(run)
+        print_answer(RunTable.of(store.table(), store.meta()))
 
 
 def print_answer(run: RunTable) -> None:

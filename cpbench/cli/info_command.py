@@ -14,7 +14,7 @@ from cpbench.api import folder_text, problem_text
 from cpbench.api.results import is_results_file
 from cpbench.cli import terminal
 from cpbench.cli.answer import print_results
-from cpbench.cli.options import Command, format_option, reached_option
+from cpbench.cli.options import Command, format_option
 from cpbench.cli.steps import Steps
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS
@@ -31,8 +31,7 @@ LISTED = 60
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: a list with one object per problem.")
 @click.option("--facts/--no-facts", "measure", default=True, show_default=True, help="Measure facts of the matrices.")
 @format_option
-@reached_option
-def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None, reached: bool) -> None:
+def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: str | None) -> None:
     """Show formulation, sizes, facts, origin and provenance of problems (FILE, FILE::NAME or folders).
 
     More than three problems get one line each, more than sixty a line for each formulation and family; problems that
@@ -44,12 +43,9 @@ def command(files: tuple[str, ...], as_json: bool, measure: bool, file_format: s
     if any(map(is_results_file, files)):
         first, *others = files
         if as_json or file_format or others:
-            text = "a results file stands alone, with no option but --reached; its rows as JSON: cpbench results export"
-            raise click.UsageError(text)
-        print_results(first, reached)
+            raise click.UsageError("a results file stands alone, without options; its rows: cpbench results export")
+        print_results(first)
         return
-    if reached:
-        raise click.UsageError("--reached is of a results file")
     addresses = storage.problem_files(files) or list(files)
     if len(addresses) > MANY and not as_json:
         _print_many(files, addresses, file_format)

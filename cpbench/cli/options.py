@@ -147,12 +147,6 @@ measure_option = click.option("--measure", metavar="NAME", help="Measure that de
 publishable_option = click.option(
     "--publishable", is_flag=True, help="Leave out solvers whose licence restricts the publishing of figures."
 )
-reached_option = click.option(
-    "--reached",
-    is_flag=True,
-    help="Compare times at equal reached error: of each pair the cheapest answer or iterate within the tolerance, from "
-    "all tolerances and histories of the results.",
-)
 stationary_option = click.option(
     "--count-stationary", is_flag=True, help="Count answers that are only stationary among the solved."
 )

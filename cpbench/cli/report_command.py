@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from cpbench.cli.options import Command, ListOption, publishable_option, reached_option, stationary_option
+from cpbench.cli.options import Command, ListOption, publishable_option, stationary_option
 from cpbench.cli.terminal import print_lines, replaced
 from cpbench.cli.types import PATH
 from cpbench.errors import UnknownName
@@ -43,7 +43,6 @@ from cpbench.errors import UnknownName
 )
 @click.option("--with-imported", is_flag=True, help="Rank times of imported answers, made elsewhere, with the others.")
 @stationary_option
-@reached_option
 def command(
     results: Path,
     output: Path | None,
@@ -55,7 +54,6 @@ def command(
     data: tuple[str, ...],
     with_imported: bool,
     count_stationary: bool,
-    reached: bool,
 ) -> None:
     """Write the report of a results file: one HTML file that works offline, Markdown, figures, rows; or LaTeX."""
     choices = {"publishable": publishable, "with_imported": with_imported, "count_stationary": count_stationary}
@@ -73,10 +71,8 @@ def command(
         raise UnknownName("format of rows", unknown, row_files.FORMATS)
     before = list(folder.iterdir()) if folder.is_dir() else []
     if form == "tex":
-        if reached:
-            raise click.UsageError("--reached is of the report as HTML and Markdown: leave --format tex out")
         files, remarks = [reports.write_tex(results, folder, name, facets, **choices)], []
     else:
-        files, remarks = reports.report_file(results, folder, name, baseline, data or None, reached=reached, **choices)
+        files, remarks = reports.report_file(results, folder, name, baseline, data or None, **choices)
     print_lines(f"report: {replaced(path, before)}" for path in files)
     print_lines(remarks, err=True)

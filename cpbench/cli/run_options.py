@@ -92,8 +92,7 @@ run_options = chained(
         default=("cold",),
         show_default="cold",
         metavar="POLICY",
-        help="Starts of solvers: cold, file, file:K, previous (the step before of a sequence) or perturbed:σ; a row "
-        "each.",
+        help="Starts of solvers: cold, file, file:K or previous (the step before of a sequence); a row each.",
     ),
     click.option(
         "-t",

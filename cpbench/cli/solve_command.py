@@ -51,7 +51,7 @@ from cpbench.registry import PLUGIN_FILES
     default="cold",
     show_default=True,
     metavar="POLICY",
-    help="Start of the solver: cold, file or file:K (the file's guesses), perturbed:σ (near its solution).",
+    help="Start of the solver: cold, file or file:K (the file's guesses).",
 )
 @tolerance_option
 @limit_options

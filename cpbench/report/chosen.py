@@ -101,11 +101,8 @@ class SelectedRows:
         )
 
 
-def choose(run: Run, choice: Choice, *, every_start: bool = False) -> SelectedRows:
-    """Select the rows; raises UnknownName for what is not there, CpbenchError where several are and one is needed.
-
-    `every_start` : rows of all starts are wanted together.
-    """
+def choose(run: Run, choice: Choice) -> SelectedRows:
+    """Select the rows; raises UnknownName for what is not there, CpbenchError where several are and one is needed."""
     rows = run.rows
     if not len(rows):
         raise CpbenchError("the results have no rows; make some with: cpbench run PROBLEMS -o RESULTS")
@@ -113,8 +110,6 @@ def choose(run: Run, choice: Choice, *, every_start: bool = False) -> SelectedRo
         known = {str(family) for family in rows["family"]} - {""}
         rows = rows[rows["family"].isin(matching(known, choice.families, "family"))]
     for field, field_name in FIELDS.items():
-        if field == "start" and every_start and not choice.start:
-            continue
         rows = _one_of(rows, field, str(getattr(choice, field) or ""), field_name)
     rows, requested = _at(rows, choice.tolerance)
     rows = participating(rows)

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from cpbench.analysis.run_table import RunTable
-from cpbench.foundation.matrices import Vector
 from cpbench.report import markdown, row_files
 from cpbench.report.html import page
 from cpbench.report.run import assembled
@@ -28,11 +27,9 @@ def write_folder(
     publishable: bool = False,
     with_imported: bool = False,
     count_stationary: bool = False,
-    reached: bool = False,
     comparison: Comparison | None = None,
     data: Collection[str] = ("csv",),
     thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict,
-    answers: Mapping[str, Vector] | None = None,
     address: Callable[[str], str] = str,
 ) -> tuple[Path, ...]:
     """Write report.md, report.html and the rows; gives the paths of all but results.csv.
@@ -44,16 +41,14 @@ def write_folder(
     publishable : whether solvers whose figures must not be published are left out of everything.
     with_imported : whether times of answers that were made elsewhere are ranked with those of this tool.
     count_stationary : whether answers that are stationary only are among the solved.
-    reached : whether times are compared at equal reached error (`analysis.reached`).
     comparison : with another run (`analysis.comparison`), a separate section in the Markdown.
     data : formats of the rows (`row_files.chosen`).
-    answers : those that `analysis.multi_start.wanted` asks for, by key of their rows.
     address : what the report says in place of the address of a problem.
     thumbnails : pictures of the problems by fingerprint, asked for when the page is made (`api.thumbnails`).
     """
-    chosen = {"publishable": publishable, "with_imported": with_imported, "has_csv": "csv" in data}
-    chosen |= {"count_stationary": count_stationary, "reached": reached}
-    run = assembled(given, Path(folder), histories, thumbnails=thumbnails, answers=answers, address=address, **chosen)
+    chosen = {"publishable": publishable, "with_imported": with_imported, "count_stationary": count_stationary}
+    chosen |= {"has_csv": "csv" in data}
+    run = assembled(given, Path(folder), histories, thumbnails=thumbnails, address=address, **chosen)
     documents = [markdown.write_text(run, title, comparison), page.write(run, title)]
     files = [run.folder / f"results.{name}" for name in data]
     for path in files:

@@ -11,7 +11,6 @@ from cpbench.analysis.failures import Reason
 from cpbench.report.claims_section import claims_section
 from cpbench.report.details import WHOLE_RUN
 from cpbench.report.imported_section import imported
-from cpbench.report.multi_start_section import multi_start
 from cpbench.report.run import Run, tuned_sentence
 from cpbench.report.run_sections import again, false_claims, refused, warm_against_cold
 from cpbench.report.text import code, counted, cut, listed, number, plain, table
@@ -26,7 +25,6 @@ def known_sections(run: Run) -> Iterator[str]:
     yield from claims_section(run)
     yield from false_claims(run, LISTED)
     yield from _remarks(run)
-    yield from multi_start(run, 3)
     yield from warm_against_cold(run, LISTED)
     yield from imported(run)
     yield from _failures(run)

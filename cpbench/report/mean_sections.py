@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import best, bootstrap, means, sensitivity
+from cpbench.analysis import best, bootstrap, means
 from cpbench.analysis.profiles import FLOOR
 from cpbench.report.run import each
 from cpbench.report.text import code, counted, number, seconds, table
@@ -22,7 +22,7 @@ def mean_section(
     labels: Sequence[str],
     leading: Sequence[str],
 ) -> Iterator[str]:
-    """Yield means over all and over commonly solved problems, their intervals, and their order under other choices.
+    """Yield means over all and over commonly solved problems, their intervals.
 
     `labels` : the ranked ones, in the order of the tables. `leading` : those whose intersection is taken.
     `lost` : pairs that are left out (`table.lost`).
@@ -32,8 +32,6 @@ def mean_section(
     every = means.means(times, limit=limit, lost=lost)
     common = means.means(times, shift=every.shift, limit=limit, common=leading)
     around = bootstrap.intervals(bootstrap.mean_time(times, every.shift, every.charge, lost), families)
-    tried = _tried(times, limit)
-    ranks = tried.groupby(["label", "shift"])["rank"].agg(_rank).unstack() if len(tried) else pd.DataFrame()
     shown = every.table.join(around.table[["low", "high"]]).join(common.table["mean"].rename("common"))
     shown = shown.reindex(pd.Index(labels, name="label")).reset_index()
     idle = shown["solved"] == 0
@@ -49,7 +47,7 @@ def mean_section(
     ]
     head += [f"mean over {common.problems} in common"]
     yield table(
-        [*head, *(f"rank at {seconds(shift)}" for shift in ranks.columns)],
+        head,
         (
             [
                 code(r.label),
@@ -59,11 +57,10 @@ def mean_section(
                 seconds(r.mean),
                 *([] if few else ["—" if math.isnan(r.low) else f"{seconds(r.low)} to {seconds(r.high)}"]),
                 seconds(r.common),
-                *(str(ranks[shift].get(r.label, "—")) for shift in ranks.columns),
             ]
             for r in each(shown[~idle])
         ),
-        right=range(1, len(head) + len(ranks.columns)),
+        right=range(1, len(head)),
     )
     price = f"is charged {seconds(every.charge)}" if math.isfinite(every.charge) else "leaves none (no limit was set)"
     lines = [
@@ -77,7 +74,7 @@ def mean_section(
     if common.remark:
         lines[1] += f": **{'few' if common.problems else 'none'}**"
     lines += [f"- not listed: {counted(int(idle.sum()), 'solver')} without an answer"] if idle.any() else []
-    yield "\n".join([*lines, *_order(tried, every.shift)])
+    yield "\n".join(lines)
 
 
 def gap_section(
@@ -124,28 +121,3 @@ def below_floor(times: pd.DataFrame) -> dict[str, str]:
     """Count the times of each label that are too short to be distinguished."""
     floored = best.floored(times, FLOOR)
     return {str(label): str(count) for label, count in floored["below"].items()}
-
-
-def _tried(times: pd.DataFrame, limit: float) -> pd.DataFrame:
-    """Return means under other shifts and penalties of the labels that solve something; empty where there is no
-    order.
-    """
-    tried = sensitivity.sensitivity(times[[label for label in times.columns if np.isfinite(times[label]).any()]], limit)
-    return tried if tried["label"].nunique() > 1 and tried["charge"].notna().all() else tried.iloc[:0]
-
-
-def _rank(ranks: pd.Series[int]) -> str:
-    """Format the ranks under the three penalties, once where they are the same."""
-    return "/".join(str(rank) for rank in (ranks if ranks.nunique() > 1 else ranks[:1]))
-
-
-def _order(tried: pd.DataFrame, shift: float) -> list[str]:
-    """Return the lines about the ranks, none where there is no rank."""
-    if not len(tried):
-        return []
-    changed = len(sensitivity.order_changes(tried, shift))
-    count = tried["label"].nunique()
-    return [
-        "- rank: by the mean with that shift; where the penalty decides, with the limit / 2 / 10 times the limit",
-        f"- shift and penalty decide the order of {changed} of {counted(count * (count - 1) // 2, 'pair')} of solvers",
-    ]

@@ -7,7 +7,6 @@ from pathlib import Path
 from cpbench.analysis.best import WITHIN
 from cpbench.analysis.bootstrap import FEW, REPLICATES
 from cpbench.analysis.profiles import FLOOR
-from cpbench.analysis.sensitivity import CUSTOM
 from cpbench.formulations.base import Kind
 from cpbench.report.figures import EMPHASISED
 from cpbench.report.text import seconds
@@ -57,7 +56,6 @@ METHODS = (
         flags="; ".join(f"*{name}*: {meaning}" for name, meaning in FLAGS.items()),
         inaccurate=INACCURATE_FACTOR,
         floor=seconds(FLOOR),
-        custom=seconds(CUSTOM),
         emphasised=EMPHASISED,
         replicates=REPLICATES,
         few=FEW,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from cpbench.analysis import contradictions, failures, multi_start, reliability, remarks, summary
+from cpbench.analysis import contradictions, failures, reliability, remarks, starts, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.contradictions import Contradiction
@@ -20,10 +20,8 @@ from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
 from cpbench.analysis.looks import looks
 from cpbench.analysis.participation import participating, restricted, without
 from cpbench.analysis.ranking import Ranking, rankings
-from cpbench.analysis.reached import SENTENCE, at_reached
 from cpbench.analysis.run_table import RunTable
 from cpbench.analysis.table import ResultGroup
-from cpbench.foundation.matrices import Vector
 from cpbench.report.legend import PALETTE
 from cpbench.report.text import counted, one_line, plain
 from cpbench.verification import Status
@@ -38,9 +36,7 @@ class Run:
     (`analysis.histories`) of the solves that were recorded, the restrictions on publishing, by name, of solvers
     that are left out, the source of pictures of its problems by fingerprint (`analysis.thumbnails`), and
     whether results.csv is beside the report. `count_stationary`: stationary answers are among the solved.
-    `parted`: the rows before several starts of a problem were made cases of one formulation. `answers`: by key of the
-    row, of problems with several starts (`analysis.multi_start`).
-    `reached`: times of `rows` are those at equal reached error, while `parted` has what was measured.
+    `parted`: the rows before several starts of a problem were made cases of one formulation (`analysis.starts`).
     `whole`: all rows of the file, where these are they: what is computed of them is taken from there.
     `waiting`: pairs of problems of which no pair has run yet. They are in no table: they are not failures.
     `looks`: that of each label in every figure, found from all rows of the file (`analysis.looks`).
@@ -56,8 +52,6 @@ class Run:
     count_stationary: bool = False
     looks: Mapping[str, int] = field(default_factory=dict)
     parted: pd.DataFrame | None = None
-    answers: Mapping[str, Vector] = field(default_factory=dict)
-    reached: bool = False
     whole: RunTable | None = None
     waiting: int = 0
 
@@ -85,7 +79,7 @@ class Run:
     def remarks(self) -> list[str]:
         """`remarks.remarks` of all rows, of the seals of their file and of problem files: what the first lines say."""
         of_files = [str(line) for name in ("seals", "changed") for line in self.meta.get(name) or []]
-        return [*([SENTENCE] if self.reached else []), *remarks.remarks(self.read), *of_files]
+        return [*remarks.remarks(self.read), *of_files]
 
     @property
     def all_rows(self) -> str:
@@ -146,8 +140,6 @@ def assembled(
     thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict,
     has_csv: bool = True,
     count_stationary: bool = False,
-    answers: Mapping[str, Vector] | None = None,
-    reached: bool = False,
     address: Callable[[str], str] = str,
 ) -> Run:
     """Return the run that a report is about; the parameters are those of `folder.write_folder`."""
@@ -156,7 +148,7 @@ def assembled(
     waiting = int((~begun).sum()) if begun.any() else 0
     rows = rows[begun].reset_index(drop=True) if waiting else rows
     run = Run(rows, given.meta, folder, thumbnails=thumbnails, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
-    run = replace(run, answers=answers or {}, waiting=waiting)
+    run = replace(run, waiting=waiting)
     if histories is not None:
         run = replace(run, histories=histories)
     if with_imported:
@@ -164,12 +156,8 @@ def assembled(
     if count_stationary:
         run = replace(run, rows=rows_of.counting_stationary(run.rows), count_stationary=True)
     run = _publishable(run) if publishable else run
-    compared = at_reached(run.rows, run.histories) if reached else run.rows
-    changed = with_imported or count_stationary or bool(run.left_out) or reached
-    whole = None if changed else given
-    run = replace(run, parted=run.rows, rows=multi_start.merged(compared), reached=reached, whole=whole)
-    # the path of a solve says nothing of a time that may be of another one
-    return replace(run, histories=run.histories.iloc[:0]) if reached else run
+    changed = with_imported or count_stationary or bool(run.left_out)
+    return replace(run, parted=run.rows, rows=starts.merged(run.rows), whole=None if changed else given)
 
 
 def _publishable(run: Run) -> Run:

@@ -15,7 +15,6 @@ from cpbench.report.certainty_section import certainties
 from cpbench.report.contradictions_section import contradictions
 from cpbench.report.imported_section import imported
 from cpbench.report.methods import LOSSES
-from cpbench.report.multi_start_section import multi_start
 from cpbench.report.participation_sections import absent
 from cpbench.report.run import Run, each
 from cpbench.report.text import code, counted, cut, listed, number, plain, solve_command, table
@@ -36,7 +35,6 @@ def run_sections(run: Run) -> Iterator[str]:
         _directions,
         _inexact,
         losses,
-        multi_start,
         warm_against_cold,
         imported,
         failed_pairs,

@@ -51,7 +51,6 @@ from cpbench.analysis import (
     profiles,
     reliability,
     scaling,
-    sensitivity,
     starts,
     summary,
 )
@@ -104,9 +103,6 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
         "virtual best, gaps": lambda: (best.gaps(times), best.choices(times)),
         "times below the floor": lambda: best.floored(times),
         "means": lambda: (means.means(times, limit=LIMIT), means.means(times, limit=LIMIT, common=leading)),
-        "sensitivity, order changes": lambda: sensitivity.order_changes(
-            found := sensitivity.sensitivity(times, LIMIT), float(found["shift"].iloc[0])
-        ),
         "bootstrap of means": lambda: bootstrap.intervals(bootstrap.mean_time(times, 0.1, LIMIT), families),
         "bootstrap of solve rates": lambda: bootstrap.intervals(bootstrap.solve_rate(times), families),
         "bands of profiles": lambda: bands.profile_bands(times, families),

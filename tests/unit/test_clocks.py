@@ -1,4 +1,4 @@
-"""Clocks of served solvers, times at equal reached error, and what makes times unfit for a comparison."""
+"""Clocks of served solvers, and what makes times unfit for a comparison."""
 
 from __future__ import annotations
 
@@ -13,7 +13,6 @@ from synthetic_results import meta, results_file, row, table
 from cpbench.analysis import cautions
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.ranking import rankings
-from cpbench.analysis.reached import at_reached
 from cpbench.bench.outcome import LATE, LATE_SHARE, method_seconds
 from cpbench.bench.results import schema
 from cpbench.bench.results.store import Store
@@ -85,27 +84,3 @@ def test_a_load_beyond_the_cores_is_reported_from_a_tenth_of_the_rows(busy: int,
 def test_a_drift_of_the_machine_is_reported_beyond_a_half(drift: float, said: bool) -> None:
     about = meta(references=[{"seconds": 0.01}, {"seconds": 0.01 * drift}, {"seconds": None}])
     assert bool(cautions.disturbance(_loaded([1.0]), about)) == said
-
-
-def test_times_at_equal_reached_error() -> None:
-    """`slow` is asked for 1e-6 and reaches 1e-12; its answer to 1e-3 is within 1e-6, and an iterate earlier still."""
-    rows = rows_of.normalised(
-        pd.DataFrame(
-            [
-                row("p", "slow", "solved", 8.0, error=1e-12, convert=0.5),
-                row("p", "slow", "solved", 4.0, error=1e-7, tolerance=1e-3, key="loose"),
-                row("p", "quick", "solved", 5.0, error=9e-7),
-                row("p", "failing", "failed", 1.0, error=1e-2),
-                row("p", "failing", "solved", 1.0, error=1e-7, tolerance=1e-3, key="loose failing"),
-            ]
-        )
-    )
-    path = pd.DataFrame({"key": ["loose"] * 2, "time": [1.0, 4.0], "share": [0.25, 1.0], "error": [1e-4, 1e-7]})
-    found = at_reached(rows, path).set_index("key")["solve"]
-    assert found["p/slow"] == 4.0, "the answer to the looser tolerance is good enough"
-    assert found["loose"] == 1.0, "an iterate is"
-    assert found["p/quick"] == 5.0, "nothing else is known"
-    assert at_reached(rows).set_index("key")["solve"]["loose"] == 4.0
-    again = at_reached(rows, path).set_index("key")
-    assert again.loc["p/failing", ["status", "solve"]].tolist() == ["failed", 1.0], "what was asked for was missed"
-    assert again.loc["p/slow", ["convert", "setup", "lift"]].tolist() == [0.0, 0.0, 0.0]

@@ -27,7 +27,7 @@ problems = ["scenes/*.hdf5", "builtin"]
 solvers = ["nsgs[omega=0.8:1.4:0.2]", "newton-*"]
 tolerance = [1e-4, 1e-8]
 where = "nc > 100"
-start = "perturbed:1e-2"
+start = "file:2"
 
 [[set]]
 name = "small"
@@ -67,7 +67,7 @@ def test_a_file_makes_a_plan(tmp_path) -> None:
         tolerance=(1e-4, 1e-8),
         timeout=60.0,
         where="nc > 100",
-        start=("perturbed:0.01",),
+        start=("file:2",),
     )
     assert (small.timeout, small.memory, small.tolerance, small.family) == (0.5, 2**30, (1e-6,), ("lcp-*",))
     assert (small.max_problems, small.seed) == (3, 7)

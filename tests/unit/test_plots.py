@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from synthetic_results import meta, results_file, row, suite, table
 from tiers import some_by_day
 
 from cpbench.analysis import deadlines, histories, pairwise, profiles, scaling, sweeps
-from cpbench.analysis import steps as walk
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.run_table import RunTable
 from cpbench.cli import cli
@@ -28,7 +26,7 @@ from cpbench.report.figure_kinds import Drawing, find, summaries
 from cpbench.report.run import Run, assembled
 
 ROOM = "cpbench.report.plots"
-KINDS = ("profile", "data-profile", "pairwise", "convergence", "precision", "scaling", "sequence", "deadline", "sweep")
+KINDS = ("profile", "data-profile", "pairwise", "convergence", "precision", "scaling", "deadline", "sweep")
 SUITE = suite(20, 12)
 
 
@@ -186,45 +184,6 @@ def test_scaling_panels_hold_points_and_slope_of_the_fit() -> None:
     assert (stopped.get_xdata()[0], stopped.get_ydata()[0]) == (512.0, 10.0)
     with pytest.raises(UnknownName, match="unknown dimension 'm'"):
         draw("scaling", run_of(table(*rows)), size="m")
-
-
-def walking() -> pd.DataFrame:
-    rows = []
-    for step in range(4):
-        for start, time in (("cold", 4.0), ("previous", 1.0 + step)):
-            given = {"sequence": "walk", "step": step, "counters": json.dumps({"iterations": int(10 * time)})}
-            key = f"{step}/{start}"
-            status = "timeout" if (step, start) == (3, "previous") else "solved"
-            rows.append(row(f"w-{step}", "s", status, time, start=start, started=start, key=key, **given))
-    return pd.DataFrame(rows)
-
-
-def test_a_sequence_with_both_starts_has_the_median_of_warm_over_cold() -> None:
-    """1/4, 2/4, 3/4 of three steps, the fourth unsolved: the median is a half, the quartiles 0.375 and 0.625."""
-    drawn = draw("sequence", run_of(walking()))
-    (axes,) = drawn.figure.axes
-    (mark,) = [line for line in axes.lines if line.get_marker() == "o"]
-    assert mark.get_xdata()[0] == pytest.approx(0.5)
-    (whisker,) = [line for line in axes.lines if line.get_alpha() == 0.5]
-    assert list(whisker.get_xdata()) == pytest.approx([0.375, 0.625])
-    assert "steps 0 to 2" in [text.get_text() for text in axes.texts]
-    assert drawn.title == "Sequence walk (lcp): 4 steps, tolerance 1e-06, starts cold, previous"
-    found = walk.steps(rows_of.normalised(walking()))[1]
-    assert found.loc[found["start"] == "previous", "iterations"].tolist() == [10.0, 20.0, 30.0, math.inf]
-
-
-def test_a_sequence_with_one_start_has_time_iterations_and_error() -> None:
-    cold = walking()
-    drawn = draw("sequence", run_of(cold[cold["start"] == "cold"]))
-    labels = [axes.get_ylabel() for axes in drawn.figure.axes[:3]]
-    assert labels == ["time", "iterations", "judged error"]
-    (time,) = [line for line in lines(drawn, 0) if line.get_marker() == "o"]
-    assert list(time.get_ydata()) == [4.0] * 4
-
-
-def test_sequence_says_where_there_is_none() -> None:
-    with pytest.raises(CpbenchError, match="no problem is a step of a sequence"):
-        draw("sequence", run_of(SUITE))
 
 
 def test_deadline_marks_the_quantiles_and_tells_misses() -> None:

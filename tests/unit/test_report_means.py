@@ -51,19 +51,6 @@ def test_means_stand_beside_their_counts_and_intervals(tmp_path: Path) -> None:
     assert f"shift {seconds(every.shift)} (median of all times); a problem not solved is charged 10 s" in text
 
 
-def test_a_choice_that_decides_is_reported(tmp_path: Path) -> None:
-    """One failure in 20 puts the quicker of two last, if the shift is the customary 10 s or the penalty PAR10.
-
-    By hand at 4 ms: 0.05 log1p(P / 4 ms) + 0.95 log1p(1/4) is below log 2 for P = 10 s and 20 s, above for 100 s.
-    """
-    rows = [row(f"f{i % 6}-{i}", "whole", "solved", 4e-3) for i in range(20)]
-    rows += [row(f"f{i % 6}-{i}", "quick", "solved", 1e-3) for i in range(1, 20)]
-    text = section(table(*rows, row("f0-0", "quick", "timeout")), tmp_path, "Means")
-    assert "- shift and penalty decide the order of 1 of 1 pair of solvers" in text
-    assert "| rank at 4 ms |" in text
-    assert (cells(text)["quick"][7], cells(text)["quick"][-1]) == ("1/1/2", "2")
-
-
 @pytest.mark.nightly
 def test_little_to_resample_or_to_charge_is_reported(tmp_path: Path) -> None:
     rows = table(*(row(f"f-{i}", s, "solved" if i % 3 else "timeout", 1.0 + i) for i in range(6) for s in ("a", "b")))

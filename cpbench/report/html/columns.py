@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis import histories, metrics, multi_start
+from cpbench.analysis import histories, metrics, starts
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.bootstrap import families_of
 from cpbench.analysis.codes import by_appearance
@@ -192,7 +192,7 @@ def _commands(run: Run, rows: pd.DataFrame) -> list[str]:
     sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
     here = str(Path.cwd()) + os.sep
     names = ["origin", "request", "label", "solver", "address", "tolerance", "seconds", "start"]
-    names += [multi_start.BEGAN] if multi_start.BEGAN in rows else []
+    names += [starts.BEGAN] if starts.BEGAN in rows else []
     listed = rows[names].to_dict("records")
     return [solve_command(row, sheets.get(str(row["label"]))).replace(here, "") for row in listed]
 
@@ -216,7 +216,7 @@ def _thumbnails(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[
     """Return pictures of the problems; an answer of a solver left out of the report has no label."""
     thumbnails, shown = run.thumbnails(), set(labels)
     pictures: list[Thumbnail | None] = []
-    for one in (thumbnails.get(multi_start.original(print_)) for print_ in prints):
+    for one in (thumbnails.get(starts.original(print_)) for print_ in prints):
         known = one is None or one.get("answer", {}).get("label", "") in {"", *shown}
         pictures.append(one if known or one is None else {k: v for k, v in one.items() if k != "answer"})
     return pictures

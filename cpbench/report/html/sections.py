@@ -11,7 +11,6 @@ from cpbench.report.html.markup import Markup, element, prose
 from cpbench.report.html.overview import overview
 from cpbench.report.html.sheets import problems
 from cpbench.report.methods import METHODS
-from cpbench.report.multi_start_section import multi_start
 from cpbench.report.participation_sections import absent
 from cpbench.report.run import Run, tuned_sentence
 from cpbench.report.run_sections import failed_pairs, false_claims, losses, not_started, refused, solver_sheets
@@ -50,7 +49,7 @@ TITLES = {
 }
 LINKS = {
     "overview": "Answer", "budget": "Budget", "pairs": "Pairs", "matrix": "Matrix",
-    "errors": "Errors", "size": "Size", "sequences": "Sequences", "deadlines": "Deadlines", "starts": "Starts",
+    "errors": "Errors", "size": "Size", "sequences": "Sequences", "deadlines": "Deadlines",
     "claims": "False claims", "failures": "Failures", "solvers": "Solvers", "problems": "Problems",
     "machine": "Machine", "methods": "Methods",
 }  # fmt: skip
@@ -77,7 +76,6 @@ def _present(run: Run) -> Iterator[tuple[str, list[Markup]]]:
         if name not in without:
             yield name, list(_figures(name))
     written = {
-        "starts": multi_start(run, by_solver=True),
         "claims": _claims(run),
         "failures": _failures(run),
         "solvers": _solvers(run),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from cpbench.analysis import multi_start
+from cpbench.analysis import starts
 from cpbench.report.html.markup import Markup, element, table
 from cpbench.report.run import Run
 
@@ -17,7 +17,7 @@ def problems(run: Run) -> Iterator[Markup]:
     first = run.rows.drop_duplicates("fingerprint")
     counts: dict[tuple[str, str, str, str], int] = {}
     for fingerprint, node, family in zip(first["fingerprint"], first["node"], first["family"], strict=True):
-        thumbnail = thumbnails.get(multi_start.original(str(fingerprint)), {})
+        thumbnail = thumbnails.get(starts.original(str(fingerprint)), {})
         source = "; ".join(filter(None, (thumbnail.get("source", ""), thumbnail.get("citation", ""))))
         key = (str(node), str(family) or "(none)", source, str(thumbnail.get("licence", "")))
         counts[key] = counts.get(key, 0) + 1
