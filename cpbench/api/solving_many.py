@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cpbench.api.solving import solve
-from cpbench.bench.stacked import call_for, solve_measured
 from cpbench.errors import ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.formulations.stack import Stack
 from cpbench.foundation.matrices import Dense, Vector
+from cpbench.solvers.automatic import automatic_solver
+from cpbench.solvers.base import StackCall, solvers
 from cpbench.verification import Status
+from cpbench.verification.stacked import judge_stack
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +91,7 @@ def solve_many(
         wrong = "tolerance" if not tolerance > 0 else "seconds" if not seconds > 0 else "threads"
         raise ProblemError(wrong, "must be positive")
     stack = _stacked(problems, arrays)
-    solved = solve_measured(call_for(stack.problem(0)), stack, tolerance, threads)
+    solved = _solve_measured(_call_for(stack.problem(0)), stack, tolerance, threads)
     x, error, left = solved.x, solved.error, solved.left
     status = np.where(solved.stationary, Status.STATIONARY, Status.SOLVED).astype(f"<U{max(map(len, Status))}")
     begun = time.perf_counter()
@@ -99,6 +101,60 @@ def solve_many(
         status[i], error[i] = str(solution.status), solution.error
     spent = {"solve": solved.solve, "verify": solved.verify, "one by one": time.perf_counter() - begun}
     return Solutions(stack, x, status, error, tolerance, left, spent)
+
+
+@dataclass(frozen=True, eq=False)
+class _MeasuredAnswers:
+    """Answers of compiled calls, measured.
+
+    Attributes
+    ----------
+    x : (k, n) each answer as one vector. error : (k,) measured. stationary : (k,) whether a right answer is no more
+    than that. left : the numbers of the problems that were not solved. solve, verify : wall time [s].
+    """
+
+    x: Dense
+    error: Vector
+    stationary: NDArray[np.bool_]
+    left: NDArray[np.int64]
+    solve: float
+    verify: float
+
+
+def _call_for(problem: Problem) -> StackCall:
+    """Return the compiled call of the automatic choice for many problems like this one; raises ProblemError where it
+    does not take them."""
+    name = automatic_solver(problem.node)
+    call = None if name is None else solvers.get(name).stack_call
+    if call is None:
+        raise ProblemError("problems", f"are of {problem.node}, which no compiled call takes; cpbench.solve takes one")
+    sizes = problem.point_sizes
+    unknowns = sizes.get("z", sum(sizes.values()))  # of a program without its multipliers
+    if unknowns > call.unknowns:
+        why = f"have {unknowns} unknowns, at most {call.unknowns}: use cpbench.solve for each"
+        raise ProblemError("problems", why)
+    return call
+
+
+def _solve_measured(call: StackCall, stack: Stack, tolerance: float, threads: int) -> _MeasuredAnswers:
+    """Solve by compiled calls and measure every answer; those that fail are tried again with less of the tolerance."""
+    x = np.full((stack.count, sum(stack.point_sizes.values())), np.nan)
+    error, stationary = np.full(stack.count, np.inf), np.zeros(stack.count, dtype=bool)
+    left, solve, verify = np.arange(stack.count), 0.0, 0.0
+    for share in call.shares:
+        some = stack if left.size == stack.count else stack.only(left)
+        begun = time.perf_counter()
+        answers = call.solve(some, share * tolerance, threads)
+        between = time.perf_counter()
+        verdicts = judge_stack(some, answers, tolerance)
+        solve += between - begun
+        verify += time.perf_counter() - between
+        x[left], error[left] = np.concatenate(list(answers.values()), axis=1), verdicts.error
+        stationary[left] = verdicts.stationary
+        left = left[~verdicts.solved]
+        if not left.size:
+            break
+    return _MeasuredAnswers(x, error, stationary, left, solve, verify)
 
 
 def _stacked(problems: Sequence[Problem] | type[Problem], arrays: Mapping[str, Any]) -> Stack:

@@ -1,5 +1,4 @@
-"""A block is what one slot runs in one go: all pairs of a problem, all steps of a sequence, or problems
-that a solver takes by one call.
+"""A block is what one slot runs in one go: all pairs of a problem, or all steps of a sequence.
 
 The word is that of experimental design: runs in random order within blocks, so that a drift of the machine meets all
 solvers of a problem alike. A block is data: it runs on any slot, here, in a thread beside others, or elsewhere.
@@ -18,12 +17,8 @@ from cpbench.bench.messages import Prepared
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.slot import Slot
-from cpbench.solvers.base import solvers
 from cpbench.storage.base import SEPARATOR, split_address
 
-STACKED = 1000
-"""Problems in one call: its limit, or a crash, is that of all of them, and so many files are read within the referee's
-limit even where each takes a tenth of a second."""
 Ending: TypeAlias = tuple[str, bytes | None]
 """Status and kept answer of a row."""
 
@@ -116,9 +111,7 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
         place = {variant(p): k for k, p in enumerate(members)}
         members.sort(key=lambda p: (p.step if p.scene else 0, place[variant(p)], p.tolerance))
         todo = tuple(p for p in members if p.key in pending)
-        if todo and stackable(todo[0]):
-            listed += [Block(todo[at : at + STACKED]) for at in range(0, len(todo), STACKED)]
-        elif todo:
+        if todo:
             keys = {p.key for p in todo}
             before = {key: pair for key, pair in predecessors(members).items() if key in keys}
             known = {p.key: ending(p.key) for p in before.values() if p.key not in keys}
@@ -128,23 +121,7 @@ def blocks(planned: Sequence[Pair], pending: set[str], seed: int, ending: Callab
 
 def block_name(pair: Pair) -> str:
     """Return the name of the block that a pair belongs to."""
-    if stackable(pair):
-        sizes = ",".join(f"{symbol}={size}" for symbol, size in sorted(pair.sizes.items()))
-        return f"stack {pair.label} {pair.node} {sizes} {pair.tolerance!r} {pair.measure} {pair.set} {pair.limits}"
     return f"sequence {pair.scene}" if pair.scene else f"problem {pair.address} {pair.format or ''}"
-
-
-def stackable(pair: Pair) -> bool:
-    """Return whether the pair may share a call with others: its set asks for throughput, and its solver begins from
-    nothing, on the problem as it is, without what a call for many has no place for."""
-    return (
-        pair.limits.throughput
-        and not pair.limits.history
-        and solvers.get(pair.entry.solver).stack_call is not None
-        and not pair.entry.options
-        and not pair.request.via
-        and (pair.node, pair.start) == (pair.target, "cold")
-    )
 
 
 def run(
@@ -155,25 +132,6 @@ def run(
 
     put_off : receives a block of the pairs whose solvers are still compiling; None to wait for them.
     """
-    if len(block.pairs) > 1 and stackable(block.pairs[0]):
-        first = block.pairs[0]
-        if slot.start([first.entry.solver], first.limits, on_event, patient=put_off is None):
-            if put_off is not None:
-                put_off.append(block)
-            return
-        prepared = slot.prepare_stack(block.pairs)
-        if prepared is not None:
-            on_event(Solving(first))
-            yield from zip(block.pairs, slot.run_stack(block.pairs, prepared), strict=True)
-            return
-    for pair, outcome in _each(slot, block, on_event, put_off):
-        yield pair, replace(outcome, batch=1) if pair.limits.throughput else outcome
-
-
-def _each(
-    slot: Slot, block: Block, on_event: EventHandler, put_off: list[Block] | None
-) -> Iterator[tuple[Pair, Outcome]]:
-    """Yield outcomes, each of a separate call."""
     waiting, later = dict[str, bool](), list[Pair]()
     prepared: dict[tuple[str, str, float, float], Prepared | Outcome] = {}
     endings: dict[str, Ending] = dict(block.known)

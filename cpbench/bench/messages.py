@@ -106,12 +106,6 @@ class Prepare(Message):
     case: RefereeCase
 
 
-class PrepareStack(Message):
-    """A request to write problems of one size into one file, for a solver that takes them by one call."""
-
-    cases: tuple[RefereeCase, ...]
-
-
 class FindStart(Message):
     """A request for the point from which to start. `before` : the preceding step; `vectors` have its `answer`."""
 
@@ -220,7 +214,7 @@ class HistoryJudged(Message):
 
 class Solve(Message):
     """A request for a solve; `vectors` are the point to start from. `held` : whether the worker has the problem
-    already. `stack` : on how many threads one call solves all problems of the file, 0 where it has one problem.
+    already.
     """
 
     path: str
@@ -231,7 +225,6 @@ class Solve(Message):
     history: bool = False
     held: bool = False
     checksum: int | None = None
-    stack: int = 0
     vectors: Vectors = field(default_factory=dict[str, Any])
 
 
@@ -271,9 +264,6 @@ class ProblemLoaded(Message):
 
 class Result(Message):
     """The output of a solver, and what its solve used (`processes.meter`); `vectors` as in `Judge`.
-
-    Of a stack `vectors` have the parts of all answers, one after the other, and of each problem the number of its
-    `claim` among `Claim`, whether it was `answered`, and `alone`: whether the solver took it by itself.
 
     Where another process solves, `trip` is the round trip of an empty request to it, and `solve_wall` the time that
     passed here: `solve` is that of the method (`outcome.method_seconds`).

@@ -1,7 +1,4 @@
-"""The run of a pair whose problem is converted: its start, its worker's call and its verdict, stage by stage.
-
-Some pairs of one solver may share a call (a stack). They are run as one pair is, and share its time in equal parts.
-"""
+"""The run of a pair whose problem is converted: its start, its worker's call and its verdict, stage by stage."""
 
 from __future__ import annotations
 
@@ -17,7 +14,6 @@ from cpbench.bench.outcome import CLOCK, marks, reason, runners_time
 from cpbench.bench.planning.plan import PREVIOUS, Pair
 from cpbench.bench.referee import HISTORY_SECONDS
 from cpbench.bench.results.rows import Outcome
-from cpbench.bench.stacked import part_of
 from cpbench.bench.time_limits import REFEREE
 from cpbench.bench.worker_call import RunStopped, Times, WorkerCall
 from cpbench.bench.worker_pool import RefereeClient, Setting, WorkerPool
@@ -33,7 +29,7 @@ FELL_BACK = "cold: the step before was"
 
 
 class PairRun:
-    """One run of a pair, or of a stack of pairs.
+    """One run of a pair.
 
     `row` has the columns that are known so far: a run that ends at any stage keeps those of the stages before.
     """
@@ -43,27 +39,23 @@ class PairRun:
         setting: Setting,
         workers: WorkerPool,
         referee: RefereeClient,
-        pairs: Sequence[Pair],
+        pair: Pair,
         prepared: messages.Prepared,
         before: Before | None = None,
-        *,
-        stacked: bool = False,
     ) -> None:
         self.setting, self.workers, self.referee = setting, workers, referee
-        self.pairs, self.pair, self.prepared, self.before = pairs, pairs[0], prepared, before
-        self.count, self.stacked = len(pairs), stacked
-        self.name, self.spec = self.pair.entry.solver, solvers.get(self.pair.entry.solver).spec
-        self.recorded = self.pair.limits.history and Trait.HISTORY in self.spec.traits
+        self.pair, self.prepared, self.before = pair, prepared, before
+        self.name, self.spec = pair.entry.solver, solvers.get(pair.entry.solver).spec
+        self.recorded = pair.limits.history and Trait.HISTORY in self.spec.traits
         self.row = Outcome(
             route=prepared.route,
             kind=str(max(Kind(prepared.kind), self.spec.kind, key=lambda kind: kind.rank)),
             convert=prepared.convert,
             target_tolerance=prepared.tolerance,
-            batch=self.count if stacked else None,
         )
 
-    def outcomes(self) -> list[Outcome]:
-        """Run all stages; return the outcome of every pair. Never raises, whatever a solver does."""
+    def outcome(self) -> Outcome:
+        """Run all stages; return the outcome. Never raises, whatever a solver does."""
         try:
             start = self.find_start()
             call = self.find_worker()
@@ -74,16 +66,13 @@ class PairRun:
             flags = self.flags(result, times, waited)
             if CLOCK in flags:
                 result, times = runners_time(result, waited), Times([0.0], [waited], [waited], times.lost)
-            if not self.stacked:
-                return [self.judge(self.pair, result, times, flags, trail)]
-            return [self.judge(pair, *self.share(result, times, i), flags) for i, pair in enumerate(self.pairs)]
+            return self.judge(result, times, flags, trail)
         except RunStopped as end:
-            ended = replace(self.row, **end.columns)
+            return replace(self.row, **end.columns)
         except Exception as noise:  # a worker may send anything, and fail in ways that are not known
             self.workers.drop(self.name)
             message = f"the worker sent no valid message: {type(noise).__name__}: {noise}"[:500]
-            ended = replace(self.row, status="error", message=message)
-        return [ended] * self.count
+            return replace(self.row, status="error", message=message)
 
     def find_start(self) -> messages.Vectors:
         """Return the point to start from, empty for a cold start."""
@@ -129,16 +118,7 @@ class PairRun:
             why = self.workers.unavailable[self.name]
             raise RunStopped("unavailable", f"{why.state}: {why.message}")
         self.row = replace(self.row, version=self.workers.versions[self.name])
-        return WorkerCall(
-            self.setting,
-            self.workers,
-            worker,
-            self.pair,
-            self.prepared,
-            count=self.count,
-            stacked=self.stacked,
-            recorded=self.recorded,
-        )
+        return WorkerCall(self.setting, self.workers, worker, self.pair, self.prepared, recorded=self.recorded)
 
     def solve(self, call: WorkerCall, start: messages.Vectors) -> tuple[messages.Result, float]:
         """Return what the worker answers, and after how many seconds. Raises RunStopped, FrameError."""
@@ -152,34 +132,15 @@ class PairRun:
         of_times = (("repeat", bool(times.lost)), ("remembered", times.remembered))
         return [*marks(result, waited, self.pair.limits.threads), *(flag for flag, holds in of_times if holds)]
 
-    def share(self, result: messages.Result, times: Times, i: int) -> tuple[messages.Result, Times]:
-        """Return the answer to problem i of a stack, with an equal part of the time.
-
-        Raises ValueError, IndexError where the answer is not one to so many problems.
-        """
-        claim, answered, alone, vectors = part_of(result.vectors, self.count, i)
-        own = replace(
-            result,
-            claim=str(claim),
-            answered=answered,
-            counters={"alone": int(alone)},
-            solve=messages.Seconds(result.solve / self.count),
-            cpu=messages.Seconds(result.cpu / self.count),
-            peak=None,
-            trip=None,
-            vectors=vectors,
-        )
-        return own, replace(times, setup=[0.0], solve=[seconds / self.count for seconds in times.solve])
-
     def judge(
         self,
-        pair: Pair,
         result: messages.Result,
         times: Times,
         flags: Sequence[str],
         trail: messages.Recorded | None = None,
     ) -> Outcome:
-        """Return the outcome of a pair, with the verdict on its answer."""
+        """Return the outcome, with the verdict on the answer."""
+        pair = self.pair
         row = replace(
             self.row,
             claim=result.claim,

@@ -6,21 +6,20 @@ import copy
 import os
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from cpbench import graph, storage
-from cpbench.bench import shared_problem, stacked
-from cpbench.bench.messages import Prepared, RefereeCase
+from cpbench.bench import shared_problem
+from cpbench.bench.messages import RefereeCase
 from cpbench.bench.planning.plan import parse_request
 from cpbench.bench.processes.meter import checksum
 from cpbench.conversions import Conversion
 from cpbench.errors import FormatError, ProblemError
 from cpbench.formulations.base import Kind, Problem
-from cpbench.formulations.stack import Stack
 
 
 @dataclass
@@ -59,18 +58,6 @@ class ProblemCache:
         source = self._source
         assert source is not None
         return _planned(source, address, fingerprint)
-
-    def stack(self, cases: Sequence[RefereeCase]) -> Prepared:
-        """Write problems of one size into one file for a solver of their own node; raises CpbenchError where they are
-        not, or are too large for it."""
-        problems: list[Problem] = []
-        for case in cases:
-            problem = storage.load(case.address, format=case.format)
-            problems.append(_planned(problem, case.address, case.fingerprint))
-            stacked.call_for(problem)
-        stack, path = Stack.of_problems(problems), self._scratch / f"stack-{os.getpid()}"
-        _write(shared_problem.write_stack, stack, path)
-        return Prepared(str(path), checksum(stack), graph.Route().label, str(Kind.EQUIVALENT), 0.0, cases[0].tolerance)
 
     def ready(self, case: RefereeCase) -> tuple[Problem, ConvertedProblem]:
         """Return the problem and its conversion to the node, which is made at the first call."""

@@ -67,8 +67,6 @@ class Referee:
                 return messages.Opened()
             case messages.Prepare():
                 return self.prepare(asked.case)
-            case messages.PrepareStack():
-                return self._cache.stack(asked.cases)
             case messages.FindStart():
                 return self.find_start(asked)
             case messages.Judge():

@@ -18,7 +18,6 @@ import scipy.sparse as sp
 
 from cpbench.formulations.base import Problem, formulations
 from cpbench.formulations.expressions import Map
-from cpbench.formulations.stack import Stack
 from cpbench.foundation import frames, matrices
 
 ALIGNED = 64
@@ -52,20 +51,6 @@ def read(path: str | Path) -> Problem:
     parts = {name: _matrix(found[name], tuple(shape)) for name, shape in header["shapes"].items()}
     parts |= {name: Map(inputs, *found[name]) for name, inputs in header["inputs"].items()}
     return formulations.get(header["node"])(name=header["name"], **parts, **header["fields"])
-
-
-def write_stack(stack: Stack, path: str | Path) -> None:
-    """Write problems of one size to one file; raises OSError."""
-    header = {"node": stack.kind.node, "others": stack.others, "shapes": {n: a.shape for n, a in stack.arrays.items()}}
-    with open(path, "wb") as file:
-        file.writelines(frames.parts(header, stack.arrays, ALIGNED))
-
-
-def read_stack(path: str | Path) -> Stack:
-    """Return the problems of a file that `write_stack` made; raises OSError, and ValueError when it is none."""
-    header, arrays = _frame(path)
-    shaped = {name: arrays[name].reshape(shape) for name, shape in header["shapes"].items()}
-    return Stack(formulations.get(header["node"]), shaped, header["others"], len(next(iter(shaped.values()))))
 
 
 def _frame(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:

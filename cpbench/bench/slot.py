@@ -144,40 +144,19 @@ class Slot:
         if isinstance(prepared, Outcome):
             outcome = prepared
         else:
-            outcome = self._confirmed(pair, prepared, before, self._outcomes([pair], prepared, before)[0])
+            outcome = self._confirmed(pair, prepared, before, self._run(pair, prepared, before))
             self.workers.served(pair.entry.solver)
-        return self._completed([outcome], begun)[0]
+        return replace(
+            outcome,
+            wall=time.perf_counter() - begun,
+            jobs=self.setting.slots,
+            loadavg=os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+            host=platform.node(),
+            finished=time.strftime("%Y-%m-%dT%H:%M:%S"),
+        )
 
-    def prepare_stack(self, pairs: Sequence[Pair]) -> messages.Prepared | None:
-        """Put the problems of some pairs into one file; None where they do not go together, or one cannot be read:
-        run by itself, each tells."""
-        asked = messages.PrepareStack(tuple(messages.RefereeCase.of(pair) for pair in pairs))
-        reply = self.referee.ask(REFEREE.limit(pairs[0].limits.seconds), asked, messages.Prepared)
-        return None if isinstance(reply, messages.Failure) else reply
-
-    def run_stack(self, pairs: Sequence[Pair], prepared: messages.Prepared) -> list[Outcome]:
-        """Return the outcomes of pairs of one solver that one call solves: each has an equal part of its time, and the
-        call ends after the limits of all. Never raises, as `run`."""
-        begun = time.perf_counter()
-        outcomes = self._outcomes(pairs, prepared, None, stacked=True)
-        self.workers.served(pairs[0].entry.solver)
-        return self._completed(outcomes, begun)
-
-    def _completed(self, outcomes: Sequence[Outcome], begun: float) -> list[Outcome]:
-        """Return outcomes with what is known of their run as a whole."""
-        common = {
-            "wall": (time.perf_counter() - begun) / len(outcomes),
-            "jobs": self.setting.slots,
-            "loadavg": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
-            "host": platform.node(),
-            "finished": time.strftime("%Y-%m-%dT%H:%M:%S"),
-        }
-        return [replace(outcome, **common) for outcome in outcomes]
-
-    def _outcomes(
-        self, pairs: Sequence[Pair], prepared: messages.Prepared, before: Before | None, *, stacked: bool = False
-    ) -> list[Outcome]:
-        return PairRun(self.setting, self.workers, self.referee, pairs, prepared, before, stacked=stacked).outcomes()
+    def _run(self, pair: Pair, prepared: messages.Prepared, before: Before | None) -> Outcome:
+        return PairRun(self.setting, self.workers, self.referee, pair, prepared, before).outcome()
 
     def _confirmed(self, pair: Pair, prepared: messages.Prepared, before: Before | None, first: Outcome) -> Outcome:
         """Return the outcome of a pair whose solver is asked once more where its package's claim failed: what it was
@@ -189,5 +168,5 @@ class Slot:
             tolerance = second_tolerance(stopping, prepared.tolerance, first.claim or "", missed)
         if tolerance is None:
             return first
-        second = self._outcomes([pair], replace(prepared, tolerance=tolerance), before)[0]
+        second = self._run(pair, replace(prepared, tolerance=tolerance), before)
         return of_both(first, second, tolerance)

@@ -1,5 +1,4 @@
-"""The process that runs one solver: it loads problems, warms up, solves and reports; it judges nothing,
-but what `solve_many` has to solve again.
+"""The process that runs one solver: it loads problems, warms up, solves and reports; it judges nothing.
 
 Messages in: `Solve`. Messages out: `WarmingUp` once the solver is found to be available, `CompilingKernels` where these
 are not in the cache yet, `Ready`, then for every request `ProblemLoaded` (unless the runner knows that the problem is
@@ -21,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from cpbench.bench import messages, shared_problem, stacked
+from cpbench.bench import messages, shared_problem
 from cpbench.bench.history import recorded
 from cpbench.bench.outcome import method_seconds
 from cpbench.bench.processes import guard
@@ -33,7 +32,6 @@ from cpbench.errors import Ended, NotApplicable, Unavailable
 from cpbench.formulations import formulations
 from cpbench.formulations.base import Problem
 from cpbench.formulations.expressions import interpreter
-from cpbench.formulations.stack import Stack
 from cpbench.foundation import kernel_cache
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers
@@ -91,13 +89,12 @@ class SolverRunner:
         self._connection, self._solver = connection, solver
         self._path, self._problem, self._handed, self._checksum = "", None, None, 0
         self._asked = messages.Solve("", 0.0, 0.0, {})
-        self._stack: Stack | None = None
         self.meter = Meter()
 
     def serve(self, asked: messages.Solve, run: Callable[..., Any]) -> None:
         """Answer a request; `run` executes each step of it, here or in a separate process."""
-        self._asked, self._stack = asked, None
-        result = run(lambda: self._safely(self._answer_stack if asked.stack else self._answer))
+        self._asked = asked
+        result = run(lambda: self._safely(self._answer))
         if result is None:
             return
         if asked.repeats > 1 and result["short"] and not result["wrote"]:
@@ -186,42 +183,7 @@ class SolverRunner:
         reported = getattr(output, "reported", None)  # what is not an output is refused later
         return method_seconds(wall, reported, solver.round_trip, trusted=solver.own_clock)
 
-    def _answer_stack(self) -> dict[str, Any]:
-        begun = time.perf_counter()
-        stack = self._loaded_stack()
-        self.send(messages.ProblemLoaded(messages.Seconds(time.perf_counter() - begun)))
-        self.meter.begin()
-        vectors, solve, cpu = self._timed_stack(stack)
-        used = self.meter.end(solve, cpu)
-        wrote, seconds = checksum(stack) != self._asked.checksum, messages.Seconds(solve)
-        zero = messages.Seconds(0.0)
-        # claims and counters are those of each problem, among the vectors
-        own = {"claim": "", "answered": True, "message": "", "counters": {}, "wrote": wrote, "vectors": vectors}
-        self.send(messages.Result(setup=zero, solve=seconds, cpu=messages.Seconds(cpu), **own, **used))
-        return {"short": solve < SHORT, "wrote": wrote}
-
-    def _loaded_stack(self) -> Stack:
-        """Return the problems of the request, after a call for the first of them, which loads what calls need."""
-        if self._stack is None:
-            stack = shared_problem.read_stack(self._asked.path)
-            if checksum(stack) != self._asked.checksum:
-                raise ValueError(f"loading: {self._asked.path} is not what the referee wrote")
-            self._timed_stack(stack.only(np.arange(1)))
-            self._stack = stack
-        return self._stack
-
-    def _timed_stack(self, stack: Stack) -> tuple[dict[str, Vector], float, float]:
-        """Return the vectors of the answers, and wall and CPU seconds of one call for all of them."""
-        budget = Budget(tolerance=self._asked.tolerance, seconds=self._asked.seconds)
-        gc.collect(0)
-        cpu, begun = self.meter.cpu(), time.perf_counter()
-        vectors = stacked.solve_all(self._solver, stack, budget, self._solver.spec.options(), self._asked.stack)
-        return vectors, time.perf_counter() - begun, self.meter.cpu() - cpu
-
     def _repeat(self) -> tuple[messages.Seconds, messages.Seconds, messages.Seconds]:
-        if self._asked.stack:
-            seconds = messages.Seconds(self._timed_stack(self._loaded_stack())[1])
-            return messages.Seconds(0.0), seconds, seconds
         asked = self._arguments(self._loaded())
         self._handed = self._solver.hand_over(self._problem)  # a program may cache what it has solved
         output, setup, wall, _ = _timed(self._solver, self._handed, *asked, self.meter.cpu)

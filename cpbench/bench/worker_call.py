@@ -14,7 +14,7 @@ from cpbench.bench import messages
 from cpbench.bench.outcome import iqr, late, reason, remembered
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.processes.process import Child, Died, TimedOut, crowded
-from cpbench.bench.time_limits import GRACE, LOAD, WARM_UP
+from cpbench.bench.time_limits import GRACE, LOAD
 from cpbench.bench.worker_pool import Reply, Setting, WorkerPool, describe_exit, hear
 from cpbench.foundation import frames
 
@@ -58,7 +58,7 @@ class Times:
 
 
 class WorkerCall:
-    """One call of a warm worker, for a pair or for a stack of `count` pairs.
+    """One call of a warm worker.
 
     `recorded` : whether iterates are asked for. `load` : seconds that a problem took to be read, None before it is.
     """
@@ -71,19 +71,16 @@ class WorkerCall:
         pair: Pair,
         prepared: messages.Prepared,
         *,
-        count: int,
-        stacked: bool,
         recorded: bool,
     ) -> None:
         self.setting, self.workers, self.worker = setting, workers, worker
         self.pair, self.prepared, self.name = pair, prepared, pair.entry.solver
-        self.count, self.stacked, self.recorded = count, stacked, recorded
+        self.recorded = recorded
         self.load: float | None = None
 
     def solve(self, start: messages.Vectors) -> tuple[messages.Result, float]:
         """Return what the worker answers, and after how many seconds. Raises FrameError."""
-        limits, whole = self.pair.limits, self.pair.limits.seconds * self.count
-        loading = WARM_UP if self.stacked else LOAD  # the first call for a stack may have to compile
+        limits = self.pair.limits
         asked = messages.Solve(
             path=self.prepared.path,
             tolerance=self.prepared.tolerance,
@@ -91,24 +88,22 @@ class WorkerCall:
             options=dict(self.pair.entry.options),
             repeats=limits.repeats,
             history=self.recorded,
-            held=not self.stacked and self.workers.holds(self.name, self.prepared.path),
+            held=self.workers.holds(self.name, self.prepared.path),
             checksum=self.prepared.checksum,
-            stack=limits.threads if self.stacked else 0,
             vectors=start,
         )
         try:
             self.worker.forget()  # what earlier solves printed is not this one's
-            over = time.monotonic() + loading.limit(whole)
-            self.worker.send(messages.pack(asked), loading.limit(whole))
+            over = time.monotonic() + LOAD.limit(limits.seconds)
+            self.worker.send(messages.pack(asked), LOAD.limit(limits.seconds))
             reply = messages.ProblemLoaded(messages.Seconds(0.0))
             if not asked.held:
                 reply = hear(self.worker, over - time.monotonic())
             if isinstance(reply, messages.ProblemLoaded):
-                self.load = reply.load / self.count
-                if not self.stacked:
-                    self.workers.loaded(self.name, self.prepared.path)
+                self.load = reply.load
+                self.workers.loaded(self.name, self.prepared.path)
                 begun = time.perf_counter()  # a clock beside the worker's, which a solver could falsify
-                reply = hear(self.worker, whole + GRACE)
+                reply = hear(self.worker, limits.seconds + GRACE)
                 if isinstance(reply, messages.Result):
                     if reply.children > self.setting.processes:
                         raise Died(None, self.worker.output(), reason=crowded(self.setting.processes))
@@ -116,9 +111,9 @@ class WorkerCall:
         except TimedOut:
             self.workers.drop(self.name)
             if self.load is not None:
-                calls = f", the limits of {self.count} problems in one call" if self.stacked else ""
-                raise RunStopped("timeout", f"killed after {whole:g} s{calls}", solve=limits.seconds) from None
-            raise RunStopped("error", f"loading: not over after {loading.limit(whole):g} s ({loading.what})") from None
+                raise RunStopped("timeout", f"killed after {limits.seconds:g} s", solve=limits.seconds) from None
+            why = f"loading: not over after {LOAD.limit(limits.seconds):g} s ({LOAD.what})"
+            raise RunStopped("error", why) from None
         except Died as death:
             self.workers.drop(self.name)
             status = "memout" if death.out_of_memory else "crash"
@@ -166,7 +161,7 @@ class WorkerCall:
 
     def read_history(self, times: Times) -> tuple[messages.Recorded | None, Times]:
         """Return the iterates of the solve, where they were asked for."""
-        if self.stacked or not self.recorded or times.lost:
+        if not self.recorded or times.lost:
             return None, times
         trail, lost = self._next(messages.Recorded, self.pair.limits.seconds + GRACE, "history")
         return trail, replace(times, lost=lost)

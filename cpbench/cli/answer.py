@@ -18,7 +18,6 @@ from cpbench.api.cross_examination import contradiction_lines
 from cpbench.bench.results.sealed import sealed
 from cpbench.cli.terminal import folded, print_lines, width
 from cpbench.report.text import counted, number, seconds
-from cpbench.report.throughput_section import HEAD, TITLE, throughput_lines
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -42,7 +41,6 @@ def print_answer(run: RunTable) -> None:
     print_lines([line for found in contradiction_lines(run.contradictions) for line in folded(found)])
     for ranking in run.rankings:
         _print_ranking(ranking)
-    _print_throughputs(throughput_lines(run.rows))
     left_out = run.meta.get("left_out", [])
     unreached = unreached_lines(left_out)
     many = len(unreached) > FEW
@@ -94,23 +92,6 @@ def _print_ranking(ranking: Ranking) -> None:
     _print_table(table)
     left = len(ranking.rows) - len(ranking.shown)
     click.echo(f"and {counted(left, 'more solver')}\n" if left else "")
-
-
-def _print_throughputs(lines: Sequence[Sequence[str]]) -> None:
-    """Print problems per second; nothing where no set asks for it."""
-    from rich.table import Table
-    from rich.text import Text
-
-    if not lines:
-        return
-    click.secho(TITLE, bold=True)
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    for name in HEAD:
-        table.add_column(name, justify="left" if name in HEAD[:2] else "right", no_wrap=True, overflow="ellipsis")
-    for line in lines:
-        table.add_row(*map(Text, line))
-    _print_table(table)
-    click.echo()
 
 
 def _print_table(table: Table) -> None:

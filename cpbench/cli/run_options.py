@@ -33,7 +33,7 @@ SECTIONS = {
     "Problems": ["suite", "keyword", "family", "where", "split", "max_problems", "shard", "file_format", "symmetric"],
     "Solvers and routes": ["solvers", "routes", "facets", "via", "start", "plugin_files"],
     "Accuracy": ["tolerance", "measure", "history"],
-    "Limits": ["timeout", "memory", "threads", "repeats", "throughput", "isolate"],
+    "Limits": ["timeout", "memory", "threads", "repeats", "isolate"],
     "Order and machines": ["seed", "jobs", "affinity", "dask", "cluster"],
     "Results": ["output", "no_resume", "rerun", "retry", "keep", "certify", "report", "no_report", "fail_on"],
     "Output": ["dry_run", "quiet", "verbose", "log", "help"],
@@ -107,10 +107,6 @@ run_options = chained(
     click.option("--history/--no-history", help="Solve once more to keep the iterates, where a solver can."),
     limit_options,
     click.option("--repeats", type=COUNT, default=3, show_default=True, help="Number of solves of a pair below 1 s."),
-    click.option(
-        "--throughput/--no-throughput",
-        help="Solve small problems of one size by one call, where a solver can; reports problems per second.",
-    ),
     click.option(
         "--isolate",
         type=click.Choice(plan_file.ISOLATE),

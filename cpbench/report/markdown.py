@@ -19,7 +19,6 @@ from cpbench.report.known_sections import known_sections
 from cpbench.report.participation_sections import publishing
 from cpbench.report.run import Run, group_name
 from cpbench.report.text import counted, plain
-from cpbench.report.throughput_section import throughput_section
 from cpbench.verification import Status
 
 if TYPE_CHECKING:
@@ -41,7 +40,6 @@ def write_text(run: Run, title: str, comparison: Comparison | None = None) -> Pa
         *_remarks(run),
         *contradictions(run, CONTRADICTIONS),
         *answer(run),
-        *throughput_section(run),
         _headline(run),
     ]
     if comparison is not None:

@@ -25,7 +25,7 @@ SETTINGS = ("seed", "threads", "jobs", "isolate", "affinity", "keep", "retry")
 """Keys of a plan as a whole that a bundle says; places (output, report, cluster) are those of its user."""
 PARTS = (
     "name", "problems", "solvers", "routes", "facets", "via", "tolerance", "timeout", "memory", "repeats", "history",
-    "throughput", "measure", "start",
+    "measure", "start",
 )  # fmt: skip
 """Keys of a set that a bundle says: selections are made, formats are one."""
 _FACETS = re.compile(r"(inner|facets|outer)(\d+)(?:-.*)?")
@@ -51,7 +51,7 @@ def sets(rows: Iterable[Row], recorded: bool, written: Mapping[str, str]) -> lis
     for row in rows:
         request = row.request
         via = "" if _level(request) is not None else request
-        groups.setdefault((*_limits(row), row.batch is not None, via), []).append(row)
+        groups.setdefault((*_limits(row), via), []).append(row)
     parts = [_set(own, via, recorded, written) for (*_, via), own in groups.items()]
     for k, part in enumerate(parts, 1):
         before = [other["name"] for other in parts[: k - 1]]
@@ -88,8 +88,6 @@ def _set(rows: Sequence[Row], via: str, recorded: bool, written: Mapping[str, st
     part |= {key: value for key, value in limits.items() if value is not None}
     if recorded:
         part["history"] = True
-    if first.batch is not None:
-        part["throughput"] = True
     if first.measure:
         part["measure"] = first.measure
     if first.start:

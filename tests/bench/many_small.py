@@ -153,7 +153,8 @@ def theirs(python: str, name: str, stack: Any, data: dict[str, Any], tolerance: 
 def ours(kind: Any, data: dict[str, Any], tolerance: float, threads: int) -> None:
     """Print problems per second of the compiled call, and with the verdicts."""
     import cpbench as cp
-    from cpbench.bench.stacked import call_for
+    from cpbench.solvers.automatic import automatic_solver
+    from cpbench.solvers.base import solvers
 
     stack = cp.solve_many(kind, tolerance=tolerance, **{key: a[:100] for key, a in data.items()}).stack  # warm
     clock = time.process_time if threads == 1 else time.perf_counter
@@ -164,7 +165,7 @@ def ours(kind: Any, data: dict[str, Any], tolerance: float, threads: int) -> Non
         begun = clock()
         solutions = cp.solve_many(kind, tolerance=tolerance, threads=threads, **data)
         between = clock()
-        stack, call = solutions.stack, call_for(solutions.stack.problem(0))
+        stack, call = solutions.stack, solvers.get(automatic_solver(solutions.stack.kind.node)).stack_call
         call.solve(stack, call.shares[0] * tolerance, threads)
         whole.append((between - begun) / len(stack))
         calls.append((clock() - between) / len(stack))

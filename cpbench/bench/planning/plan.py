@@ -46,8 +46,7 @@ class Limits:
     ----------
     seconds : wall-clock limit of a solve [s]. memory : bytes a solve may add to its process (0: no limit).
     threads : of every library. repeats : solves of a pair that takes less than a second.
-    history : whether solvers that can are run once more while their iterates are kept. throughput : whether solvers
-    that can take problems of one size by one call, each of which is charged its part of the time.
+    history : whether solvers that can are run once more while their iterates are kept.
     """
 
     seconds: float = 10.0
@@ -55,7 +54,6 @@ class Limits:
     threads: int = 1
     repeats: int = 3
     history: bool = False
-    throughput: bool = False
 
 
 @dataclass(frozen=True)

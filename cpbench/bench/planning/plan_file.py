@@ -317,7 +317,6 @@ READERS: Mapping[str, Callable[[Any], Any]] = {
     "memory": _size,
     "repeats": _whole(1),
     "history": _flag,
-    "throughput": _flag,
     "measure": _text,
     "start": _starts,
     "format": _format,

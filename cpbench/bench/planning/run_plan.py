@@ -30,7 +30,7 @@ class ProblemSet:
     or `all`; none for those of `SolverSpec.by_default`. routes : exact, facets or all; empty for exact, and facets
     where all problems are built in.
     facets, via : facet counts, pinned conversions. tolerance : one pair each.
-    timeout [s], memory [bytes], repeats, history, throughput : limits of a solve. measure : the number that decides,
+    timeout [s], memory [bytes], repeats, history : limits of a solve. measure : the number that decides,
     None: all. start : start policies, one pair each. format : of the files. family, where, keyword, split,
     max_problems, seed : the selection.
     suite : the suite that its problems, and the other values not given, are of; empty where problems were named.
@@ -48,7 +48,6 @@ class ProblemSet:
     memory: int = Limits.memory
     repeats: int = Limits.repeats
     history: bool = Limits.history
-    throughput: bool = Limits.throughput
     measure: str | None = None
     start: tuple[str, ...] = ("cold",)
     format: str | None = None
@@ -77,7 +76,7 @@ class ProblemSet:
         return self.routes or ("facets" if self.builtin else "exact")
 
     def limits(self, threads: int) -> Limits:
-        return Limits(self.timeout, self.memory, threads, self.repeats, self.history, self.throughput)
+        return Limits(self.timeout, self.memory, threads, self.repeats, self.history)
 
 
 @dataclass(frozen=True)

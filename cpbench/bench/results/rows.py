@@ -90,7 +90,6 @@ class Measured:
     jobs : solves side by side. reported : seconds by the solver's own account. origin : where an imported answer was
     made, empty for what was solved here. certainty : level of the certificate of the answer, where one was sought.
     distance : a bound on its distance from a solution, over the size of that. certificate : what else it says.
-    batch : of a set that asks for throughput, by how many problems the call was shared whose time is divided here.
     trip : round trip of an empty request [s] to the process of a served solver, None of a solver that runs in its
     worker. solve is the time of its method, solve_wall [s] what passed in the worker meanwhile. sealed_by : the name of
     the key that sealed the row before the file was continued with another key, 'none' where it had no seal.
@@ -134,7 +133,6 @@ class Measured:
     certainty: str | None = None
     distance: float | None = None
     certificate: str | None = None
-    batch: int | None = None
     trip: float | None = None
     solve_wall: float | None = None
     sealed_by: str | None = None

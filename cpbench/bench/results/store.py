@@ -148,7 +148,6 @@ class Store(SealedStore):
         there = self._writing.written.seals
         new = {row.key: row for row in rows if row.key not in there}
         self._require_same_limits(rows)
-        self._require_same_calls(pairs)
         if new:
             with self._rows_written() as db:
                 for row in new.values():
@@ -167,18 +166,6 @@ class Store(SealedStore):
             before = set(there) or known.setdefault(row.set, {asked})
             if not any(agree(old, asked) for old in before):
                 raise StoreError(f"{self.path}: {difference(row.set, next(iter(before)), asked)}")
-
-    def _require_same_calls(self, pairs: Sequence[Pair]) -> None:
-        """Raise StoreError where a set was run with calls for many problems, and is not now, or the reverse."""
-        own = "status <> 'not_run' AND coalesce(origin, '') = ''"
-        for name, many in self._database.read(f'SELECT DISTINCT "set", batch IS NOT NULL FROM rows WHERE {own}'):
-            if any(pair.set == name and pair.limits.throughput != bool(many) for pair in pairs):
-                made = f"set '{name}' was made" if name else "was made"
-                before, now = ("with", "without") if many else ("without", "with")
-                raise StoreError(
-                    f"{self.path}: {made} {before} throughput = true, now {now}; times of a call for many problems "
-                    "and of one for each do not mix: use another file with -o"
-                )
 
     def finish(self, key: str, outcome: Outcome) -> None:
         """Fill a planned row, with its answer, its history and the proof of its status, in one transaction; `attempts`
