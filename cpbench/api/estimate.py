@@ -22,7 +22,6 @@ from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.quantities import duration
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
-from cpbench.bench.worker import SHORT
 from cpbench.foundation.plurals import counted
 
 BEFORE = ("quick.sqlite", "standard.sqlite", "builtin.sqlite")
@@ -101,7 +100,7 @@ def solves(todo: Sequence[Pair], known: SolveTimes) -> tuple[list[Span | None], 
 
 def _repeated(time: float, pair: Pair) -> float:
     """Return what a solve takes with its repeats, within its limit."""
-    return time * pair.limits.repeats if time < SHORT else min(time, pair.limits.seconds)
+    return time * pair.limits.repeats if time < pair.limits.repeat_below else min(time, pair.limits.seconds)
 
 
 def _beside(path: Path) -> list[float]:

@@ -222,6 +222,7 @@ class Solve(Message):
     seconds: float
     options: Mapping[str, Any]
     repeats: int = 1
+    repeat_below: float = 1.0
     history: bool = False
     held: bool = False
     checksum: int | None = None

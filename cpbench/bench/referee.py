@@ -187,20 +187,27 @@ class Referee:
 def _open_nodes(problem: Problem, request: Request) -> tuple[str, ...]:
     """Return nodes that some route of the request reaches, judged by its first edge alone."""
     kinds, via = parse_request(request)
-    nodes: list[str] = []
-    for node in graph.formulations.names():
-        if request.nodes and node not in request.nodes:
-            continue
-        routes = _routes(problem.node, node, kinds, via)
-        if any(not r.steps or r.steps[0].obstacle(problem) is None for r in routes):
-            nodes.append(node)
-    return tuple(nodes)
+    opened: dict[Conversion | None, bool] = {None: True}
+
+    def is_open(edge: Conversion | None) -> bool:
+        if edge not in opened:
+            opened[edge] = edge is not None and edge.obstacle(problem) is None
+        return opened[edge]
+
+    begin = _beginnings(problem.node, kinds, via)
+    return tuple(
+        node
+        for node in sorted(begin)
+        if (not request.nodes or node in request.nodes) and any(is_open(edge) for edge in begin[node])
+    )
 
 
-@lru_cache(maxsize=2**12)
-def _routes(source: str, target: str, kinds: frozenset[Kind], via: tuple[Conversion, ...]) -> tuple[graph.Route, ...]:
-    """Return paths between nodes, found once for all problems of a node."""
-    return tuple(graph.candidates(source, target, kinds, via))
+@lru_cache(maxsize=2**8)
+def _beginnings(
+    source: str, kinds: frozenset[Kind], via: tuple[Conversion, ...]
+) -> dict[str, tuple[Conversion | None, ...]]:
+    """Return first edges by node, found once for all problems of a node."""
+    return graph.beginnings(source, kinds, via)
 
 
 def _measured(source: Problem, ready: ConvertedProblem, x: Any, measure: str | None) -> tuple[float, tuple[str, ...]]:

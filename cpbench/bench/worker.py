@@ -36,8 +36,6 @@ from cpbench.foundation import kernel_cache
 from cpbench.foundation.matrices import Vector
 from cpbench.solvers.base import Budget, Claim, Solver, SolverOutput, solvers
 
-SHORT = 1.0
-"""Seconds below which a solve is repeated."""
 WORDS = 2000
 """Characters of a solver's messages that are passed on."""
 COUNTERS, NAME = 100, 100
@@ -175,7 +173,7 @@ class SolverRunner:
                 **used,
             )
         )
-        return {"short": setup + wall < SHORT, "wrote": wrote}
+        return {"short": setup + wall < self._asked.repeat_below, "wrote": wrote}
 
     def _method_seconds(self, wall: float, output: SolverOutput) -> float:
         """Return the seconds of the method, of those that passed here."""

@@ -87,6 +87,7 @@ class WorkerCall:
             seconds=limits.seconds,
             options=dict(self.pair.entry.options),
             repeats=limits.repeats,
+            repeat_below=limits.repeat_below,
             history=self.recorded,
             held=self.workers.holds(self.name, self.prepared.path),
             checksum=self.prepared.checksum,
@@ -141,7 +142,7 @@ class WorkerCall:
         """
         first = Times([float(result.setup)], [float(result.solve)], [float(result.solve_wall or 0.0)])
         limits, more = self.pair.limits, self.pair.limits.repeats - 1
-        if more < 1 or result.wrote or result.setup + result.solve >= worker_process.SHORT:
+        if more < 1 or result.wrote or result.setup + result.solve >= limits.repeat_below:
             return first
         begun = time.perf_counter()
         repeats, lost = self._next(messages.Repeats, more * (limits.seconds + GRACE), "repeat")

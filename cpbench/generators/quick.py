@@ -1,4 +1,4 @@
-"""The problems of the quick suite: few of each formulation, large enough that methods matter and not the call."""
+"""The problems of the quick suite: few of each formulation of the core, where methods matter and not the call."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from pathlib import Path
 from cpbench.generators.base import SMALL
 from cpbench.generators.collection import ListedProblem, catalogue
 
+CORE = ("qp", "lcp", "mlcp", "ncp", "vi", "fc", "gfc")
+"""Formulations that a newcomer can read: those of the lecture's core, and contact, local and global."""
 FEW = 10
 """How many problems of a formulation the suite has: from so many on, a ranking is more than a hint."""
 SMALLEST, MIDDLE, LARGEST = 30, 100, 300
@@ -18,14 +20,14 @@ NONE = ("infeasible", "unbounded")
 
 
 def quick_problems(folder: Path) -> list[str]:
-    """Return the addresses of the problems of the suite, at most FEW of each formulation.
+    """Return the addresses of the problems of the suite, at most FEW of each formulation of the core.
 
     Families take turns. Of each family, the problem nearest to MIDDLE comes first of those that have between SMALLEST
     and LARGEST unknowns; where there are fewer than FEW of these, smaller ones follow, the largest first.
     """
     by_node: dict[str, list[ListedProblem]] = {}
     for entry in catalogue(folder):
-        if entry.tier == SMALL and entry.known not in NONE and entry.unknowns <= LARGEST:
+        if entry.node in CORE and entry.tier == SMALL and entry.known not in NONE and entry.unknowns <= LARGEST:
             by_node.setdefault(entry.node, []).append(entry)
     chosen: list[str] = []
     for entries in by_node.values():

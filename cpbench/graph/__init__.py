@@ -18,6 +18,7 @@ from cpbench.conversions.base import Conversion, lift_step, make
 from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations.base import Kind, Problem, Step, formulations
 from cpbench.graph.routes import Prefix, Route, best_first, best_kind, edges, nodes_of_maps, weakest
+from cpbench.graph.routes import beginnings as beginnings
 
 EXACT = frozenset({Kind.EQUIVALENT, Kind.ONE_WAY})
 ALL = frozenset(Kind)

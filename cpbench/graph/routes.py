@@ -93,10 +93,7 @@ def best_first(
     most theirs, and its label is the beginning of theirs.
     """
     pinned = frozenset(edge.name for edge in via)
-    # a loop (qp-qp-dual) leads nowhere: it is taken only where it is named
-    usable = [e for e in edges(via) if e.name in pinned or (best_kind(e) in kinds and e.source != e.target)]
-    maps = nodes_of_maps()
-    onward = [e for e in usable if e.source not in maps or e.target in maps or e.name in pinned]
+    usable, onward = _usable(kinds, via)
     ahead = _cost_ahead(target, onward, pinned)
     heap = [Prefix(0.0, "", (), start, frozenset({source}), pinned)]
     while heap:
@@ -124,13 +121,46 @@ def best_first(
                     heapq.heappush(heap, Prefix(bound, longer.label, longer.steps, state, seen, left))
 
 
+def beginnings(
+    source: str, kinds: frozenset[Kind], via: Sequence[Conversion] = ()
+) -> dict[str, tuple[Conversion | None, ...]]:
+    """Return, by target, the first conversions of all paths of `candidates`; None stands for the empty path."""
+    found: dict[str, dict[Conversion | None, None]] = {} if via else {source: {None: None}}
+    if via:
+        for target in formulations.names():
+            for route, _ in best_first(source, target, kinds, via, True, lambda prefix: True):
+                found.setdefault(target, {})[route.steps[0]] = None
+        return {target: tuple(first) for target, first in found.items()}
+    usable, onward = _usable(kinds)
+    for edge in usable:
+        if edge.source == source:
+            for target in _reached(edge.target, onward, frozenset({source})):
+                found.setdefault(target, {})[edge] = None
+    return {target: tuple(first) for target, first in found.items()}
+
+
+def _usable(kinds: frozenset[Kind], via: Sequence[Conversion] = ()) -> tuple[list[Conversion], list[Conversion]]:
+    """Return the edges with which a path may begin, and those with which it may go on."""
+    pinned = {edge.name for edge in via}
+    # a loop (qp-qp-dual) leads nowhere: it is taken only where it is named
+    usable = [e for e in edges(via) if e.name in pinned or (best_kind(e) in kinds and e.source != e.target)]
+    maps = nodes_of_maps()
+    return usable, [e for e in usable if e.source not in maps or e.target in maps or e.name in pinned]
+
+
 def _is_open(node: str, target: str, usable: Sequence[Conversion], seen: frozenset[str]) -> bool:
     """Return whether a path leads from `node` to the target that passes none of the nodes seen."""
+    return target in _reached(node, usable, seen, target)
+
+
+def _reached(node: str, usable: Sequence[Conversion], seen: frozenset[str], target: str = "") -> set[str]:
+    """Return the nodes that paths from `node` reach which pass none of the nodes seen, or some of them with the
+    target."""
     reached, new = {node}, {node}
     while new and target not in reached:
         new = {edge.target for edge in usable if edge.source in new} - reached - seen
         reached |= new
-    return target in reached
+    return reached
 
 
 def _cost_ahead(

@@ -12,7 +12,6 @@ from cpbench.bench.planning.quantities import duration
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.planning.selection import RERUN
 from cpbench.bench.time_limits import GRACE
-from cpbench.bench.worker import SHORT
 from cpbench.foundation.plurals import counted
 from cpbench.solvers.base import Trait, solvers
 
@@ -108,7 +107,10 @@ def longest(todo: Sequence[Pair], asked: RunPlan) -> float:
 def _shares(todo: Sequence[Pair], asked: RunPlan) -> tuple[float, float, float]:
     """Return its parts: first solves, repeats, solves whose history is kept."""
     first = sum(pair.limits.seconds + GRACE for pair in todo) / asked.jobs
-    more = sum(min(SHORT, pair.limits.seconds) * (pair.limits.repeats - 1) for pair in todo) / asked.jobs
+    more = (
+        sum(min(pair.limits.repeat_below, pair.limits.seconds) * (pair.limits.repeats - 1) for pair in todo)
+        / asked.jobs
+    )
     again = sum(pair.limits.seconds + GRACE for pair in todo if _recorded(pair)) / asked.jobs
     return first, more, again
 
@@ -122,7 +124,7 @@ def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
     limit = duration(limits[0]) if len(limits) == 1 else f"{duration(limits[0])} to {duration(limits[-1])}"
     parts = [f"{duration(first)} if every solve times out ({limit} and {GRACE:g} s)"]
     if more:
-        parts.append(f"{duration(more)} for repeats of those below {SHORT:g} s")
+        parts.append(f"{duration(more)} for repeats of short ones")
     if again:
         parts.append(f"{duration(again)} for histories")
     if asked.retry:

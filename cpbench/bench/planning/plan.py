@@ -45,7 +45,7 @@ class Limits:
     Attributes
     ----------
     seconds : wall-clock limit of a solve [s]. memory : bytes a solve may add to its process (0: no limit).
-    threads : of every library. repeats : solves of a pair that takes less than a second.
+    threads : of every library. repeats : solves of a pair that takes less than `repeat_below` seconds.
     history : whether solvers that can are run once more while their iterates are kept.
     """
 
@@ -54,6 +54,7 @@ class Limits:
     threads: int = 1
     repeats: int = 3
     history: bool = False
+    repeat_below: float = 1.0
 
 
 @dataclass(frozen=True)

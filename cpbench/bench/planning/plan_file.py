@@ -316,6 +316,7 @@ READERS: Mapping[str, Callable[[Any], Any]] = {
     "timeout": _seconds,
     "memory": _size,
     "repeats": _whole(1),
+    "repeat_below": _seconds,
     "history": _flag,
     "measure": _text,
     "start": _starts,

@@ -30,9 +30,9 @@ class ProblemSet:
     or `all`; none for those of `SolverSpec.by_default`. routes : exact, facets or all; empty for exact, and facets
     where all problems are built in.
     facets, via : facet counts, pinned conversions. tolerance : one pair each.
-    timeout [s], memory [bytes], repeats, history : limits of a solve. measure : the number that decides,
-    None: all. start : start policies, one pair each. format : of the files. family, where, keyword, split,
-    max_problems, seed : the selection.
+    timeout [s], memory [bytes], repeats (of solves that take less than `repeat_below` [s]), history : limits of a
+    solve. measure : the number that decides, None: all. start : start policies, one pair each. format : of the files.
+    family, where, keyword, split, max_problems, seed : the selection.
     suite : the suite that its problems, and the other values not given, are of; empty where problems were named.
     chosen : whether somebody named the solvers, which a suite does not.
     """
@@ -47,6 +47,7 @@ class ProblemSet:
     timeout: float = Limits.seconds
     memory: int = Limits.memory
     repeats: int = Limits.repeats
+    repeat_below: float = Limits.repeat_below
     history: bool = Limits.history
     measure: str | None = None
     start: tuple[str, ...] = ("cold",)
@@ -76,7 +77,7 @@ class ProblemSet:
         return self.routes or ("facets" if self.builtin else "exact")
 
     def limits(self, threads: int) -> Limits:
-        return Limits(self.timeout, self.memory, threads, self.repeats, self.history)
+        return Limits(self.timeout, self.memory, threads, self.repeats, self.history, self.repeat_below)
 
 
 @dataclass(frozen=True)
