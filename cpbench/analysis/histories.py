@@ -1,12 +1,12 @@
-"""Error against time: what the iterates of a group's solves tell about every tolerance, or every deadline, at once.
+"""Error against time: what the iterates of a group's solves tell about every tolerance at once.
 
 `histories` is a table with one row a judged iterate: `key` of the row it belongs to, `time` [s] since its solve began,
 `share` of the recorded solve that was over, `iteration`, `residual` (the solver's own) and `error` (ours). Iterates
-are kept at growing intervals, so that every time here is an upper bound, and so is every error at a time.
+are kept at growing intervals, so that every time here is an upper bound.
 
-With iterates k of pair (p, s), at t_k with error e_k (Moré and Wild, SIAM J. Optim. 20, 2009, read both ways):
+With iterates k of pair (p, s), at t_k with error e_k (Moré and Wild, SIAM J. Optim. 20, 2009):
 
-    t[p, s](ε) = min { t_k : e_k ≤ ε },      e[p, s](D) = min { e_k : t_k ≤ D },      min ∅ = ∞
+    t[p, s](ε) = min { t_k : e_k ≤ ε },      min ∅ = ∞
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.verification import Status
 
 COLUMNS = ("key", "time", "iteration", "residual", "error", "share")
 ERRORS = tuple(float(f"{10.0 ** (-k / 4):.6e}") for k in range(57))
@@ -56,34 +55,6 @@ def times_to(rows: pd.DataFrame, histories: pd.DataFrame, tolerance: float) -> p
     """
     paths = _Paths(rows, histories)
     return pd.DataFrame(paths.times_to(tolerance), index=paths.problems, columns=paths.labels)
-
-
-def error_at(rows: pd.DataFrame, histories: pd.DataFrame | None, seconds: float) -> pd.DataFrame:
-    """Return the least measured error within `seconds`, problems × labels; ∞ where nothing was there yet.
-
-    All problems and labels of a group, so that a profile of it is one of *error at a fixed time*. A pair without
-    iterates has its answer alone, at the time that was charged for it. A pair whose answer was claimed and is wrong is
-    ∞ whatever its iterates were worth: a user of such a solver gets the answer, not the iterates.
-
-    >>> rows = pd.DataFrame({"key": ["k", "l"], "problem": "p", "fingerprint": "f", "label": ["s", "t"], "address": "",
-    ...                      "status": "solved", "error": [1e-6, 1e-9], "convert": [1.0, 0.0], "setup": [0.0, 0.0],
-    ...                      "lift": [0.0, 0.0], "solve": [2.0, 3.0]})
-    >>> path = pd.DataFrame({"key": ["k", "k"], "time": [1.0, 4.0], "share": [0.25, 1.0], "error": [1e-2, 1e-6]})
-    >>> [error_at(rows, path, seconds).loc["f"].tolist() for seconds in (1, 2, 3)]
-    [[inf, inf], [0.01, inf], [1e-06, 1e-09]]
-    """
-    best = np.full(len(rows), math.inf)
-    recorded = np.zeros(len(rows), dtype=bool)
-    if histories is not None:
-        place, at, kept = _charged(rows, histories)
-        recorded[place] = True
-        error = histories.loc[kept, "error"].to_numpy(dtype=float)
-        early = (at <= seconds) & ~np.isnan(error)
-        np.minimum.at(best, place[early], error[early])
-    answered = ~recorded & (rows_of.charged(rows) <= seconds)
-    best[answered] = rows["error"].to_numpy(dtype=float)[answered]
-    best[np.isnan(best) | (rows["status"] == str(Status.WRONG)).to_numpy()] = math.inf
-    return rows_of.spread(rows, best, math.inf)
 
 
 def work_precision(rows: pd.DataFrame, histories: pd.DataFrame) -> pd.DataFrame:

@@ -1,34 +1,32 @@
-"""Growth of time with size: log t = a + b log x, where a timeout says "longer than the limit", not "no answer".
+"""Growth of time with size: log t = a + b log x, by least squares over the problems that were solved.
 
-The line is the likeliest one with normal errors (`censored`), its times known only from below where a problem was
-stopped at the limit. The interval of the slope takes the problems as independent. Those of one family are not:
-`family_low` and `family_high` take only the families as independent, and are NaN for fewer than `censored.FEWEST`.
-Neither sees a law that is not a power: mind `least` and `largest`, the range of x.
-
-Other failures say nothing of the time that an answer would have taken: they are left out and counted (`excluded`).
+The interval of the slope takes the problems as independent. It does not see a law that is not a power: mind `least` and
+`largest`, the range of x. Problems that were stopped at the limit are counted (`stopped`) and not fitted: where large
+ones are among them, the slope is too small. Other failures are counted too (`excluded`).
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.censored import Bools, Floats, fit
 from cpbench.analysis.sizes import sizes_of
 from cpbench.analysis.summary import size_ranges
+from cpbench.analysis.table import Floats
 from cpbench.verification import Status
+
+Bools: TypeAlias = np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 SPAN, POINTS = 4.0, 5
 """Least ratio of sizes and least number of solved problems for a slope."""
 COLUMNS = (
-    "label", "slope", "low", "high", "error", "family_low", "family_high", "intercept", "scatter", "solved", "stopped",
-    "excluded", "unsized", "families", "least", "largest", "reason",
+    "label", "slope", "low", "high", "error", "intercept", "solved", "stopped", "excluded", "unsized", "least",
+    "largest", "reason",
 )  # fmt: skip
-_OF_A_LINE = ("slope", "low", "high", "error", "intercept", "scatter")
 
 
 def scaling(
@@ -37,11 +35,10 @@ def scaling(
     """Fit how the time of each label of a group grows with a size of the problems, one row a label, in order of
     label.
 
-    Columns: slope b with its interval (low, high), standard error, interval over families; intercept (log seconds at
-    x = 1), scatter (σ of log t), solved and stopped (the problems fitted), excluded (other failures, and times or
-    limits that are not known), unsized (without a positive x), families fitted, least and largest x fitted. Where
-    sizes differ by less than a factor `SPAN`, or fewer than `POINTS` were solved, the numbers are NaN and `reason`
-    says why.
+    Columns: slope b with its interval (low, high) and standard error; intercept (log seconds at x = 1), solved (the
+    problems fitted), stopped (at the limit), excluded (other failures, and times or limits that are not known), unsized
+    (without a positive x), least and largest x fitted. Where sizes differ by less than a factor `SPAN`, or fewer than
+    `POINTS` were solved, the numbers are NaN and `reason` says why.
 
     Parameters
     ----------
@@ -60,32 +57,34 @@ def scaling(
     """
     x, seconds, stopped, known, sized = _measured(group, symbol, features)
     label, labels = pd.factorize(group["label"], sort=True)
-    family, _ = pd.factorize(group["family"].where(group["family"] != "", group["fingerprint"]))
     records: list[dict[str, Any]] = []
     order = np.argsort(label, kind="stable")
     for name, places in zip(labels, np.split(order, np.cumsum(np.bincount(label))[:-1]), strict=True):
-        at = places[(known & sized)[places]]
+        there = places[(known & sized)[places]]
+        at = there[~stopped[there]]
         record: dict[str, Any] = {
             "label": str(name),
-            "solved": int((~stopped[at]).sum()),
-            "stopped": int(stopped[at].sum()),
+            "solved": len(at),
+            "stopped": len(there) - len(at),
             "excluded": int((~known[places]).sum()),
             "unsized": int((known & ~sized)[places].sum()),
-            "families": len(np.unique(family[at])),
             "least": float(x[at].min()) if len(at) else math.nan,
             "largest": float(x[at].max()) if len(at) else math.nan,
         }
-        record["reason"] = _refusal(record, x[at][~stopped[at]], symbol)
-        if not record["reason"]:
-            try:
-                line = fit(np.log(x[at]), np.log(seconds[at]), stopped[at], family[at], level)
-            except ValueError as cause:
-                record["reason"] = str(cause)
-            else:
-                record |= {name: getattr(line, name) for name in _OF_A_LINE}
-                record |= {"family_low": line.group_low, "family_high": line.group_high}
-        records.append(record)
+        record["reason"] = _refusal(record, symbol)
+        records.append(record if record["reason"] else record | _fitted(np.log(x[at]), np.log(seconds[at]), level))
     return pd.DataFrame(records, columns=list(COLUMNS))
+
+
+def _fitted(x: Floats, y: Floats, level: float) -> dict[str, float]:
+    """Return the line through logarithms by least squares: slope with its interval, standard error, intercept."""
+    from scipy import stats  # takes a tenth of a second to import
+
+    found = stats.linregress(x, y)
+    reach = float(stats.t.ppf(0.5 + level / 2, len(x) - 2) * found.stderr)
+    slope = float(found.slope)
+    ends = {"low": slope - reach, "high": slope + reach}
+    return {"slope": slope, **ends, "error": float(found.stderr), "intercept": float(found.intercept)}
 
 
 def line(record: pd.Series[Any]) -> tuple[Floats, Floats]:
@@ -116,7 +115,7 @@ def dimensions(group: pd.DataFrame) -> list[str]:
 
 
 def points(group: pd.DataFrame, symbol: str) -> pd.DataFrame:
-    """Return the data that `scaling` fits, one row a pair: label, x, seconds, and whether that is a limit at which
+    """Return the times that `scaling` looks at, one row a pair: label, x, seconds, and whether that is a limit at which
     it was `stopped`.
     """
     x, seconds, stopped, known, sized = _measured(group, symbol, None)
@@ -137,12 +136,10 @@ def _measured(
     return x, seconds, stopped, np.isfinite(seconds) & (seconds > 0), np.isfinite(x) & (x > 0)
 
 
-def _refusal(record: dict[str, Any], solved: Floats, symbol: str) -> str:
+def _refusal(record: dict[str, Any], symbol: str) -> str:
     """Return why there is no slope; '' when there is one."""
     if record["solved"] < POINTS:
         return f"{record['solved']} solved problems, at least {POINTS} are needed"
     if record["largest"] < SPAN * record["least"]:
         return f"{symbol} from {record['least']:g} to {record['largest']:g}, a factor of {SPAN:g} is needed"
-    if np.ptp(solved) == 0:
-        return f"all solved problems have {symbol} = {solved[0]:g}"
     return ""

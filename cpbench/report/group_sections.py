@@ -71,7 +71,7 @@ def _times(
     floor, short = seconds(profiles.FLOOR), below_floor(times)
     yield "### Solved and times"
     head = ["solver", "route", "solved", "lost", "stationary", "ran", "false claims", "fastest"]
-    head += ["median of solved", "slowdown of solved", f"below {floor}"]
+    head += ["median of solved", "p95", "p99", "slowdown of solved", f"below {floor}"]
     yield table(
         head,
         (
@@ -85,12 +85,14 @@ def _times(
                 str(r.false),
                 str(r.fastest) if r.ranked else "—",
                 seconds(r.median),
+                seconds(r.p95),
+                seconds(r.p99),
                 number(r.slowdown),
                 short.get(r.label, "—"),
             ]
             for r in each(counts)
         ),
-        right=range(2, 11),
+        right=range(2, 13),
     )
     yield from (plain(f"{note.mark} {note.sentence}") for note in notes)
     yield (
@@ -99,6 +101,7 @@ def _times(
         "not among the problems of the solver in curves, means and intervals."
     )
     yield f"Slowdown: median ratio to the fastest solver of each problem; times below {floor} are set to {floor}."
+    yield "p95, p99: the time within which 95 % and 99 % of all problems were solved; ∞ where fewer were."
     if not counts["ranked"].all():
         yield (
             "Labels with `@imported` name answers that were made elsewhere: they are judged here, their times are of "

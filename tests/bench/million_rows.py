@@ -41,7 +41,6 @@ from cpbench.analysis import (
     best,
     bootstrap,
     data_profiles,
-    deadlines,
     failures,
     histories,
     means,
@@ -118,8 +117,6 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
         "unsolved problems": lambda: failures.unsolved(rows),
         "flagged": lambda: failures.flagged(rows, "direction"),
         "participation": lambda: (participation.absences(rows), participation.participating(rows)),
-        "deadlines": lambda: deadlines.deadlines(rows, 1.0),
-        "deadlines, histories": lambda: deadlines.deadlines(rows, 1.0, data.paths),
         "scaling in nc": lambda: scaling.scaling(rows, "nc"),
         "scaling in nnz": lambda: scaling.scaling(rows, "nnz", data.facts),
         "warm over cold": lambda: starts.paired(data.started),
@@ -128,7 +125,6 @@ def statistics(data: Data) -> dict[str, Callable[[], Any]]:
             starts.losses(found),
         ),
         "times to an error": lambda: histories.times_to(rows, data.paths, 1e-4),
-        "error at a time": lambda: histories.error_at(rows, data.paths, 1.0),
         "work-precision": lambda: histories.work_precision(rows, data.paths),
     }
 

@@ -19,7 +19,7 @@ from synthetic_results import meta, row, suite, table
 from written_reports import write_html
 
 from cpbench.analysis import bands as around
-from cpbench.analysis import bootstrap, data_profiles, deadlines, histories, metrics, pairwise, profiles
+from cpbench.analysis import bootstrap, data_profiles, histories, metrics, pairwise, profiles
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import participating
 from cpbench.analysis.thumbnails import Thumbnail, thumbnail
@@ -176,7 +176,7 @@ def test_opens_offline_and_draws_every_figure(written: Path, opened: Opened) -> 
         )
     drawn = page.evaluate("[...Figures.boxes].filter(([, b]) => b.chart.querySelector('svg.marks')).map(([n]) => n)")
     wanted = {"ranking", "profile", "budget", "scatter", "precision", "convergence", "scaling", "sequence"}
-    wanted |= {"deadlines", "warm"}
+    wanted |= {"warm"}
     assert wanted <= set(drawn)
     guides = page.evaluate(
         "[...Figures.boxes.values()].filter((b) => !b.chart.querySelector('.empty')).map((b) => b.caption.textContent)"
@@ -318,16 +318,12 @@ def test_prepared_statistics_are_shown_of_the_chosen_solvers(rows: pd.DataFrame,
     """Statistics of all problems are those of Python, whatever is filtered; the solvers are those that are chosen."""
     page, group = opened(written), group_of(rows)
     show(page, families=["chain"], hidden=["pgs"])
-    for figure in ("deadlines", "precision", "ranking"):
+    for figure in ("precision", "ranking"):
         drawn(page, figure)
         page.locator(f"#figure-{figure} details > summary").click()
         assert "computed by cpbench of all of them" in page.locator(f"#figure-{figure} figcaption").inner_text()
     shown = set(page.evaluate("[...App.context.shown].map(App.context.name)"))
     assert "pgs" not in shown
-    seconds = float(page.evaluate("document.querySelector('[data-figure=deadlines] select').value"))
-    late = deadlines.deadlines(group, seconds).query("label in @shown").sort_values(["misses", "label"])
-    told = [[label, misses, longest] for label, misses, _, longest, *_ in page.evaluate(CELLS, "deadlines")]
-    assert told == late[["label", "misses", "longest"]].astype(str).to_numpy().tolist()
     reached = histories.work_precision(group, iterates(rows)).query("label in @shown")
     wanted = reached[np.isfinite(reached["seconds"])]
     assert len(wanted) > 20
@@ -543,7 +539,7 @@ def test_a_solver_has_one_colour_on_the_page(written: Path, opened: Opened) -> N
                 .map((l) => [l.title, l.querySelector("svg line").getAttribute("stroke")]))"""
         )
         colours = page.evaluate("Charts.COLOURS")
-        for figure in ("ranking", "profile", "budget", "precision", "convergence", "scaling", "sequence", "deadlines"):
+        for figure in ("ranking", "profile", "budget", "precision", "convergence", "scaling", "sequence"):
             for found in drawn(page, figure):
                 colour = colours[found["slot"]] if found["slot"] >= 0 else "var(--other)"
                 assert colour == looks[found["label"]], f"{found['label']} in {figure}"

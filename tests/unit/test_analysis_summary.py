@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pandas as pd
 import pytest
 from synthetic_results import row, small, suite, table
@@ -34,6 +35,27 @@ def test_solve_counts() -> None:
     assert found["kind"].tolist() == ["one-way", "equivalent", "approximate"]
     assert found.loc["pgs", ["median", "slowdown"]].tolist() == [6.5, 2.5]
     assert found["mean"].tolist() == pytest.approx([(4 * 9 * 10) ** (1 / 3), (1 * 10 * 10) ** (1 / 3), 10.0])
+
+
+def test_a_quantile_says_how_many_are_late() -> None:
+    """p99 ≤ D exactly when at most 1 % took longer than D or failed; where all is finite it is numpy's."""
+    rng = np.random.default_rng(1)
+    times = pd.DataFrame(rng.lognormal(size=(200, 40)))
+    whole = np.quantile(times, 0.95, axis=0, method="inverted_cdf")
+    assert summary.quantile(times, 0.95).tolist() == whole.tolist()
+    times[times > rng.uniform(2, 30, 40)] = INF
+    p99 = summary.quantile(times, 0.99)
+    for limit in (0.5, 2.0, 10.0, 25.0):
+        assert ((p99 <= limit) == ((times > limit).sum() <= 2)).all()
+    assert summary.quantile(pd.DataFrame({"s": np.arange(1.0, 101.0)}), 0.07).tolist() == [7.0]
+
+
+def test_failures_stay_among_the_times() -> None:
+    """Two failures of a hundred: p95 is the 95th time, p99 is infinite."""
+    rows = [row(f"p-{k}", "s", "solved", k / 1000) for k in range(1, 99)]
+    rows += [row(f"p-{k}", "s", "timeout") for k in (99, 100)]
+    found = summary.solve_counts(rows_of.normalised(table(*rows)), penalty=10.0)
+    assert found[["p95", "p99"]].to_numpy().tolist() == [[0.095, INF]]
 
 
 def half_stationary() -> pd.DataFrame:

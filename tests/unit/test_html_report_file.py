@@ -14,7 +14,7 @@ import pytest
 from synthetic_results import meta, row, suite, table
 from written_reports import write_html
 
-from cpbench.analysis import deadlines, metrics
+from cpbench.analysis import metrics
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import participating
 from cpbench.analysis.run_table import RunTable
@@ -60,21 +60,6 @@ def test_rows_have_their_statuses_at_other_tolerances(tmp_path: Path) -> None:
     for k, tolerance in enumerate(facts["tolerances"], start=1):
         found = [names[code] for code in columns[f"status.{k}"]]
         assert found == judged_at(clean, tolerance)["status"].tolist()
-
-
-def test_deadlines_have_their_misses_and_intervals(tmp_path: Path) -> None:
-    rows = suite(problems=30, labels=6)
-    _, facts = data_of(write_html(rows, meta(), tmp_path, "t"))
-    found = facts["groups"][0]["deadlines"]
-    group = participating(rows_of.normalised(rows))
-    assert len(found["seconds"]) > 5
-    for seconds, sheet in zip(found["seconds"], found["sheets"], strict=True):
-        late = deadlines.deadlines(group, seconds).set_index("label")
-        for line in sheet["lines"]:
-            wanted = late.loc[line["label"]]
-            ends = [line[name] for name in ("v", "low", "high")]
-            assert ends == pytest.approx(wanted[["share", "low", "high"]].tolist(), abs=5.1e-5)
-            assert line["cells"][0] == str(wanted["misses"])
 
 
 def test_solvers_are_in_order_of_the_area_under_their_profile(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from synthetic_results import meta, results_file, row, suite, table
 from tiers import some_by_day
 
-from cpbench.analysis import deadlines, histories, pairwise, profiles, scaling, sweeps
+from cpbench.analysis import histories, pairwise, profiles, scaling, sweeps
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.run_table import RunTable
 from cpbench.cli import cli
@@ -26,7 +26,7 @@ from cpbench.report.figure_kinds import Drawing, find, summaries
 from cpbench.report.run import Run, assembled
 
 ROOM = "cpbench.report.plots"
-KINDS = ("profile", "data-profile", "pairwise", "convergence", "precision", "scaling", "deadline", "sweep")
+KINDS = ("profile", "data-profile", "pairwise", "convergence", "precision", "scaling", "sweep")
 SUITE = suite(20, 12)
 
 
@@ -184,18 +184,6 @@ def test_scaling_panels_hold_points_and_slope_of_the_fit() -> None:
     assert (stopped.get_xdata()[0], stopped.get_ydata()[0]) == (512.0, 10.0)
     with pytest.raises(UnknownName, match="unknown dimension 'm'"):
         draw("scaling", run_of(table(*rows)), size="m")
-
-
-def test_deadline_marks_the_quantiles_and_tells_misses() -> None:
-    times = [0.1, 0.2, 0.3, 0.9]
-    run = run_of(table(*(row(f"p-{k}", "s", "solved", t) for k, t in enumerate(times))))
-    drawn = draw("deadline", run, deadline=0.25)
-    found = deadlines.deadlines(run.rows, 0.25).iloc[0]
-    marks = [line for line in lines(drawn) if line.get_marker() in ("o", "s", "D")]
-    assert {float(line.get_xdata()[0]) for line in marks} >= {float(found[q]) for q in ("p50", "p95", "p99", "max")}
-    assert any(text.get_text().startswith("50%") for text in drawn.figure.axes[0].texts)
-    with pytest.raises(CpbenchError, match="--deadline is missing"):
-        draw("deadline", run)
 
 
 def swept() -> pd.DataFrame:

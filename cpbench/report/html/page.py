@@ -55,7 +55,6 @@ def page(run: Run, title: str) -> str:
             "answer": prepared.answer(rankings_of.get(group)),
             "ranking": prepared.ranking(rows),
             "bands": prepared.bands(rows) if facts["whole"] else None,
-            "deadlines": prepared.deadline_sheets(rows),
             "precision": prepared.precision(rows, run.histories),
             "growth": prepared.growth(rows, symbols),
         }

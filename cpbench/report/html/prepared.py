@@ -1,5 +1,5 @@
 """Numbers of a whole group for the page, whatever is filtered there: the order of its solvers, ranking with intervals,
-bands around the curves of its profile, deadlines, error against time, growth with size, warm starts.
+bands around the curves of its profile, error against time, growth with size, warm starts.
 
 A *sheet* is a figure of dots and its table: `head`, and `lines` of `label`, `v` with its interval `low` to `high`
 (None without), `note` (text of the dot) and `cells` (text, under the head after its first).
@@ -8,14 +8,14 @@ A *sheet* is a figure of dots and its table: `head`, and `lines` of `label`, `v`
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from cpbench.analysis import bands as around
-from cpbench.analysis import bootstrap, deadlines, histories, means, metrics, scaling, starts, summary
+from cpbench.analysis import bootstrap, histories, means, metrics, scaling, starts, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.profiles import performance_profile
@@ -57,7 +57,7 @@ def ranking(rows: pd.DataFrame) -> Sheet:
     head = ["solver", "solved", "lost", "stationary", "ran", "95 % interval", "false claims", "fastest"]
     counted = counts.merge(around.table[["low", "high"]].reset_index(), on="label", how="left")
     return {
-        "head": [*head, "median of solved", "slowdown", "mean"],
+        "head": [*head, "median of solved", "p95", "p99", "slowdown", "mean"],
         "lines": [_solved_line(r, few) for r in each(counted)],
         "few": few,
     }
@@ -76,6 +76,8 @@ def _solved_line(r: Any, few: bool) -> dict[str, Any]:
         "see routes" if r.kind in INEXACT else str(r.false),
         str(r.fastest) if r.ranked else "—",
         seconds(r.median),
+        seconds(r.p95),
+        seconds(r.p99),
         number(r.slowdown),
         seconds(r.mean),
     ]
@@ -95,46 +97,6 @@ def answer(ranking: Ranking | None) -> dict[str, Any]:
     lines = [[one_line(cell) for cell in cells_of(row)] for row in ranking.shown]
     more = len(ranking.rows) - len(lines)
     return {"sentence": ranking.verdict, "title": ranking.title, "head": HEAD, "lines": lines, "more": more}
-
-
-def deadline_sheets(rows: pd.DataFrame) -> dict[str, Any]:
-    """Return deadlines [s] over the range of the times of a group, as numbers and as text, the one next to their
-    median, and a sheet for each; a problem of which no time may be compared counts as missed.
-    """
-    steps = deadlines.steps_of(rows)
-    times = rows_of.times(rows_of.only_ranked(rows)).reindex(steps.index, fill_value=math.inf)
-    values = times.to_numpy(dtype=float)
-    finite = values[np.isfinite(values) & (values > 0)]
-    if not len(finite):
-        return {"seconds": [], "text": [], "preferred": None, "sheets": []}
-    ends = range(math.floor(math.log10(finite.min())), math.ceil(math.log10(finite.max())) + 1)
-    chosen = [float(f"{digit}e{decade}") for decade in ends for digit in (1, 2, 5)]
-    middle = np.log(np.median(finite))
-    levels = deadlines.quantiles(times)
-    quantiles = {label: [seconds(value) for value in levels[label]] for label in times.columns}
-    return {
-        "seconds": chosen,
-        "text": [seconds(deadline) for deadline in chosen],
-        "preferred": min(chosen, key=lambda deadline: abs(math.log(deadline) - middle)),
-        "sheets": [_deadline_sheet(times, steps, deadline, quantiles) for deadline in chosen],
-    }
-
-
-def _deadline_sheet(
-    times: pd.DataFrame, steps: pd.DataFrame, deadline: float, quantiles: Mapping[str, list[str]]
-) -> Sheet:
-    late = deadlines.late(times, steps, deadline).sort_values(["misses", "label"])
-    lines = [
-        _line(
-            r.label,
-            *(round(end, DIGITS) for end in (r.share, r.low, r.high)),
-            note=f"{r.misses} of {len(times)}",
-            cells=[str(r.misses), _percent(r.share), str(r.longest), *quantiles[r.label]],
-        )
-        for r in each(late)
-    ]
-    head = ["solver", "misses", "share", "longest run of misses", "p50", "p95", "p99", "largest"]
-    return {"head": head, "lines": lines}
 
 
 def precision(rows: pd.DataFrame, kept: pd.DataFrame) -> dict[str, Any]:

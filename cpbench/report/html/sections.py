@@ -23,7 +23,6 @@ INTRODUCTIONS = {
     "errors": "How good the iterates were on the way to the answer.",
     "size": "How cost grows with the problems.",
     "sequences": "Recorded trajectories step by step, and what a start from the step before gains.",
-    "deadlines": "How often an answer would have come too late.",
 }
 LISTED = 60
 """The most lines of the list of false claims; reasons of failures are twice as many."""
@@ -34,7 +33,6 @@ FIGURES = {
     "errors": (("precision", "Over the problems"), ("convergence", "On one problem")),
     "size": (("scaling", "Cost against size"),),
     "sequences": (("sequence", "Step by step"), ("warm", "Warm over cold")),
-    "deadlines": (("deadlines", "Deadlines"),),
 }
 TITLES = {
     "budget": "Within a budget",
@@ -43,13 +41,12 @@ TITLES = {
     "errors": "Error against time",
     "size": "Cost against size",
     "sequences": "Sequences",
-    "deadlines": "Deadlines",
     "problems": "Problems, their source and licence",
     "methods": "Methods",
 }
 LINKS = {
     "overview": "Answer", "budget": "Budget", "pairs": "Pairs", "matrix": "Matrix",
-    "errors": "Errors", "size": "Size", "sequences": "Sequences", "deadlines": "Deadlines",
+    "errors": "Errors", "size": "Size", "sequences": "Sequences",
     "claims": "False claims", "failures": "Failures", "solvers": "Solvers", "problems": "Problems",
     "machine": "Machine", "methods": "Methods",
 }  # fmt: skip

@@ -1,7 +1,7 @@
 """Time against size: every problem of a solver, with the power law that fits them.
 
 A panel a solver, the leading ones; --size names the dimension (default: the one that varies most). Problems that were
-stopped at the limit take part in the fit as longer than that, and are drawn as open triangles.
+stopped at the limit are drawn as open triangles, and take no part in the fit.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ def draw(run: Run, choice: Choice, *, size: str = "") -> Drawing:
     more = int((fitted["solved"] > 0).sum()) - len(shown)
     guide = (
         f"Each panel is a solver: a dot a problem it solved, a triangle one on which it was stopped at the limit, grey "
-        f"dots those of all others. The line is the power law time ~ {symbol}^b that fits both, with b and its 95 % "
-        "interval, problems taken as independent; other failures say nothing of time and are left out."
+        f"dots those of all others. The line is the power law time ~ {symbol}^b by least squares over the dots, with b "
+        "and its 95 % interval, problems taken as independent; where large problems are triangles, b is too small."
         + (f" Not shown: {counted(more, 'more solver')} that solved fewer." if more else "")
     )
     return run_canvas.drawn(figure, f"Time against {symbol}, {chosen.scope()}", guide, chosen)

@@ -54,7 +54,7 @@
         { data: { values: few.points }, mark: point, encoding: { ...shared, ...dot } },
       ];
       const rows = laws.rows.filter(([label]) => matrix.labels.includes(context.placeOf(label)));
-      const fitted = "Lines: the power law fitted to all problems of the group, a timeout counting as longer than the limit.";
+      const fitted = "Lines: the power law fitted by least squares to the problems of the group that each solver solved; where it was stopped at the limit on large ones, its exponent is too small.";
       return {
         spec: { height: 360, params: Charts.FOCUS, layer },
         labels: [...slots.keys()].filter((s) => shown.has(s)),

@@ -87,26 +87,6 @@ const Prepared = (() => {
     },
   });
 
-  let deadline = null;
-  Figures.register({
-    id: "deadlines",
-    title: "Deadlines",
-    controls: (changed) => [(deadline = Dom.chooser("deadline", changed)).box],
-    adjust: ({ group }) =>
-      deadline.offer(group.deadlines.seconds.map((s, k) => [s, group.deadlines.text[k]]), group.deadlines.preferred),
-    build(context) {
-      const { seconds, sheets } = context.group.deadlines,
-        k = seconds.indexOf(Number(deadline.value()));
-      if (!sheets.length) return { empty: "No times are left to compare." };
-      return dots(context, sheets[k], "No solver that is chosen has times to compare.", {
-        ...share(["fraction of problems", `not solved within ${Dom.seconds(seconds[k])}`]),
-        note: "misses",
-        guide:
-          "A dot is the fraction of the problems that were not solved within the deadline, conversion included; the bar is Wilson's 95 % interval, which takes problems for independent.",
-      });
-    },
-  });
-
   Figures.register({
     id: "precision",
     title: "Error against time, over the problems",
