@@ -1,4 +1,5 @@
-"""The laboratory: proofs, diagnosis, reduction and search of failures, bundles, figures of problems, documents, Dask.
+"""The laboratory: proofs, diagnosis, reduction and search of failures, sweeps, bundles, figures, documents, Dask.
+
 
 It comes in by entry points, as any other package does; `cpbench` does not import it.
 """

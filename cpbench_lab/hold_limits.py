@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
-from cpbench.api.sweeping import with_value
 from cpbench.errors import CpbenchError, ProblemError
 from cpbench.formulations.base import Problem
 from cpbench.foundation.matrices import Vector
 from cpbench_lab.certificates.holding import HoldAnswer, balance_of, held
+from cpbench_lab.sweeping import with_value
 
 Decide: TypeAlias = Callable[[float], HoldAnswer]
 _At: TypeAlias = tuple[float, HoldAnswer]

@@ -19,10 +19,12 @@ TABLE = "table"
 
 
 def packages() -> dict[str, tuple[str, str]]:
-    """Return the packages of kinds of figures: of runs cpbench's own, of problems those of installed packages."""
+    """Return the packages of kinds of figures: of runs cpbench's own, then those of installed packages, whose entry
+    point is named by what their figures are of."""
     from cpbench.foundation.extensions import FIGURES, added
 
-    return {RUNS: OF_RUNS} | {entry.value: OF_PROBLEMS for entry in added(FIGURES).values()}
+    of = {"runs": OF_RUNS}
+    return {RUNS: OF_RUNS} | {entry.value: of.get(entry.name, OF_PROBLEMS) for entry in added(FIGURES).values()}
 
 
 @cache
@@ -53,9 +55,10 @@ class Kinds(click.Group):
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        for package, (_, heading) in packages().items():
-            with formatter.section(heading):
-                formatter.write_dl([(name, text) for name, (own, text) in _kinds().items() if own == package])
+        for one in (OF_RUNS, OF_PROBLEMS):
+            own = [(name, text) for name, (package, text) in _kinds().items() if packages()[package] == one]
+            with formatter.section(one[1]):
+                formatter.write_dl(own)
         with formatter.section("No figure"):
             formatter.write_dl([(TABLE, "The rankings of a run as a table for a paper: LaTeX, Markdown or CSV.")])
 

@@ -9,7 +9,8 @@ Groups of entry points, and what stands behind a name in each:
 - ``cpbench.functions``: a function or class, offered as ``cpbench.NAME``;
 - ``cpbench.hooks``: a function that cpbench's own commands call, as ``report --format tex`` does;
 - ``cpbench.executors``: a module that connects a run to other machines (`bench/execution`);
-- ``cpbench.figures``: a package of modules, each with a kind of figure of a problem (`report/figure_kinds`).
+- ``cpbench.figures``: a package of modules, each with a kind of figure (`report/figure_kinds`): of runs where its name
+  is ``runs``, else of problems.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The kinds of single figures that `cpbench plot` draws: a module each, found by its name and imported when asked for.
 
-A kind `lcp-cones` is the module `lcp_cones` of a package (`report/plots` for runs; for problems those behind the entry
-points ``cpbench.figures``), with one function registered here. Its options are the keyword arguments of that function,
+A kind `lcp-cones` is the module `lcp_cones` of a package (`report/plots`, or one behind the entry points
+``cpbench.figures``), with one function registered here. Its options are the keyword arguments of that function,
 with their defaults; the first line of the module's docstring tells what it shows.
 """
 

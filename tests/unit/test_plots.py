@@ -14,7 +14,7 @@ from click.testing import CliRunner
 from synthetic_results import meta, results_file, row, suite, table
 from tiers import some_by_day
 
-from cpbench.analysis import histories, pairwise, profiles, scaling, sweeps
+from cpbench.analysis import histories, pairwise, profiles, scaling
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.run_table import RunTable
 from cpbench.cli import cli
@@ -26,7 +26,7 @@ from cpbench.report.figure_kinds import Drawing, find, summaries
 from cpbench.report.run import Run, assembled
 
 ROOM = "cpbench.report.plots"
-KINDS = ("profile", "data-profile", "pairwise", "convergence", "precision", "scaling", "sweep")
+KINDS = ("profile", "data-profile", "pairwise", "convergence", "precision", "scaling")
 SUITE = suite(20, 12)
 
 
@@ -186,46 +186,6 @@ def test_scaling_panels_hold_points_and_slope_of_the_fit() -> None:
         draw("scaling", run_of(table(*rows)), size="m")
 
 
-def swept() -> pd.DataFrame:
-    rows = []
-    for omega, solved in ((0.5, 1), (1.0, 3), (1.5, 2)):
-        for k in range(3):
-            status = "solved" if k < solved else "timeout"
-            label = f"nsgs[omega={omega}]"
-            rows.append(row(f"p-{k}", label, status, omega, options=json.dumps({"omega": omega}), solver="nsgs"))
-    return table(*rows)
-
-
-def test_sweep_draws_the_share_and_the_mean_over_the_values() -> None:
-    drawn = draw("sweep", run_of(swept()))
-    option, found = sweeps.sweep(rows_of.normalised(swept()))
-    assert option == "omega"
-    assert np.array_equal(of_colour(drawn, 0, 0), (found["value"], [1 / 3, 1.0, 2 / 3]))
-    assert np.array_equal(of_colour(drawn, 0, 1), (found["value"], found["mean"]))
-
-
-def test_sweep_of_facets_reads_the_route() -> None:
-    rows = [row("p", f"lemke@inner{v}", "solved", 1.0, request=f"inner{v}", solver="lemke") for v in (4, 8, 16)]
-    rows += [row("p", f"lemke@fc-lcp-outer[facets={v}]", "solved", 1.0, solver="lemke") for v in (4, 8)]
-    option, found = sweeps.sweep(rows_of.normalised(table(*rows)))
-    assert option == "facets"
-    assert found["series"].unique().tolist() == ["lemke@fc-lcp-outer[facets=ν]", "lemke@innerν"]
-    assert found["value"].tolist() == [4.0, 8.0, 4.0, 8.0, 16.0]
-
-
-@pytest.mark.parametrize(
-    ("rows", "option", "match"),
-    [
-        (SUITE, "omega", "unknown option of the solvers 'omega'"),
-        (swept()[swept()["label"] == "nsgs[omega=1.0]"], "", "no option changes"),
-        (swept().replace({"options": {'{"omega": 0.5}': '{"omega": "auto"}'}}), "", "omega=auto: no number"),
-    ],
-)
-def test_sweeps_that_cannot_be(rows: pd.DataFrame, option: str, match: str) -> None:
-    with pytest.raises(CpbenchError, match=match):
-        sweeps.sweep(rows_of.normalised(rows), option)
-
-
 def test_several_formulations_are_not_thrown_together() -> None:
     rows = pd.concat([SUITE, SUITE.assign(node="mlcp", key=SUITE["key"] + "m")])
     with pytest.raises(CpbenchError, match=r"2 formulations: choose one with --node: lcp \(20 problems\), mlcp"):
@@ -266,7 +226,6 @@ def test_hostile_names_stay_text_in_every_file(tmp_path: Path, suffix: str) -> N
             (["pairwise", "FILE", "-o", "x.svg", "--against", "pgs"], "takes two different labels"),
             (["pairwise", "FILE", "-o", "x.svg", "--against", "pgs,pg"], "unknown solver of the results 'pg'"),
             (["data-profile", "FILE", "-o", "x.svg", "--per", "nc"], "unknown dimension 'nc'"),
-            (["sweep", "FILE", "-o", "x.svg", "--option", "omega"], "unknown option of the solvers 'omega'"),
             (["profile", "none.sqlite", "-o", "x.svg"], "none.sqlite"),
             (["profil", "FILE", "-o", "x.svg"], "unknown figure 'profil': did you mean profile"),
         ],

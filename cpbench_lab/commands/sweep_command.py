@@ -9,13 +9,13 @@ from pathlib import Path
 import click
 
 from cpbench import storage
-from cpbench.api import sweeping
 from cpbench.api.problems import load as load_problem
 from cpbench.cli.options import Command, format_option, json_option, tolerance_option
 from cpbench.cli.terminal import print_lines, table
 from cpbench.cli.types import ADDRESS, DURATION, PATH
 from cpbench.formulations.base import Problem
-from cpbench.foundation.extensions import function
+from cpbench_lab import sweeping
+from cpbench_lab.hold_limits import hold_limit
 
 
 @click.command(cls=Command)
@@ -76,7 +76,7 @@ def command(
 
 
 def _bisect(problem: Problem, load: Path | None, width: float, as_json: bool) -> None:
-    limit = function("hold_limit")(problem, None if load is None else storage.read_vector(load), width)
+    limit = hold_limit(problem, None if load is None else storage.read_vector(load), width)
     if as_json:
         click.echo(json.dumps(limit.record()))
     else:

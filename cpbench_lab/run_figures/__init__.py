@@ -1,0 +1,1 @@
+"""Figures of runs: one kind a module, beside those of `cpbench/report/plots`."""
