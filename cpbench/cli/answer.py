@@ -6,7 +6,6 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -19,13 +18,17 @@ from cpbench.bench.results.sealed import sealed
 from cpbench.cli.terminal import folded, print_lines, width
 from cpbench.report.text import counted, number, seconds
 
-if TYPE_CHECKING:
-    from rich.table import Table
-
 LINES = 30
 """The most lines on what could not be run."""
 FEW = 3
 """The most formulations without a route to some solver that have a line each."""
+HEAD = ("", "solver", "solved", "lost", "median", "× fastest", "error", "route", "")
+LOST, ROUTE, WARNINGS = 3, 7, 8
+"""Numbers of columns."""
+NONE, GAP = "·", 2
+"""A loss that did not happen; blanks between two columns."""
+MOST, BEST = 10, 3
+"""The most solvers of a formulation that are shown, and that of each where there are more than FEW formulations."""
 WIDE, SHORTEST = 400, 16
 """Columns of a table where the output is not a terminal; the least width of names."""
 
@@ -39,8 +42,7 @@ def print_results(path: str) -> None:
 def print_answer(run: RunTable) -> None:
     """Print the contradictions, the rankings of all formulations, then a sentence each."""
     print_lines([line for found in contradiction_lines(run.contradictions) for line in folded(found)])
-    for ranking in run.rankings:
-        _print_ranking(ranking)
+    _print_rankings(run.rankings)
     left_out = run.meta.get("left_out", [])
     unreached = unreached_lines(left_out)
     many = len(unreached) > FEW
@@ -73,35 +75,45 @@ def _sentence(ranking: Ranking) -> Sequence[str]:
     return [click.style(ranking.formulation, bold=True) + first.removeprefix(ranking.formulation), *rest]
 
 
-def _print_ranking(ranking: Ranking) -> None:
+def _print_rankings(rankings: Sequence[Ranking]) -> None:
+    """Print one table: the best solvers of each formulation, fewer of each where there are many formulations."""
+    from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
-    head = folded(f"{ranking.formulation}{_title(ranking)}: {ranking.problems_and_starts}")
-    click.secho("\n".join(head), bold=True)  # not as title of the table, which would fold it to the table's width
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
-    room = width()
-    most = None if room is None else max(room // 4, SHORTEST)
-    table.add_column("solver", no_wrap=True, overflow="ellipsis", max_width=most)
-    for name in ("solved", "lost", "median", "× fastest", "error"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("route", no_wrap=True, overflow="ellipsis", max_width=most)
-    table.add_column("", overflow="fold")
-    for row in ranking.shown:
-        table.add_row(*map(Text, _cells(row)))
-    _print_table(table)
-    left = len(ranking.rows) - len(ranking.shown)
-    click.echo(f"and {counted(left, 'more solver')}\n" if left else "")
-
-
-def _print_table(table: Table) -> None:
-    from rich.console import Console
-
-    console = Console(file=sys.stdout, width=width() or WIDE, highlight=False, markup=False, emoji=False)
+    lines: list[Sequence[Text]] = []
+    for ranking in rankings:
+        shown = ranking.rows[: MOST if len(rankings) <= FEW else BEST]
+        left = len(ranking.rows) - len(shown)
+        more = f"+ {counted(left, 'solver')}" if left else ""
+        beside = [Text(ranking.formulation, style="bold"), Text(ranking.problems_and_starts), Text(more)]
+        if len(shown) == 1:
+            beside[0].append(f", {ranking.problems_and_starts}")
+        for row in shown:
+            lines.append([beside.pop(0) if beside else Text(), *map(Text, _cells(row))])
+    room = width() or WIDE
+    # numbers are never cut: routes have the room that is left, and warnings fold
+    widths = [max(len(name), *(len(line[k]) for line in lines)) for k, name in enumerate(HEAD)] if lines else []
+    fixed = [k for k in range(ROUTE) if k != LOST or any(line[k].plain != NONE for line in lines)]
+    left = room - sum(widths[k] + GAP for k in fixed)
+    warned = any(line[WARNINGS].plain for line in lines)
+    told = min(widths[WARNINGS], max(left - SHORTEST - GAP, SHORTEST)) + GAP if warned else 0
+    table = Table(box=None, pad_edge=False, padding=(0, GAP, 0, 0), header_style="")
+    for k in fixed:
+        table.add_column(HEAD[k], justify="left" if k < 2 else "right", no_wrap=True)
+    shown = [*fixed, *([ROUTE] if left - told >= SHORTEST else []), *([WARNINGS] if warned else [])]
+    if ROUTE in shown:
+        table.add_column(HEAD[ROUTE], no_wrap=True, overflow="ellipsis", max_width=left - told - GAP)
+    if warned:
+        table.add_column(HEAD[WARNINGS], overflow="fold")
+    for line in lines:
+        table.add_row(*(line[k] for k in shown))
+    wide = room + max(told - left, 0)  # a narrow terminal breaks lines, rather than that a warning is lost
+    console = Console(file=sys.stdout, width=wide, highlight=False, markup=False, emoji=False)
     with console.capture() as captured:
         console.print(table)
-    for line in captured.get().splitlines():
-        click.echo(line.rstrip())
+    for text in captured.get().splitlines():
+        click.echo(text.rstrip())
 
 
 def _cells(row: RankedSolver) -> Sequence[str]:
@@ -110,7 +122,7 @@ def _cells(row: RankedSolver) -> Sequence[str]:
     return (
         row.solver,
         f"{row.solved} of {row.counted}",
-        str(row.lost or "·"),
+        str(row.lost or NONE),
         seconds(row.median) if timed else "—",
         number(row.factor) if timed else "—",
         f"{row.error:.1e}" if math.isfinite(row.error) else "—",
