@@ -71,7 +71,7 @@ def piloted(plan: RunPlan, todo: Sequence[Pair], pilot: Callable[[Sequence[Pair]
     if estimate.expected is None:
         yield f"no estimate: only {drawn}"
         return
-    whose = " of one worker like this machine" if plan.dask or plan.cluster else ""
+    whose = " of one worker like this machine" if plan.cluster else ""
     yield (
         f"{estimate.expected}{whose}, if the machine stays as busy, by {drawn}; reading, the start of solvers and the "
         "report come on top"

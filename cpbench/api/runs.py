@@ -52,7 +52,7 @@ def run(
 
     Raises
     ------
-    CpbenchError : nothing can be run; the message says why. UnknownName : no such solver, key or family.
+    CpbenchError : nothing can be run; the message says why. UnknownName : no such solver or key.
 
     >>> import cpbench
     >>> lcp = cpbench.LCP(M=[[2.0, 1.0], [1.0, 2.0]], q=[-5.0, -6.0], name="two")

@@ -85,13 +85,13 @@ class OpenRun:
     def _connect(self) -> Executor | Sequence[Slot]:
         """Return what runs pairs: Dask where the plan asks for it, else the slots."""
         plan = self.plan
-        if not (plan.dask or plan.cluster):
+        if not plan.cluster:
             return self._slots
         connect = extensions.load(extensions.EXECUTORS, "dask")
-        if plan.dask:
-            return self._stack.enter_context(connect.to_scheduler(plan.dask, self._setting))
+        if "://" in plan.cluster:
+            return self._stack.enter_context(connect.to_scheduler(plan.cluster, self._setting))
         jobs = plan.jobs if plan.jobs > 1 else None
-        return self._stack.enter_context(connect.start(plan.cluster or "", self._setting, jobs))
+        return self._stack.enter_context(connect.start(plan.cluster, self._setting, jobs))
 
 
 @contextmanager
@@ -105,6 +105,6 @@ def open_run(plan: RunPlan, builtin: Callable[[], Path], reading: Reading) -> Ge
     kernel_cache.ensure_cache_dir()  # before processes start: they inherit it
     with ExitStack() as stack:
         setting = Setting(plan.threads, plan.memory, fresh=plan.isolate == "fresh")
-        count = 1 if plan.dask or plan.cluster else plan.jobs  # with Dask, problems are only read here
-        slots = [stack.enter_context(Slot(each)) for each in settings(setting, count, pin=plan.affinity)]
+        count = 1 if plan.cluster else plan.jobs  # with Dask, problems are only read here
+        slots = [stack.enter_context(Slot(each)) for each in settings(setting, count)]
         yield OpenRun(plan, assemble(plan, slots[0], builtin, reading), slots, setting, stack)

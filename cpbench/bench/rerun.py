@@ -14,9 +14,9 @@ from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, StoreError
 
-CHOOSING = ("found", "problems", "keyword", "family", "where", "max_problems", "split")
+CHOOSING = ("found", "problems", "where")
 """Keys of a set that select its problems, which are known here."""
-KEPT = ("seed", "threads", "jobs", "isolate", "affinity")
+KEPT = ("seed", "threads", "jobs", "isolate")
 
 
 def plan(path: Path, keys: Collection[str], output: Path) -> RunPlan:

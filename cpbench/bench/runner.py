@@ -25,13 +25,13 @@ REFERENCE_EVERY = 100
 """Pairs between two reference solves."""
 
 
-def settings(common: Setting, jobs: int = 1, *, pin: bool = True) -> list[Setting]:
-    """Return one setting a slot; with `pin`, each with its own cores, where there are enough of them.
+def settings(common: Setting, jobs: int = 1) -> list[Setting]:
+    """Return one setting a slot, each with its own cores where there are enough of them.
 
     The first cores of the machine, which serve interrupts and the runner, are assigned last.
     """
     allowed = machine.cores()
-    enough = pin and len(allowed) >= jobs * common.threads
+    enough = len(allowed) >= jobs * common.threads
     taken = [
         allowed[len(allowed) - (i + 1) * common.threads :][: common.threads] if enough else () for i in range(jobs)
     ]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from cpbench.bench.processes.supervised import Supervised
 
 SOLVING = ("run", "solve")
-ELSEWHERE = ("-h", "--help", "--plugin", "--dask", "--cluster")
+ELSEWHERE = ("-h", "--help", "--plugin", "--cluster")
 """Options with which nothing is solved here, or by what is known only when they are read."""
 PLAN, NO_PLAN = "cpbench.toml", "none"
 AUTO = "auto"

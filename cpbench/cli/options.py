@@ -186,29 +186,6 @@ def fail_on_option(text: str) -> Decorator:
     return click.option("--fail-on", cls=ListOption, metavar="NAMES", help=text)
 
 
-def problem_options() -> Decorator:
-    """Return the options that choose problems by their words, family, facts and half."""
-    return chained(
-        click.option(
-            "-k", "--keyword", metavar="WORDS", help="Words in path, name, family or node of problems: 'a and not b'."
-        ),
-        click.option("--family", cls=ListOption, metavar="NAME", help="Family of problems (a glob). Repeatable."),
-        click.option(
-            "--where",
-            metavar="CONDITION",
-            help="Condition on facts: 'nc > 100 and 3*nc/ndof > 1'. Problems without that fact are skipped.",
-        ),
-        click.option(
-            "--split",
-            type=click.Choice(["dev", "test", "all"]),
-            help="Half of the problems, by a hash of their mathematics: dev to develop on, test to compare on.",
-        ),
-        click.option(
-            "--max-problems", type=COUNT, metavar="N", help="Largest number of problems of a set, drawn by --seed."
-        ),
-    )
-
-
 def require_with_via(via: Sequence[str]) -> None:
     """Raise UsageError where an option of conversions is given and no conversion is named that takes it."""
     context = click.get_current_context()

@@ -1,4 +1,4 @@
-"""The display of a run: a live table on a terminal, lines elsewhere, nothing when quiet; and its log."""
+"""The display of a run: a live table on a terminal, lines elsewhere, nothing when quiet."""
 
 from __future__ import annotations
 
@@ -7,12 +7,10 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from cpbench.api.run_log import log_line, run_log
 from cpbench.bench.events import Compiling, Event, Joined, Solving, Spent, Starting
 from cpbench.bench.pace import Expected, Pace
 from cpbench.bench.planning.plan import Pair
@@ -22,6 +20,7 @@ from cpbench.cli.terminal import print_lines
 from cpbench.conversions import Conversion
 from cpbench.errors import NotApplicable
 from cpbench.formulations import Problem
+from cpbench.foundation.plain_text import on_one_line
 from cpbench.foundation.plurals import counted, summary
 from cpbench.graph import Apply
 
@@ -39,14 +38,13 @@ LARGE = 50e6
 class Display:
     """Progress on stderr; data never goes there, so that stdout can be piped.
 
-    A live table on a terminal, lines elsewhere, nothing when quiet. With `verbose` every event has a line on stderr,
-    with `log` one in that file too.
+    A live table on a terminal, lines elsewhere, nothing when quiet. With `verbose` every event has a line on stderr.
     """
 
-    def __init__(self, quiet: bool = False, verbose: bool = False, log: Path | None = None, slots: int = 1) -> None:
+    def __init__(self, quiet: bool = False, verbose: bool = False, slots: int = 1) -> None:
         self._quiet, self._slots = quiet, slots
         self._terminal = sys.stderr.isatty() and not quiet and not verbose
-        self._events = run_log(verbose, log)
+        self._verbose = verbose
         self._steps = Steps(quiet)
         self._live: Any = None
         self._total = self._done = self._before = 0
@@ -116,8 +114,8 @@ class Display:
             self._counts[event.outcome.status] += 1
             self._standings.note(event.pair.label, event.outcome)
             self._tell()
-        if self._events is not None:
-            self._events.info(log_line(event))
+        if self._verbose:
+            print_lines([f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {event_line(event)}"], err=True)
 
     def end(self) -> None:
         self._steps.stop()
@@ -164,6 +162,24 @@ class Display:
 
     def _summary(self) -> str:
         return summary(dict(self._counts))
+
+
+def event_line(event: Event) -> str:
+    """Return an event of the run in one line."""
+    if isinstance(event, Starting):
+        return f"{'start':<12} {event.solver}"
+    if isinstance(event, Compiling):
+        return f"{'compiling':<12} {event.solver}"
+    if isinstance(event, Joined | Spent):
+        return on_one_line(f"{'cluster':<12} {event}")
+    named = f"{event.pair.address} {event.pair.label}"
+    if isinstance(event, Solving):
+        return on_one_line(f"{'solve':<12} {named}")
+    outcome = event.outcome
+    took = f", solve {outcome.solve:.3g} s" if outcome.solve is not None else ""
+    error = f", error {outcome.error:.2e}" if outcome.error is not None else ""
+    message = f": {' '.join(outcome.message.split())}" if outcome.message else ""
+    return on_one_line(f"{outcome.status:<12} {named}{error}{took}{message}")
 
 
 def compiling(solver: str) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 import sys
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import click
@@ -17,8 +16,6 @@ from cpbench.cli.progress import Display
 from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from, require_near, run_options
 from cpbench.cli.run_output import announce, finish, print_plan, print_removed, require_places
 from cpbench.cli.terminal import print_lines
-from cpbench.errors import StoreError
-from cpbench.foundation.extensions import hook
 from cpbench.foundation.imports import import_ahead
 from cpbench.foundation.plurals import counted
 from cpbench.generators.collection import builtin_folder
@@ -32,14 +29,10 @@ from cpbench.generators.quick import quick_problems
 def command(
     context: click.Context,
     plan_path: str | None,
-    only_sets: tuple[str, ...],
-    no_resume: bool,
-    certify: bool,
     no_report: bool,
     dry_run: bool,
     quiet: bool,
     verbose: bool,
-    log: Path | None,
     **_: Any,
 ) -> None:
     """Run every reachable solver on every problem, judge every answer on the original problem, and report.
@@ -54,24 +47,14 @@ def command(
     """
     file = plan_from(plan_path, quiet)
     given = given_options(context)
-    if no_report and "report" in given:
-        raise click.UsageError("--report and --no-report: one of them")
-    if no_resume and "rerun" in given:
-        raise click.UsageError("--rerun runs rows of an old file again, --no-resume refuses one: one of them")
     if file is not None:
         require_near(file, {**given, "report": None} if no_report else given)
     if no_report:
         given["report"] = None
-    if certify:
-        hook("require_flint")()
     values = (file.top, file.sets) if file is not None else ({}, [])
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
-    plan = run_plan.make(given, *values, only=only_sets, suite=suite)
-    if "facets" in given and all(not part.via and part.allowed_routes == "exact" for part in plan.sets):
-        raise click.UsageError("--facets: no route of this run has facets; add --routes facets")
-    if no_resume and plan.results.exists():
-        raise StoreError(f"{plan.results}: exists; remove it or leave --no-resume out to go on with it")
-    display = Display(quiet, verbose, log, slots=plan.jobs)
+    plan = run_plan.make(given, *values, suite=suite)
+    display = Display(quiet, verbose, slots=plan.jobs)
     display.step("looking for problems")
     import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
     try:
@@ -86,7 +69,7 @@ def command(
             print_removed(store)
             display.step(f"entering {counted(len(run.assembly.pairs), 'pair')} into {plan.results}")
             run.execute(store, display, shlex.join(["cpbench", *sys.argv[1:]]))
-            finish(plan, certify, store, run.assembly, display.step)
+            finish(plan, store, run.assembly, display.step)
     except KeyboardInterrupt:
         how = "the same command without --rerun" if plan.rerun else "the same command"
         print_lines([f"cpbench: interrupted; {plan.results} has what was done, {how} goes on"], err=True)

@@ -16,27 +16,25 @@ from cpbench.cli.options import (
     ListOption,
     chained,
     fail_on_option,
-    format_option,
     jobs_option,
-    limit_options,
-    measure_option,
-    problem_options,
+    memory_option,
     quiet_option,
     seed_option,
+    timeout_option,
     via_option,
 )
-from cpbench.cli.types import COUNT, FACET_LIST, FILE, NUMBERS
+from cpbench.cli.types import COUNT, NUMBERS
 from cpbench.errors import CpbenchError
 
 SECTIONS = {
-    "Plan": ["plan_path", "only_sets"],
-    "Problems": ["suite", "keyword", "family", "where", "split", "max_problems", "shard", "file_format", "symmetric"],
-    "Solvers and routes": ["solvers", "routes", "facets", "via", "start", "plugin_files"],
-    "Accuracy": ["tolerance", "measure", "history"],
-    "Limits": ["timeout", "memory", "threads", "repeats", "isolate"],
-    "Order and machines": ["seed", "jobs", "affinity", "dask", "cluster"],
-    "Results": ["output", "no_resume", "rerun", "retry", "keep", "certify", "report", "no_report", "fail_on"],
-    "Output": ["dry_run", "quiet", "verbose", "log", "help"],
+    "Plan": ["plan_path"],
+    "Problems": ["suite", "where", "shard"],
+    "Solvers and routes": ["solvers", "routes", "via", "start", "plugin_files"],
+    "Accuracy": ["tolerance", "history"],
+    "Limits": ["timeout", "memory", "repeats", "isolate"],
+    "Order and machines": ["seed", "jobs", "cluster"],
+    "Results": ["output", "rerun", "retry", "keep", "no_report", "fail_on"],
+    "Output": ["dry_run", "quiet", "verbose", "help"],
 }
 EXAMPLES = (
     "cpbench run",
@@ -48,21 +46,21 @@ EXAMPLES = (
 run_options = chained(
     click.option("--plan", "plan_path", metavar="FILE", help="Plan file (TOML); default: cpbench.toml here; or none."),
     click.option(
-        "--set", "only_sets", cls=ListOption, metavar="NAME", help="Set of the plan to run ([[set]]). Repeatable."
-    ),
-    click.option(
         "--suite",
         type=click.Choice(suites.SUITES),
         help="Built-in problems, where none are named. quick (default): few and small, 5 s each at most; standard: "
         "all, by the same solvers; full: all, by all solvers and routes.",
     ),
-    problem_options(),
+    click.option(
+        "--where",
+        metavar="CONDITION",
+        help="Condition on facts: 'nc > 100 and 3*nc/ndof > 1'. Problems without that fact are skipped.",
+    ),
     click.option(
         "--shard",
         metavar="I/N",
         help="Part I of N of the problems, the same on every machine; cpbench results merge joins the results.",
     ),
-    format_option,
     click.option(
         "-s",
         "--solver",
@@ -76,14 +74,6 @@ run_options = chained(
         type=click.Choice(plan_file.ROUTES),
         help="Conversions that may be used; facets adds inner facets, all adds outer ones, relaxations and "
         "merely necessary conversions. Default: exact; for builtin: facets.",
-    ),
-    click.option(
-        "--facets",
-        cls=ListOption,
-        type=FACET_LIST,
-        default=("8,16",),
-        show_default="8,16",
-        help="Numbers of facets of approximate routes.",
     ),
     via_option,
     click.option(
@@ -103,9 +93,9 @@ run_options = chained(
         show_default="1e-6",
         help="Largest measured error of an answer that solves the problem; a row each for 1e-4,1e-8.",
     ),
-    measure_option,
     click.option("--history/--no-history", help="Solve once more to keep the iterates, where a solver can."),
-    limit_options,
+    timeout_option,
+    memory_option,
     click.option("--repeats", type=COUNT, default=3, show_default=True, help="Number of solves of a pair below 1 s."),
     click.option(
         "--isolate",
@@ -114,17 +104,14 @@ run_options = chained(
         show_default=True,
         help="Processes: one for each solver, or a fresh one for each solve.",
     ),
-    seed_option("Random seed of the order and of --max-problems."),
+    seed_option("Random seed of the order."),
     jobs_option(1, "Number of pairs at the same time; their times are marked."),
     click.option(
-        "--affinity/--no-affinity", default=True, show_default=True, help="Give separate cores to each of --jobs."
-    ),
-    click.option("--dask", metavar="ADDRESS", help="Address of the Dask scheduler whose workers run the pairs."),
-    click.option(
-        "--cluster", metavar="KIND|FILE", help="Workers to start: local, slurm, pbs, or a file that describes them."
+        "--cluster",
+        metavar="ADDRESS|KIND|FILE",
+        help="Workers of a Dask scheduler, or to start: local, slurm, pbs, or a file that describes them.",
     ),
     click.option("-o", "--output", type=click.Path(dir_okay=False), help="Results file (SQLite)."),
-    click.option("--no-resume", is_flag=True, help="Refuse an existing results file instead of continuing it."),
     click.option(
         "--rerun",
         type=click.Choice(["failed", "timeouts", "all"]),
@@ -138,14 +125,11 @@ run_options = chained(
         help="Number of times that a crash, timeout or memout is run again.",
     ),
     click.option("--keep", type=click.Choice(KEEP), default="all", show_default=True, help="Answers to keep."),
-    click.option("--certify", is_flag=True, help="Look for proofs about all kept answers, as cpbench certify does."),
-    click.option("--report", type=click.Path(file_okay=False), help="Folder of the report."),
     click.option("--no-report", is_flag=True, help="Write no report."),
     fail_on_option("Statuses with which the command ends with 1, or contradiction: wrong,crash,..."),
     click.option("--dry-run", is_flag=True, help="Print what would be run, and how long at most; write nothing."),
     quiet_option,
     click.option("-v", "--verbose", is_flag=True, help="Print a line for each event to stderr."),
-    click.option("--log", type=FILE, help="File for the same lines."),
 )
 
 

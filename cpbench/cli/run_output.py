@@ -16,7 +16,6 @@ from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.cli.progress import Display
 from cpbench.cli.terminal import fitted, folded, print_lines, width
-from cpbench.foundation.extensions import hook
 from cpbench.storage.base import require_folder
 from cpbench.verification import Status
 
@@ -54,18 +53,15 @@ def print_removed(store: Store) -> None:
     print_lines(run_text.removed(store), err=True)
 
 
-def finish(plan: RunPlan, certify: bool, store: Store, assembly: Assembly, step: Callable[[str], None]) -> None:
-    """Certify answers where asked, print the answer and the last lines, and write the report; exits with 1 where the
-    run failed. `step` notes what is being done."""
+def finish(plan: RunPlan, store: Store, assembly: Assembly, step: Callable[[str], None]) -> None:
+    """Print the answer and the last lines, and write the report; exits with 1 where the run failed. `step` notes what
+    is being done."""
     from cpbench.analysis.run_table import RunTable
     from cpbench.api.cross_examination import cross_examine
     from cpbench.api.quoting import quote_collection
     from cpbench.cli.answer import print_answer
 
     print_lines(run_text.refused(assembly.refused), err=True)
-    if certify:
-        print_lines(hook("certify_rows")(store), err=True)
-        store.end()
     counts = store.counts()
     if counts.get(Status.UNAVAILABLE):
         print_lines(run_text.not_available(store), err=True)

@@ -66,8 +66,8 @@ def command(
     proof, the command says what prevents one. Without an answer it also looks for a proof that the problem has no
     solution (infeasible, unbounded). The program cpbench_lab/certificates/checker checks the proof in a file again. The
     exit code is 0 when the answer is proved or enclosed, when there is proved to be none, and when a distant answer
-    meets the tolerance by its error; else 1. With RESULTS all stored answers get their level and distance, as by
-    cpbench run --certify; cpbench report shows them.
+    meets the tolerance by its error; else 1. With RESULTS all stored answers get their level and distance, which
+    cpbench report shows.
     """
     if is_results_file(problem):
         if answer is not None or solver is not None or every is not None or output is not None:

@@ -2,8 +2,8 @@
 
     python tests/bench/far_answers.py [--seed 1] [--problems 12] [--report FOLDER]
 
-LCPs with a positive definite matrix of condition 1e5 to 1e8 and a planted solution are run as `cpbench run --measure
-natural -t 1e-6 --certify` does it: an answer passes if ‖min(z, Mz + q)‖₂ ≤ 1e-6 ‖q‖₂, which was the verdict of earlier
+LCPs with a positive definite matrix of condition 1e5 to 1e8 and a planted solution are run with `measure =
+"natural"` and certified: an answer passes if ‖min(z, Mz + q)‖₂ ≤ 1e-6 ‖q‖₂, which was the verdict of earlier
 versions and is that of Siconos. Listed are those that pass and are 1e-2 or more of the solution's size from it, with
 the backward error that is the verdict now.
 """

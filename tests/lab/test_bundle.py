@@ -346,7 +346,7 @@ def test_the_plan_holds_pins_and_grids(tmp_path: Path, here: Callable[..., str])
     storage.save(LCP(M=2.0 * np.eye(2), q=-np.ones(2), name="p"), own / "p.h5")
     common = ["--plan", "none", "-q", "-o", "run.sqlite", "--no-report"]
     here(own, "run", "p.h5", "-s", "psor[omega=1:1.4:0.2]", "-t", "1e-4,1e-6", *common)
-    here(own, "run", "c.h5", "-s", "lemke", "--routes", "facets", "--facets", "4", *common)
+    here(own, "run", "c.h5", "-s", "lemke", "--routes", "facets", *common)
     here(own, "run", "c.h5", "-s", "lemke", "--via", "fc-lcp-inner[facets=12]", *common)
     here(own, "run", "c.h5", "-s", "nsgs[shuffle=true]", *common)
     here(own, "bundle", "run.sqlite", "-o", "../x.zip")

@@ -144,7 +144,7 @@ def test_a_worker_dies_and_one_comes_late(loopback: Loopback) -> None:
     chosen = ["p", "-s", "gate", "-s", "lemke", "-s", "pgs"]
     victim, *_ = (loopback.worker("--no-nanny"), loopback.worker(), loopback.worker())
     running = subprocess.Popen(
-        loopback.command(*chosen, "-o", "dask.sqlite", "--dask", loopback.address),
+        loopback.command(*chosen, "-o", "dask.sqlite", "--cluster", loopback.address),
         cwd=loopback.folder,
         stderr=subprocess.PIPE,
         text=True,
@@ -175,7 +175,7 @@ def test_a_pair_that_kills_twice_has_its_row(loopback: Loopback, name: str) -> N
     """It is tried once more, alone; those that were at work beside it lose nothing."""
     _problems(loopback.folder / "p", range(2, 10))
     loopback.worker()
-    done = loopback.run("p", "-s", name, "-s", "lemke", "-o", "r.sqlite", "--dask", loopback.address)
+    done = loopback.run("p", "-s", name, "-s", "lemke", "-o", "r.sqlite", "--cluster", loopback.address)
     assert done.returncode == 0, done.stderr
     rows, _ = _results(loopback.folder / "r.sqlite")
     assert len(rows) == 16
@@ -189,7 +189,7 @@ def test_interrupted_runs_go_on(loopback: Loopback) -> None:
     """Ctrl-C in the middle of solves: exit 130, nobody solves any more, and the same command goes on."""
     _problems(loopback.folder / "p", range(2, 8))
     loopback.worker()
-    chosen = ["p", "-s", "lemke", "-s", "gate", "-o", "r.sqlite", "--dask", loopback.address]
+    chosen = ["p", "-s", "lemke", "-s", "gate", "-o", "r.sqlite", "--cluster", loopback.address]
     running = subprocess.Popen(loopback.command(*chosen), cwd=loopback.folder, stderr=subprocess.PIPE, text=True)
     until(lambda: [*loopback.folder.glob("entered-*")])
     running.send_signal(signal.SIGINT)
@@ -211,7 +211,7 @@ def test_the_processes_of_a_client_that_was_killed_end(loopback: Loopback) -> No
     command goes on. It says where it runs, and what that took."""
     _problems(loopback.folder / "p", range(2, 8))
     loopback.worker()
-    chosen = ["p", "-s", "lemke", "-s", "gate", "-o", "r.sqlite", "--dask", loopback.address]
+    chosen = ["p", "-s", "lemke", "-s", "gate", "-o", "r.sqlite", "--cluster", loopback.address]
     running = subprocess.Popen(loopback.command(*chosen), cwd=loopback.folder, stderr=subprocess.PIPE, text=True)
     until(lambda: [*loopback.folder.glob("entered-*")])
     running.kill()
@@ -232,7 +232,7 @@ def test_a_run_whose_scheduler_dies_goes_on_without_it(loopback: Loopback) -> No
     loopback.worker()
     chosen = ["p", "-s", "lemke", "-s", "gate", "-o", "r.sqlite"]
     running = subprocess.Popen(
-        loopback.command(*chosen, "--dask", loopback.address), cwd=loopback.folder, stderr=subprocess.PIPE, text=True
+        loopback.command(*chosen, "--cluster", loopback.address), cwd=loopback.folder, stderr=subprocess.PIPE, text=True
     )
     until(lambda: [*loopback.folder.glob("entered-*")])
     loopback.processes[0].kill()

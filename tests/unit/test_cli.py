@@ -269,7 +269,7 @@ def test_run_writes_results_and_report(monkeypatch, capsys, lcp, contact) -> Non
     """A small run, its rows as JSON, its answers again under another measure."""
     folder = lcp.parent
     command = ["run", "deudeu.h5", "contact.hdf5", "-s", "lemke", "-s", "nsgs"]
-    done = in_process(folder, *command, "--routes", "all", "--facets", "8", "-o", "r.sqlite")
+    done = in_process(folder, *command, "--routes", "all", "-o", "r.sqlite")
     assert done.returncode == 0, done.stderr
     assert (folder / "reports" / "r" / "report.md").exists()
     assert (folder / "reports" / "r" / "report.html").exists()
@@ -330,7 +330,8 @@ def test_rejudging_reads_files_by_the_format_of_their_run(monkeypatch, capsys, l
     storage.save(storage.load(lcp), folder / "plain.dat")
     (folder / "plain.dat").rename(folder / "plain.txt")
     storage.save(LCP(M=np.eye(2), q=[-1.0, -1.0], name="other"), folder / "other.h5")
-    for arguments in (["plain.txt", "--format", "siconos-lcp"], ["other.h5"]):
+    (folder / "plain.toml").write_text('problems = "plain.txt"\nformat = "siconos-lcp"\n')
+    for arguments in (["--plan", "plain.toml"], ["other.h5"]):
         done = in_process(folder, "run", *arguments, "-s", "lemke", "--no-report", "-o", "r.sqlite")
         assert done.returncode == 0, done.stderr
     assert cpbench(monkeypatch, "verify", "--rejudge", "r.sqlite") == 0
@@ -364,12 +365,12 @@ def test_a_fast_contact_on_four_facets_is_flagged_wherever_it_appears(monkeypatc
     direction = np.array([np.cos(np.radians(44.0)), np.sin(np.radians(44.0))])
     q = np.concatenate([[-1.0], 10000.0 * direction])
     storage.save(FrictionContact(W=np.eye(3), q=q, mu=[0.5], dimension=3, name="fast"), tmp_path / "fast.hdf5")
-    facets = ["fast.hdf5", "-s", "lemke", "--facets", "4", "-t", "1e-4"]
-    done = in_process(tmp_path, "solve", *facets, "--via", "inner", "--json")
+    asked = ["fast.hdf5", "-s", "lemke", "-t", "1e-4"]
+    done = in_process(tmp_path, "solve", *asked, "--via", "inner", "--facets", "4", "--json")
     row = json.loads(done.stdout)
     assert (row["status"], row["flags"]) == ("solved", "direction")
     assert row["error"] == pytest.approx(np.sqrt(3.0) * np.sin(np.radians(22.0)) / 1e4, rel=0.02)
-    done = in_process(tmp_path, "run", *facets, "--routes", "facets", "-q", "-o", "r.sqlite")
+    done = in_process(tmp_path, "run", *asked, "--via", "inner[facets=4]", "-q", "-o", "r.sqlite")
     assert done.returncode == 0, done.stderr
     report = (tmp_path / "reports" / "r" / "report.md").read_text()
     assert "direction" in report.partition("## Methods")[0]
@@ -436,12 +437,11 @@ def test_an_interrupted_run_goes_on(lcp) -> None:
     for n in range(2, 7):
         storage.save(LCP(M=2.0 * np.eye(n), q=-np.ones(n), name=f"p{n}"), folder / f"p{n}.h5")
     command = [sys.executable, "-m", "cpbench", "--plugin", "gated.py", "run", ".", "-s", "lemke", "-s", "gated"]
-    command += ["--timeout", "120s", "--no-report", "-o", "r.sqlite", "--log", "log"]
-    (folder / "log").touch()
+    command += ["--timeout", "120s", "--no-report", "-o", "r.sqlite", "-v"]
     with (folder / "stderr").open("w") as stderr:
         running = subprocess.Popen(command, cwd=folder, stderr=stderr)
         under_way = re.compile(r"solve +\S*p6\.h5\S* gated")
-        while not under_way.search((folder / "log").read_text()) and running.poll() is None:
+        while not under_way.search((folder / "stderr").read_text()) and running.poll() is None:
             time.sleep(0.02)
         running.send_signal(signal.SIGINT)
         running.wait(timeout=600)
@@ -516,7 +516,9 @@ def test_outputs_are_environment_before_the_work(monkeypatch, capsys, lcp, tmp_p
             assert err.count("\n") == 1
     assert there.read_bytes() == b"mine"
     run = ["run", lcp, "-s", "lemke", "--repeats", 1, "-q", "-o", "r.sqlite"]
-    assert cpbench(monkeypatch, *run, "--report", "/proc/nowhere") == 2
+    (tmp_path / "cpbench.toml").write_text('report = "nowhere"\n')
+    (tmp_path / "nowhere").touch()
+    assert cpbench(monkeypatch, *run) == 2
     assert not (tmp_path / "r.sqlite").exists()
 
 
@@ -542,7 +544,7 @@ def test_a_file_that_changed_between_two_runs_is_reported(monkeypatch, capsys, t
     """Rows of the former content stay, and the terminal and the report say that they are there."""
     monkeypatch.chdir(tmp_path)
     run = ["run", "p.h5", "-s", "lemke", "--repeats", 1, "-q", "-o", "r.sqlite"]
-    run += ["--report", "r"] if report else ["--no-report"]
+    run += [] if report else ["--no-report"]
     for q in ([-5.0, -6.0], [-5.0, -7.0]):
         storage.save(LCP(M=np.array([[2.0, 1], [1, 2]]), q=q), tmp_path / "p.h5", force=True)
         capsys.readouterr()
@@ -550,5 +552,5 @@ def test_a_file_that_changed_between_two_runs_is_reported(monkeypatch, capsys, t
     said = "p.h5: its 2 rows are of 2 problems: the file changed"
     assert said in capsys.readouterr().out
     if report:
-        assert said in "".join((tmp_path / "r" / "report.md").read_text().splitlines()[:8])
-        assert said in (tmp_path / "r" / "report.html").read_text()
+        assert said in "".join((tmp_path / "reports" / "r" / "report.md").read_text().splitlines()[:8])
+        assert said in (tmp_path / "reports" / "r" / "report.html").read_text()

@@ -39,7 +39,7 @@ def planted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.
     folder = tmp_path_factory.mktemp("planted")
     subprocess.run([sys.executable, str(PLANTED), str(folder)], check=True)
     words = ("run", ".", "-s", "right-*,again-*,liar-*,denier-*", "--repeats", "1", "--timeout", "60s")
-    words = (*words, "-o", "r.sqlite", "--report", "rep", "--fail-on", "contradiction")
+    words = (*words, "-o", "r.sqlite", "--fail-on", "contradiction")
     return folder, with_plugins(folder, "--plugin", str(PLANTED), *words)
 
 

@@ -339,7 +339,8 @@ def test_half_stored_matrices_are_refused_or_completed(
     assert storage.load(tmp_path / "y.h5").fingerprint == whole
     shown = command(tmp_path, "info", str(path), "--symmetric", half, "--no-facts")
     assert f"fingerprint  {whole}" in shown.stdout
-    planned = command(tmp_path, "run", str(path), "-s", "osqp", "--dry-run", "--symmetric", half)
+    (tmp_path / "half.toml").write_text(f'problems = "{path}"\nformat = "[symmetric={half}]"\n')
+    planned = command(tmp_path, "run", "--plan", str(tmp_path / "half.toml"), "-s", "osqp", "--dry-run")
     assert (planned.returncode, "1 pair" in planned.stdout) == (0, True), planned.stderr
     assert "is of named arrays, the format" in command(tmp_path, "info", "x.h5", "--symmetric", half).stderr
 

@@ -154,9 +154,6 @@ def test_two_values_within_one_option(monkeypatch, capsys, problem, words, said)
         (["solve", "p.h5", "-s", "lemke", "--facets", "8"], "--facets goes with --via"),
         (["convert", "p.h5", "x.h5", "--to", "qp", "--angle", "0.1"], "--angle goes with --via"),
         (["show", "p.h5", "--facets", "8"], "--facets goes with --via"),
-        (["run", "p.h5", "--facets", "8"], "add --routes facets"),
-        (["run", "p.h5", "--report", "r", "--no-report"], "one of them"),
-        (["run", "p.h5", "--no-resume", "--rerun", "all"], "one of them"),
         (["verify", "p.h5", "--rejudge", "r.sqlite"], "leave PROBLEM and --answer out"),
     ],
 )

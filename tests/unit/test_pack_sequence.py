@@ -100,7 +100,7 @@ def test_a_run_follows_ids_positions_or_nothing_and_says_so(monkeypatch, capsys,
     assert "no ids and no positions" in capsys.readouterr().err
     follow = ["-s", "nsgs", "--start", "previous", "--repeats", 1, "-q"]
     for name in ("ids", "at", "none"):
-        assert run(monkeypatch, "run", f"{name}.h5", *follow, "-o", f"{name}.sqlite", "--report", name) == 0
+        assert run(monkeypatch, "run", f"{name}.h5", *follow, "-o", f"{name}.sqlite") == 0
     out = capsys.readouterr().out
     assert started(steps / "ids.sqlite") == ["cold: first step", *["previous"] * 3]
     assert started(steps / "at.sqlite") == ["cold: first step", *["previous, contacts matched by position"] * 3]
@@ -110,8 +110,8 @@ def test_a_run_follows_ids_positions_or_nothing_and_says_so(monkeypatch, capsys,
     assert "3 warm, contacts matched by position; 1 cold: first step" in out
     line = "start previous: 0 of 4 rows started so; 3 cold: 2 contacts before, 3 now, and no ids to match them by"
     assert f"{line} (and alike); 1 cold: first step" in out
-    assert line in "".join((steps / "none" / "report.md").read_text().splitlines()[:12])
-    assert line in (steps / "none" / "report.html").read_text()
+    assert line in "".join((steps / "reports" / "none" / "report.md").read_text().splitlines()[:12])
+    assert line in (steps / "reports" / "none" / "report.html").read_text()
 
 
 @pytest.mark.needs("cpbench_solvers")

@@ -102,7 +102,7 @@ def assemble(asked: RunPlan, slot: Slot, builtin: Callable[[], Path], reading: R
         for address in addresses:
             wanted.setdefault((address, part.format), {}).update({request.name: request for request in asks})
     alone = {entry.solver for kept in entries for entry in kept}
-    if len(alone) == 1 and not (asked.dask or asked.cluster):  # else the first one depends on the problems
+    if len(alone) == 1 and not asked.cluster:  # else the first one depends on the problems
         slot.workers.begin(alone.pop(), asked.memory)
     guesses = any(parse_start(start).guess == EVERY for part in asked.sets for start in part.start)
     surveys, refused, unread = _survey(slot, wanted, max(part.timeout for part in asked.sets), reading, guesses)

@@ -13,9 +13,9 @@
     node = "lcp"
     serve = "./mine --serve"
 
-The keys are the options of `cpbench run`, with _ for -. Paths are relative to the file. Results of `night.toml` go to
-`night.sqlite` here, unless it says otherwise. Whatever is wrong is said in one line with the file, the table, the
-key and the value.
+The keys are the options of `cpbench run`, with _ for -, and `facets`, `format`, `measure`, `report` and `threads`.
+Paths are relative to the file. Results of `night.toml` go to `night.sqlite` here, unless it says otherwise. Whatever is
+wrong is said in one line with the file, the table, the key and the value.
 """
 
 from __future__ import annotations
@@ -43,7 +43,6 @@ from cpbench.verification import CONTRADICTION, Status
 NAME, PROJECT = "cpbench.toml", "pyproject.toml"
 ROUTES = ("exact", "facets", "all")
 ISOLATE = ("worker", "fresh")
-SPLITS = ("dev", "test", "all")
 ONLY_SAID = ("shard", "rerun")
 """Keys of one command, not of a plan."""
 
@@ -272,12 +271,7 @@ def _format(value: Any) -> str:
 
 
 def _where(value: Any) -> str:
-    where.condition(_text(value), features.known())
-    return value
-
-
-def _keyword(value: Any) -> str:
-    where.words(_text(value))
+    where.require_condition(_text(value), features.known())
     return value
 
 
@@ -291,10 +285,6 @@ def _failures(value: Any) -> tuple[str, ...]:
         if text not in known:
             raise UnknownName("status", text, known)
     return _texts(value)
-
-
-def _split(value: Any) -> str:
-    return _choice(*SPLITS)(value).replace("all", "")
 
 
 def _shard(value: Any) -> tuple[int, int]:
@@ -321,11 +311,7 @@ READERS: Mapping[str, Callable[[Any], Any]] = {
     "measure": _text,
     "start": _starts,
     "format": _format,
-    "family": _texts,
     "where": _where,
-    "keyword": _keyword,
-    "split": _split,
-    "max_problems": _whole(1),
     "seed": _whole(0),
     "output": _text,
     "report": _report,
@@ -333,8 +319,6 @@ READERS: Mapping[str, Callable[[Any], Any]] = {
     "threads": _whole(1),
     "jobs": _whole(1),
     "isolate": _choice(*ISOLATE),
-    "affinity": _flag,
-    "dask": _text,
     "cluster": _text,
     "shard": _shard,
     "rerun": _choice("failed", "timeouts", "all"),

@@ -15,7 +15,7 @@ from typing import Any
 from cpbench.bench.planning import suites
 from cpbench.bench.planning.places import BUILTIN
 from cpbench.bench.planning.plan import Limits
-from cpbench.errors import CpbenchError, UnknownName
+from cpbench.errors import CpbenchError
 
 """The name of the folder of built-in problems among the problems of a set."""
 
@@ -32,7 +32,7 @@ class ProblemSet:
     facets, via : facet counts, pinned conversions. tolerance : one pair each.
     timeout [s], memory [bytes], repeats (of solves that take less than `repeat_below` [s]), history : limits of a
     solve. measure : the number that decides, None: all. start : start policies, one pair each. format : of the files.
-    family, where, keyword, split, max_problems, seed : the selection.
+    where : the selection.
     suite : the suite that its problems, and the other values not given, are of; empty where problems were named.
     chosen : whether somebody named the solvers, which a suite does not.
     """
@@ -52,12 +52,7 @@ class ProblemSet:
     measure: str | None = None
     start: tuple[str, ...] = ("cold",)
     format: str | None = None
-    family: tuple[str, ...] = ()
     where: str = ""
-    keyword: str = ""
-    split: str = ""
-    max_problems: int | None = None
-    seed: int = 0
     suite: str = ""
 
     @property
@@ -67,10 +62,6 @@ class ProblemSet:
     @property
     def builtin(self) -> bool:
         return self.problems == (BUILTIN,)
-
-    @property
-    def selects(self) -> bool:
-        return bool(self.family or self.where or self.keyword or self.split or self.max_problems)
 
     @property
     def allowed_routes(self) -> str:
@@ -88,10 +79,9 @@ class RunPlan:
     ----------
     sets : the parts. output : results file. report : folder of the report, empty for one named after the results,
     None for no report. keep : answers to keep. seed : of the random order. threads : of every library.
-    jobs : number of solves at a time. isolate : worker or fresh. affinity : whether each slot gets its own cores.
-    dask, cluster : other machines. shard : (i, n), the i-th of n parts of all blocks. rerun : what is run again of
-    an old file (empty: nothing). retry : times a pair that crashed or ran out of time is run again.
-    fail_on : statuses that make the command end with 1, or `contradiction`.
+    jobs : number of solves at a time. isolate : worker or fresh. cluster : other machines. shard : (i, n), the
+    i-th of n parts of all blocks. rerun : what is run again of an old file (empty: nothing). retry : times a pair that
+    crashed or ran out of time is run again. fail_on : statuses that make the command end with 1, or `contradiction`.
     """
 
     sets: tuple[ProblemSet, ...] = (ProblemSet(),)
@@ -102,8 +92,6 @@ class RunPlan:
     threads: int = 1
     jobs: int = 1
     isolate: str = "worker"
-    affinity: bool = True
-    dask: str | None = None
     cluster: str | None = None
     shard: tuple[int, int] = (1, 1)
     rerun: str = ""
@@ -114,14 +102,14 @@ class RunPlan:
     def builtin(self) -> bool:
         """Whether it is the built-in suite, all of it and nothing else."""
         return self.shard == (1, 1) and all(
-            part.builtin and part.suite != suites.STANDARD and not part.selects for part in self.sets
+            part.builtin and part.suite != suites.STANDARD and not part.where for part in self.sets
         )
 
     @property
     def suite(self) -> str:
         """The name of the suite that the plan runs unchanged, '' for any other plan."""
         part = self.sets[0]
-        whole = len(self.sets) == 1 and self.shard == (1, 1) and not part.selects
+        whole = len(self.sets) == 1 and self.shard == (1, 1) and not part.where
         return part.suite if whole and (part.suite == suites.FULL or not part.chosen) else ""
 
     @property
@@ -160,29 +148,19 @@ def make(
     given: Mapping[str, Any],
     top: Mapping[str, Any],
     sets: Sequence[Mapping[str, Any]],
-    only: Sequence[str] = (),
     suite: Callable[[str], Mapping[str, Any]] | None = None,
 ) -> RunPlan:
     """Return the plan from values that were read: `given` on the command line, at the `top` of a file, in its `sets`.
 
-    The command line wins over a set, a set over the top of its file. `only` : names of the sets to take, all for
-    none. suite : the values of a suite by its name, for sets that name no problem; all built-in problems without it.
-    Raises UnknownName, and CpbenchError where problems and a suite are named.
+    The command line wins over a set, a set over the top of its file. suite : the values of a
+    suite by its name, for sets that name no problem; all built-in problems without it. Raises CpbenchError where
+    problems and a suite are named.
     """
     common = {key: value for key, value in top.items() if key in SET_KEYS}
     mine = {key: value for key, value in given.items() if key in SET_KEYS}
-    parts = [_part({**common, **table, **mine}, suite) for table in (sets or [{}])]
-    if only and not sets:
-        raise CpbenchError(f"no plan file has a set '{only[0]}'; name one with --plan")
-    for name in only:
-        if name not in {part.name for part in parts}:
-            raise UnknownName("set", name, [part.name for part in parts])
-    chosen = tuple(part for part in parts if not only or part.name in only)
+    parts = tuple(_part({**common, **table, **mine}, suite) for table in (sets or [{}]))
     whole = {key: value for key, value in {**top, **given}.items() if key in RUN_KEYS}
-    plan = RunPlan(sets=chosen, **whole)
-    if plan.dask and plan.cluster:
-        raise CpbenchError(f"--dask {plan.dask} and --cluster {plan.cluster}: a run has one place; leave one out")
-    return plan
+    return RunPlan(sets=parts, **whole)
 
 
 def _part(table: Mapping[str, Any], suite: Callable[[str], Mapping[str, Any]] | None) -> ProblemSet:

@@ -17,10 +17,10 @@ from cpbench import storage
 from cpbench.bench.messages import Surveyed
 from cpbench.bench.planning import features, where
 from cpbench.bench.planning.places import located
-from cpbench.bench.planning.plan import PREVIOUS, Pair
+from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import ProblemSet
-from cpbench.errors import CpbenchError, FormatError, UnknownName
-from cpbench.storage.base import SEPARATOR, split_address
+from cpbench.errors import CpbenchError, FormatError
+from cpbench.storage.base import SEPARATOR
 
 FAILED = (
     "approximate", "lost", "inaccurate", "wrong", "unresolvable", "failed", "max_iter", "timeout", "memout", "crash",
@@ -75,59 +75,11 @@ def _members(file: str) -> list[str]:
 
 
 def select(part: ProblemSet, surveys: Sequence[Surveyed]) -> list[Surveyed]:
-    """Return the surveyed problems that a set selects; raises CpbenchError on an unknown family."""
-    chosen = list(surveys)
-    if part.family:
-        families = {survey.family for survey in surveys}
-        for family in part.family:
-            if not any(fnmatch.fnmatchcase(known, family) for known in families):
-                raise UnknownName("family", family, families)
-        chosen = [s for s in chosen if any(fnmatch.fnmatchcase(s.family, family) for family in part.family)]
-    if part.keyword:
-        words = where.words(part.keyword)
-        above = _above(surveys)
-        chosen = [s for s in chosen if words.holds(_texts(s, above))]
-    if part.where:
-        condition = where.condition(part.where, features.known())
-        chosen = [s for s in chosen if condition.holds(s.features)]
-    if part.split:
-        chosen = [s for s in chosen if split_of(s.fingerprint) == part.split]
-    return chosen if part.max_problems is None else _some(chosen, part)
-
-
-def split_of(fingerprint: str) -> str:
-    """Return `dev` or `test`: a hash of the problem's mathematics decides, one half each, on every machine alike.
-
-    A solver may be developed on the one, and then be compared on the other. A copy of a problem, whatever
-    its name and place, is in the same half.
-    """
-    return "test" if _hash(f"split {fingerprint}")[0] % 2 else "dev"
-
-
-def _above(surveys: Sequence[Surveyed]) -> str:
-    """Return the common folder of all files, whose name does not distinguish them."""
-    files = [os.path.abspath(str(split_address(survey.address)[0])) for survey in surveys]
-    return os.path.commonpath([os.path.dirname(file) for file in files]) if files else ""
-
-
-def _texts(survey: Surveyed, above: str) -> dict[str, str]:
-    """Return the texts that are searched for words: path in the common folder, name, family and node."""
-    file, member = split_address(survey.address)
-    place = os.path.relpath(os.path.abspath(str(file)), above)
-    return {"place": place, "member": member, "problem": survey.problem, "family": survey.family, "node": survey.node}
-
-
-def _some(surveys: Sequence[Surveyed], part: ProblemSet) -> list[Surveyed]:
-    """Return at most `max_problems` different problems, drawn by the seed; of sequences run step by step, the first
-    steps."""
-    unique = {survey.fingerprint: survey for survey in reversed(surveys)}
-
-    def draw(survey: Surveyed) -> tuple[str, int]:
-        scene = survey.sequence if PREVIOUS in part.start else ""
-        return _hash(f"{part.seed} {scene or survey.fingerprint}").hex(), int(survey.step)
-
-    drawn = {s.fingerprint for s in sorted(unique.values(), key=draw)[: part.max_problems]}
-    return [survey for survey in surveys if survey.fingerprint in drawn]
+    """Return the surveyed problems that a set selects; raises CpbenchError where pandas refuses the condition."""
+    if not part.where:
+        return list(surveys)
+    held = where.holds(part.where, [survey.features for survey in surveys], features.known())
+    return [survey for survey, holds in zip(surveys, held, strict=True) if holds]
 
 
 def shard(pairs: Iterable[Pair], part: int, parts: int) -> list[Pair]:
