@@ -193,7 +193,7 @@ def _formats(before: Mapping[str, str], read: Mapping[str, str | None]) -> dict[
 def _plugin_of_variant(name: str) -> str:
     """Return the file that declares the solver of which `name` is a variant: another command needs both."""
     solver, at, _ = name.partition(declared.AT)
-    return declared.origin(solver)[0] if at and solver in solvers else ""
+    return declared.origin(solver) if at and solver in solvers else ""
 
 
 def _sheets(
@@ -206,7 +206,6 @@ def _sheets(
     sheets: dict[str, Any] = dict(before)
     for pair in planned:
         spec = solvers.get(pair.entry.solver).spec
-        plugin, written = declared.origin(spec.name)
         sheets[pair.label] = dict(before.get(pair.label, {})) | {
             "name": spec.name,
             "node": spec.node,
@@ -218,8 +217,7 @@ def _sheets(
             "publishing": spec.publishing,
             "summary": spec.summary,
             "citation": spec.citation,
-            "plugin": plugin,
+            "plugin": declared.origin(spec.name),
             "variant_of": _plugin_of_variant(spec.name),
-            "written": written,
         }
     return sheets

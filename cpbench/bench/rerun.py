@@ -31,9 +31,6 @@ def plan(path: Path, keys: Collection[str], output: Path) -> RunPlan:
         raise StoreError(f"{path}: has no plan of its rows: none can be run again")
     sets: list[dict[str, Any]] = []
     for part in plan["sets"]:
-        programs = [text for text in part.get("solvers", ()) if "{" in text]
-        if programs:
-            raise CpbenchError(f"{path}: the solver '{programs[0]}' starts a program: load it with --plugin FILE")
         own = {key: _read(path, key, value) for key, value in part.items() if key not in CHOOSING and value}
         addresses = [row.address for row in rows if (row.set or "") == part.get("name", "")]
         if addresses:

@@ -26,22 +26,16 @@ def read(kind: str, text: str) -> tuple[str, dict[str, str]]:
 
 
 def split(text: str, separator: str) -> list[str]:
-    """Split a list of names at separators that are not within brackets, braces or quotation marks.
+    """Split a list of names at separators that are not within brackets.
 
     >>> split("fc-lcp-inner[facets=1e+1]+lcp-qp", "+"), split("nsgs[omega=1,shuffle=true], psor", ",")
     (['fc-lcp-inner[facets=1e+1]', 'lcp-qp'], ['nsgs[omega=1,shuffle=true]', 'psor'])
-    >>> split('lemke@head={serve="./mine", env={A="1,]"}}, psor', ",")
-    ['lemke@head={serve="./mine", env={A="1,]"}}', 'psor']
     """
-    parts, begin, depth, quoted = list[str](), 0, 0, False
+    parts, begin, depth = list[str](), 0, 0
     for k, letter in enumerate(text):
-        if letter == '"':
-            quoted = not quoted
-        elif quoted:
-            continue
-        elif letter in "[{":
+        if letter == "[":
             depth += 1
-        elif letter in "]}":
+        elif letter == "]":
             depth -= 1
         elif letter == separator and depth <= 0:
             parts.append(text[begin:k])

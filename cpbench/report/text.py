@@ -135,8 +135,6 @@ def solve_command(row: Any, sheet: Mapping[str, Any] | None = None) -> str:
     request, label = one_line(row["request"]), one_line(row["label"])
     solver = label if request == "exact" else label.removesuffix(f"@{request}")
     source = sheet or {}
-    if solver == source.get("name"):  # a variant with options needs more than one word on the command line
-        solver = source.get("written") or solver
     words = ["cpbench", "solve", one_line(row["address"]), "-s", one_line(solver), *_route_options(request)]
     words += ["--tolerance", f"{row['tolerance']:g}"]
     if math.isfinite(row["seconds"]):

@@ -24,7 +24,6 @@ from cpbench.registry import PLUGIN_FILES
 from cpbench_lab.bundle.archive import name_of
 
 FOLDER = "plugins"
-VARIANTS = f"{FOLDER}/variants/variants.toml"
 LARGEST = 2**20
 """Bytes of the largest script."""
 
@@ -67,7 +66,6 @@ def gather(store: Store, rows: Sequence[Row]) -> Plugins:
         before = len(result.loaded)
         _add(result, path, needed)
         result.names |= {text: name for text in origins[path] for name in result.loaded[before:]}
-    _add_variants(result, sheets, needed)
     return result
 
 
@@ -122,18 +120,6 @@ def _tables(path: Path, source: str) -> dict[str, dict[str, Any]]:
     if path.name == plan_file.PROJECT:
         tables = tables.get("tool", {}).get("cpbench", {})
     return tables.get("solver", {})
-
-
-def _add_variants(found: Plugins, sheets: Mapping[str, Mapping[str, Any]], needed: set[str]) -> None:
-    """Add the variants that a command line declared, as tables: `nsgs@head={interpreter="..."}`."""
-    written = {str(sheet.get("name")): str(sheet.get("written") or "") for sheet in sheets.values()}
-    tables: dict[str, dict[str, Any]] = {}
-    for name in sorted(needed & written.keys()):
-        _, equals, table = written[name].partition("=")
-        if "@" in name and equals and table.strip().startswith("{"):
-            tables[name] = tomllib.loads(f"table = {table}")["table"]
-    if tables:
-        _put(found, VARIANTS, _text(tables))
 
 
 def _add_scripts(found: Plugins, name: str, table: Mapping[str, Any], here: Path, folder: str) -> None:

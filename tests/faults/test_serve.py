@@ -225,10 +225,12 @@ def test_a_cpp_program_and_two_builds_of_it_in_one_run(bench) -> None:
     (bench.folder / "cpbench.toml").write_text(
         '[solver.cpp-pgs]\nnode = "lcp"\nserve = "./pgs --serve"\nmatrices = "dense"\nlicence = "MIT"\n'
         '[solver."cpp-pgs@debug"]\nserve = "./pgs-debug --serve"\n'
+        f'[solver."lemke@head"]\ninterpreter = "{sys.executable}"\nenv = {{MARK = "1"}}\n'
     )
     paths = [bench.problem(f"p{n}", n) for n in (3, 40)]
-    head = f'lemke@head={{interpreter="{sys.executable}", env={{MARK="1"}}}}'
-    done = _run(bench.folder, *paths, *[a for s in ("cpp-pgs*", "lemke", head) for a in ("-s", s)], "-o", "r.sqlite")
+    done = _run(
+        bench.folder, *paths, *[a for s in ("cpp-pgs*", "lemke", "lemke@head") for a in ("-s", s)], "-o", "r.sqlite"
+    )
     assert done.returncode == 0, done.stderr
     table = bench.store().table()
     assert sorted(set(table.solver)) == ["cpp-pgs", "cpp-pgs@debug", "lemke", "lemke@head"]

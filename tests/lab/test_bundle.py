@@ -446,7 +446,6 @@ def test_links_doubles_and_bombs_are_refused(tmp_path: Path) -> None:
         ('[solver.x]\nnode = "lcp"\nserve = "touch evil"', "plan.toml: solver: no bundle has that"),
         ('output = "../evil"', "plan.toml: output: no bundle has that"),
         ('cluster = "evil.toml"', "plan.toml: cluster: no bundle has that"),
-        ('[[set]]\nproblems = ["p.h5"]\nsolvers = ["lemke@x={interpreter=\\"./evil\\"}"]', "starts a program"),
         ('[[set]]\nproblems = ["../evil.h5"]\nsolvers = ["lemke"]', "is not in the bundle"),
         ('[[set]]\nproblems = ["/etc"]\nsolvers = ["lemke"]', "is not in the bundle"),
         ('[[set]]\nproblems = ["p.h5"]', "solvers: is not a list of names"),

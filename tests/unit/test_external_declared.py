@@ -178,20 +178,19 @@ def test_variants_are_their_base_by_another_build(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_a_variant_on_the_command_line() -> None:
-    text = 'psor@blas={env={A="1,2", B="[x]"}}'
-    assert [entry.label for entry in grids.grid(text)] == ["psor@blas"]
-    assert plan.parse_entry(text).label == "psor@blas"
+def test_a_variant_has_the_options_of_its_solver() -> None:
+    declared.declare("psor@blas", {"env": {"A": "1,2"}}, "here")
+    assert plan.parse_entry("psor@blas").label == "psor@blas"
     assert [entry.label for entry in grids.grid("psor@blas[omega=1|1.5]")] == [
         "psor@blas[omega=1.0]",
         "psor@blas[omega=1.5]",
     ]
-    with pytest.raises(DuplicateName, match="was declared otherwise"):
-        grids.grid('psor@blas={env={A="2"}}')
-    with pytest.raises(CpbenchError, match="is not an inline table of TOML"):
-        grids.grid("psor@b={env=}")
+    with pytest.raises(DuplicateName, match="was declared otherwise in here"):
+        declared.declare("psor@blas", {"env": {"A": "2"}}, "there")
     with pytest.raises(CpbenchError, match="unknown solver 'psro'"):
-        grids.grid('psro@b={env={A="1"}}')
+        declared.declare("psro@b", {"env": {"A": "1"}}, "here")
+    with pytest.raises(CpbenchError, match="unknown solver 'psor@b="):
+        grids.grid('psor@b={env={A="1"}}')
 
 
 @pytest.mark.needs("cpbench_solvers")

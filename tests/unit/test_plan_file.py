@@ -169,7 +169,15 @@ def test_bytes_that_are_no_text_and_files_that_are_not_there(tmp_path) -> None:
 def test_every_key_is_read_and_most_are_options() -> None:
     assert set(plan_file.READERS) == {*SET_KEYS, *RUN_KEYS}
     options = {p.name for p in command.params}
-    assert {*SET_KEYS, *RUN_KEYS} - options == {"name", "facets", "format", "measure", "repeat_below", "report", "threads"}
+    assert {*SET_KEYS, *RUN_KEYS} - options == {
+        "name",
+        "facets",
+        "format",
+        "measure",
+        "repeat_below",
+        "report",
+        "threads",
+    }
     shown = {name for names in SECTIONS.values() for name in names} | {"problems"}
     assert {p.name for p in command.params} <= shown, "every option has its section in the help"
 

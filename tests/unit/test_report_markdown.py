@@ -263,8 +263,8 @@ def test_an_order_that_a_third_solver_decides_is_reported(tmp_path: Path) -> Non
 def test_commands_load_the_file_that_a_solver_comes_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     sheets = {
-        "mine": {"name": "mine", "plugin": f"{tmp_path}/mine.toml", "written": "mine"},
-        "pgs@x": {"name": "pgs@x", "plugin": "", "written": 'pgs@x={env={A="1"}}'},
+        "mine": {"name": "mine", "plugin": f"{tmp_path}/mine.toml"},
+        "pgs@x": {"name": "pgs@x", "plugin": f"{tmp_path}/other.toml", "variant_of": ""},
     }
     text = report(
         table(row("p", "mine", "error"), row("p", "pgs@x", "crash", key="2", request="exact")),
@@ -272,7 +272,7 @@ def test_commands_load_the_file_that_a_solver_comes_from(tmp_path: Path, monkeyp
         solvers=sheets,
     )
     assert "-s mine --tolerance 1e-06 --timeout 10s --plugin mine.toml`" in text
-    assert """-s 'pgs@x={env={A="1"}}' --tolerance""" in text
+    assert "-s pgs@x --tolerance 1e-06 --timeout 10s --plugin other.toml`" in text
 
 
 def test_commands_name_the_route() -> None:

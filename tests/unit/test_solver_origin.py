@@ -1,5 +1,4 @@
-"""What makes a solver known to another command: a file to load, or the words of the command line that declared it.
-And whether it comes with cpbench."""
+"""What makes a solver known to another command: a file to load. And whether it comes with cpbench."""
 
 from __future__ import annotations
 
@@ -19,31 +18,19 @@ def _nothing_declared(monkeypatch: pytest.MonkeyPatch) -> None:
     solvers.discover()
     monkeypatch.setattr(solvers, "_items", dict(solvers._items))
     monkeypatch.setattr(declared, "_declared", {})
-    monkeypatch.setattr(declared, "_texts", {})
     monkeypatch.delenv(registry.DECLARED, raising=False)
 
 
 @pytest.mark.needs("cpbench_solvers")
 def test_solvers_of_cpbench_need_no_file() -> None:
-    assert declared.origin("pgs") == ("", "pgs")
+    assert declared.origin("pgs") == ""
 
 
 def test_a_declared_solver_comes_from_its_file(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text("[solver.mine]\nnode = 'lcp'\nserve = 'true'\n[solver.'mine@b']\nserve = 'false'\n")
     declared.declare_file(path)
-    assert declared.origin("mine") == (str(path), "mine")
-    assert declared.origin("mine@b") == (str(path), "mine@b")
-    text = "mine@c={serve='cat'}"
-    assert declared.declare_text(text) == "mine@c"
-    assert declared.origin("mine@c") == (str(path), text)
-
-
-@pytest.mark.needs("cpbench_solvers")
-def test_a_variant_of_the_command_line_is_written_out() -> None:
-    text = 'pgs@x={env={A="1"}}'
-    declared.declare_text(text)
-    assert declared.origin("pgs@x") == ("", text)
+    assert declared.origin("mine") == declared.origin("mine@b") == str(path)
 
 
 def test_a_plugin_is_neither_a_native_solver_nor_an_adapter() -> None:

@@ -5,7 +5,7 @@
     auto                                      the automatic choice for each problem, whatever its formulation
     all                                       every solver, those too that a run takes only when they are named
     nsgs[omega=0.8:1.4:0.2,shuffle=true|false]   4 x 2 entries: a range with its end and step, a list
-    nsgs@head={interpreter="/opt/head/bin/python"}   a variant, declared by this text: the same solver, another build
+    nsgs@head                                 a variant that a plan file or a plugin declares: another build
 
 Numbers of a range are decimal: 0.8:1.4:0.2 is 0.8, 1.0, 1.2, 1.4, whatever binary fractions make of the sum.
 """
@@ -23,7 +23,6 @@ from cpbench.bench.planning.plan import Entry, entry_of
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.foundation import brackets
 from cpbench.solvers.base import solvers
-from cpbench.solvers.external.declared import declare_text
 
 ALL = "all"
 """The name that stands for every solver; without any name a run takes those that are `by_default`."""
@@ -58,9 +57,6 @@ def grid(text: str) -> list[Entry]:
     >>> [entry.label for entry in grid("psor[omega=1:1.4:0.2]")]
     ['psor[omega=1.0]', 'psor[omega=1.2]', 'psor[omega=1.4]']
     """
-    variant = declare_text(text)
-    if variant is not None:
-        return [Entry(variant)]
     pattern, written = brackets.read("solver", text)
     if pattern == AUTO:
         if written:

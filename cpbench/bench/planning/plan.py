@@ -21,7 +21,6 @@ from cpbench.formulations.base import Kind
 from cpbench.foundation import brackets
 from cpbench.graph import nodes_of_maps
 from cpbench.solvers.base import SolverSpec, parse_options, solvers
-from cpbench.solvers.external.declared import declare_text
 from cpbench.solvers.renamed import first_name
 
 if TYPE_CHECKING:
@@ -213,13 +212,7 @@ def parse_request(request: Request) -> tuple[frozenset[Kind], tuple[Conversion, 
 
 
 def parse_entry(text: str) -> Entry:
-    """Return `nsgs` or `nsgs[omega=1.2,shuffle=true]`, or a variant that this declares (`nsgs@head={interpreter=...}`).
-
-    Raises UnknownName on a solver, an option or a value, CpbenchError on a variant.
-    """
-    variant = declare_text(text)
-    if variant is not None:
-        return Entry(variant)
+    """Return `nsgs` or `nsgs[omega=1.2,shuffle=true]`; raises UnknownName on a solver, an option or a value."""
     name, given = brackets.read("solver", text)
     return entry_of(solvers.get(name).spec, given)
 

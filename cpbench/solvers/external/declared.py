@@ -12,9 +12,8 @@
     interpreter = "/opt/head/bin/python"
 
 With ``options`` of its own a variant has those, with their defaults, and no others: a build that knows fewer, or whose
-defaults are others. A variant of the command line is ``mine@head={serve="./build/mine --serve"}``. Whatever is declared
-is put into the environment variable ``CPBENCH_SOLVERS`` too, as JSON {name: table}: the other processes of a run find
-it there.
+defaults are others. Whatever is declared is put into the environment variable ``CPBENCH_SOLVERS`` too, as JSON
+{name: table}: the other processes of a run find it there.
 """
 
 from __future__ import annotations
@@ -52,24 +51,22 @@ MOST = 2**17 - 2**8
 """Bytes of all tables together: Linux starts no process with a longer variable."""
 _declared: dict[str, tuple[Table, str]] = {}
 """Declarations of this process: the table, and its place."""
-_texts: dict[str, str] = {}
-"""The variants of the command line, as they were written there."""
 
 
 def declare(name: str, table: Any, origin: str, folder: str | Path = ".") -> Solver:
     """Register the solver of a table; what was declared before in the same words is there already.
 
-    `origin` is what messages begin with (a file, '' for the command line), `folder` what relative paths in the table
-    are relative to. Raises CpbenchError, in one line with origin, table and key, DuplicateName.
+    `origin` is what messages begin with (a file), `folder` what relative paths in the table are relative to. Raises
+    CpbenchError, in one line with origin, table and key, DuplicateName.
     """
-    place = f"{origin}: [solver.{_quoted(name)}]" if origin else f"[solver.{_quoted(name)}]"
+    place = f"{origin}: [solver.{_quoted(name)}]"
     if not isinstance(table, dict):
         raise CpbenchError(f"{place}: is not a table")
     plain = _placed(_checked(name, table, place), Path(folder).absolute())
     solvers.discover()  # what another process declared is known before it is declared again
     if name in _declared:
         if _declared[name][0] != plain:
-            raise DuplicateName(f"{place}: was declared otherwise {_where(_declared[name][1])}: rename one")
+            raise DuplicateName(f"{place}: was declared otherwise in {_declared[name][1]}: rename one")
         return solvers.get(name)
     base, at, _ = name.partition(AT)
     try:
@@ -131,41 +128,13 @@ def _inherited() -> dict[str, Any]:
     return tables
 
 
-def declare_text(text: str) -> str | None:
-    """Register the variant ``NAME@LABEL={key=value, ...}`` of a command line: its name, None where it is no such text.
-
-    Raises CpbenchError.
-    """
-    name, equals, table = (part.strip() for part in text.partition("="))
-    if not equals or AT not in name or "[" in name or not table.startswith("{"):
-        return None
-    try:
-        tables = tomllib.loads(f"table = {table}")
-    except (ValueError, RecursionError) as cause:
-        reason = str(cause).replace("(at line 1, column", "(column")
-        raise CpbenchError(
-            f"solver '{text}': is not an inline table of TOML, as {{serve=\"./mine\"}}: {reason}"
-        ) from None
-    declare(name, tables["table"], "")
-    _texts[name] = text.strip()
-    return name
-
-
-def origin(name: str) -> tuple[str, str]:
-    """Return what makes a solver known to another command: the file for its --plugin, and what to write for its
-    name, which differs for a variant of the command line. The file is '' for solvers that are known everywhere."""
-    text = _texts.get(name, name)
-    if text != name:
-        name = name.partition(AT)[0]
+def origin(name: str) -> str:
+    """Return the file that another command needs for a solver (--plugin); '' for solvers that are known everywhere."""
     if name in _declared:
-        return _declared[name][1], text
+        return _declared[name][1]
     module = sys.modules.get(type(solvers.get(name)).__module__)
     is_plugin = module is not None and module.__name__.startswith(PLUGIN_MODULE)
-    return (str(module.__file__) if module is not None and is_plugin else ""), text
-
-
-def _where(origin: str) -> str:
-    return f"in {origin}" if origin else "on the command line"
+    return str(module.__file__) if module is not None and is_plugin else ""
 
 
 # --------------------------------------------------------------------------------------------- the table
