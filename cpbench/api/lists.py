@@ -15,7 +15,7 @@ from cpbench.conversions import conversions
 from cpbench.formulations import formulations
 from cpbench.generators.collection import builtin_folder
 from cpbench.graph import edges
-from cpbench.report.graph_drawing import promise
+from cpbench.graph.routes import promise
 from cpbench.solvers.base import Solver, SolverSpec, solvers
 
 

@@ -81,8 +81,6 @@ def _of_class(kind: type[Problem]) -> Iterator[NodeTrait]:
     terms = [f"{vector}: {'+' if sign > 0 else '-'} {name} {part}" for vector, sign, name, part in kind.terms]
     without = "explain shifts no matrix of it; reduce holds what it leaves out at 0"
     yield NodeTrait("terms", PRESENT if terms else MISSING, ", ".join(terms) or without)
-    place = vars(kind).get("map_place")
-    yield NodeTrait("map_place", PRESENT if place else DERIVED, f"at {place}" if place else "in the row below the map")
     many = f"{kind.primal}, beside multipliers" if kind.primal else "none: all of an answer is compared"
     yield NodeTrait("primal", PRESENT if kind.primal else DERIVED, many)
 

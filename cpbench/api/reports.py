@@ -86,21 +86,3 @@ def report_file(
             store, folder, title, run, data=data, comparison=comparison, changed=changed, **choices
         )
         return files, [*notes, *changed]
-
-
-def write_tex(results: Path, folder: Path, title: str, facets: Sequence[str], **choices: bool) -> Path:
-    """Write the report of a results file as one LaTeX document; returns its file.
-
-    Parameters
-    ----------
-    facets : profiles by `family`, `tolerance`, or both. choices : `publishable`, `with_imported`, `count_stationary`.
-    """
-    from cpbench.bench.results.citations import citations
-    from cpbench.foundation.extensions import hook
-
-    write_document = hook("write_document")
-    with sealed(results) as store:
-        require_folder(folder)
-        run, cited = RunTable.of(store.table(), store.meta()), citations(store)
-        run = replace(run, meta={**run.meta, "changed": problem_files.changed(store)})
-        return write_document(run, folder, title, citations=cited, facets=tuple(facets), **choices)

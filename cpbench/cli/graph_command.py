@@ -1,23 +1,29 @@
-"""Show the conversions between formulations, as text or as a drawing, or check them all."""
+"""Show the conversions between formulations, with the solvers on each, as text or Mermaid, or check them all."""
 
 from __future__ import annotations
 
+import re
 import sys
-from pathlib import Path
+from collections.abc import Iterable
 
 import click
-from click.core import ParameterSource
 
 from cpbench.cli.options import Command, ListOption, kinds_option
-from cpbench.cli.terminal import fitted, print_lines, replaced
-from cpbench.cli.types import PATH, POSITIVE
+from cpbench.cli.terminal import fitted, print_lines
+from cpbench.cli.types import POSITIVE
+from cpbench.conversions import Conversion
 from cpbench.formulations import Kind, formulations
-from cpbench.report.graph_drawing import FORMATS, draw
+from cpbench.graph import best_kind, edges
+from cpbench.graph.routes import promise
+from cpbench.solvers.base import solvers
+
+FORMATS = ("text", "mermaid")
+WRAP = 3
+"""Solvers a line in the box of a node."""
 
 
 @click.command(cls=Command)
 @click.option("--format", "form", type=click.Choice(FORMATS), default="text", show_default=True, help="Output form.")
-@click.option("-o", "--output", type=PATH, help="File of a drawing (.svg, .png or .pdf) instead of text.")
 @click.option(
     "--check",
     is_flag=True,
@@ -28,10 +34,8 @@ from cpbench.report.graph_drawing import FORMATS, draw
     "--tolerance", "-t", type=POSITIVE, default=1e-9, show_default=True, help="Largest error on a source, for --check."
 )
 @kinds_option("all")
-def command(
-    form: str, output: Path | None, check: bool, nodes: tuple[str, ...], tolerance: float, kinds: frozenset[Kind]
-) -> None:
-    """Show the formulations, the conversions between them and the solvers on each, as text or in a drawing.
+def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, kinds: frozenset[Kind]) -> None:
+    """Show the formulations, the conversions between them and the solvers on each, as text or as a diagram.
 
     With --check, print the matrix of residuals. For every ordered pair of formulations that equivalent conversions
     connect, problems with a known solution are converted, written to a file and solved, and the answer is lifted with
@@ -39,17 +43,6 @@ def command(
     """
     for node in nodes:
         formulations.get(node)
-    if output is not None:
-        if check or click.get_current_context().get_parameter_source("form") is not ParameterSource.DEFAULT:
-            raise click.UsageError("-o draws a map: leave --check and --format out")
-        from cpbench.report import canvas
-        from cpbench.report.graph_map import graph_drawing
-
-        before = [output] if output.exists() else []
-        with canvas.drawing():
-            canvas.write(graph_drawing(kinds), output)
-        print_lines([f"graph: {replaced(output, before)}"])
-        return
     if not check:
         drawn = draw(form, kinds).splitlines()
         print_lines(fitted(drawn) if form == "text" else drawn)
@@ -60,3 +53,65 @@ def command(
     print_lines(lines(cells, tolerance))
     if any(cell.exceeds(tolerance) for cell in cells):
         sys.exit(1)
+
+
+def draw(form: str, kinds: frozenset[Kind]) -> str:
+    """Draw the nodes, and the edges that may be of one of `kinds`, in one of FORMATS."""
+    shown = [edge for edge in edges() if best_kind(edge) in kinds]
+    return _mermaid(shown) if form == "mermaid" else _text(shown)
+
+
+def solvers_of(node: str, *, usual: bool = False) -> list[str]:
+    """Return the names of the registered solvers of a node, with `usual` of those that run by default; one that drops a
+    term of the law is marked.
+    """
+    specs = [solver.spec for solver in solvers if solver.spec.node == node and (solver.spec.by_default or not usual)]
+    return [spec.name if spec.kind.exact else f"{spec.name} ({spec.kind})" for spec in specs]
+
+
+def _text(shown: list[Conversion]) -> str:
+    wide = max((len(edge.name) for edge in shown), default=0)
+    across = max(len(name) for name in formulations.names())
+    loops = sum(edge.source == edge.target for edge in shown)
+    alone = f", {loops} of them from a node to itself (taken only with --via)" if loops else ""
+    lines = [f"{len(formulations)} formulations, {len(shown)} conversions{alone}, {len(solvers)} solvers"]
+    for cls in formulations:
+        lines.append(f"{cls.node}: {cls.title} {cls.equation}".rstrip())
+        lines.append(f"  solvers: {', '.join(solvers_of(cls.node)) or 'none'}")
+        lines += [
+            f"  -> {edge.target:<{across}}  {edge.name:<{wide}}  {promise(edge)}  {edge.equation}".rstrip()
+            for edge in _by_target(shown, cls.node)
+        ]
+    return "\n".join(lines)
+
+
+def _mermaid(shown: list[Conversion]) -> str:
+    lines = ["flowchart LR"]
+    lines += [f'  {_id(name)}["{"<br/>".join(_box(name))}"]' for name in formulations.names()]
+    for edge in shown:
+        arrow = "-->" if best_kind(edge).exact else "-.->"
+        lines.append(f'  {_id(edge.source)} {arrow}|"{"<br/>".join(_words(edge))}"| {_id(edge.target)}')
+    return "\n".join(lines)
+
+
+def _by_target(shown: Iterable[Conversion], source: str) -> list[Conversion]:
+    return sorted((edge for edge in shown if edge.source == source), key=lambda e: (e.target, e.name))
+
+
+def _box(node: str) -> list[str]:
+    """Return the lines of a node's box: its name, then its solvers; those that run only when they are named are
+    counted.
+    """
+    names = solvers_of(node, usual=True)
+    more = len(solvers_of(node)) - len(names)
+    lines = [node, *(", ".join(names[k : k + WRAP]) for k in range(0, len(names), WRAP))]
+    return [*lines, f"and {more} more"] if more else lines
+
+
+def _words(edge: Conversion) -> list[str]:
+    return [edge.name, f"{promise(edge)} {edge.equation}".rstrip()]
+
+
+def _id(node: str) -> str:
+    """Return a name that Mermaid takes for a node, which is none of its words, such as `end`."""
+    return "node_" + re.sub(r"\W", "_", node)

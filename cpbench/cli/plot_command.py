@@ -60,7 +60,7 @@ class Kinds(click.Group):
             with formatter.section(one[1]):
                 formatter.write_dl(own)
         with formatter.section("No figure"):
-            formatter.write_dl([(TABLE, "The rankings of a run as a table for a paper: LaTeX, Markdown or CSV.")])
+            formatter.write_dl([(TABLE, "The rankings of a run as a table for a paper: Markdown or CSV.")])
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
         if args and args[0] not in (*_kinds(), TABLE):

@@ -26,7 +26,7 @@ from cpbench.storage.base import write_atomic
 def command(results: Path, form: str, node: str | None, publishable: bool, output: Path | None, force: bool) -> None:
     """Write the rankings of a run as a table with digits, to be pasted.
 
-    tex needs the package booktabs. Times are in milliseconds, in csv in seconds and with all digits.
+    Times are in milliseconds, in csv in seconds and with all digits.
     """
     with sealed(results) as store:
         run = assembled(RunTable.of(store.table(), store.meta()), Path(), publishable=publishable)

@@ -1,4 +1,4 @@
-"""Write the report of a results file: HTML, Markdown and figures, or LaTeX."""
+"""Write the report of a results file: HTML, Markdown, figures and rows."""
 
 from __future__ import annotations
 
@@ -16,17 +16,6 @@ from cpbench.errors import UnknownName
 @click.argument("results", type=PATH)
 @click.option("-o", "--output", type=PATH, help="Folder of the report; default: reports/NAME.")
 @click.option("--title", help="Title of the report; default: name of the results file.")
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["html", "tex"]),
-    default="html",
-    show_default=True,
-    help="Form of the report; html: with Markdown and figures; tex: one LaTeX document, numbers as macros, refs.bib.",
-)
-@click.option(
-    "--facet", "facets", cls=ListOption, metavar="NAMES", help="Profiles of tex by family, tolerance, or both."
-)
 @click.option(
     "--baseline",
     type=PATH,
@@ -47,32 +36,21 @@ def command(
     results: Path,
     output: Path | None,
     title: str | None,
-    form: str,
-    facets: tuple[str, ...],
     baseline: Path | None,
     publishable: bool,
     data: tuple[str, ...],
     with_imported: bool,
     count_stationary: bool,
 ) -> None:
-    """Write the report of a results file: one HTML file that works offline, Markdown, figures, rows; or LaTeX."""
+    """Write the report of a results file: one HTML file that works offline, Markdown, figures, rows."""
     choices = {"publishable": publishable, "with_imported": with_imported, "count_stationary": count_stationary}
     folder, name = output or Path("reports") / results.stem, title or results.stem
     from cpbench.api import reports
     from cpbench.report import row_files
 
-    if form == "tex":
-        if baseline is not None or data:
-            flag = "--data" if baseline is None else "--baseline"
-            raise click.UsageError(f"{flag} is of the report as HTML and Markdown: leave --format tex out")
-    elif facets:
-        raise click.UsageError("--facet is of the LaTeX document: add --format tex")
     for unknown in [name for name in data if name not in row_files.FORMATS]:
         raise UnknownName("format of rows", unknown, row_files.FORMATS)
     before = list(folder.iterdir()) if folder.is_dir() else []
-    if form == "tex":
-        files, remarks = [reports.write_tex(results, folder, name, facets, **choices)], []
-    else:
-        files, remarks = reports.report_file(results, folder, name, baseline, data or None, **choices)
+    files, remarks = reports.report_file(results, folder, name, baseline, data or None, **choices)
     print_lines(f"report: {replaced(path, before)}" for path in files)
     print_lines(remarks, err=True)

@@ -1,4 +1,4 @@
-"""Show a problem in numbers or as block structure, with its equations; also as LaTeX."""
+"""Show a problem in numbers or as block structure, with its equations."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from cpbench.cli.options import (
 )
 from cpbench.cli.types import ADDRESS
 from cpbench.formulations import Kind
-from cpbench.report import show, show_tex
+from cpbench.report import show
 
 
 @click.command(cls=Command)
@@ -27,7 +27,6 @@ from cpbench.report import show, show_tex
 @via_option
 @facets_option
 @angle_option
-@click.option("--tex", is_flag=True, help="Print a LaTeX fragment (amsmath).")
 @kinds_option()
 @format_option
 def command(
@@ -36,7 +35,6 @@ def command(
     via: tuple[str, ...],
     facets: int,
     angle: float,
-    tex: bool,
     kinds: frozenset[Kind],
     file_format: str | None,
 ) -> None:
@@ -46,11 +44,11 @@ def command(
     file the command shows which solver to use, as at the end of the run.
     """
     if is_results_file(source):
-        if node or via or tex or file_format:
+        if node or via or file_format:
             raise click.UsageError("a results file is shown without options; its report: cpbench report")
         print_results(source)
         return
     require_with_via(via)
     problem = load(source, format=file_format)
     problem = convert(problem, node, via, kinds=kinds, knobs={"facets": facets, "angle": angle}).problem
-    click.echo(show_tex.fragment(problem) if tex else show.text(problem))
+    click.echo(show.text(problem))

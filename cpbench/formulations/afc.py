@@ -33,7 +33,6 @@ class AnisotropicFrictionContact(LocalContact):
         "K* ∋ û ⟂ r ∈ K = {‖(r₁/μ₁, r₂/μ₂)‖ ≤ r_N}",
     )
     point_type: ClassVar[type[Point]] = FCPoint
-    map_place: ClassVar[tuple[float, float]] = (1.0, 0.0)
     dimensions: ClassVar[tuple[int, ...]] = (3,)
 
     W: Matrix = matrix_field("m", "m")

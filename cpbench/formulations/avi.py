@@ -66,7 +66,6 @@ class AVI(AffineProblem):
         ("b", -1, "A", "z"),
         ("d", -1, "C", "z"),
     )
-    map_place: ClassVar[tuple[float, float]] = (6.45, 2.2)
 
     M: Matrix = matrix_field("n", "n")
     q: Vector = vector_field("n")

@@ -241,8 +241,6 @@ class Problem(ABC):
     """The unknowns among the parts of a point whose other parts are multipliers; "" where there are no multipliers."""
     terms: ClassVar[tuple[Term, ...]] = ()
     """The products of its affine rows; () where rows are nonlinear."""
-    map_place: ClassVar[tuple[float, float] | None] = None
-    """Place on the map of formulations, columns from mechanics to mathematics; None: in the row below."""
 
     notebook_view: ClassVar[Callable[[Any], str] | None] = None
     """Makes the HTML that a notebook shows, where something above has set it: pictures are not made down here."""

@@ -47,7 +47,6 @@ class ConeQP(ConicProblem):
     point_type: ClassVar[type[Point]] = ConeQPPoint
     primal: ClassVar[str] = "x"
     terms: ClassVar[tuple[Term, ...]] = (("p", 1, "Q", "x"), ("p", -1, "Aᵀ", "y"), ("b", 1, "A", "x"))
-    map_place: ClassVar[tuple[float, float]] = (2.0, 5.0)
     cone_rows: ClassVar[str] = "b"
 
     Q: Matrix = matrix_field("n", "n")

@@ -39,7 +39,6 @@ class CP(NonlinearProblem, ConicProblem):
     equation: ClassVar[str] = "(17)"
     relations: ClassVar[tuple[str, ...]] = ("C ∋ x ⟂ F(x) ∈ C*", "C = {x ∈ K : Ax ≥ 0}")
     point_type: ClassVar[type[Point]] = CPPoint
-    map_place: ClassVar[tuple[float, float]] = (3.1, 3.5)
     cone_rows: ClassVar[str] = "start"
 
     F: Map = map_field("n", "n")

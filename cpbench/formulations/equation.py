@@ -30,7 +30,6 @@ class Equation(NonlinearProblem):
     equation: ClassVar[str] = "(31)"
     relations: ClassVar[tuple[str, ...]] = ("F(z) = 0",)
     point_type: ClassVar[type[Point]] = EquationPoint
-    map_place: ClassVar[tuple[float, float]] = (5.9, 0.4)
 
     F: Map = map_field("n", "n")
     start: Vector = vector_field("n", fill=0.0)

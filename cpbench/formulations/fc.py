@@ -24,7 +24,6 @@ class FrictionContact(LocalContact):
     equation: ClassVar[str] = "P_L"
     relations: ClassVar[tuple[str, ...]] = ("u = Wr + q", "û = u + μ‖u_T‖e_N", "K*_μ ∋ û ⟂ r ∈ K_μ")
     point_type: ClassVar[type[Point]] = FCPoint
-    map_place: ClassVar[tuple[float, float]] = (2.0, 1.55)
     no_slip: ClassVar[str] = (
         "with T its tangential rows, use fcm with mu = 0 there, V = W[:, T], R = W[T, T], s = q[T], whose lam is r_T; "
         "where no other contact has friction, mlcp with A = W[T, T], C = W[T, N], D = W[N, T], B = W[N, N]"

@@ -51,7 +51,6 @@ class MixedFrictionContact(DelassusContact):
         ("s", 1, "Vᵀ", "r"),
         ("s", 1, "R", "lam"),
     )
-    map_place: ClassVar[tuple[float, float]] = (1.0, 2.6)
 
     W: Matrix = matrix_field("m", "m")
     V: Matrix = matrix_field("m", "p")

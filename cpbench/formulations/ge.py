@@ -34,7 +34,6 @@ class GE(SimpleSetProblem):
     equation: ClassVar[str] = "(27)"
     relations: ClassVar[tuple[str, ...]] = ("0 ∈ F(z) + N_S(z)", "S = {z ∈ K : lb ≤ z ≤ ub}")
     point_type: ClassVar[type[Point]] = GEPoint
-    map_place: ClassVar[tuple[float, float]] = (5.2, 3.3)
 
     F: Map = map_field("n", "n")
     lb: Vector = vector_field("n", finite=False, fill=-np.inf)

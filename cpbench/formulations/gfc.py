@@ -29,7 +29,6 @@ class GlobalFrictionContact(GlobalContact):
         "K*_μ ∋ û ⟂ r ∈ K_μ",
     )
     point_type: ClassVar[type[Point]] = GFCPoint
-    map_place: ClassVar[tuple[float, float]] = (0.0, 1.6)
     no_slip: ClassVar[str] = (
         "with T its tangential rows, set mu = 0 there and append H[:, T] to G and w[T] to b, so that lam has its r_T"
     )

@@ -29,7 +29,6 @@ class GlobalRollingFrictionContact(GlobalContact):
         "K* ∋ û ⟂ r ∈ K = {‖r_T‖ ≤ μ r_N, ‖m‖ ≤ μ_r r_N}",
     )
     point_type: ClassVar[type[Point]] = GFCPoint
-    map_place: ClassVar[tuple[float, float]] = (0.0, 5.0)
     dimensions: ClassVar[tuple[int, ...]] = (3, 5)
 
     M: Matrix = matrix_field("n", "n")

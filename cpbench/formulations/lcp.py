@@ -44,7 +44,6 @@ class LCP(AffineProblem):
     relations: ClassVar[tuple[str, ...]] = ("0 ≤ z ⟂ w = Mz + q ≥ 0",)
     point_type: ClassVar[type[Point]] = LCPPoint
     terms: ClassVar[tuple[Term, ...]] = (("q", 1, "M", "z"),)
-    map_place: ClassVar[tuple[float, float]] = (4.72, 1.95)
 
     M: Matrix = matrix_field("n", "n")
     q: Vector = vector_field("n")

@@ -44,7 +44,6 @@ class MiCP(NonlinearProblem):
         "lbᵢ < zᵢ < ubᵢ ⇒ Fᵢ(z) = 0",
     )
     point_type: ClassVar[type[Point]] = MiCPPoint
-    map_place: ClassVar[tuple[float, float]] = (3.9, 1.05)
 
     F: Map = map_field("n", "n")
     lb: Vector = vector_field("n", finite=False)

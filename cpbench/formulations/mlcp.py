@@ -47,7 +47,6 @@ class MLCP(Problem):
     relations: ClassVar[tuple[str, ...]] = ("Au + Cv + a = 0", "0 ≤ v ⟂ w = Du + Bv + b ≥ 0")
     point_type: ClassVar[type[Point]] = MLCPPoint
     terms: ClassVar[tuple[Term, ...]] = (("a", 1, "A", "u"), ("a", 1, "C", "v"), ("b", 1, "D", "u"), ("b", 1, "B", "v"))
-    map_place: ClassVar[tuple[float, float]] = (3.15, 0.0)
 
     A: Matrix = matrix_field("n", "n")
     B: Matrix = matrix_field("m", "m")

@@ -33,7 +33,6 @@ class NCP(NonlinearProblem):
     equation: ClassVar[str] = "(19)"
     relations: ClassVar[tuple[str, ...]] = ("0 ≤ z ⟂ F(z) ≥ 0",)
     point_type: ClassVar[type[Point]] = NCPPoint
-    map_place: ClassVar[tuple[float, float]] = (3.25, 2.3)
 
     F: Map = map_field("n", "n")
     start: Vector = vector_field("n", fill=0.0)

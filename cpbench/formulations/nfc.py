@@ -55,7 +55,6 @@ class NonlinearFrictionContact(ContactProblem):
         "K*_μ ∋ û ⟂ r ∈ K_μ",
     )
     point_type: ClassVar[type[Point]] = NFCPoint
-    map_place: ClassVar[tuple[float, float]] = (0.0, 3.2)
     rows_of: ClassVar[str] = "w"
 
     F: Map = map_field("n", "n")

@@ -67,7 +67,6 @@ class NLP(Problem):
     relations: ClassVar[tuple[str, ...]] = ("min f(z)", "g(z) ≥ 0", "h(z) = 0", "lb ≤ z ≤ ub")
     point_type: ClassVar[type[Point]] = NLPPoint
     primal: ClassVar[str] = "z"
-    map_place: ClassVar[tuple[float, float]] = (5.5, 5.0)
 
     f: Map = map_field("1", "n")
     g: Map = map_field("m", "n", optional=True)

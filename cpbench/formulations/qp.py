@@ -58,7 +58,6 @@ class QP(Problem):
         ("b", -1, "A", "z"),
         ("d", -1, "C", "z"),
     )
-    map_place: ClassVar[tuple[float, float]] = (4.6, 5.0)
 
     Q: Matrix = matrix_field("n", "n")
     p: Vector = vector_field("n")

@@ -44,7 +44,6 @@ class QVI(SimpleSetProblem):
         "z ∈ X(z) = {y ∈ K(z) : lower(z) ≤ y ≤ upper(z), g(y, z) ≥ 0}",
     )
     point_type: ClassVar[type[Point]] = QVIPoint
-    map_place: ClassVar[tuple[float, float]] = (1.6, 3.3)
 
     F: Map = map_field("n", "n")
     g: Map = map_field("p", "2n", optional=True)

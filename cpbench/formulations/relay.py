@@ -33,7 +33,6 @@ class Relay(AffineProblem):
     relations: ClassVar[tuple[str, ...]] = ("w = Mz + q", "lb ≤ z ≤ ub", "−w ∈ N_[lb,ub](z)")
     point_type: ClassVar[type[Point]] = LCPPoint
     terms: ClassVar[tuple[Term, ...]] = (("q", 1, "M", "z"),)
-    map_place: ClassVar[tuple[float, float]] = (6.6, 1.0)
 
     M: Matrix = matrix_field("n", "n")
     q: Vector = vector_field("n")

@@ -28,7 +28,6 @@ class RollingFrictionContact(LocalContact):
         "K* ∋ û ⟂ r ∈ K = {‖r_T‖ ≤ μ r_N, ‖m‖ ≤ μ_r r_N}",
     )
     point_type: ClassVar[type[Point]] = FCPoint
-    map_place: ClassVar[tuple[float, float]] = (1.0, 4.5)
     dimensions: ClassVar[tuple[int, ...]] = (3, 5)
 
     W: Matrix = matrix_field("m", "m")

@@ -37,7 +37,6 @@ class SOCLCP(AffineProblem, ConicProblem):
     relations: ClassVar[tuple[str, ...]] = ("K ∋ x ⟂ w = Mx + q ∈ K*",)
     point_type: ClassVar[type[Point]] = SOCLCPPoint
     terms: ClassVar[tuple[Term, ...]] = (("q", 1, "M", "x"),)
-    map_place: ClassVar[tuple[float, float]] = (3.2, 4.5)
     cone_rows: ClassVar[str] = "q"
 
     M: Matrix = matrix_field("n", "n")

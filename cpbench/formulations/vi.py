@@ -32,7 +32,6 @@ class VI(RowsProblem):
     )
     point_type: ClassVar[type[Point]] = VIPoint
     primal: ClassVar[str] = "z"
-    map_place: ClassVar[tuple[float, float]] = (3.95, 4.0)
 
     F: Map = map_field("n", "n")
     g: Map = map_field("p", "n", optional=True)

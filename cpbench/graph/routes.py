@@ -74,6 +74,12 @@ def best_kind(edge: Conversion) -> Kind:
     return getattr(edge, "best_kind", edge.kind)
 
 
+def promise(edge: Conversion) -> str:
+    """Return `equivalent, one-way or necessary` where the promise depends on the problem, else the one word."""
+    kind, best = edge.kind, best_kind(edge)
+    return str(kind) if kind == best else f"{', '.join([best, *edge.between])} or {kind}"
+
+
 def weakest(kinds: Iterable[Kind]) -> Kind:
     """Return what a chain of promises is worth."""
     return max(kinds, key=lambda k: k.rank, default=Kind.EQUIVALENT)

@@ -1,6 +1,6 @@
-r"""The rankings of a run as one table for a paper: LaTeX (booktabs), Markdown, or CSV, every number as digits.
+"""The rankings of a run as tables for a paper: Markdown, or CSV, every number as digits.
 
-LaTeX and Markdown have three digits and times in milliseconds; CSV has every digit, and seconds.
+Markdown has three digits and times in milliseconds; CSV has every digit, and seconds.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from cpbench.analysis.ranking import RankedSolver, Ranking
-from cpbench.report import tex, text
+from cpbench.report import text
 from cpbench.report.text import counted
 
 HEAD = ("solver", "solved", "median [ms]", "× fastest", "error")
@@ -19,15 +19,6 @@ CSV_HEAD = (
     "formulation", "set", "tolerance", "start", "threads", "measure", "solver", "route", "problems", "counted",
     "solved", "lost", "fastest", "median_s", "times_fastest", "error",
 )  # fmt: skip
-
-
-def as_tex(rankings: Sequence[Ranking]) -> str:
-    """Return a `tabular` for \\usepackage{booktabs}, to be pasted into a `table`."""
-    lines = [r"\begin{tabular}{@{}lrrrr@{}}", r"\toprule", f"{' & '.join(map(tex.prose, HEAD))} \\\\"]
-    for ranking in rankings:
-        lines += [r"\midrule", rf"\multicolumn{{{len(HEAD)}}}{{@{{}}l}}{{{tex.prose(_heading(ranking))}}} \\"]
-        lines += [f"{' & '.join([tex.prose(row.solver), *map(_tex_cell, _cells(row))])} \\\\" for row in ranking.rows]
-    return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 
 def as_markdown(rankings: Sequence[Ranking]) -> str:
@@ -54,7 +45,7 @@ def as_csv(rankings: Sequence[Ranking]) -> str:
     return out.getvalue()
 
 
-WRITERS: Mapping[str, Callable[[Sequence[Ranking]], str]] = {"tex": as_tex, "md": as_markdown, "csv": as_csv}
+WRITERS: Mapping[str, Callable[[Sequence[Ranking]], str]] = {"md": as_markdown, "csv": as_csv}
 
 
 def _heading(ranking: Ranking) -> str:
@@ -74,10 +65,3 @@ def _cells(row: RankedSolver) -> tuple[str, ...]:
 def _numbers(row: RankedSolver) -> Iterator[str]:
     for value in (1e3 * row.median, row.factor, row.error):
         yield text.number(value) if math.isfinite(value) else "—"
-
-
-def _tex_cell(cell: str) -> str:
-    """Return a cell as TeX: powers of ten in math mode, a dash where a number is missing."""
-    if cell == "—":
-        return "---"
-    return f"${tex.number(float(cell))}$" if "e" in cell else cell

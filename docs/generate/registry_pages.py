@@ -11,15 +11,15 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+from lecture.graph_map import GUIDE, graph_map
 from page_parts import table, verbatim
 
 from cpbench.conversions import Conversion
 from cpbench.formulations import Problem, formulations
 from cpbench.formulations.exchange import exchanges
 from cpbench.graph import edges
+from cpbench.graph.routes import promise
 from cpbench.report import canvas
-from cpbench.report.graph_drawing import promise
-from cpbench.report.graph_map import GUIDE, graph_map
 from cpbench.report.methods import METHODS
 from cpbench.solvers.base import SolverSpec, Trait, solvers
 from cpbench.storage import formats
@@ -65,7 +65,7 @@ def graph_picture() -> bytes:
     """Return the map of formulations and conversions as SVG."""
     picture = io.BytesIO()
     with canvas.drawing():
-        graph_map()[0].savefig(picture, format="svg")
+        graph_map().savefig(picture, format="svg")
     return picture.getvalue()
 
 

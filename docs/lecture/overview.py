@@ -5,9 +5,9 @@ from __future__ import annotations
 from cpbench.formulations.base import formulations
 from cpbench.graph import edges
 from cpbench.report import canvas
-from cpbench.report.graph_map import GUIDE, graph_map
 from lecture import svg
 from lecture.blocks import Figure, Section, text
+from lecture.graph_map import GUIDE, graph_map
 
 
 def section() -> Section:
@@ -37,5 +37,5 @@ def _map() -> Figure:
     """Boxes and arrows."""
     alt = "A map of formulations from global frictional contact to quadratic programs, with arrows for conversions"
     with canvas.drawing():
-        drawn = svg.inline(graph_map()[0], "fig-map", alt)
+        drawn = svg.inline(graph_map(), "fig-map", alt)
     return Figure(drawn, text(GUIDE), alt)

@@ -12,7 +12,6 @@ from synthetic_results import results_file, suite
 
 from cpbench.analysis.run_table import RunTable
 from cpbench.bench.results.sealed import sealed
-from cpbench.cli.graph_command import command as graph
 from cpbench.cli.plot_command import command as plot
 from cpbench.cli.types import LENGTH
 from cpbench.errors import CpbenchError
@@ -111,11 +110,3 @@ def test_impossible_options_are_refused(results: Path, tmp_path: Path, options: 
 def test_a_length_has_a_unit(text: str) -> None:
     with pytest.raises(Exception, match="is not a length"):
         LENGTH.convert(text, None, None)
-
-
-def test_the_graph_is_drawn_to_a_file(tmp_path: Path) -> None:
-    path = tmp_path / "graph.svg"
-    found = CliRunner().invoke(graph, ["-o", str(path)], catch_exceptions=False)
-    assert found.output == f"graph: {path}\n"
-    assert "formulations and" in path.read_text()
-    assert CliRunner().invoke(graph, ["-o", str(path), "--format", "dot"]).exit_code == 2

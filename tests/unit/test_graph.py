@@ -1,4 +1,4 @@
-"""Routes on made-up graphs against plain enumeration; how often a search converts; the drawings."""
+"""Routes on made-up graphs against plain enumeration; how often a search converts; the diagrams."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from hypothesis import strategies as st
 
 from cpbench import graph
 from cpbench.cli import main
+from cpbench.cli.graph_command import draw, solvers_of
 from cpbench.conversions import Conversion
 from cpbench.errors import NoRoute
 from cpbench.formulations import Kind, Problem
 from cpbench.formulations.base import Point, Residuals, formulations, vector_field
 from cpbench.foundation.matrices import Vector
 from cpbench.graph import routes
-from cpbench.report.graph_drawing import draw, solvers_of
 
 SIZE, EDGES = 14, 35
 
@@ -292,80 +292,7 @@ def test_mermaid_has_a_line_for_every_node_and_edge():
     assert drawn == {(e.name, e.source, e.target, graph.best_kind(e).exact) for e in graph.edges()}
 
 
-class Dot:
-    """A recursive-descent parser of the DOT language as its manual defines it, without subgraphs, ports and HTML."""
-
-    TOKEN = re.compile(r'\s*(->|[{}\[\];=,]|"(?:[^"\\]|\\.)*"|[A-Za-z_]\w*|-?(?:\.\d+|\d+(?:\.\d*)?))')
-
-    def __init__(self, text: str) -> None:
-        self.tokens, at = [], 0
-        while text[at:].strip():
-            found = self.TOKEN.match(text, at)
-            assert found, text[at : at + 40]
-            self.tokens.append(found[1])
-            at = found.end()
-        self.nodes: dict[str, dict[str, str]] = {}
-        self.arrows: list[tuple[str, str, dict[str, str]]] = []
-
-    def take(self, expected: str | None = None) -> str:
-        token = self.tokens.pop(0)
-        assert expected is None or token == expected, (token, expected)
-        return token
-
-    def name(self) -> str:
-        token = self.take()
-        assert re.match(r'["A-Za-z_\d.-]', token), token
-        assert token not in ("node", "edge", "graph", "digraph", "subgraph", "strict"), token
-        return token.strip('"')
-
-    def attributes(self) -> dict[str, str]:
-        found = {}
-        while self.tokens[0] == "[":
-            self.take("[")
-            while self.tokens[0] != "]":
-                key = self.name()
-                self.take("=")
-                found[key] = self.name()
-                if self.tokens[0] in ",;":
-                    self.take()
-            self.take("]")
-        return found
-
-    def parse(self) -> Dot:
-        self.take("digraph")
-        self.name()
-        self.take("{")
-        while self.tokens[0] != "}":
-            if self.tokens[0] in ("node", "edge", "graph"):
-                self.take()
-                self.attributes()
-            else:
-                self.statement(self.name())
-            self.take(";")
-        self.take("}")
-        assert not self.tokens
-        return self
-
-    def statement(self, first: str) -> None:
-        if self.tokens[0] == "=":
-            self.take("=")
-            self.name()
-        elif self.tokens[0] == "->":
-            self.take("->")
-            second = self.name()
-            self.arrows.append((first, second, self.attributes()))
-        else:
-            self.nodes[first] = self.attributes()
-
-
-def test_dot_is_dot():
-    drawn = Dot(draw("dot", graph.ALL)).parse()
-    assert list(drawn.nodes) == formulations.names()
-    found = {(a, b, said["label"].split("\\n")[0], said["style"] == "solid") for a, b, said in drawn.arrows}
-    assert found == {(e.source, e.target, e.name, graph.best_kind(e).exact) for e in graph.edges()}
-
-
-@pytest.mark.parametrize("form", ["text", "mermaid", "dot"])
+@pytest.mark.parametrize("form", ["text", "mermaid"])
 def test_the_command_draws(monkeypatch, capsys, form):
     monkeypatch.setattr("sys.argv", ["cpbench", "graph", "--format", form, "--routes", "all"])
     main()

@@ -61,7 +61,7 @@ def test_a_list_of_formulations_is_detected(tmp_path: Path) -> None:
 @pytest.mark.parametrize("node", formulations.names())
 def test_every_formulation_has_what_the_judge_and_the_checks_need(node: str) -> None:
     states = {trait.name: trait.state for trait in node_traits(node)}
-    for trait in ("relations", "data", "rows for the judge", "generator", "planted cases", "map_place"):
+    for trait in ("relations", "data", "rows for the judge", "generator", "planted cases"):
         assert states[trait] == PRESENT, trait
     assert states["file"] == DERIVED
 
@@ -82,7 +82,7 @@ def test_an_entry_is_not_replaced() -> None:
 def test_the_doctor_says_what_a_new_formulation_lacks(tmp_path: Path) -> None:
     before, after = _doctor(tmp_path, SLIDING), _doctor(tmp_path, SLIDING + ENTERED)
     assert before["rows for the judge"] == MISSING
-    assert before["planted cases"] == before["map_place"] == DERIVED
+    assert before["planted cases"] == DERIVED
     assert before["terms"] == before["data"] == before["generator"] == PRESENT
     assert after == before | {"rows for the judge": PRESENT, "planted cases": PRESENT}
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 from pathlib import Path
 
 import pandas as pd
@@ -29,18 +28,6 @@ def written(results: Path, *options: str) -> str:
     done = CliRunner().invoke(cli, ["plot", "table", str(results), *options], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     return done.output
-
-
-def test_latex_has_digits_and_escapes_and_no_macro(results: Path) -> None:
-    """2 ms and 50 ms, four of four and three of four, 25 times the fastest on those."""
-    text = written(results, "--format", "tex")
-    assert r"fast\_one & 4 of 4 & 2 & 1 & $4\cdot 10^{-9}$ \\" in text
-    assert r"slow\% & 3 of 4 & 50 & 25 & $2.5\cdot 10^{-7}$ \\" in text
-    assert r"lcp: 4 problems, tolerance 1e-06, cold start" in text
-    known = {r"\begin", r"\end", r"\toprule", r"\midrule", r"\bottomrule", r"\multicolumn", r"\cdot", r"\ensuremath"}
-    assert set(re.findall(r"\\[a-zA-Z]+", text)) <= known | {r"\times"}
-    assert text.count(r"\begin{tabular}") == text.count(r"\end{tabular}") == 1
-    assert {line.count("&") for line in text.splitlines() if "&" in line} == {4}
 
 
 def test_csv_has_every_digit(results: Path) -> None:

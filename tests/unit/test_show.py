@@ -1,10 +1,8 @@
-"""What `cpbench show` prints: numbers, structure, laws and history; LaTeX that other parsers accept."""
+"""What `cpbench show` prints: numbers, structure, laws and history."""
 
 from __future__ import annotations
 
 import re
-import shutil
-import subprocess
 from dataclasses import fields
 from pathlib import Path
 
@@ -12,7 +10,6 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from click.testing import CliRunner
-from matplotlib.mathtext import MathTextParser
 
 from cpbench import storage
 from cpbench.cli import cli
@@ -22,7 +19,7 @@ from cpbench.formulations.base import counted
 from cpbench.formulations.contact import ContactProblem
 from cpbench.formulations.expressions import Builder, Map, Operator
 from cpbench.foundation.product_cones import Cone
-from cpbench.report import show, show_tex, tex
+from cpbench.report import show
 
 
 def run(*arguments: object) -> str:
@@ -122,61 +119,6 @@ def test_every_formulation_can_be_shown(node: str, size: int) -> None:
     for name in (*problem.data(), *problem.point_sizes):
         assert re.search(rf"\b{name}\b", said)
     assert ("empty" in said) == (size == 0)
-    fragment = show_tex.fragment(problem)
-    _check_tex(fragment)
-    assert ("array" in fragment) == (size == 2)
-
-
-def _check_tex(fragment: str) -> None:
-    """ASCII, environments and braces closed, every row of an array as wide as its declaration."""
-    assert fragment.isascii(), [c for c in fragment if not c.isascii()]
-    opened: list[str] = []
-    for kind, name in re.findall(r"\\(begin|end)\{([a-z*]+)\}", fragment):
-        if kind == "begin":
-            opened.append(name)
-        else:
-            assert opened.pop() == name
-    assert not opened
-    bare = fragment.replace(r"\{", "").replace(r"\}", "")
-    assert bare.count("{") == bare.count("}")
-    assert fragment.count(r"\left") == fragment.count(r"\right")
-    for columns, body in re.findall(r"\\begin\{array\}\{(r+)\}(.*?)\\end\{array\}", fragment):
-        assert {row.count("&") + 1 for row in body.split(r"\\")} == {len(columns)}
-
-
-@pytest.mark.parametrize("node", formulations.names())
-def test_laws_are_parsed_by_matplotlib(node: str) -> None:
-    """mathtext is a TeX parser of its own: it refuses unknown commands and double scripts."""
-    cls = formulations.get(node)
-    parser = MathTextParser("path")
-    for relation in show.relations(cls):
-        parser.parse(f"${tex.law(relation, [f.name for f in cls._data_fields()])}$")
-
-
-@pytest.mark.parametrize(
-    ("relation", "expected"),
-    [
-        ("0 ≤ z ⟂ w = Mz + q ≥ 0", r"0 \leq z \perp w = Mz + q \geq 0"),
-        ("û = u + μ‖u_T‖e_N", r"\hat{u} = u + \mu\|u_{T}\|e_{N}"),
-        ("K*_μ ∋ û ⟂ r ∈ K_μ", r"K^{*}_{\mu} \ni \hat{u} \perp r \in K_{\mu}"),
-        ("Gᵀv + b = 0", r"G^{\top}v + b = 0"),
-        ("A⁻¹x₁ − λv", r"A^{-1}x_{1} - \lambda v"),
-        ("−w ∈ N_[lb,ub](z)", r"-w \in N_{[lb,ub]}(z)"),
-        ("X = {z : Az ≥ b}", r"X = \{z : Az \geq b\}"),
-        ("for all y ∈ X", r"\text{ for }\text{ all }y \in X"),
-    ],
-)
-def test_laws_in_latex(relation: str, expected: str) -> None:
-    assert tex.law(relation).replace(" ", "") == expected.replace(" ", "")
-
-
-ODD = ("Größe 字 ⟨x⟩ \U0001f600", "αΑ ωΩ Γ Ε λx", "_ ^ ~ \\ { } % # & $", "x² ~ ᵀ₀")
-
-
-@pytest.mark.parametrize("text", ODD)
-def test_any_character_becomes_latex(text: str) -> None:
-    assert tex.prose(text).isascii()
-    assert tex.law(text).isascii()
 
 
 def test_every_law_is_declared() -> None:
@@ -200,9 +142,6 @@ def test_facets_say_the_angle_to_expect(tmp_path: Path, facets: int) -> None:
     assert said.startswith("lcp: ")
     assert "(47)-(48), approximate, from fc" in said
     assert f"180°/{facets} = {180 / facets:.4g}°" in said
-    fragment = run("show", path, "--as", "mlcp", "--routes", "all", "--tex")
-    _check_tex(fragment)
-    assert r"180\ensuremath{{}^{\circ}}/8" in fragment
     exact = show.text(make("lcp-mlcp").step(LCP(M=np.eye(2), q=[0.0, 1.0])))
     assert "slip" not in exact
 
@@ -226,22 +165,3 @@ def test_a_conversion_that_is_not_installed_is_named(tmp_path: Path) -> None:
     problem = dataclasses.replace(problem, provenance=(foreign,))
     assert "made by lcp-other, equivalent, from lcp" in show.text(problem)
     assert "not installed" in show.text(problem)
-    assert "lcp-other" in show_tex.fragment(problem)
-
-
-def test_fragments_compile(tmp_path: Path) -> None:
-    """By LaTeX itself where there is one."""
-    latex = shutil.which("pdflatex")
-    if latex is None:
-        pytest.skip("needs a program: pdflatex, apt-get install texlive-latex-base texlive-pictures")
-    lines = [r"\documentclass{article}\usepackage{amsmath}\begin{document}"]
-    lines += [show_tex.fragment(filled(node, size)) for node in formulations.names() for size in (0, 2, 40)]
-    lines += [show_tex.fragment(make("fc-lcp-inner").step(contact(1)))]
-    lines += [show_tex.fragment(LCP(M=np.eye(1), q=[1.0], name=text)) for text in ODD]
-    lines += [f"${tex.law(text)}$" for text in ODD]
-    (tmp_path / "all.tex").write_text("\n\n".join([*lines, r"\end{document}"]))
-    done = subprocess.run(
-        [latex, "-halt-on-error", "-interaction=nonstopmode", "all.tex"], cwd=tmp_path, capture_output=True, timeout=60
-    )
-    assert done.returncode == 0, done.stdout[-1500:].decode(errors="replace")
-    assert b"Missing character" not in (tmp_path / "all.log").read_bytes()

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from cpbench.formulations import Kind, formulations
+from cpbench.formulations.base import formulations
 from cpbench.graph import best_kind, edges
 from cpbench.report import canvas
-from cpbench.report.figure_kinds import Drawing
-from cpbench.report.text import counted
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,25 +15,42 @@ if TYPE_CHECKING:
 WIDTH = 6.0
 UNIT = (65.0, 62.0)
 """Points of a unit of the places."""
+PLACES = {
+    "afc": (1.0, 0.0),
+    "avi": (6.45, 2.2),
+    "coneqp": (2.0, 5.0),
+    "cp": (3.1, 3.5),
+    "equation": (5.9, 0.4),
+    "fc": (2.0, 1.55),
+    "fcm": (1.0, 2.6),
+    "ge": (5.2, 3.3),
+    "gfc": (0.0, 1.6),
+    "grfc": (0.0, 5.0),
+    "lcp": (4.72, 1.95),
+    "micp": (3.9, 1.05),
+    "mlcp": (3.15, 0.0),
+    "ncp": (3.25, 2.3),
+    "nfc": (0.0, 3.2),
+    "nlp": (5.5, 5.0),
+    "qp": (4.6, 5.0),
+    "qvi": (1.6, 3.3),
+    "relay": (6.6, 1.0),
+    "rfc": (1.0, 4.5),
+    "soclcp": (3.2, 4.5),
+    "vi": (3.95, 4.0),
+}
+"""Where the formulations stand, so that few arrows cross."""
 GUIDE = "Blue: exact for every problem, or for some. Dashed: approximations and relaxations only."
 """How to read the map."""
 
 
-def graph_drawing(kinds: Collection[Kind]) -> Drawing:
-    """Draw the map with the conversions that may be of one of `kinds`."""
-    with canvas.drawing():
-        figure, roads = graph_map(kinds)
-    title = f"{counted(len(formulations), 'formulation')} and {counted(roads, 'conversion')} between them"
-    return Drawing(figure, title, GUIDE)
-
-
-def graph_map(kinds: Collection[Kind] = tuple(Kind)) -> tuple[Figure, int]:
-    """Draw the formulations as boxes and the conversions as arrows; return the figure and the number of arrows drawn.
+def graph_map() -> Figure:
+    """Draw the formulations as boxes and the conversions as arrows.
 
     To be called within `canvas.drawing`.
     """
     pairs: dict[tuple[str, str], bool] = {}
-    roads = [edge for edge in edges() if edge.source != edge.target and best_kind(edge) in kinds]
+    roads = [edge for edge in edges() if edge.source != edge.target]
     for edge in roads:
         pair = (edge.source, edge.target)
         pairs[pair] = pairs.get(pair, False) or best_kind(edge).exact
@@ -63,15 +77,14 @@ def graph_map(kinds: Collection[Kind] = tuple(Kind)) -> tuple[Figure, int]:
     axes.set_xlim(-0.4, 6.95)
     axes.set_ylim(min(y for _, y in places.values()) - 0.3, 5.3)
     axes.set_axis_off()
-    return figure, len(roads)
+    return figure
 
 
 def _places() -> dict[str, tuple[float, float]]:
-    """Return where every formulation stands."""
-    given = {kind.node: vars(kind).get("map_place") for kind in formulations}  # one that is inherited is taken
-    others = [node for node, place in given.items() if place is None]
+    """Return where every formulation stands: one without a place is in the row below."""
+    others = [node for node in formulations.names() if node not in PLACES]
     below = {node: (WIDTH * (k + 1) / (len(others) + 1), -0.9) for k, node in enumerate(others)}
-    return below | {node: place for node, place in given.items() if place is not None}
+    return below | PLACES
 
 
 def _border(name: str, place: tuple[float, float], other: tuple[float, float]) -> float:

@@ -1,1 +1,0 @@
-"""The report as a LaTeX document: text, tables and pgfplots figures whose numbers are macros, and a bibliography."""
