@@ -2,24 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cpbench import storage
+from cpbench.analysis import table as rows_of
 from cpbench.analysis.run_table import RunTable
-from cpbench.api.thumbnails import Thumbnails
 from cpbench.bench import history
 from cpbench.bench.results import problem_files
 from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
+from cpbench.errors import CpbenchError
+from cpbench.formulations.base import Info
 from cpbench.generators.collection import address_text
 from cpbench.report import row_files
 from cpbench.report.folder import write_folder
-from cpbench.storage.base import require_folder
+from cpbench.report.run import ProblemOrigin
+from cpbench.report.text import cut
+from cpbench.storage.base import SEPARATOR, require_folder
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from cpbench.analysis.comparison import Comparison
+
+SECONDS, BYTES = 5.0, 20_000_000
+"""Seconds for reading where problems are from, and the largest file that is read for it."""
+ABOUT = 400
+"""Characters of a source or a licence."""
 
 
 def write_report(
@@ -52,7 +65,7 @@ def write_report(
         history.table(store.histories()),
         comparison=comparison,
         data=forms,
-        thumbnails=Thumbnails(store, run.stored),
+        origins=_origins(store, run.stored),
         address=address_text,
         publishable=publishable,
         with_imported=with_imported,
@@ -86,3 +99,36 @@ def report_file(
             store, folder, title, run, data=data, comparison=comparison, changed=changed, **choices
         )
         return files, [*notes, *changed]
+
+
+def _origins(store: Store, table: pd.DataFrame) -> dict[str, ProblemOrigin]:
+    """Return source and licence of the families of problems, as far as files that are at hand and unchanged give them.
+
+    One problem of each file is read, until SECONDS are over; files above BYTES are passed over.
+    """
+    formats: Mapping[str, str] = store.meta().get("formats") or {}
+    first = rows_of.normalised(table, ("address", "family")).drop_duplicates("fingerprint")
+    files = first.assign(file=first["address"].str.partition(SEPARATOR)[0]).drop_duplicates(["file", "family"])
+    told: dict[str, list[Info]] = {}
+    end = time.monotonic() + SECONDS
+    for row in files[["fingerprint", "address", "file", "family"]].to_dict("records"):
+        address = str(row["address"])
+        for folder in (Path(), store.path.parent):
+            file = folder / str(row["file"])
+            if time.monotonic() > end or not file.is_file() or file.stat().st_size > BYTES:
+                continue
+            try:
+                problem = storage.load(str(folder / address), format=formats.get(address))
+            except CpbenchError:
+                continue
+            if problem.fingerprint == row["fingerprint"]:
+                told.setdefault(str(row["family"]), []).append(problem.info)
+                break
+    return {family: _origin(infos) for family, infos in told.items()}
+
+
+def _origin(infos: Sequence[Info]) -> ProblemOrigin:
+    """Join what the files of a family say, each once."""
+    sources = dict.fromkeys(text for info in infos for text in (info.source, info.citation) if text)
+    licences = dict.fromkeys(info.licence for info in infos if info.licence)
+    return ProblemOrigin(cut("; ".join(sources), ABOUT), cut("; ".join(licences), ABOUT))

@@ -15,7 +15,7 @@ from cpbench.report.run import assembled
 
 if TYPE_CHECKING:
     from cpbench.analysis.comparison import Comparison
-    from cpbench.analysis.thumbnails import Thumbnail
+    from cpbench.report.run import ProblemOrigin
 
 
 def write_folder(
@@ -29,7 +29,7 @@ def write_folder(
     count_stationary: bool = False,
     comparison: Comparison | None = None,
     data: Collection[str] = ("csv",),
-    thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict,
+    origins: Mapping[str, ProblemOrigin] | None = None,
     address: Callable[[str], str] = str,
 ) -> tuple[Path, ...]:
     """Write report.md, report.html and the rows; gives the paths of all but results.csv.
@@ -44,11 +44,11 @@ def write_folder(
     comparison : with another run (`analysis.comparison`), a separate section in the Markdown.
     data : formats of the rows (`row_files.chosen`).
     address : what the report says in place of the address of a problem.
-    thumbnails : pictures of the problems by fingerprint, asked for when the page is made (`api.thumbnails`).
+    origins : source and licence of the problems, by family.
     """
     chosen = {"publishable": publishable, "with_imported": with_imported, "count_stationary": count_stationary}
     chosen |= {"has_csv": "csv" in data}
-    run = assembled(given, Path(folder), histories, thumbnails=thumbnails, address=address, **chosen)
+    run = assembled(given, Path(folder), histories, origins=origins, address=address, **chosen)
     documents = [markdown.write_text(run, title, comparison), page.write(run, title)]
     files = [run.folder / f"results.{name}" for name in data]
     for path in files:

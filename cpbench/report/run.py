@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -26,15 +26,19 @@ from cpbench.report.legend import PALETTE
 from cpbench.report.text import counted, one_line, plain
 from cpbench.verification import Status
 
-if TYPE_CHECKING:
-    from cpbench.analysis.thumbnails import Thumbnail
+
+class ProblemOrigin(NamedTuple):
+    """Source and licence of the problems of a family, as their files say it; '' where they do not."""
+
+    source: str
+    licence: str
 
 
 @dataclass(frozen=True)
 class Run:
     """The rows of a run, in fixed order, with the facts of the run, where the report goes, judged iterates
     (`analysis.histories`) of the solves that were recorded, the restrictions on publishing, by name, of solvers
-    that are left out, the source of pictures of its problems by fingerprint (`analysis.thumbnails`), and
+    that are left out, where its problems are from by family, and
     whether results.csv is beside the report. `count_stationary`: stationary answers are among the solved.
     `parted`: the rows before several starts of a problem were made cases of one formulation (`analysis.starts`).
     `whole`: all rows of the file, where these are they: what is computed of them is taken from there.
@@ -47,7 +51,7 @@ class Run:
     folder: Path
     histories: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(HISTORY_COLUMNS)))
     left_out: Mapping[str, str] = field(default_factory=dict)
-    thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict
+    origins: Mapping[str, ProblemOrigin] = field(default_factory=dict[str, ProblemOrigin])
     has_csv: bool = True
     count_stationary: bool = False
     looks: Mapping[str, int] = field(default_factory=dict)
@@ -137,7 +141,7 @@ def assembled(
     *,
     publishable: bool = False,
     with_imported: bool = False,
-    thumbnails: Callable[[], Mapping[str, Thumbnail]] = dict,
+    origins: Mapping[str, ProblemOrigin] | None = None,
     has_csv: bool = True,
     count_stationary: bool = False,
     address: Callable[[str], str] = str,
@@ -147,8 +151,8 @@ def assembled(
     begun = rows["fingerprint"].isin(rows.loc[rows["status"] != str(Status.NOT_RUN), "fingerprint"])
     waiting = int((~begun).sum()) if begun.any() else 0
     rows = rows[begun].reset_index(drop=True) if waiting else rows
-    run = Run(rows, given.meta, folder, thumbnails=thumbnails, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
-    run = replace(run, waiting=waiting)
+    run = Run(rows, given.meta, folder, has_csv=has_csv, looks=looks(rows, len(PALETTE)))
+    run = replace(run, origins=origins or {}, waiting=waiting)
     if histories is not None:
         run = replace(run, histories=histories)
     if with_imported:

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cpbench.analysis.complementary_cones import (
+from cpbench.formulations.base import Point, Problem
+from cpbench.formulations.lcp import LCP
+from cpbench.foundation.matrices import Dense, Vector, dense, max_abs
+from cpbench.report import canvas
+from cpbench.report.figure_kinds import Drawing, figure_kind
+from cpbench.report.text import counted
+from cpbench_lab.figures.complementary_cones import (
     ComplementaryCone,
     LemkePath,
     complementary_cones,
@@ -17,12 +23,6 @@ from cpbench.analysis.complementary_cones import (
     lemke_path,
     solutions,
 )
-from cpbench.formulations.base import Point, Problem
-from cpbench.formulations.lcp import LCP
-from cpbench.foundation.matrices import Dense, Vector, dense, max_abs
-from cpbench.report import canvas
-from cpbench.report.figure_kinds import Drawing, figure_kind
-from cpbench.report.text import counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from cpbench import LCP
-from cpbench.analysis.complementary_cones import complementary_cones, is_p_matrix, solutions
 from cpbench.report import canvas
+from cpbench_lab.figures.complementary_cones import complementary_cones, is_p_matrix, solutions
 from cpbench_lab.pictures import lcp_cones
 from lecture import cells, svg
 from lecture.blocks import Block, Figure, Heading, Section, Text, Try, aside, formula, table, text

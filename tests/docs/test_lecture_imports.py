@@ -11,7 +11,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LIBRARY = {
     "errors", "foundation.matrices", "foundation.cones", "formulations.expressions", "graph",
     "formulations.base", "formulations.conic", "conversions.base", "solvers.base", "storage",
-    "analysis.complementary_cones", "report.canvas", "report.show",
+    "report.canvas", "report.show",
 }  # fmt: skip
 """Beside `cpbench` itself: registries that it walks through, and the figures of problems that it shows."""
 

@@ -15,8 +15,6 @@ from click.testing import CliRunner, Result
 from tiers import some_by_day
 
 from cpbench import storage
-from cpbench.analysis.coarse import coarsened
-from cpbench.analysis.complementary_cones import complementary_cones, is_p_matrix, lemke_path, solutions
 from cpbench.analysis.contact_states import State, angle_between, contact_states, forces, most_rubbing
 from cpbench.cli import cli
 from cpbench.cli.plot_command import packages
@@ -26,7 +24,9 @@ from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, Need, find, summaries
 from cpbench_lab.figures import ncp_functions as ncp
 from cpbench_lab.figures.active_sets import ActiveSide, active_set
+from cpbench_lab.figures.complementary_cones import complementary_cones, is_p_matrix, lemke_path, solutions
 from cpbench_lab.figures.facet_errors import bounds, faceted_slide
+from cpbench_lab.pictures.sparsity import coarsened
 
 PICTURES = "cpbench_lab.pictures"
 PLANTED = "builtin/fc/contact-planted-3d.h5"

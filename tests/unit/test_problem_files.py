@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from command_line import cpbench
+from synthetic_results import results_file, row, table
 
 import cpbench as cp
 from cpbench import storage
+from cpbench.api import reports
 from cpbench.api.results import Results
 from cpbench.bench.results import problem_files
 from cpbench.bench.results.merge import merge
 from cpbench.bench.results.store import Store
+from cpbench.formulations.base import Info
 
 M, Q = [[5.0, 1.0], [2.0, 3.0]], [-1.5, -7.0]
 WORDS = "changed after the run read them: "
@@ -121,3 +126,24 @@ WRITTEN = ("out/report.md", "api/report.md", "out/report.html", "c.md", "c.json"
 def _text(path: Path) -> str:
     text = path.read_text("utf-8")
     return "\n".join(json.loads(text)["notes"]) if path.suffix == ".json" else text
+
+
+def test_a_report_says_where_problems_are_from(tmp_path: Path) -> None:
+    """As unchanged files at hand say it, beside the results too; others, and what is no file, are passed over."""
+    problems = {name: cp.LCP(M=M, q=[-1.0, float(k)]) for k, name in enumerate(("good", "changed", "cut", "gone"))}
+    about = Info(source="a lecture", citation="Acary 2024", licence="CC0-1.0")
+    for name, problem in problems.items():
+        cp.save(replace(problem, info=about), tmp_path / f"{name}.h5")
+    (tmp_path / "cut.h5").write_bytes((tmp_path / "good.h5").read_bytes()[:2000])
+    cp.save(cp.LCP(M=M, q=[3.0, 3.0]), tmp_path / "changed.h5", force=True)
+    (tmp_path / "gone.h5").unlink()
+    os.mkfifo(tmp_path / "gone.h5")
+    rows = [
+        row(f"{name}/1", "lemke", "solved", 0.1, family=name, address=f"{name}.h5", fingerprint=problem.fingerprint)
+        for name, problem in problems.items()
+    ]
+    path = results_file(tmp_path / "r.sqlite", table(*rows))
+    reports.report_file(path, tmp_path / "out", "t", None, None)
+    text = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert re.findall(r"<td>a lecture; Acary 2024</td>\s*<td>CC0-1.0</td>", text)
+    assert text.count("<td>not given</td>") == 2 * 3

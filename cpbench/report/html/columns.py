@@ -13,7 +13,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -30,9 +30,6 @@ from cpbench.report.matrix import SYMBOLS
 from cpbench.report.run import Run, group_name_text
 from cpbench.report.text import one_line, solve_command
 from cpbench.verification import VERIFIED, Status
-
-if TYPE_CHECKING:
-    from cpbench.analysis.thumbnails import Thumbnail
 
 WHOLE = 20_000
 """Rows up to which a page has every pair with all its facts."""
@@ -94,7 +91,8 @@ def columns_of(run: Run) -> tuple[dict[str, Column], dict[str, Any]]:
         "metrics": [
             {"name": m.name, "unit": m.unit, "floor": m.floor, "doc": m.doc, "count": bool(m.counter)} for m in known
         ],
-        "problems": {**_problems(rows, prints), "thumbnail": _thumbnails(run, prints, list(labels))},
+        "problems": _problems(rows, prints),
+        "origins": {family: origin._asdict() for family, origin in run.origins.items()},
         "labels": _labels(run, rows, list(labels)),
         "groups": _groups(run, parts, problem, label, places),
         "texts": texts,
@@ -210,16 +208,6 @@ def _problems(rows: pd.DataFrame, prints: Sequence[str]) -> dict[str, list[Any]]
         "sequence": first["sequence"].tolist(),
         "step": [None if math.isnan(step) else step for step in first["step"]],
     }
-
-
-def _thumbnails(run: Run, prints: Sequence[str], labels: Sequence[str]) -> list[Thumbnail | None]:
-    """Return pictures of the problems; an answer of a solver left out of the report has no label."""
-    thumbnails, shown = run.thumbnails(), set(labels)
-    pictures: list[Thumbnail | None] = []
-    for one in (thumbnails.get(starts.original(print_)) for print_ in prints):
-        known = one is None or one.get("answer", {}).get("label", "") in {"", *shown}
-        pictures.append(one if known or one is None else {k: v for k, v in one.items() if k != "answer"})
-    return pictures
 
 
 def _sizes(text: str) -> dict[str, float]:

@@ -27,7 +27,7 @@ from cpbench.report.text import one_line
 NAME = "report.html"
 SCRIPTS = (
     "rows.js", "data.js", "dom.js", "charts.js", "figures.js", "filters.js", "paths.js", "prepared.js", "profiles.js",
-    "comparisons.js", "thumbnail.js", "pair.js", "matrix.js", "growth.js", "address.js", "failed.js", "app.js",
+    "comparisons.js", "pair.js", "matrix.js", "growth.js", "address.js", "failed.js", "app.js",
 )  # fmt: skip
 """Our own scripts, in the order in which they use each other."""
 

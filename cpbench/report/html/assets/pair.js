@@ -94,7 +94,7 @@ const Pair = (() => {
   function open(context, row) {
     const { columns, facts } = context, details = kept(context, row),
       problem = columns.problem[row],
-      about = facts.problems.thumbnail[problem] ?? {},
+      origin = facts.origins[facts.problems.family[problem]] ?? {},
       message = details.text("message");
     App.opened(row);
     show(
@@ -102,11 +102,9 @@ const Pair = (() => {
       list([
         ...verdict(context, row, details),
         ["problem", h("span", {}, h("code", {}, facts.problems.address[problem]), sizes(facts.problems.sizes[problem]))],
-        ["its source", [about.source, about.citation].filter(Boolean).join("; ")],
-        ["its licence", about.licence],
+        ["its source", origin.source],
+        ["its licence", origin.licence],
       ]),
-      h("h3", {}, "The problem"),
-      ...Thumbnail.draw(facts.problems.thumbnail[problem]),
       ...times(details),
       ...(message ? [h("h3", {}, "Its log: what it said"), preformatted(message)] : []),
       ...numbers("Residuals", details.text("parts")),
