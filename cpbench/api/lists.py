@@ -14,8 +14,7 @@ from cpbench.bench.planning import grids
 from cpbench.conversions import conversions
 from cpbench.formulations import formulations
 from cpbench.generators.collection import builtin_folder
-from cpbench.graph import edges
-from cpbench.graph.routes import promise
+from cpbench.graph import edges, promise
 from cpbench.solvers.base import Solver, SolverSpec, solvers
 
 

@@ -13,8 +13,7 @@ from cpbench.cli.terminal import fitted, print_lines
 from cpbench.cli.types import POSITIVE
 from cpbench.conversions import Conversion
 from cpbench.formulations import Kind, formulations
-from cpbench.graph import best_kind, edges
-from cpbench.graph.routes import promise
+from cpbench.graph import best_kind, edges, promise
 from cpbench.solvers.base import solvers
 
 FORMATS = ("text", "mermaid")

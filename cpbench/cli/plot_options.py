@@ -11,7 +11,7 @@ import click
 
 from cpbench.cli.options import ListOption
 from cpbench.cli.types import DURATION, FACET_LIST, LENGTH, PATH
-from cpbench.report import arrangement
+from cpbench.report import canvas
 from cpbench.report.figure_kinds import Drawing, FigureKind
 
 OUTPUT = (
@@ -23,7 +23,7 @@ SIZE = (
         ["--width"],
         type=LENGTH,
         default=math.nan,
-        help=f"Width of the figure, as 3.5in or 89mm; below {arrangement.NARROW:g}in without the explanation, which is "
+        help=f"Width of the figure, as 3.5in or 89mm; below {canvas.NARROW:g}in without the explanation, which is "
         "printed.",
     ),
     click.Option(

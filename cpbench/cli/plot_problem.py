@@ -15,7 +15,7 @@ from cpbench.cli.terminal import print_lines, replaced
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
 from cpbench.formulations import Problem
-from cpbench.report import arrangement, canvas
+from cpbench.report import canvas
 from cpbench.report.figure_kinds import FigureKind, Need
 
 
@@ -50,8 +50,8 @@ def command_of(kind: FigureKind) -> click.Command:
         point = None if kind.answer is Need.NONE else _answer(kind, source, problem, answer)
         with canvas.drawing():
             drawn = kind.draw(problem, point, **options)
-            arrangement.scale(drawn.figure, width, height)
-            column = arrangement.narrow(width)
+            canvas.resize(drawn.figure, width, height)
+            column = canvas.narrow(width)
             canvas.write(drawn, output, bare=bare, guide=not column)
         print_lines([f"{kind.name}: {replaced(output, before)}", *([caption(drawn)] if column else [])])
 

@@ -15,7 +15,7 @@ from cpbench.cli.options import Command, ListOption
 from cpbench.cli.plot_options import OUTPUT, SIZE, caption, help_text, kind_option
 from cpbench.cli.terminal import print_lines, replaced
 from cpbench.cli.types import PATH, POSITIVE
-from cpbench.report import arrangement, canvas, run_canvas
+from cpbench.report import canvas, run_canvas
 from cpbench.report.chosen import Choice
 from cpbench.report.figure_kinds import FigureKind
 from cpbench.report.run import assembled
@@ -33,9 +33,8 @@ CHOICE: tuple[click.Option, ...] = (
     ),
     click.Option(["--threads"], type=int, default=0, help="Number of threads, where the results have several."),
 )
-_LAYOUT = (
-    click.Option(["--publishable"], is_flag=True, help="Leave out solvers that restrict the publishing of figures."),
-    click.Option(["--legend"], type=click.Choice(arrangement.PLACES), help="Place of the legend."),
+_PUBLISHABLE = click.Option(
+    ["--publishable"], is_flag=True, help="Leave out solvers that restrict the publishing of figures."
 )
 
 
@@ -43,10 +42,10 @@ def command_of(kind: FigureKind) -> click.Command:
     """Build `cpbench plot KIND RESULTS -o FIGURE` with the options of the kind and those that choose rows."""
     parameters: list[click.Parameter] = [click.Argument(["results"], type=PATH)]
     parameters += [kind_option(name, default, kind.helps[name]) for name, default in kind.options.items()]
-    parameters += [*CHOICE, *_LAYOUT, *SIZE, *OUTPUT]
+    parameters += [*CHOICE, _PUBLISHABLE, *SIZE, *OUTPUT]
 
     def draw(results: Path, output: Path, bare: bool, publishable: bool, **given: Any) -> None:
-        size, place = (given.pop("width"), given.pop("height")), given.pop("legend") or ""
+        width, height = given.pop("width"), given.pop("height")
         canvas.require_suffix(output)
         before = [output] if output.exists() else []
         own = {name: given.pop(name) for name in kind.options}
@@ -58,8 +57,8 @@ def command_of(kind: FigureKind) -> click.Command:
             run = assembled(table, Path(), histories, publishable=publishable)
         with run_canvas.drawing():
             drawn = kind.draw(run, choice, **own)
-            arrangement.arrange(drawn.figure, *size, place)
-        column = arrangement.narrow(size[0])
+            canvas.resize(drawn.figure, width, height)
+        column = canvas.narrow(width)
         with canvas.drawing():
             canvas.write(drawn, output, bare=bare, guide=not column)
         print_lines([f"{kind.name}: {replaced(output, before)}", *([caption(drawn)] if column else [])])

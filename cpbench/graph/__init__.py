@@ -19,6 +19,7 @@ from cpbench.errors import NoRoute, NotApplicable
 from cpbench.formulations.base import Kind, Problem, Step, formulations
 from cpbench.graph.routes import Prefix, Route, best_first, best_kind, edges, nodes_of_maps, weakest
 from cpbench.graph.routes import beginnings as beginnings
+from cpbench.graph.routes import promise as promise
 
 EXACT = frozenset({Kind.EQUIVALENT, Kind.ONE_WAY})
 ALL = frozenset(Kind)

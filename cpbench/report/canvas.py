@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.errors import CpbenchError, FormatError
+from cpbench.report import legend
 from cpbench.report.figure_kinds import Drawing
 from cpbench.report.figures import STYLE as COMMON
 from cpbench.report.text import cut
@@ -46,6 +47,10 @@ STYLE: Any = {
 PLATE: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0}
 """Behind a word that stands on lines."""
 SUFFIXES = (".svg", ".png", ".pdf")
+NARROW = 4.5
+"""Width below which a figure is for one column: legend inside, no guide [in]."""
+LEAST = 1.3
+"""Least width and height of a figure [in]."""
 _TITLE, _LINE = 0.30, 0.125
 """Height of the title and of a line of the guide [in]."""
 
@@ -59,14 +64,49 @@ def drawing() -> Generator[None]:
         yield
 
 
-def page(width: float, height: float) -> Figure:
-    """Create an empty figure [in] on the Agg canvas: no pyplot, no global state, no window."""
+def page(width: float, height: float, *, constrained: bool = False) -> Figure:
+    """Create an empty figure [in] on the Agg canvas: no pyplot, no global state, no window.
+
+    constrained : Matplotlib places the axes of `figure.subplots`; else they have places of their own.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), dpi=200)
+    figure = Figure(figsize=(width, height), dpi=200, layout="constrained" if constrained else None)
     FigureCanvasAgg(figure)
     return figure
+
+
+def narrow(width: float) -> bool:
+    """Return whether a figure of this width [in] is for one column; not where it is NaN."""
+    return width < NARROW
+
+
+def resize(figure: Figure, width: float, height: float) -> None:
+    """Make a figure `width` × `height` [in]; where one is NaN, its shape stays where axes have places of their own.
+
+    Raises CpbenchError for sizes below LEAST.
+    """
+    old_width, old_height = figure.get_size_inches()
+    if math.isnan(width) and math.isnan(height):
+        return
+    for value, flag in ((width, "--width"), (height, "--height")):
+        if value < LEAST:
+            raise CpbenchError(f"{flag} {value:.2g} in: at least {LEAST:g} in are needed here")
+    if figure.get_layout_engine() is None:
+        width, height = (
+            old_width * height / old_height if math.isnan(width) else width,
+            old_height * width / old_width if math.isnan(height) else height,
+        )
+    elif narrow(width):
+        for axes in figure.axes:
+            legend.inside(axes)
+        height = width if math.isnan(height) else height
+    else:
+        needed = max((legend.needed(axes) for axes in figure.axes), default=0.0)
+        if height < needed:
+            raise CpbenchError(f"--height {height:.2g} in: at least {needed:.2g} in are needed here")
+    figure.set_size_inches(old_width if math.isnan(width) else width, old_height if math.isnan(height) else height)
 
 
 def literal(value: Any, length: int = 60) -> str:
@@ -115,13 +155,17 @@ def write(drawn: Drawing, path: Path, *, bare: bool = False, guide: bool = True)
     try:
         with matplotlib.rc_context(STYLE), warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Glyph .* missing")  # a name may use any script
+            warnings.filterwarnings("error", message="constrained_layout not applied")
             drawn.figure.savefig(path, metadata=metadata)
+    except UserWarning:
+        path.unlink(missing_ok=True)
+        raise CpbenchError("this size leaves no room for the curves beside their words: more is needed") from None
     except OSError as cause:
         raise FormatError(path, "", f"cannot be written ({cause.strerror or cause})") from None
 
 
 def _caption(drawn: Drawing, guide: bool) -> None:
-    """Make room above and below what is there, whose axes have fixed places; a title alone is smaller."""
+    """Make room above and below what is there; a title alone is smaller."""
     figure = drawn.figure
     width, height = figure.get_size_inches()
     size = 9.0 if guide else 7.0
@@ -130,7 +174,10 @@ def _caption(drawn: Drawing, guide: bool) -> None:
     above = _TITLE + 0.15 * (len(title) - 1) if guide else 0.08 + 0.12 * len(title)
     below = _LINE * len(lines) + 0.12 if guide else 0.0
     whole = height + above + below
-    for axes in figure.axes:
+    engine: Any = figure.get_layout_engine()
+    if engine is not None:
+        engine.set(rect=(0.0, below / whole, 1.0, height / whole))
+    for axes in figure.axes if engine is None else ():
         box = axes.get_position(original=True)
         axes.set_position((box.x0, (box.y0 * height + below) / whole, box.width, box.height * height / whole))
     for text in figure.texts:

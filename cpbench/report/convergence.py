@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -67,29 +66,17 @@ def figure(found: pd.DataFrame, problems: int, title: str, looks: Mapping[str, i
     ends.
     """
     import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
     drawn = sum(1 for _, own in found.groupby("label") if (own["seconds"] < math.inf).any())
     with matplotlib.rc_context(figures.STYLE):
         height = max(4.2, 1.5 + legend.LINE * (min(drawn, legend.LINES) + 2))
-        drawing = Figure(figsize=(9.2, height), dpi=150)
-        FigureCanvasAgg(drawing)
-        bottom = 1.0 / height
-        box = (bottom, 0.99 - bottom - 0.42 / height)
-        axes = drawing.add_axes((0.09, box[0], 0.535, box[1]))
-        beside = drawing.add_axes((0.685, box[0], 0.31, box[1]))
-        drawing.text(0.09, 1 - 0.24 / height, title, fontsize=10.5, fontweight="bold", va="center")
-        curves_axes(axes, beside, found, problems, looks)
-        text = textwrap.fill(guide(problems), 136)
-        drawing.text(0.065, 0.10 / height, text, fontsize=7.8, color="#444444", va="bottom", linespacing=1.35)
+        drawing, axes = figures.sheet(height, title, guide(problems))
+        curves_axes(axes, found, problems, looks)
     return drawing
 
 
-def curves_axes(axes: Axes, beside: Axes, found: pd.DataFrame, problems: int, looks: Mapping[str, int]) -> None:
-    """Draw curves of `analysis.histories.work_precision` into `axes` and their legend, lowest end first, into
-    `beside`.
-    """
+def curves_axes(axes: Axes, found: pd.DataFrame, problems: int, looks: Mapping[str, int]) -> None:
+    """Draw curves of `analysis.histories.work_precision` with their legend beside them, lowest end first."""
     curves: dict[str, pd.DataFrame] = {
         str(label): own[own["seconds"] < math.inf] for label, own in found.groupby("label", sort=True)
     }
@@ -110,7 +97,7 @@ def curves_axes(axes: Axes, beside: Axes, found: pd.DataFrame, problems: int, lo
         legend.LegendLine(figures.shorten(label), f"{curves[label]['error'].min():.0e}", places.get(label))
         for label in drawn
     ]
-    legend.beside(beside, "least error   lowest end first", lines, indent=0.05)
+    legend.beside(axes, "least error   lowest end first", lines)
 
 
 def dress(axes: Axes) -> None:

@@ -64,35 +64,35 @@ def profile_figure(profile: Profile, title: str, kinds: Mapping[str, str], looks
     looks : of each label (`analysis.looks`).
     """
     import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
     curves = sum(1 for curve in profile.curves if curve.solved)
     with matplotlib.rc_context(STYLE):
-        height = max(4.6, 1.5 + LINE * (min(curves, LINES) + 3))
-        figure = Figure(figsize=(9.2, height), dpi=150)
-        FigureCanvasAgg(figure)
-        bottom = 0.98 / height
-        axes = figure.add_axes((0.065, bottom, 0.56, 0.99 - bottom - 0.42 / height))
-        beside = figure.add_axes((0.685, bottom, 0.31, 0.99 - bottom - 0.42 / height))
-        figure.text(0.065, 1 - 0.24 / height, title, fontsize=10.5, fontweight="bold", va="center")
-        profile_axes(axes, beside, profile, kinds, looks)
-        guide = textwrap.fill(profile_guide(profile.problems), 136)
-        figure.text(0.065, 0.10 / height, guide, fontsize=7.8, color="#444444", va="bottom", linespacing=1.35)
+        figure, axes = sheet(max(4.6, 1.5 + LINE * (min(curves, LINES) + 3)), title, profile_guide(profile.problems))
+        profile_axes(axes, profile, kinds, looks)
     return figure
+
+
+def sheet(height: float, title: str, guide: str) -> tuple[Figure, Axes]:
+    """Create a figure of a report with its title above and its guide below the axes."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.2, height), dpi=150, layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=10.5, fontweight="bold")
+    figure.supxlabel(textwrap.fill(guide, 136), x=0.01, ha="left", fontsize=7.8, color="#444444", linespacing=1.35)
+    return figure, figure.subplots()
 
 
 def profile_axes(
     axes: Axes,
-    beside: Axes,
     profile: Profile,
     kinds: Mapping[str, str],
     looks: Mapping[str, int],
     across: str = "",
     most: int = LINES,
 ) -> dict[str, int]:
-    """Draw curves into `axes` and their legend into `beside`; return the looks of the labels in colour, the leading
-    first.
+    """Draw curves with their legend beside them; return the looks of the labels in colour, the leading first.
 
     Parameters
     ----------
@@ -112,13 +112,8 @@ def profile_axes(
     axes.set_ylabel(f"fraction of the {counted(profile.problems, 'problem')} solved")
     if not curves:
         nothing(axes, "no problem was solved")
-    legend.beside(
-        beside,
-        "solved   sorted by problems solved",
-        [line_of(curve, places, kinds) for curve in curves],
-        notes(profile.curves, kinds),
-        most=most,
-    )
+    lines = [line_of(curve, places, kinds) for curve in curves]
+    legend.beside(axes, "solved   sorted by problems solved", lines, notes(profile.curves, kinds), most)
     return places
 
 

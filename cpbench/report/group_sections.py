@@ -13,7 +13,7 @@ import pandas as pd
 from cpbench.analysis import bootstrap, cautions, failures, means, pairwise, profiles, reliability, summary
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.table import ResultGroup
-from cpbench.report import convergence, figures, panels
+from cpbench.report import convergence, figures
 from cpbench.report.matrix import legend, matrix
 from cpbench.report.mean_sections import below_floor, gap_section, mean_section
 from cpbench.report.run import Run, each
@@ -133,12 +133,6 @@ def _figures(
     if swapped:
         yield "*Caution.* At τ = 2 these are in this order only because of the other solvers; pairwise, it reverses:"
         yield "\n".join(f"- {code(one)} is above {code(other)} here, below it pairwise" for one, other in swapped)
-    if sum(1 for curve in profile.curves if curve.solved) > figures.EMPHASISED:
-        name = f"profile-{slug}-each"
-        each = panels.panels_figure(profile, f"{title}, each solver apart", kinds, run.looks)
-        figures.save(each, run.folder, name)
-        yield f"[![Each solver's curve, {plain(title)}]({name}.png)]({name}.svg)"
-        yield f"*{panels.panels_guide()}*"
     yield from convergence.section(run, rows, title, f"errors-{slug}")
 
 

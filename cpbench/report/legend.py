@@ -1,4 +1,4 @@
-"""Legends beside a figure: one line a curve in the order of the curves' ends, with a number that matters."""
+"""Legends beside axes: one line a curve in the order of the curves' ends, with a number that matters."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ LINES = 32
 """The most curves that are named; the grey ones beyond are counted."""
 LINE = 0.19
 """Height of a line [in]."""
-LEGEND = "legend"
-"""Label of the axes that hold one."""
 DASHES: Any = (0, (4, 2))
+FIGURE_SPACE = "\N{FIGURE SPACE}"
+"""As wide as a digit."""
 
 
 @dataclass(frozen=True)
@@ -57,53 +57,51 @@ def height(curves: int, notes: int = 0, most: int = LINES) -> float:
     return LINE * (min(curves, most) + notes + 1.5)
 
 
-def within(axes: Axes, source: Axes) -> None:
-    """Put the coloured lines of a legend into the axes of the curves, where they cover least of them."""
-    named = [
-        (line, f"{label.get_text()} ({number.get_text()})")
-        for line, number, label in zip(source.lines, source.texts[1::2], source.texts[2::2], strict=False)
-        if line.get_color() != GREY
-    ]
-    if not named:
-        return
-    handles, labels = zip(*named, strict=True)
-    frame: Any = {"framealpha": 0.85, "edgecolor": "none", "borderpad": 0.3, "handlelength": 1.8, "labelspacing": 0.25}
-    title = source.texts[0].get_text().partition("  ")[0]
-    axes.legend(handles, labels, loc="best", fontsize=6.5, title=f"({title})", title_fontsize=6.5, **frame)
+def beside(axes: Axes, head: str, lines: Sequence[LegendLine], notes: Sequence[str] = (), most: int = LINES) -> None:
+    """Put the legend right of the axes, for which the layout makes room; `most` lines are named."""
+    from matplotlib.lines import Line2D
 
-
-def beside(
-    axes: Axes,
-    head: str,
-    lines: Sequence[LegendLine],
-    notes: Sequence[str] = (),
-    indent: float = 0.0,
-    most: int = LINES,
-) -> None:
-    """Fill an empty axes with the legend.
-
-    Parameters
-    ----------
-    indent : room for longer numbers, as a share of the width. most : lines that are named.
-    """
-    axes.set_axis_off()
-    axes.set_label(LEGEND)
-    fit = axes.figure.get_figheight() * axes.get_position().height / LINE  # type: ignore[union-attr]
-    axes.set_xlim(0.0, 1.0)
-    axes.set_ylim(fit, 0.0)
-    axes.text(0.0, 0.0, head, fontsize=7.8, color="#444444", va="center")
     grey = [line for line in lines if line.place is None]
     unnamed = {line.label for line in grey[max(0, most - len(lines) + len(grey)) :]}
     named = [line for line in lines if line.label not in unnamed]
-    for at, line in enumerate(named, start=1):
-        ends = [indent + x for x in (0.12, 0.165, 0.21)]
-        axes.plot(ends, [at] * 3, **look(line.place, line.dashed), markevery=[1])
-        ink = "#666666" if line.place is None else "#111111"
-        axes.text(0.085 + indent, at, line.number, fontsize=8, color=ink, va="center", ha="right")
-        axes.text(0.24 + indent, at, line.label, fontsize=8, color=ink, va="center")
     texts = [f"and {len(unnamed)} more in grey"] if unnamed else []
     for note in notes:
-        texts += textwrap.wrap(note, 48)
-    room = max(1, int((fit - len(named) - 1.4) / 0.85) + 1)
-    for k, text in enumerate(texts if len(texts) <= room else [*texts[: room - 1], f"{texts[room - 1]} …"]):
-        axes.text(0.0, len(named) + 1.4 + k * 0.85, text, fontsize=7.2, color="#666666", va="center")
+        texts += textwrap.wrap(note, 40)
+    wide = max((len(line.number) for line in named), default=0)
+    handles = [Line2D([], [], **look(line.place, line.dashed)) for line in named]
+    handles += [Line2D([], [], linestyle="none")] * len(texts)
+    labels = [f"{line.number.rjust(wide, FIGURE_SPACE)}  {line.label}" for line in named]
+    made = axes.legend(
+        handles, [*labels, *texts], loc="upper left", bbox_to_anchor=(1.0, 1.0), title=head, title_fontsize=7.8,
+        fontsize=8, alignment="left", frameon=False, borderaxespad=0.3, labelspacing=0.35,
+    )  # fmt: skip
+    for text, line in zip(made.get_texts(), [*named, *[None] * len(texts)], strict=True):
+        text.set_color("#111111" if line is not None and line.place is not None else "#666666")
+
+
+def needed(axes: Axes) -> float:
+    """Return the height [in] of a figure in which the legend beside these axes has room."""
+    outside = axes.get_legend()
+    return 0.0 if outside is None else 0.16 * (len(outside.get_texts()) + 2)
+
+
+def inside(axes: Axes) -> None:
+    """Put the coloured lines of the legend beside the axes into them, where they cover least of the curves."""
+    from matplotlib.lines import Line2D
+
+    outside = axes.get_legend()
+    if outside is None:
+        return
+    named = [
+        (line, text.get_text().replace(FIGURE_SPACE, ""))
+        for line, text in zip(outside.legend_handles, outside.get_texts(), strict=True)
+        if isinstance(line, Line2D) and line.get_linestyle() != "None" and line.get_color() != GREY
+    ]
+    title = f"({outside.get_title().get_text().partition('  ')[0]})"
+    outside.remove()
+    if named:
+        handles, labels = zip(*named, strict=True)
+        frame: Any = {"framealpha": 0.85, "edgecolor": "none", "borderpad": 0.3, "labelspacing": 0.25}
+        axes.legend(
+            handles, labels, loc="best", fontsize=6.5, title=title, title_fontsize=6.5, handlelength=1.8, **frame
+        )

@@ -29,8 +29,8 @@ ACROSS, NAMED = 3, 4
 POINTS = 400
 TIGHT = 0.04
 """Margin above and below the curves, so that one along an end is seen."""
-WIDTH, HIGH, GAP = 9.2, 1.35, 1.28
-"""Width of the figure, height of a panel, and what is below it for axis and names [in]."""
+WIDTH, HIGH = 9.2, 2.6
+"""Width of the figure, height of a panel with its axis and names [in]."""
 
 
 @dataclass(frozen=True)
@@ -87,31 +87,31 @@ def _panel(ranking: Ranking, rows: pd.DataFrame) -> Panel | None:
 
 
 def overview_figure(panels: Sequence[Panel], looks: Mapping[str, int]) -> Figure:
-    """Draw the panels in rows, each with its own axis of τ."""
+    """Draw the panels in rows, each with its own axis of τ and the legend of its named solvers below."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     across = min(ACROSS, len(panels))
     rows = -(-len(panels) // across)
-    height = rows * (HIGH + GAP) + 0.06
     with matplotlib.rc_context({**STYLE, "font.size": 7.5}):
-        figure = Figure(figsize=(WIDTH, height), dpi=150)
+        figure = Figure(figsize=(WIDTH, rows * HIGH), dpi=150, layout="constrained")
         FigureCanvasAgg(figure)
-        wide = (WIDTH - 0.1) / across
-        for k, panel in enumerate(panels):
-            row, column = divmod(k, across)
-            left, low = column * wide + 0.42, height - 0.26 - HIGH - row * (HIGH + GAP)
-            box = (left / WIDTH, low / height, (wide - 0.6) / WIDTH, HIGH / height)
-            axes = figure.add_axes(box)
-            _curves(axes, panel, looks)
-            names = figure.add_axes((box[0], (low - 1.0) / height, box[2], 0.66 / height))
-            _names(names, panel, looks)
+        grid = figure.subplots(rows, across, squeeze=False)
+        for axes in grid.flat[len(panels) :]:
+            axes.remove()
+        for axes, panel in zip(grid.flat, panels, strict=False):
+            _draw(axes, panel, looks)
     return figure
 
 
-def _curves(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
+def _draw(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
+    """Draw the curves, and below them a line a named solver, the best first: its look, what it solved, its name."""
+    from matplotlib.lines import Line2D
+
     upto = right_end(panel.profile)
+    lines: dict[str, Line2D] = {}
+    solved = {curve.label: curve.solved for curve in panel.profile.curves}
     for curve in sorted(panel.profile.curves, key=lambda c: (c.label in panel.named, c.label)):
         if not curve.solved:
             continue
@@ -119,21 +119,14 @@ def _curves(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
         place = looks[curve.label] if curve.label in panel.named else None
         look = legend.look(place, panel.kinds.get(curve.label, "") in INEXACT)
         look |= {} if place is None else {"markevery": (0, max(1, len(tau) // 4)), "markersize": 3, "linewidth": 1.4}
-        axes.plot(tau, height, drawstyle="steps-post", **look, zorder=2 if place is None else 4)
+        (lines[curve.label],) = axes.plot(tau, height, drawstyle="steps-post", **look, zorder=2 if place is None else 4)
     frame(axes, upto, 6)
     axes.set_ylim(-TIGHT, 1.0 + TIGHT)
     axes.set_yticks([0.0, 0.5, 1.0])
     axes.set_xlabel("τ: time / fastest time", fontsize=6.8, labelpad=1.5)
     axes.set_title(f"{panel.name}  ({panel.profile.problems})", fontsize=8.5, loc="left", fontweight="bold", pad=3)
-
-
-def _names(axes: Axes, panel: Panel, looks: Mapping[str, int]) -> None:
-    """Write a line a named solver, the best first: its look, what it solved, its name."""
-    axes.set_axis_off()
-    axes.set_xlim(0.0, 1.0)
-    axes.set_ylim(NAMED - 0.5, -0.5)
-    solved = {curve.label: curve.solved for curve in panel.profile.curves}
-    for at, label in enumerate(panel.named):
-        look = legend.look(looks[label], panel.kinds.get(label, "") in INEXACT) | {"markersize": 3, "linewidth": 1.4}
-        axes.plot([0.0, 0.05, 0.1], [at] * 3, **look, markevery=[1], clip_on=False)
-        axes.text(0.13, at, f"{solved[label]}  {marked(label, panel.kinds, 32)}", fontsize=7.2, va="center")
+    names = [f"{solved[label]}  {marked(label, panel.kinds, 32)}" for label in panel.named]
+    axes.legend(
+        [lines[label] for label in panel.named], names, loc="upper left", bbox_to_anchor=(0.0, -0.28), fontsize=7.2,
+        frameon=False, borderaxespad=0.0, labelspacing=0.3,
+    )  # fmt: skip

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 LINES = 20
 """The most lines of a legend beside curves."""
-_ABOVE, _BELOW = 0.08, 0.48
-"""Margins above and below the axes [in]."""
 
 
 @contextmanager
@@ -31,12 +29,10 @@ def drawing() -> Generator[None]:
         yield
 
 
-def with_legend(curves: int, least: float = 2.9, notes: int = 3) -> tuple[Figure, Axes, Axes]:
-    """Create a figure two columns wide with axes for so many curves, and axes beside it for their legend."""
-    height = max(least, legend.height(curves, notes, LINES) + 0.3)
-    figure = canvas.page(canvas.PAGE, height)
-    up, high = _BELOW / height, 1 - (_BELOW + _ABOVE) / height
-    return figure, figure.add_axes((0.095, up, 0.475, high)), figure.add_axes((0.6, up, 0.395, high))
+def with_legend(curves: int, least: float = 2.9, notes: int = 3) -> tuple[Figure, Axes]:
+    """Create a figure two columns wide with axes and room for the legend of so many curves beside them."""
+    figure = canvas.page(canvas.PAGE, max(least, legend.height(curves, notes, LINES) + 0.3), constrained=True)
+    return figure, figure.subplots()
 
 
 def drawn(figure: Figure, title: str, guide: str, chosen: SelectedRows) -> Drawing:

@@ -50,7 +50,7 @@ def complementary_cones(problem: Problem, tolerance: float = 1e-9) -> list[Compl
 
     Raises NotApplicable unless the problem is an LCP with two unknowns.
     """
-    from scipy.optimize import nnls  # 80 ms that the other thumbnails need not wait for
+    from scipy.optimize import nnls  # 80 ms that other figures need not wait for
 
     M, q = _plane(problem)
     result: list[ComplementaryCone] = []

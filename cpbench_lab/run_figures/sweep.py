@@ -44,18 +44,16 @@ def draw(run: Run, choice: Choice, *, option: str = "") -> Drawing:
     places = {label: place for place, label in enumerate(series[: legend.EMPHASISED])}
     word = "ν" if name == FACETS else one_line(name)
     height = max(2.6, legend.height(len(series), 0, run_canvas.LINES) + 0.3)
-    figure = canvas.page(canvas.PAGE, height)
-    boxes = [(x, 0.48 / height, 0.265, 1 - 0.6 / height) for x in (0.075, 0.42)]
-    for box, column in zip(boxes, ("share", "mean"), strict=True):
-        axes = figure.add_axes(box)
+    figure = canvas.page(canvas.PAGE, height, constrained=True)
+    left, right = figure.subplots(1, 2)
+    for axes, column in ((left, "share"), (right, "mean")):
         for label in reversed(series):
             own = found[found["series"] == label]
             axes.plot(own["value"], own[column], **legend.look(places.get(label)), zorder=3)
         _dress(axes, found, column, word, chosen.problems)
-    beside = figure.add_axes((0.71, 0.48 / height, 0.285, 1 - 0.6 / height))
     best = found.groupby("series")["solved"].max()
     lines = [legend.LegendLine(_between(label, 24), str(int(best[label])), places.get(label)) for label in series]
-    legend.beside(beside, "most solved   solver", lines, most=run_canvas.LINES)
+    legend.beside(right, "most solved   solver", lines, most=run_canvas.LINES)
     guide = (
         f"Left: the fraction of the {counted(chosen.problems, 'problem')} that the solver solved with this value of "
         f"{word}. Right: its mean time (shifted geometric over all problems, a failure charged the limit); an end of a "

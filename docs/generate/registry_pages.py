@@ -17,8 +17,7 @@ from page_parts import table, verbatim
 from cpbench.conversions import Conversion
 from cpbench.formulations import Problem, formulations
 from cpbench.formulations.exchange import exchanges
-from cpbench.graph import edges
-from cpbench.graph.routes import promise
+from cpbench.graph import edges, promise
 from cpbench.report import canvas
 from cpbench.report.methods import METHODS
 from cpbench.solvers.base import SolverSpec, Trait, solvers

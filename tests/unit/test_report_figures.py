@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from matplotlib.colors import to_hex
 from synthetic_results import looks_of, suite
 from tiers import some_by_day
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import Profile, performance_profile
-from cpbench.report import convergence, figures, legend, panels
+from cpbench.report import convergence, figures, legend
 
 INF = math.inf
 
@@ -78,37 +77,6 @@ def test_colours_markers_and_dashes_tell_curves_apart() -> None:
     assert sum(1 for line in lines if line.get_linestyle() != "-") == inexact
 
 
-def test_one_panel_a_solver() -> None:
-    """Each curve is in the panel that its label stands above, from its left to its right side, dashed where inexact."""
-    from matplotlib.collections import LineCollection
-
-    profile, kinds = profile_of(30, 20)
-    figure = panels.panels_figure(profile, "t", kinds, looks(profile))
-    told = {text.get_text(): text.get_position() for text in figure.axes[0].texts}
-    ends: dict[Any, Any] = {}
-    found: Any = figure.axes[0].findobj(LineCollection)
-    for drawn in found:
-        colours = [to_hex(one).upper() for one in drawn.get_colors()]
-        if set(colours) <= set(legend.PALETTE) and drawn.get_zorder() == 3:
-            dashed = drawn.get_linestyles()[0][1] is not None
-            paths = drawn.get_paths()
-            assert len(colours) == len(paths)
-            ends |= {
-                tuple(p.vertices[0].round(6)): (p.vertices, dashed, c) for p, c in zip(paths, colours, strict=True)
-            }
-    curves = [curve for curve in profile.curves if curve.solved]
-    assert len(ends) == len(curves) > figures.EMPHASISED
-    for curve in curves:
-        x, above = told[f"{figures.marked(curve.label, kinds, 26)}  {curve.solved}/30"]
-        low = above - 3 / 72 - panels.HIGH
-        corners, dashed, colour = ends[tuple(np.round((x, low + panels.HIGH * curve.at(1.0)), 6))]
-        assert corners[-1] == pytest.approx((x + panels.WIDE, low + panels.HIGH * curve.at(INF)))
-        assert dashed == (kinds[curve.label] == "approximate")
-        assert colour == legend.colour(looks(profile)[curve.label])
-        tau = 2.0 ** ((corners[:, 0] - x) / panels.WIDE * math.log2(figures.right_end(profile)))
-        assert (corners[1::2, 1] - low) / panels.HIGH == pytest.approx([curve.at(t * (1 - 1e-9)) for t in tau[1::2]])
-
-
 def test_a_curve_of_many_steps_is_drawn_with_as_many_as_can_be_seen() -> None:
     rng = np.random.default_rng(0)
     times = pd.DataFrame(np.exp(rng.normal(0, 2, (20_000, 2))), columns=["a", "b"])
@@ -141,10 +109,9 @@ def test_a_curve_of_many_steps_is_drawn_with_as_many_as_can_be_seen() -> None:
 )
 def test_any_table_can_be_drawn(times: pd.DataFrame, tmp_path: Path) -> None:
     profile = performance_profile(times)
-    for draw in (figures.profile_figure, panels.panels_figure):
-        png, svg = figures.save(draw(profile, "title", {}, looks(profile)), tmp_path, "f")
-        assert png.read_bytes().startswith(b"\x89PNG")
-        assert b"</svg>" in svg.read_bytes()
+    png, svg = figures.save(figures.profile_figure(profile, "title", {}, looks(profile)), tmp_path, "f")
+    assert png.read_bytes().startswith(b"\x89PNG")
+    assert b"</svg>" in svg.read_bytes()
 
 
 @pytest.mark.nightly

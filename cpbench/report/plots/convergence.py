@@ -41,7 +41,7 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
     paths = {str(label): path for label, path in iterates.groupby("label")}
     ends = sorted(paths, key=lambda label: (float(paths[label]["error"].min()), label))
     places = {label: chosen.looks[label] for label in ends[: legend.EMPHASISED]}
-    figure, axes, beside = run_canvas.with_legend(len(ends), notes=2)
+    figure, axes = run_canvas.with_legend(len(ends), notes=2)
     for label in reversed(ends):
         path, place = paths[label], places.get(label)
         marks = {} if place is None else {"markevery": max(1, len(path) // 8)}
@@ -57,7 +57,7 @@ def draw(run: Run, choice: Choice, *, name: str = "", reported: bool = False) ->
         legend.LegendLine(figures.shorten(label), f"{paths[label]['error'].min():.0e}", places.get(label))
         for label in ends
     ]
-    legend.beside(beside, "least error   lowest first", lines, ["dashed: the tolerance"], 0.05, run_canvas.LINES)
+    legend.beside(axes, "least error   lowest first", lines, ["dashed: the tolerance"], run_canvas.LINES)
     guide = (
         f"Each mark and corner is an iterate of a solve of {problem}: its time, and its error as cpbench judges it "
         "on the original problem; iterates are kept at growing intervals, so that a time is an upper bound."

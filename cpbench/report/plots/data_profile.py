@@ -32,7 +32,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", per: str = "") -> Dr
     curves = sorted(
         (c for c in profile.curves if c.solved), key=lambda c: (-c.solved, rank.get(c.label, len(rank)), c.label)
     )
-    figure, axes, beside = run_canvas.with_legend(len(curves))
+    figure, axes = run_canvas.with_legend(len(curves))
     first, last = (profile.least / 1.5, profile.widest * 1.5) if profile.least else (1.0, 10.0)
     for curve in reversed(curves):
         place, dashed = places.get(curve.label), chosen.kinds.get(curve.label, "") in figures.INEXACT
@@ -53,7 +53,7 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", per: str = "") -> Dr
         figures.nothing(axes, "no problem was solved")
     lines = [figures.line_of(curve, places, chosen.kinds) for curve in curves]
     notes = figures.notes(profile.curves, chosen.kinds)
-    legend.beside(beside, "solved   most first", lines, notes, most=run_canvas.LINES)
+    legend.beside(axes, "solved   most first", lines, notes, run_canvas.LINES)
     guide = (
         f"The height of a curve at a budget is the fraction of the {counted(chosen.problems, 'problem')} that the "
         f"solver solved with a {cost} of at most that{f' times {per}' if per else ''}; "

@@ -45,8 +45,8 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", against: str = "") -
     record = pairwise.records(found.values[[one, other]], chosen.problems, found.metric.floor).iloc[0]
     wins, losses = (int(record[key]) for key in (("wins", "losses") if record["one"] == one else ("losses", "wins")))
     both = found.values[[one, other]].clip(lower=found.metric.floor or 0.0)
-    figure = canvas.page(4.4, 4.1)
-    axes = figure.add_axes((0.185, 0.125, 0.785, 0.85))
+    figure = canvas.page(4.6, 4.1, constrained=True)
+    axes = figure.subplots()
     _scatter(axes, both, one, other, found.metric)
     cost = run_canvas.word(found.metric)
     guide = (

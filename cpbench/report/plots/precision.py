@@ -20,8 +20,8 @@ def draw(run: Run, choice: Choice) -> Drawing:
     chosen = choose(run, choice)
     require_histories(chosen)
     work_precision = histories.work_precision(chosen.rows, chosen.histories)
-    figure, axes, beside = run_canvas.with_legend(work_precision["label"].nunique(), notes=1)
-    convergence.curves_axes(axes, beside, work_precision, chosen.problems, chosen.looks)
+    figure, axes = run_canvas.with_legend(work_precision["label"].nunique(), notes=1)
+    convergence.curves_axes(axes, work_precision, chosen.problems, chosen.looks)
     axes.set_xlabel("time, conversion and set-up included, log scale")
     without = sorted(set(chosen.rows["label"]) - set(work_precision["label"]))
     left_out = f" No history of {listed_plainly(without)}." if without else ""

@@ -30,11 +30,11 @@ def draw(run: Run, choice: Choice, *, metric: str = "time", bands: bool = False)
     chosen = choose(run, choice)
     found, left_out = chosen.measured(metric)
     profile = performance_profile(found.values, chosen.problems, found.metric.floor, found.lost)
-    figure, axes, beside = run_canvas.with_legend(len(profile.curves))
+    figure, axes = run_canvas.with_legend(len(profile.curves))
     cost = run_canvas.word(found.metric)
     least = "the fastest" if found.metric.unit == "s" else "the one that needed least"
     across = f"τ: {cost} / {'fastest time' if cost == 'time' else f'least {cost}'} (failures: ∞)"
-    places = figures.profile_axes(axes, beside, profile, chosen.kinds, chosen.looks, across, run_canvas.LINES)
+    places = figures.profile_axes(axes, profile, chosen.kinds, chosen.looks, across, run_canvas.LINES)
     banded = ""
     if bands and places:
         families = bootstrap.families_of(chosen.rows)

@@ -43,23 +43,23 @@ def draw(run: Run, choice: Choice, *, size: str = "") -> Drawing:
     shown = fitted[fitted["solved"] > 0].head(PANELS).sort_values(["slope", "label"])
     rows = max(1, -(-len(shown) // ACROSS))
     height = 1.5 * rows + 0.45
-    figure = canvas.page(canvas.PAGE, height)
-    wide, high = 0.9 / ACROSS, (height - 0.45) / height / rows
+    figure = canvas.page(canvas.PAGE, height, constrained=True)
+    grid = figure.subplots(rows, ACROSS, squeeze=False)
     low, top = float(points["seconds"].min()) / 2, float(points["seconds"].max()) * 2
+    for axes in grid.flat[len(shown) :]:
+        axes.remove()
     for k, (_, record) in enumerate(shown.iterrows()):
-        row, column = divmod(k, ACROSS)
-        box = (0.085 + column * wide, 1 - (row + 1) * high + 0.02, wide * 0.88, high - 0.42 / height)
-        axes = figure.add_axes(box)
+        axes: Axes = grid.flat[k]
         axes.set_xlim(float(points["x"].min()) / 1.3, float(points["x"].max()) * 1.3)
         axes.set_ylim(low, top)
         _panel(axes, points, record)
-        if column:
+        if k % ACROSS:
             axes.tick_params(labelleft=False)
         if k + ACROSS < len(shown):
             axes.tick_params(labelbottom=False)
         else:
             axes.set_xlabel(symbol)
-    figure.text(0.012, 0.5, "time, log scale", rotation=90, fontsize=8, va="center", ha="center")
+    figure.supylabel("time, log scale", fontsize=8)
     more = int((fitted["solved"] > 0).sum()) - len(shown)
     guide = (
         f"Each panel is a solver: a dot a problem it solved, a triangle one on which it was stopped at the limit, grey "
