@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 import psutil
 
 from cpbench import graph, storage
-from cpbench.api import conversion_check
-from cpbench.api.problem_text import sizes_line
 from cpbench.api.problems import convert, load
+from cpbench.bench import starts
+from cpbench.cli import verify_command
 from cpbench.cli.options import (
     Command,
     ListOption,
@@ -24,14 +26,17 @@ from cpbench.cli.options import (
     tolerance_option,
     via_option,
 )
+from cpbench.cli.problem_text import sizes_line
 from cpbench.cli.progress import converting
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, MEMORY, PATH, SETTINGS
-from cpbench.formulations import Kind, formulations
+from cpbench.errors import CpbenchError
+from cpbench.formulations import Kind, Problem, formulations
 from cpbench.generators.collection import address_text
-from cpbench.graph import checking
+from cpbench.graph import Arrival, checking
 from cpbench.report.show import slip_angle
 from cpbench.storage.base import require_new
+from cpbench.verification import error_text
 
 
 @click.command(cls=Command)
@@ -102,7 +107,7 @@ def command(
     done = graph.Memory()
     apply = lambda edge, p: converting(edge, p, done, room)  # noqa: E731
     arrival = convert(problem, node, via, kinds=kinds, knobs={"facets": facets, "angle": angle}, apply=apply).arrival
-    guesses, lost = conversion_check.carried_starts(storage.guesses(source), arrival)
+    guesses, lost = carried_starts(storage.guesses(source), arrival)
     storage.save(arrival.problem, target_file, format=written, force=force, guesses=guesses)
     print_lines([f"{address_text(source)} ({problem.node}: {sizes_line(problem)})"])
     print_lines([f"  by {arrival.route.label} ({arrival.kind})"])
@@ -114,6 +119,37 @@ def command(
         stored = None if settings else storage.solution(source)
         known = None if stored is None else stored[0]
         report = checking.examine(problem, arrival, done.seconds(problem, arrival.route), known, tolerance)
-        print_lines(conversion_check.lines(problem, report, tolerance))
+        print_lines(check_lines(problem, report, tolerance))
         if not report.passed:
             sys.exit(1)
+
+
+def carried_starts(points: Sequence[Any], arrival: Arrival) -> tuple[list[Any], list[str]]:
+    """Return starting points on the converted problem, and a line for each that could not be carried."""
+    carried: list[Any] = []
+    lost: list[str] = []
+    for k, point in enumerate(points, 1):
+        try:
+            carried.append(starts.carry(point, arrival.problem, len(arrival.route.steps)))
+        except CpbenchError as cause:
+            lost.append(f"starting point {k}: {cause}")
+    return carried, lost
+
+
+def check_lines(problem: Problem, report: checking.CheckReport, tolerance: float) -> Iterator[str]:
+    """Yield the errors of an answer on both sides, what the lift does to them, and the times."""
+    target, promise = report.arrival.problem, report.arrival.kind
+    if not report.how:
+        yield f"check: not possible, no answer at {tolerance:.3g} to {target.node}: {'; '.join(report.tried)}"
+        return
+    outcome = verify_command.outcome(problem, report.source)
+    note = "" if promise.exact else f"; the route is {promise}: it need not"
+    yield f"check: {report.how}"
+    yield from (f"  not used       {reason}" for reason in report.tried)
+    yield f"  error there    {error_text(report.target.error)} on {target.node}"
+    yield f"  error here     {error_text(report.source.error)} on {problem.node}, {outcome}{note}"
+    if report.moved is not None:
+        beside = f"{report.moved:.3g} at most over {checking.MOVES} answers moved by {checking.MOVED:.3g}"
+        yield f"  amplification  {report.amplification:.3g} by the lift; {beside}"
+    yield from (f"  note           {remark}" for remark in report.remarks)
+    yield f"  seconds        convert {report.apply:.3g}, lift {report.lift:.3g}"

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 
 import click
 
-from cpbench.api.availability_text import checkup_lines
-from cpbench.api.node_traits import trait_table
 from cpbench.bench import availability, machine, time_limits
 from cpbench.bench.availability import SolverState
 from cpbench.bench.processes import isolation
 from cpbench.cli.options import Command
+from cpbench.cli.solver_tables import HEAD, cells, families, folded_names
 from cpbench.cli.terminal import fitted, folded, print_lines, reading_width, table
 from cpbench.foundation import kernel_cache
+from cpbench.solvers.base import solvers
+from cpbench.testing.node_traits import trait_table
 
 
 @click.command(cls=Command)
@@ -26,8 +27,6 @@ def command(warm: bool, node: str | None) -> None:
     The package of every solver is imported in a separate process, so that a package that crashes or hangs is reported
     and the command goes on.
     """
-    from cpbench.solvers.base import solvers
-
     if node is not None:
         if warm:
             raise click.UsageError("--node takes no --warm: it compiles nothing")
@@ -65,3 +64,42 @@ def _progress(done: int, of: int, name: str, warm: bool) -> None:
         click.echo(f"\r\x1b[2Ktrying solvers {done}/{of} {name}", nl=False, err=True)
     elif warm and done % max(1, of // 10) == 0:
         click.echo(f"{done}/{of} solvers", err=True)
+
+
+def checkup_lines(found: Sequence[SolverState], width: int) -> Iterator[str]:
+    """Yield the solvers by their state on this machine, and for what is missing how to get it."""
+    counts = {state: [one for one in found if one.state == state] for state in availability.STATES}
+    yield f"solvers      {', '.join(f'{len(those)} {state}' for state, those in counts.items() if those)}"
+    for state, those in counts.items():
+        if those:
+            yield {
+                "ok": "ok",
+                "licence": "licence: installed, and not allowed to run",
+                "broken": "broken: installed, and failed when it was tried",
+                "missing": "missing: not installed; what to do, and what it brings",
+            }[state]
+            yield from _ready(those) if state == "ok" else _absent(those, width)
+
+
+def _ready(those: Sequence[SolverState]) -> Iterator[str]:
+    """Yield a line for each solver that runs by default; the others are counted."""
+    specs = {one.name: solvers.get(one.name).spec for one in those}
+    shown = [one for one in those if specs[one.name].by_default]
+    rows = [cells(specs[one.name], one) for one in shown]
+    yield from table((f"  {name}", *others) for name, *others in (HEAD, *rows))
+    if any(specs[one.name].publishing for one in shown):
+        yield "  * figures must not be published without permission: cpbench list solvers NAME"
+    rest = [specs[one.name] for one in those if one not in shown]
+    if rest:
+        yield f"  and {len(rest)} that run only when they are named: {families(rest)}"
+
+
+def _absent(those: Sequence[SolverState], width: int) -> Iterator[str]:
+    """Yield a paragraph for each reason, with all solvers that it keeps away."""
+    reasons: dict[str, list[str]] = {}
+    for one in those:
+        reasons.setdefault(one.detail.strip(), []).append(one.name)
+    for reason, names in reasons.items():
+        lines = reason.splitlines() or ["no reason was given"]
+        yield from (f"  {line}" for line in lines)
+        yield from folded_names(names, width)

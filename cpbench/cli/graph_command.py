@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import click
 
 from cpbench.cli.options import Command, ListOption, kinds_option
-from cpbench.cli.terminal import fitted, print_lines
+from cpbench.cli.terminal import fitted, print_lines, table
 from cpbench.cli.types import POSITIVE
 from cpbench.conversions import Conversion
 from cpbench.formulations import Kind, formulations
+from cpbench.foundation.plurals import counted
 from cpbench.graph import best_kind, edges, promise
 from cpbench.solvers.base import solvers
+
+if TYPE_CHECKING:
+    from cpbench.testing.residual_matrix import Cell
 
 FORMATS = ("text", "mermaid")
 WRAP = 3
@@ -46,10 +51,10 @@ def command(form: str, check: bool, nodes: tuple[str, ...], tolerance: float, ki
         drawn = draw(form, kinds).splitlines()
         print_lines(fitted(drawn) if form == "text" else drawn)
         return
-    from cpbench.testing.residual_matrix import lines, measure
+    from cpbench.testing.residual_matrix import measure
 
     cells = measure(nodes or formulations.names(), tolerance)
-    print_lines(lines(cells, tolerance))
+    print_lines(check_lines(cells, tolerance))
     if any(cell.exceeds(tolerance) for cell in cells):
         sys.exit(1)
 
@@ -114,3 +119,43 @@ def _words(edge: Conversion) -> list[str]:
 def _id(node: str) -> str:
     """Return a name that Mermaid takes for a node, which is none of its words, such as `end`."""
     return "node_" + re.sub(r"\W", "_", node)
+
+
+def _matrix(found: Sequence[Cell]) -> Iterator[str]:
+    """Yield the cells as a matrix, sources down, targets across, and what its signs mean."""
+    by_pair = {(cell.source, cell.target): str(cell) for cell in found}
+    nodes = sorted({node for pair in by_pair for node in pair})
+    rows = [[a, *(by_pair.get((a, b), "=" if a == b else ".") for b in nodes)] for a in nodes]
+    yield from table([["", *nodes], *rows])
+    yield "rows: source, columns: target, cells: worst error on the source after convert, save, load, solve, lift"
+    yield ". no equivalent route, - none that a planted case takes"
+    cases_run, pushed = sum(cell.cases for cell in found), sum(cell.pushed for cell in found)
+    yield (
+        f"{cases_run} round trips; in {pushed} of them no solver's answer served, so that the planted solution was "
+        "pushed (* in all of a cell, + in some)"
+    )
+
+
+def check_lines(found: Sequence[Cell], tolerance: float) -> Iterator[str]:
+    """Yield the matrix, the cells above the tolerance, and what is remarkable about others."""
+    yield from _matrix(found)
+    yield from (f"{cell.source} -> {cell.target}: {cell.reason}" for cell in found if cell.error is None)
+    above = [cell for cell in found if cell.exceeds(tolerance)]
+    for cell in above:
+        cause = cell.reason or f"error {cell.error:.1e}"
+        yield f"{cell.source} -> {cell.target}: above {tolerance:.3g}: '{cell.case}' by {cell.route}: {cause}"
+    for cell in (cell for cell in found if cell.amplified):
+        name, error = max(cell.amplified, key=lambda item: item[1])
+        yield (
+            f"{cell.source} -> {cell.target}: answers that pass there do not pass here in {len(cell.amplified)} of "
+            f"{cell.cases} cases, the worst has error {error:.1e} on '{name}'"
+        )
+    rounded = [cell for cell in found if cell.error is not None and tolerance < cell.error <= cell.rounding]
+    for cell in rounded:
+        yield (
+            f"{cell.source} -> {cell.target}: error {cell.error:.1e} on '{cell.case}', whose planted solution has "
+            f"{cell.rounding:.1e} when its last digits change"
+        )
+    taken = sum(cell.error is not None for cell in found)
+    more = f", {len(rounded)} more within rounding" if rounded else ""
+    yield f"{taken - len(above) - len(rounded)} of {counted(taken, 'pair')} within {tolerance:.3g}{more}"

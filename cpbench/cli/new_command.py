@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
-from cpbench.api import new_ci, new_plugin
 from cpbench.cli.options import Command
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import FOLDER
+from cpbench.testing import new_ci, new_plugin
 
 LANGUAGES = ("python", "cpp", "julia", "command")
 KINDS = ("solver", "conversion", "problem")

@@ -8,8 +8,8 @@ from typing import Any
 import click
 
 from cpbench import storage
-from cpbench.api.problem_text import sizes_line
 from cpbench.cli.options import Command, force_option, symmetric_option
+from cpbench.cli.problem_text import sizes_line
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import PATH, POSITIVE
 from cpbench.storage.base import require_new

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 import click
 
 from cpbench import graph, storage
-from cpbench.api.problem_text import size_after, sizes_line
 from cpbench.cli import terminal
 from cpbench.cli.graph_command import solvers_of
 from cpbench.cli.options import Command, ListOption, format_option, kinds_option
+from cpbench.cli.problem_text import size_after, sizes_line
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS
 from cpbench.errors import NoRoute, NotApplicable

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-from cpbench.api import run_text
 from cpbench.bench import planned_run
 from cpbench.bench.execution import OpenRun
 from cpbench.bench.planning import dry_run as dry_runs
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
+from cpbench.cli import run_text
 from cpbench.cli.progress import Display
 from cpbench.cli.terminal import fitted, folded, print_lines, width
 from cpbench.storage.base import require_folder

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import click
 
-from cpbench.foundation.plain_text import columns, on_one_line
+from cpbench.foundation.plain_text import on_one_line
 
 NARROWEST, WIDEST = 40, 110
 
@@ -40,10 +40,15 @@ def print_lines(lines: Iterable[str], err: bool = False) -> None:
 
 
 def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
-    """Yield rows as lines, every column as wide as its widest cell; in a terminal cells are folded so that all fit."""
+    """Yield rows as lines, every column as wide as its widest cell; in a terminal cells are folded so that all fit.
+
+    >>> list(table([("lemke", "lcp", "pivots"), ("pgs", "lcp", "sweeps")]))
+    ['lemke  lcp  pivots', 'pgs    lcp  sweeps']
+    """
     rows = [tuple(map(on_one_line, row)) for row in rows]
     room = width()
-    lines = list(columns(rows))
+    longest = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
+    lines = ["  ".join(map(str.ljust, row, longest)).rstrip() for row in rows]
     if room is None or max(map(len, lines), default=0) <= room:
         yield from lines
         return
@@ -52,7 +57,6 @@ def table(rows: Iterable[Sequence[str]]) -> Iterator[str]:
     from rich.text import Text
 
     grid = Table(box=None, show_header=False, padding=(0, 2, 0, 0), pad_edge=False)
-    longest = [max(map(len, cells)) for cells in zip(*rows, strict=True)]
     for place, long in enumerate(longest):
         grid.add_column(overflow="fold", no_wrap=place == 0 and long <= room // 2)  # names are to be copied
     for row in rows:

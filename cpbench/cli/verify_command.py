@@ -9,14 +9,20 @@ from pathlib import Path
 import click
 
 from cpbench import storage, verification
-from cpbench.api import verdict_text
 from cpbench.api.problems import load, verify
 from cpbench.bench import multipliers
 from cpbench.cli.options import Command, format_option, measure_option, number, tolerance_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH
 from cpbench.errors import FormatError
+from cpbench.formulations.base import Problem
+from cpbench.formulations.nlp import NLP, Convexity
 from cpbench.generators.collection import address_text
+from cpbench.proofs import prove
+from cpbench.proofs.polyhedra import objective
+from cpbench.verification import Status, Verdict
+
+DECLARED = "that the problem is convex is its author's word, which cannot be checked here"
 
 
 @click.command(cls=Command)
@@ -78,16 +84,16 @@ def command(
         lines = _table(measures, tolerance)
     else:
         verdict = verify(loaded, point, tolerance=tolerance, measure=measure)
-        lines = verdict_text.lines(verdict)
+        lines = judged_lines(verdict)
     verdict = multipliers.marked(verdict) if completed else verdict
     error = number(verdict.error) if measure else verification.error_text(verdict.error)
-    print_lines([f"{address_text(problem)}: error {error}, {verdict_text.outcome(loaded, verdict)}"])
+    print_lines([f"{address_text(problem)}: error {error}, {outcome(loaded, verdict)}"])
     if completed:
         print_lines([f"  {completed}"])
     if verdict.within and not verdict.solved:
-        print_lines(verdict_text.unbounded(loaded))
+        print_lines(unbounded_lines(loaded))
     print_lines(lines)
-    print_lines(verdict_text.remarks(verdict))
+    print_lines(remark_lines(verdict))
     if not verdict.solved:
         sys.exit(1)
 
@@ -103,3 +109,42 @@ def _table(measures: Sequence[verification.PublishedMeasure], tolerance: float) 
         whose = row.source.partition(" (")[0]
         yield f"  {row.name:<36} {number(row.value):<9} {words[row.within(tolerance)]:<15} {whose}"
     yield from (f"  {source}" for source in sorted({row.source for row in measures}))
+
+
+def outcome(problem: Problem, verdict: Verdict) -> str:
+    """Return in words whether an answer passes; of a stationary point, what is known and what is not."""
+    at = f"at {verdict.tolerance:.3g}"
+    if verdict.solved:
+        return f"passes {at}"
+    if not verdict.within:
+        return f"does not pass {at}"
+    unknown = isinstance(problem, NLP) and problem.convexity is Convexity.UNKNOWN
+    convex = "the problem is not known to be convex" if unknown else "the problem is not convex"
+    return f"optimality conditions hold {at}; {convex}, minimality is not shown"
+
+
+def judged_lines(verdict: Verdict) -> Iterator[str]:
+    """Yield the number that decides, and those that do not, with what they are."""
+    for name, value in verdict.judged.items():
+        yield f"  judged  {name:<28} {value:.3g}"
+    if verdict.parts:
+        yield "  not judged: residuals by which solvers of cpbench stop, and their parts (--all-measures names sources)"
+    for name, value in verdict.parts.items():
+        yield f"          {name:<28} {value:.3g}"
+
+
+def remark_lines(verdict: Verdict) -> Iterator[str]:
+    """Yield the flags, and what the verdict rests on where nothing measures it."""
+    if verdict.flags:
+        yield f"  flags   {', '.join(verdict.flags)}"
+    if "convexity declared" in verdict.flags:
+        yield f"          convexity declared: {DECLARED}"
+
+
+def unbounded_lines(problem: Problem, seconds: float = 5.0) -> Iterator[str]:
+    """Yield that the objective has no lower bound, where that is proved; problems with linear constraints only."""
+    if objective(problem) is None:
+        return
+    attempt = prove(problem, str(Status.UNBOUNDED), seconds=seconds)
+    if attempt.proof is not None:
+        yield f"  unbounded: the objective has no lower bound, {attempt.message}"

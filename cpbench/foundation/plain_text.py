@@ -1,9 +1,8 @@
-"""Plain text: foreign text (messages of solvers, names in files) made safe for a terminal or a table, and columns."""
+"""Plain text: foreign text (messages of solvers, names in files) made safe for a terminal or a table."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
 
 _CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 """Control characters but tab and line feed, what turns the direction of writing, and halves of surrogate pairs."""
@@ -41,17 +40,3 @@ def cell(text: str) -> str:
     """
     line = _TAG.sub("&lt;", on_one_line(text))
     return f"'{line}" if text.startswith(_FORMULA) else line
-
-
-def columns(rows: Iterable[Sequence[str]], last: int = 0) -> Iterator[str]:
-    """Yield rows as lines, each column as wide as its widest cell; columns from `last` on are not padded.
-
-    >>> list(columns([("lemke", "lcp", "pivots"), ("pgs", "lcp", "sweeps")]))
-    ['lemke  lcp  pivots', 'pgs    lcp  sweeps']
-    """
-    rows = [tuple(row) for row in rows]
-    fixed = last or (len(rows[0]) - 1 if rows else 0)
-    widths = [max(len(row[k]) for row in rows) for k in range(fixed)] if rows else []
-    for row in rows:
-        cells = [f"{cell:<{width}}" for cell, width in zip(row, widths, strict=False)]
-        yield "  ".join([*cells, *row[fixed:]]).rstrip()

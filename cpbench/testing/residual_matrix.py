@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +17,6 @@ import numpy as np
 from cpbench import graph, storage
 from cpbench.errors import CpbenchError, NoRoute
 from cpbench.formulations import Kind
-from cpbench.foundation.plurals import counted
 from cpbench.graph import checking
 from cpbench.testing.cases import Case, cases
 
@@ -164,47 +163,3 @@ def rounding(case: Case) -> float:
         for _ in range(8)
     )
     return max(case.problem.residuals(type(case.point)(**point)).error for point in moved)
-
-
-def table(found: Sequence[Cell]) -> str:
-    """Return the cells as a matrix, sources down, targets across."""
-    by_pair = {(cell.source, cell.target): str(cell) for cell in found}
-    nodes = sorted({node for pair in by_pair for node in pair})
-    wide = max((len(text) for text in (*nodes, *by_pair.values())), default=0)
-    rows = [["", *nodes], *([a, *(by_pair.get((a, b), "=" if a == b else ".") for b in nodes)] for a in nodes)]
-    lines = ["  ".join(text.rjust(wide) for text in row).rstrip() for row in rows]
-    cases_run, pushed = sum(cell.cases for cell in found), sum(cell.pushed for cell in found)
-    return "\n".join(
-        [
-            *lines,
-            "rows: source, columns: target, cells: worst error on the source after convert, save, load, solve, lift",
-            ". no equivalent route, - none that a planted case takes",
-            f"{cases_run} round trips; in {pushed} of them no solver's answer served, so that the planted solution was "
-            "pushed (* in all of a cell, + in some)",
-        ]
-    )
-
-
-def lines(found: Sequence[Cell], tolerance: float) -> Iterator[str]:
-    """Yield the matrix, the cells above the tolerance, and what is remarkable about others."""
-    yield from table(found).splitlines()
-    yield from (f"{cell.source} -> {cell.target}: {cell.reason}" for cell in found if cell.error is None)
-    above = [cell for cell in found if cell.exceeds(tolerance)]
-    for cell in above:
-        cause = cell.reason or f"error {cell.error:.1e}"
-        yield f"{cell.source} -> {cell.target}: above {tolerance:.3g}: '{cell.case}' by {cell.route}: {cause}"
-    for cell in (cell for cell in found if cell.amplified):
-        name, error = max(cell.amplified, key=lambda item: item[1])
-        yield (
-            f"{cell.source} -> {cell.target}: answers that pass there do not pass here in {len(cell.amplified)} of "
-            f"{cell.cases} cases, the worst has error {error:.1e} on '{name}'"
-        )
-    rounded = [cell for cell in found if cell.error is not None and tolerance < cell.error <= cell.rounding]
-    for cell in rounded:
-        yield (
-            f"{cell.source} -> {cell.target}: error {cell.error:.1e} on '{cell.case}', whose planted solution has "
-            f"{cell.rounding:.1e} when its last digits change"
-        )
-    taken = sum(cell.error is not None for cell in found)
-    more = f", {len(rounded)} more within rounding" if rounded else ""
-    yield f"{taken - len(above) - len(rounded)} of {counted(taken, 'pair')} within {tolerance:.3g}{more}"

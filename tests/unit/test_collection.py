@@ -14,10 +14,10 @@ from threadpoolctl import threadpool_limits
 
 import cpbench
 from cpbench import storage
-from cpbench.api import collection_text
 from cpbench.api.quoting import quote_collection
 from cpbench.bench.results.store import Store
 from cpbench.cli import cli
+from cpbench.cli.collection_command import size_rows
 from cpbench.formulations import LCP
 from cpbench.generators import generators
 from cpbench.generators.base import LARGE, SMALL, STANDARD
@@ -155,7 +155,7 @@ def test_the_list_counts_the_problems_of_the_catalogue() -> None:
 def test_the_histogram_has_every_decade_and_bars_in_proportion() -> None:
     def drawn(counts: dict[int, int]) -> list[tuple[str, ...]]:
         entries = [replace(ENTRIES[0], unknowns=size) for size, count in counts.items() for _ in range(count)]
-        return list(collection_text.size_rows(entries))[1:]
+        return list(size_rows(entries))[1:]
 
     rows = drawn({5: 100, 30: 50, 5000: 1})
     assert [row[0] for row in rows] == ["1 to 9", "10 to 99", "100 to 999", "1000 to 9999"]

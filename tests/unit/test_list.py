@@ -12,7 +12,7 @@ import pytest
 from tiers import some_by_day
 
 from cpbench.bench import availability
-from cpbench.foundation.plain_text import columns
+from cpbench.cli.terminal import table
 from cpbench.solvers.base import solvers
 
 PLUGIN = '''
@@ -144,8 +144,8 @@ def _sleep(*_: object) -> None:
 
 
 def test_columns_are_as_wide_as_their_widest_cell() -> None:
-    assert list(columns([("a", "b", "c"), ("long", "b", "d e")])) == ["a     b  c", "long  b  d e"]
-    assert list(columns([])) == []
+    assert list(table([("a", "b", "c"), ("long", "b", "d e")])) == ["a     b  c", "long  b  d e"]
+    assert list(table([])) == []
 
 
 @pytest.mark.parametrize("arguments", some_by_day(["formats nsgs", "formats --all", "solvers --node lpc"], 1))

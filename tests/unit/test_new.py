@@ -294,7 +294,7 @@ def test_files_are_replaced_by_force_only(tmp_path: Path) -> None:
 
 
 def test_a_failing_disk_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from cpbench.api import new_plugin
+    from cpbench.testing import new_plugin
 
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")

@@ -14,10 +14,10 @@ from command_line import cpbench
 from sliding import SLIDING
 from sources import module_name, modules
 
-from cpbench.api.node_traits import DERIVED, MISSING, PRESENT, node_traits, tables
 from cpbench.errors import DuplicateName
 from cpbench.formulations import formulations
 from cpbench.formulations.node_table import NodeTable
+from cpbench.testing.node_traits import DERIVED, MISSING, PRESENT, node_traits, tables
 
 MOST = 6
 """Modules that may list formulations: two of the checker of certificates, which shares nothing, three of testing, and

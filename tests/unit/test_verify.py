@@ -10,7 +10,7 @@ from command_line import cpbench as command
 
 import cpbench
 from cpbench import storage
-from cpbench.api import verdict_text
+from cpbench.cli import verify_command
 from cpbench.formulations import LCP, NLP, QP, ConeQP, Problem
 from cpbench.foundation.product_cones import Cone, ProductCone
 from cpbench.testing.planted_nonlinear import graph as formula
@@ -66,7 +66,7 @@ def test_answers_to_convex_problems_pass_and_wrong_ones_do_not(tmp_path: Path) -
 
 def test_the_word_of_an_author_is_called_that(tmp_path: Path) -> None:
     _, lines = verify(tmp_path, WORD, [0.0, 0.0])
-    assert f"          convexity declared: {verdict_text.DECLARED}" in lines
+    assert f"          convexity declared: {verify_command.DECLARED}" in lines
     _, lines = verify(tmp_path, QP.build(Q=np.eye(2), p=np.zeros(2)), [0.0, 0.0])
     assert not any("convexity" in line for line in lines)
 
@@ -106,4 +106,4 @@ def test_an_error_above_1_is_no_share() -> None:
         "0", "1.23e-07", "1", "above 1", "above 1", "inf",
     ]  # fmt: skip
     lcp = LCP(M=np.eye(1), q=[0.0])
-    assert verdict_text.outcome(lcp, Verdict(1e-6, False, 6e7)) == "does not pass at 1e-06"
+    assert verify_command.outcome(lcp, Verdict(1e-6, False, 6e7)) == "does not pass at 1e-06"

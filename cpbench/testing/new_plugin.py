@@ -8,9 +8,9 @@ import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
-from cpbench.api import new_templates
 from cpbench.errors import CpbenchError, DuplicateName, FormatError
 from cpbench.formulations import formulations
+from cpbench.testing import new_templates
 
 
 def plugin_texts(kind: str, name: str, lang: str, node: str) -> dict[str, str]:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from cpbench.bench.availability import SolverState
-from cpbench.foundation.plain_text import columns
+from cpbench.cli.terminal import table
 from cpbench.solvers.base import Solver, SolverSpec, solvers
 from cpbench.solvers.options import choices, written
 
@@ -124,7 +124,7 @@ def _options(spec: SolverSpec, width: int) -> Iterator[str]:
         (f"    {f.name}", type(f.default).__name__, written(f.default), " | ".join(map(written, among)) or "any")
         for f, among in ((f, choices(spec.options, f.name)) for f in fields)
     ]
-    yield from columns([head, *rows])
+    yield from table([head, *rows])
     text = inspect.getdoc(spec.options) or ""
     if not text.startswith(f"{spec.options.__name__}("):  # what a dataclass without a docstring says
         yield from textwrap.wrap(text, width, initial_indent="    ", subsequent_indent="    ")
