@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench import storage
-from cpbench.api.cross_examination import cross_examine
-from cpbench.api.quoting import quote_collection
+from cpbench.api.concluding import conclude
 from cpbench.api.results import Results
 from cpbench.bench import planned_run
 from cpbench.bench.execution import SilentObserver, open_run
@@ -97,8 +96,7 @@ def run(
         remarks += _remarks(assembly)
         store = opened.open_results()
         opened.execute(store, observer, "cpbench.run from Python")
-        quote_collection(store)
-        cross_examine(store, say=remarks.append)
+        conclude(store, say=remarks.append)
         remarks += [f"rows are missing: {gap}; the same call goes on" for gap in planned_run.gaps(store, assembly)]
     return Results(path, remarks=remarks)
 

@@ -13,7 +13,7 @@ from cpbench.analysis.participation import lacking_lines, unreached_lines, unrea
 from cpbench.analysis.quotation import quotation
 from cpbench.analysis.ranking import RankedSolver, Ranking
 from cpbench.analysis.run_table import RunTable
-from cpbench.api.cross_examination import contradiction_lines
+from cpbench.api.concluding import contradiction_lines
 from cpbench.bench.results.sealed import sealed
 from cpbench.cli.terminal import folded, print_lines, width
 from cpbench.report.text import counted, number, seconds

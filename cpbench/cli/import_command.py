@@ -9,8 +9,7 @@ from pathlib import Path
 
 import click
 
-from cpbench.api.cross_examination import contradiction_lines, cross_examine
-from cpbench.api.quoting import quote_collection
+from cpbench.api.concluding import conclude, contradiction_lines
 from cpbench.bench.planning.selection import addresses
 from cpbench.bench.results.imported import ELSEWHERE, Imported, Origin, import_answers
 from cpbench.bench.results.store import Store
@@ -84,8 +83,7 @@ def command(
             command=shlex.join(["cpbench", *sys.argv[1:]]),
             force=force,
         )
-        quote_collection(store)
-        conflicts = cross_examine(store, say=lambda line: print_lines([line], err=True))
+        conflicts = conclude(store, say=lambda line: print_lines([line], err=True))
     print_lines(_remarks(done), err=True)
     print_lines(contradiction_lines(conflicts))
     summary = ", ".join(f"{n} {status}" for status, n in done.counts.most_common())

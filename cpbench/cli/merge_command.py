@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from cpbench.api.cross_examination import contradiction_lines, cross_examine
-from cpbench.api.quoting import quote_collection
+from cpbench.api.concluding import conclude, contradiction_lines
 from cpbench.bench.results.merge import PREFER, merge
 from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command
@@ -31,8 +30,7 @@ def command(results: tuple[Path, ...], output: Path, mixed: bool, prefer: str | 
     remarks = merge(results, output, mixed=mixed, prefer=prefer or "")
     print_lines((f"mixed: {line}" for line in remarks), err=True)
     with Store(output, create=True) as store:
-        quote_collection(store)
-        conflicts = cross_examine(store, say=lambda line: print_lines([line], err=True))
+        conflicts = conclude(store, say=lambda line: print_lines([line], err=True))
         counts, notes = store.counts(), store.meta().get("seals", [])
     print_lines((f"{line}; reports of the merged file keep this remark" for line in notes), err=True)
     print_lines(contradiction_lines(conflicts))

@@ -57,8 +57,7 @@ def finish(plan: RunPlan, store: Store, assembly: Assembly, step: Callable[[str]
     """Print the answer and the last lines, and write the report; exits with 1 where the run failed. `step` notes what
     is being done."""
     from cpbench.analysis.run_table import RunTable
-    from cpbench.api.cross_examination import cross_examine
-    from cpbench.api.quoting import quote_collection
+    from cpbench.api.concluding import conclude
     from cpbench.cli.answer import print_answer
 
     print_lines(run_text.refused(assembly.refused), err=True)
@@ -67,8 +66,7 @@ def finish(plan: RunPlan, store: Store, assembly: Assembly, step: Callable[[str]
         print_lines(run_text.not_available(store), err=True)
     step("looking for contradictions")
     run = RunTable.of(store.table(), store.meta())
-    quote_collection(store)
-    conflicts = cross_examine(store, run.rows, lambda line: print_lines([line], err=True))
+    conflicts = conclude(store, run.rows, lambda line: print_lines([line], err=True))
     run = replace(run, meta=store.meta())  # with the contradictions and the collection
     print_answer(run)
     ending = run_text.ending(plan, store, assembly, run.stored, conflicts)

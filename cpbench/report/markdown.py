@@ -13,11 +13,11 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.report.answer import answer
 from cpbench.report.conditions import conditions
-from cpbench.report.contradictions_section import contradictions
 from cpbench.report.details import WHOLE_RUN, file_of, write_details
 from cpbench.report.known_sections import known_sections
 from cpbench.report.participation_sections import publishing
 from cpbench.report.run import Run, group_name
+from cpbench.report.run_sections import contradictions
 from cpbench.report.text import counted, plain
 from cpbench.verification import Status
 

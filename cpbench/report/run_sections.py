@@ -12,7 +12,6 @@ from typing import Any
 from cpbench.analysis import failures, reliability, starts
 from cpbench.analysis.table import CONTRADICTED
 from cpbench.report.certainty_section import certainties
-from cpbench.report.contradictions_section import contradictions
 from cpbench.report.imported_section import imported
 from cpbench.report.methods import LOSSES
 from cpbench.report.participation_sections import absent
@@ -24,6 +23,12 @@ DRIFT = 1.1
 """A machine that was this many times slower at one time than at another spoils ratios."""
 LISTED = 40
 """The most rows of a list of pairs; the rest is counted, and is in the CSV."""
+CONFLICTS = (
+    "Rows on one problem that cannot all be right: a solver is wrong, or the verdict. *Existence*: a row claims "
+    "that there is no solution, beside a verified answer. *Objective*: verified answers of a convex program with "
+    "different objectives. *Solution*: different verified answers where the solution is unique. *Verdict*: answers "
+    "that are the same to rounding with different verdicts, or rejected although different methods have the same."
+)
 
 
 def run_sections(run: Run) -> Iterator[str]:
@@ -51,6 +56,24 @@ def rest(run: Run, count: int, most: int = LISTED) -> Iterator[str]:
     """Yield a sentence about the rows that a list of `most` leaves out."""
     if count > most:
         yield f"{count - most} more are in {run.all_rows}."
+
+
+def contradictions(run: Run, most: int | None = None) -> Iterator[str]:
+    """Yield the contradictions, at most so many of them; nothing where there is none."""
+    conflicts = run.contradictions
+    if not conflicts:
+        return
+    yield f"## {counted(len(conflicts), 'contradiction').capitalize()}"
+    yield CONFLICTS
+    yield table(
+        ["problem", "kind", "what contradicts what", "certificates"],
+        (
+            [plain(cell) or "—" for cell in (one.problem, one.kind, one.words, one.arbitration)]
+            for one in conflicts[:most]
+        ),
+    )
+    if most is not None and len(conflicts) > most:
+        yield f"{len(conflicts) - most} more are in the details."
 
 
 def false_claims(run: Run, most: int = LISTED) -> Iterator[str]:

@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 import cpbench
 from cpbench import storage
-from cpbench.api.quoting import quote_collection
+from cpbench.api.concluding import quote_collection
 from cpbench.bench.results.store import Store
 from cpbench.cli import cli
 from cpbench.cli.collection_command import size_rows

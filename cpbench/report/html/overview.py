@@ -8,11 +8,11 @@ from cpbench.analysis import cautions
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.ranking import Ranking
-from cpbench.report.contradictions_section import contradictions
 from cpbench.report.html.columns import KEPT, WHOLE
 from cpbench.report.html.markup import Markup, element, prose, table
 from cpbench.report.participation_sections import publishing
 from cpbench.report.run import Run, group_name_text
+from cpbench.report.run_sections import contradictions
 from cpbench.verification import Status
 
 

@@ -5,17 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 
-from cpbench.analysis import forward_error
-from cpbench.analysis.contradictions import COMPARED, PROGRAMS, Conflict, Contradiction, is_one_of, named
-from cpbench.analysis.optimality import meets_conditions, objective_unit
-from cpbench.formulations import QP
-from cpbench.formulations.base import Point, Problem
+from cpbench.analysis.contradictions import EXISTENCE, Contradiction, named
+from cpbench.formulations import AVI, LCP, MLCP, QP
+from cpbench.formulations.base import Point, Problem, formulations
+from cpbench.formulations.coneqp import ConeQP
+from cpbench.formulations.relay import Relay
 from cpbench.foundation.matrices import Vector, max_abs
 from cpbench.verification import FALSE_CLAIMS, VERIFIED
+from cpbench_lab.contradictions import forward_error
+from cpbench_lab.contradictions.optimality import meets_conditions, objective_unit
 
+PROGRAMS = (QP, ConeQP)
+"""Formulations with a quadratic objective."""
+COMPARED = (*PROGRAMS, LCP, MLCP, Relay, AVI)
+"""Formulations of which verified answers are compared with each other."""
 OFF = 10.0
 """Largest error of the objective of a verified answer, in tolerances of its terms."""
 ALIKE = 1e-2
@@ -31,6 +38,18 @@ MULTIPLIERS = ("lam", "mu", "nu")
 """Parts of a point that are compared in one unit."""
 
 
+class Conflict(StrEnum):
+    """Kinds of contradictions."""
+
+    EXISTENCE = EXISTENCE
+    OBJECTIVE = "objective"
+    """Verified answers of a convex program with different objectives."""
+    SOLUTION = "solution"
+    """Different verified answers of a problem that has one solution."""
+    VERDICT = "verdict"
+    """Answers that are the same to rounding, with different verdicts; or all rejected, though methods agree on them."""
+
+
 @dataclass(frozen=True, eq=False)
 class KeptAnswer:
     """A row and its answer: its parts one after the other. `method` : of its solver, '' where it is not known.
@@ -44,6 +63,11 @@ class KeptAnswer:
     method: str
     vector: Vector
     objective: float | None = None
+
+
+def is_one_of(node: str, classes: tuple[type[Problem], ...]) -> bool:
+    """Return whether a node is a formulation of these, or a plugin's that derives from one."""
+    return node in formulations and issubclass(formulations.get(node), classes)
 
 
 def near(one: Vector, other: Vector, share: float) -> bool:

@@ -1,4 +1,4 @@
-"""Cross-examination of a run: contradictions between its rows are looked for, arbitrated, and kept in its results."""
+"""Cross-examination of a run: contradictions between its rows are looked for, and arbitrated by certificates."""
 
 from __future__ import annotations
 
@@ -14,16 +14,14 @@ from typing import TYPE_CHECKING, Any
 from cpbench import storage
 from cpbench.analysis import contradictions
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.contradicted_answers import KeptAnswer, of_answers, suspicious
-from cpbench.analysis.contradictions import Conflict, Contradiction
+from cpbench.analysis.contradictions import Contradiction
 from cpbench.bench.results.answers import unpack
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
-from cpbench.foundation.extensions import function
-from cpbench.foundation.plain_text import on_one_line
 from cpbench.foundation.plurals import counted
-from cpbench.verification import MET_TOLERANCE
+from cpbench.verification import FALSE_CLAIMS, MET_TOLERANCE, VERIFIED
+from cpbench_lab.contradictions.answers import COMPARED, Conflict, KeptAnswer, is_one_of, of_answers, suspicious
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,42 +32,26 @@ EACH = 4.0
 """Time for one of them [s]; one exact system may take longer."""
 LARGEST = 1000
 """Numbers of the largest answer for which a certificate is sought: exact systems grow fast."""
-LINES = 12
-"""The most contradictions that a command prints."""
 ROWS = 2
 """The most rows of a contradiction for whose answers one is sought."""
 
 
-def cross_examine(
-    store: Store, rows: pd.DataFrame | None = None, say: Callable[[str], None] = lambda line: None
-) -> list[Contradiction]:
-    """Look for contradictions between all rows of a results file that is open for writing, keep them in it in place of
-    those that were kept, and return them. Where python-flint is installed, certificates say who is right.
+def cross_examine(store: Store, rows: pd.DataFrame, say: Callable[[str], None]) -> list[Contradiction]:
+    """Return the contradictions between all rows of a results file. Where python-flint is installed, certificates say
+    who is right.
 
     Parameters
     ----------
-    rows : the normalised rows of the store, read here where they are not at hand. say : takes a line for a reader: on
-        a problem that could not be read again, and before certificates are sought.
+    rows : the normalised rows of the store. say : takes a line for a reader: on a problem that could not be read again,
+        and before certificates are sought.
     """
-    rows = rows_of.normalised(store.table()) if rows is None else rows
     examined = _Problems(store, say)
     conflicts = [*contradictions.of_claims(rows), *_of_answers(store, rows, examined)]
     if conflicts and importlib.util.find_spec("flint") is not None:
         say(f"{counted(len(conflicts), 'contradiction')}: certificates are sought for at most {SECONDS:g} s")
         conflicts = _arbitrated(store, conflicts, rows, examined)
     examined.report()
-    store.set_meta(**{contradictions.META: contradictions.as_data(conflicts)})
     return conflicts
-
-
-def contradiction_lines(found: Sequence[Contradiction]) -> Iterator[str]:
-    """Yield the contradictions for a reader, a line each; at most LINES of them. Nothing where there is none."""
-    if found:
-        yield f"{counted(len(found), 'contradiction')} (rows that cannot all be right):"
-        yield from (f"- {on_one_line(str(one))}" for one in found[:LINES])
-        if len(found) > LINES:
-            yield f"and {len(found) - LINES} more in the report"
-        yield ""
 
 
 class _Problems:
@@ -108,7 +90,7 @@ class _Problems:
 def _of_answers(store: Store, rows: pd.DataFrame, problems: _Problems) -> Iterator[Contradiction]:
     """Yield what kept answers contradict; a problem is read only where answers differ, or verdicts on the same."""
     sheets: Mapping[str, Mapping[str, Any]] = store.meta().get("solvers") or {}
-    found = contradictions.compared(rows).sort_values("fingerprint", kind="stable")
+    found = _compared(rows).sort_values("fingerprint", kind="stable")
     chosen = found[
         ["fingerprint", "node", "problem", "address", "key", "label", "status", "error", "tolerance", "parts"]
     ]
@@ -120,6 +102,18 @@ def _of_answers(store: Store, rows: pd.DataFrame, problems: _Problems) -> Iterat
         problem = problems.get(own[0].address, fingerprint)
         if problem is not None:
             yield from (replace(one, problem=own[0].problem) for one in of_answers(problem, answers))
+
+
+def _compared(table: pd.DataFrame) -> pd.DataFrame:
+    """Return the rows whose answers are compared: two or more of a problem, verified or rejected as false claims, by
+    the verdict of cpbench and exact routes; only verified ones where something is known of solutions of the node."""
+    verified = table["status"].isin(VERIFIED)
+    chosen = (verified | table["status"].isin(FALSE_CLAIMS)) & (table["measure"] == "") & rows_of.exact(table)
+    rows = table[chosen]
+    groups = rows["fingerprint"].groupby(rows["fingerprint"])
+    rejected = (~verified[rows.index]).groupby(rows["fingerprint"]).transform("any")
+    known = [node for node in rows["node"].unique() if is_one_of(node, COMPARED)]
+    return rows[(groups.transform("size") > 1) & (rejected | rows["node"].isin(known))]
 
 
 def _answers(store: Store, own: Sequence[Any], sheets: Mapping[str, Mapping[str, Any]]) -> Iterator[KeptAnswer]:
@@ -178,8 +172,10 @@ def _arbitration(problem: Problem, kind: str, answers: Sequence[tuple[str, bytes
 
 def _certified(problem: Problem, answer: Any, seconds: float) -> tuple[bool, str]:
     """Return whether a certificate proves that there is a solution, and what it says of an answer, in a few words."""
+    from cpbench_lab.certifying import certify  # few runs have anything to arbitrate
+
     try:
-        certificate = function("certify")(problem, answer, seconds=seconds)
+        certificate = certify(problem, answer, seconds=seconds)
     except (CpbenchError, ArithmeticError, ValueError) as cause:
         return False, f"no certificate ({cause})"
     if certificate and math.isfinite(certificate.distance):

@@ -1,0 +1,74 @@
+"""What is noted in a results file when all its rows are there: the collection they quote, and their contradictions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+from cpbench.analysis import contradictions
+from cpbench.analysis import table as rows_of
+from cpbench.analysis.contradictions import Contradiction
+from cpbench.analysis.quotation import META
+from cpbench.bench.results.store import Store
+from cpbench.errors import CpbenchError
+from cpbench.foundation.extensions import HOOKS, added, hook
+from cpbench.foundation.plain_text import on_one_line
+from cpbench.foundation.plurals import counted
+from cpbench.generators.collection import catalogue, identity
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+LINES = 12
+"""The most contradictions that a command prints."""
+
+
+def conclude(
+    store: Store, rows: pd.DataFrame | None = None, say: Callable[[str], None] = lambda line: None
+) -> list[Contradiction]:
+    """Note the collection and the contradictions in results that are open for writing, and return the latter.
+
+    Parameters
+    ----------
+    rows : the normalised rows of the store, read here where they are not at hand. say : takes a line for a reader.
+    """
+    quote_collection(store)
+    rows = rows_of.normalised(store.table()) if rows is None else rows
+    deeper = "cross_examine" in added(HOOKS)
+    found = hook("cross_examine")(store, rows, say) if deeper else list(contradictions.of_claims(rows))
+    store.set_meta(**{contradictions.META: [asdict(one) for one in found]})
+    return found
+
+
+def contradiction_lines(found: Sequence[Contradiction]) -> Iterator[str]:
+    """Yield the contradictions for a reader, a line each; at most LINES of them. Nothing where there is none."""
+    if found:
+        yield f"{counted(len(found), 'contradiction')} (rows that cannot all be right):"
+        yield from (f"- {on_one_line(str(one))}" for one in found[:LINES])
+        if len(found) > LINES:
+            yield f"and {len(found) - LINES} more in the report"
+        yield ""
+
+
+def quote_collection(store: Store) -> None:
+    """Write into results that are open for writing how many of their problems are of the collection, and its name,
+    version and hash; nothing where none are or none are installed."""
+    try:
+        entries = catalogue()
+    except CpbenchError:  # no problems are installed
+        return
+    own = {entry.fingerprint for entry in entries}
+    fingerprints = {row.fingerprint for row in store.rows()}
+    if fingerprints & own:
+        whole = identity(entries)
+        store.set_meta(
+            **{
+                META: {
+                    "name": whole.name,
+                    "problems": whole.problems,
+                    "sha256": whole.digest,
+                    "here": len(fingerprints & own),
+                }
+            }
+        )
