@@ -77,10 +77,6 @@ class StoreError(CpbenchError):
     """A results file cannot be used: wrong schema, other limits, not a results file."""
 
 
-class SealError(StoreError):
-    """Rows of a results file are not as a run wrote them, or contradict themselves: exit code 1."""
-
-
 class Unavailable(CpbenchError):
     """A solver that is installed cannot run after all: a licence that ran out, a program that does not start.
 

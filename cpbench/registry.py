@@ -17,7 +17,7 @@ import os
 import pkgutil
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Generic, TypeVar, cast
 
@@ -111,21 +111,16 @@ class Registry(Generic[T]):
     ----------
     kind : what an item is called in messages ("solver").
     packages : packages whose modules are imported on first use.
-    renamed : new name by old name. An old name still works, is taken, and is logged once as a warning.
     """
 
-    def __init__(self, kind: str, *packages: str, renamed: Mapping[str, str] | None = None) -> None:
+    def __init__(self, kind: str, *packages: str) -> None:
         self.kind = kind
         self._packages = packages
-        self._renamed = dict(renamed or {})
-        self._warned: set[str] = set()
         self._items: dict[str, T] = {}
         self._imported: set[str] = set()
 
     def add(self, name: str, item: T) -> T:
-        """Register `item`; raises DuplicateName when `name` is taken by another one, or was its name before."""
-        if name in self._renamed:
-            raise DuplicateName(f"{self.kind} '{name}' is an old name of '{self._renamed[name]}': choose another name")
+        """Register `item`; raises DuplicateName when `name` is taken by another one."""
         known = self._items.get(name)
         if known is not None and _home(known) != _home(item):
             raise DuplicateName(
@@ -161,12 +156,7 @@ class Registry(Generic[T]):
         return [name for name in (*self._packages, *_included.get(self.kind, ())) if name not in self._imported]
 
     def get(self, name: str) -> T:
-        """Return the item called `name`, or called so before; raises UnknownName with the nearest names."""
-        if name in self._renamed:
-            if name not in self._warned:
-                self._warned.add(name)
-                logger.warning("%s '%s' is now called '%s'", self.kind, name, self._renamed[name])
-            name = self._renamed[name]
+        """Return the item called `name`; raises UnknownName with the nearest names."""
         load_plugins()
         if name not in self._items:
             self._seek(name)
@@ -211,7 +201,7 @@ class Registry(Generic[T]):
 
     def __contains__(self, name: str) -> bool:
         self.discover()
-        return name in self._items or name in self._renamed
+        return name in self._items
 
     def __len__(self) -> int:
         return len(self.names())

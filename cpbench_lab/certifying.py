@@ -168,7 +168,7 @@ def certify_rows(store: Store, seconds: float = ROW_SECONDS) -> Iterator[str]:
     Raises CpbenchError without python-flint, or where a problem's file has changed since the run.
     """
     from cpbench import storage
-    from cpbench.bench.results import answers
+    from cpbench.bench.results.rows import unpack_answer
     from cpbench_lab.certificates.certificate import MEASURED, data_image, image
 
     formats = store.meta().get("formats", {})
@@ -183,7 +183,7 @@ def certify_rows(store: Store, seconds: float = ROW_SECONDS) -> Iterator[str]:
         problem = loaded[1]
         if problem.fingerprint != row.fingerprint:
             raise CpbenchError(f"{row.address}: is not the problem that was solved (its fingerprint changed)")
-        found = certify(problem, answers.unpack(blob), seconds=seconds, tolerance=float(row.tolerance))
+        found = certify(problem, unpack_answer(blob), seconds=seconds, tolerance=float(row.tolerance))
         distance = found.distance if math.isfinite(found.distance) else None
         more = found.level != MEASURED or bool(found.excluded) or not math.isnan(found.solutions)
         proof = image(found) if more else None

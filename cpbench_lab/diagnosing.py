@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cpbench.bench.planning.plan import Limits
-from cpbench.bench.results.sealed import sealed
+from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Problem
 from cpbench.verification import PROVEN
@@ -139,7 +139,7 @@ def trial_of_row(
     from cpbench.solvers.options import written
     from cpbench_lab.diagnosis.attempts import SolverTrial
 
-    with sealed(results) as store:
+    with Store(results) as store:
         rows = list(store.rows())
     known = [row for row in rows if problem in (row.problem, row.address)]
     if not known:

@@ -10,7 +10,6 @@ import re
 import signal
 import subprocess
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -28,8 +27,6 @@ from cpbench.registry import DECLARED, PLUGIN_FILES
 for _variable in THREAD_VARIABLES:  # as in a run; numba takes no other number once its threads are there
     os.environ[_variable] = "1"
 os.environ["OPENBLAS_NUM_THREADS"] = os.environ.get("CPBENCH_TEST_BLAS_THREADS", "1")  # of .ci/arithmetics
-_state = tempfile.TemporaryDirectory(prefix="cpbench-state-")
-os.environ["XDG_STATE_HOME"] = _state.name  # the key with which results are sealed is the user's own, not a test's
 for _variable in ("COLUMNS", "LINES"):  # readline, which pytest imports, leaves them to parallel runs
     os.environ.pop(_variable, None)
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as a shell leaves it that starts this in the background

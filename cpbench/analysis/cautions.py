@@ -1,8 +1,8 @@
 """Caveats beside a cost that is not the same cost for every solver.
 
 A program that is launched for every solve is charged with its launch. Iterations are pivots in one method and
-factorizations in another. `sheets` is what the results say of each label (`meta["solvers"]`); those of older files know
-neither, and they are not mentioned.
+factorizations in another. `sheets` is what the results say of each label (`meta["solvers"]`); labels of which
+it says nothing are not mentioned.
 """
 
 from __future__ import annotations

@@ -211,9 +211,8 @@ def unproved(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def target_tolerance(table: pd.DataFrame) -> pd.Series[float]:
-    """Return the tolerance that each row's error on the solver's own problem is compared with; an older file has the
-    row's own.
-    """
+    """Return the tolerance that each row's error on the solver's own problem is compared with; the row's own where
+    none is known."""
     return table["target_tolerance"].fillna(table["tolerance"])
 
 

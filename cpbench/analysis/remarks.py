@@ -14,9 +14,8 @@ LISTED = 3
 
 def remarks(table: pd.DataFrame) -> list[str]:
     """Return one line each: starts that were not as requested, files that held other data when some of the rows were
-    made, clocks that were not believed, rows that were not sealed by the key of this user.
-    """
-    return [*starts.honoured(starts.merged(table)), *changed_files(table), *clocks(table), *seals(table)]
+    made, clocks that were not believed."""
+    return [*starts.honoured(starts.merged(table)), *changed_files(table), *clocks(table)]
 
 
 def clocks(table: pd.DataFrame) -> list[str]:
@@ -31,24 +30,6 @@ def clocks(table: pd.DataFrame) -> list[str]:
     times = counted(len(rows), "time is", "times are")
     labels = some_of([str(label) for label in rows["label"].value_counts().index], LISTED)
     return [f"{times} the runner's: the answer came much later than the solver's clock says (flag clock): {labels}"]
-
-
-def seals(table: pd.DataFrame) -> list[str]:
-    """Return how many rows were sealed by another key than this user's, and how many by none.
-
-    >>> seals(pd.DataFrame({"sealed_by": ["you", "none", "none"]}))
-    ['2 rows had no seal: changes before this cannot be found']
-    """
-    if "sealed_by" not in table:
-        return []
-    others, none = (int((table["sealed_by"] == who).sum()) for who in ("key of another user", "none"))
-    lines: list[str] = []
-    if others:
-        rows = counted(others, "row was", "rows were")
-        lines.append(f"{rows} sealed by the key of another user: of changes before this only flipped bits can be found")
-    if none:
-        lines.append(f"{counted(none, 'row had', 'rows had')} no seal: changes before this cannot be found")
-    return lines
 
 
 def changed_files(table: pd.DataFrame) -> list[str]:

@@ -13,8 +13,7 @@ from typing import Any
 
 from cpbench import storage
 from cpbench.api.answer_text import answer_lines, objective_of, status_text
-from cpbench.bench.results.rows import Outcome
-from cpbench.bench.results.schema import MEASURED
+from cpbench.bench.results.rows import MEASURED, Outcome
 from cpbench.errors import CpbenchError
 from cpbench.formulations.applications.own_unknowns import own_vector
 from cpbench.formulations.base import Point, Problem

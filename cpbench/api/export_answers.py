@@ -8,8 +8,7 @@ from typing import BinaryIO
 
 import h5py
 
-from cpbench.bench.results import answers
-from cpbench.bench.results.rows import Row
+from cpbench.bench.results.rows import Row, unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.storage.base import write_atomic
 
@@ -28,7 +27,7 @@ def export_answers(store: Store, path: Path, *, force: bool = False) -> int:
                 row = store.row(key)
                 group = file.require_group(f"{row.problem}-{row.fingerprint[:8]}")
                 group.attrs.update({"node": row.node, "fingerprint": row.fingerprint, "address": row.address})
-                data = group.create_dataset(_name(row, group), data=answers.unpack(blob))
+                data = group.create_dataset(_name(row, group), data=unpack_answer(blob))
                 attributes = {name: getattr(row, name) for name in ("status", "error", "claim", "route", "solver")}
                 data.attrs.update({name: value for name, value in attributes.items() if value is not None})
                 count += 1

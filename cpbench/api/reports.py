@@ -13,7 +13,6 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.run_table import RunTable
 from cpbench.bench import history
 from cpbench.bench.results import problem_files
-from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Info
@@ -56,7 +55,7 @@ def write_report(
         are not too large. changed : lines on problem files. The other ones are those of `report.folder.write_folder`.
     """
     run = RunTable.of(store.table(), store.meta()) if run is None else run
-    run = replace(run, meta={**run.meta, "changed": list(changed)}) if changed else run
+    run = replace(run, meta={**run.meta, "changed": list(changed), "sha256": store.sha256()})
     forms, notes = row_files.chosen(len(run.rows), data)
     files = write_folder(
         run,
@@ -86,7 +85,7 @@ def report_file(
     from cpbench.analysis.comparison import compare
     from cpbench.api.sides import side, side_of
 
-    with sealed(results) as store:
+    with Store(results) as store:
         require_folder(folder)
         changed = problem_files.changed(store)
         if baseline is None:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cpbench.bench.results.sealed import sealed
+from cpbench.bench.results.store import Store
 from cpbench.foundation.plurals import counted
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Results:
     ----------
     path : the file that `cpbench.run` or `cpbench run` wrote. remarks : what a reader should know of the run.
 
-    Raises StoreError where it is not a results file, SealError where rows are not as a run wrote them.
+    Raises StoreError where it is not a results file.
     """
 
     def __init__(self, path: str | Path, *, remarks: Sequence[str] = ()) -> None:
@@ -53,7 +53,7 @@ class Results:
         self.remarks = tuple(remarks)
         from cpbench.analysis.run_table import RunTable
 
-        with sealed(self.path) as store:
+        with Store(self.path) as store:
             self._run = RunTable.of(store.table(), store.meta())
             self._histories = list(store.histories())
 
@@ -144,7 +144,7 @@ class Results:
             place.mkdir(parents=True, exist_ok=True)
         except OSError as cause:
             raise FormatError(place, "", f"cannot be a folder ({cause.strerror or cause})") from None
-        with sealed(self.path) as store:
+        with Store(self.path) as store:
             changed = problem_files.changed(store)
             files, _ = write_report(store, place, title or self.path.stem, self._run, changed=changed, **choice)
         return next(file for file in files if file.suffix == ".html")

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cpbench.bench.results import problem_files
-from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 def side(path: Path) -> ComparisonSide:
     """Return the rows and facts of a results file; raises CpbenchError when it has none."""
-    with sealed(path) as store:
+    with Store(path) as store:
         return side_of(store)
 
 

@@ -12,8 +12,7 @@ from cpbench.bench import starts
 from cpbench.bench.events import EventHandler, ignore_event
 from cpbench.bench.planning import grids, plan
 from cpbench.bench.planning.nearest import AUTO
-from cpbench.bench.results import answers
-from cpbench.bench.results.rows import Outcome
+from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import NoRoute
@@ -75,7 +74,7 @@ def _answered(pair: plan.Pair, outcome: Outcome) -> Answered:
     if outcome.answer is None:
         return known
     problem = storage.load(pair.address, format=pair.format)
-    return replace(known, problem=problem, point=problem.point_from_vector(answers.unpack(outcome.answer)))
+    return replace(known, problem=problem, point=problem.point_from_vector(unpack_answer(outcome.answer)))
 
 
 def _only(entry: plan.Entry, request: plan.Request) -> tuple[str, ...]:

@@ -68,11 +68,11 @@ class OpenRun:
         """Run some of these pairs for a few seconds, on this machine, to see how long all take; nothing is kept."""
         return pilot(self._slots, todo, self.plan.seed, on_compiling)
 
-    def open_results(self, *, expel: bool = True) -> Store:
-        """Open the results file for the rest of the run. With `expel`, rows that no run has written so are removed and
-        run again, else refused. Raises StoreError, SealError, and where the plan needs Dask, CpbenchError."""
+    def open_results(self) -> Store:
+        """Open the results file for the rest of the run. Raises StoreError, and where the plan needs Dask,
+        CpbenchError."""
         self._executor = self._connect()  # before anything is written
-        return self._stack.enter_context(Store(self.plan.results, create=True, keep=self.plan.keep, expel=expel))
+        return self._stack.enter_context(Store(self.plan.results, create=True, keep=self.plan.keep))
 
     def execute(self, store: Store, observer: planned_run.RoundObserver, command: str) -> None:
         """Enter the pairs in the results and run those that are pending; an interrupted run goes on.

@@ -21,7 +21,7 @@ from cpbench.bench.planning.plan import Request, parse_request
 from cpbench.bench.problem_cache import ConvertedProblem, ProblemCache
 from cpbench.bench.processes.channel import Channel
 from cpbench.bench.processes.launch import limit_memory
-from cpbench.bench.results import answers
+from cpbench.bench.results.rows import pack_answer, unpack_answer
 from cpbench.conversions import Conversion
 from cpbench.errors import CpbenchError, PointError
 from cpbench.formulations.base import Kind, Problem
@@ -113,7 +113,7 @@ class Referee:
         case, earlier = asked.case, None
         source, ready = self._cache.ready(case)
         if asked.before is not None:
-            before, answer = asked.before, answers.unpack(asked.vectors["answer"])
+            before, answer = asked.before, unpack_answer(asked.vectors["answer"])
             earlier = starts.step_before(before.address, before.format, before.fingerprint, answer)
         begin = starts.start(
             starts.parse_start(asked.policy),
@@ -152,7 +152,7 @@ class Referee:
             parts={**found.verdict.judged, **found.verdict.parts},
             lift=found.lift,
             verify=found.verify,
-            vectors=({} if found.point is None else {"answer": answers.pack(found.point)})
+            vectors=({} if found.point is None else {"answer": pack_answer(found.point)})
             | ({} if found.proof is None else {"proof": proofs.packed(found.proof)}),
         )
 

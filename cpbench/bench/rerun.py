@@ -57,7 +57,7 @@ def carry_out(
         if not run.assembly.pairs:
             why = f" ({run.assembly.refused[0][1]})" if run.assembly.refused else ""
             raise CpbenchError(f"{name}: none of its pairs can be run here{why}")
-        run.execute(run.open_results(expel=False), observer, command)
+        run.execute(run.open_results(), observer, command)
     return run.assembly
 
 

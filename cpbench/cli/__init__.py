@@ -12,7 +12,7 @@ import click
 
 from cpbench import __version__
 from cpbench.cli import ahead
-from cpbench.errors import CpbenchError, FormatError, SealError
+from cpbench.errors import CpbenchError, FormatError
 from cpbench.foundation import extensions
 from cpbench.foundation.imports import uncollected
 from cpbench.foundation.plain_text import on_one_line
@@ -129,7 +129,7 @@ def main() -> None:
         sys.exit(leave.exit_code)
     except CpbenchError as refusal:
         click.echo(on_one_line(f"cpbench: {refusal}"), err=True)
-        sys.exit(1 if isinstance(refusal, SealError) else 2)
+        sys.exit(2)
     except (click.Abort, KeyboardInterrupt):
         click.echo("cpbench: interrupted", err=True)
         sys.exit(130)

@@ -14,7 +14,7 @@ from cpbench.analysis.quotation import quotation
 from cpbench.analysis.ranking import RankedSolver, Ranking
 from cpbench.analysis.run_table import RunTable
 from cpbench.api.concluding import contradiction_lines
-from cpbench.bench.results.sealed import sealed
+from cpbench.bench.results.store import Store
 from cpbench.cli.terminal import folded, print_lines, width
 from cpbench.report.text import counted, number, seconds
 
@@ -34,8 +34,8 @@ WIDE, SHORTEST = 400, 16
 
 
 def print_results(path: str) -> None:
-    """Print the answer of a results file, as the run that wrote it ended; raises StoreError, SealError."""
-    with sealed(Path(path)) as store:
+    """Print the answer of a results file, as the run that wrote it ended; raises StoreError."""
+    with Store(Path(path)) as store:
         print_answer(RunTable.of(store.table(), store.meta()))
 
 

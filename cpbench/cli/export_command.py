@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from cpbench.bench.results.sealed import sealed
+from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command, ListOption, force_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import PATH
@@ -36,7 +36,7 @@ def command(results: Path, rows: Path | None, columns: tuple[str, ...], answers:
     for path in (rows, answers):
         if path is not None:
             require_new(path, force)
-    with sealed(results) as store:
+    with Store(results) as store:
         if rows is not None or columns:
             table = row_files.selected(store.table(), columns) if columns else store.table()
             if rows is None:

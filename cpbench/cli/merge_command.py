@@ -31,8 +31,7 @@ def command(results: tuple[Path, ...], output: Path, mixed: bool, prefer: str | 
     print_lines((f"mixed: {line}" for line in remarks), err=True)
     with Store(output, create=True) as store:
         conflicts = conclude(store, say=lambda line: print_lines([line], err=True))
-        counts, notes = store.counts(), store.meta().get("seals", [])
-    print_lines((f"{line}; reports of the merged file keep this remark" for line in notes), err=True)
+        counts = store.counts()
     print_lines(contradiction_lines(conflicts))
     print_lines([f"{counted(sum(counts.values()), 'pair')} of {counted(len(results), 'file')}: {summary(counts)}"])
     print_lines([f"results: {output}"])

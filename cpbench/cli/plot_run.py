@@ -10,7 +10,7 @@ import click
 
 from cpbench.analysis.run_table import RunTable
 from cpbench.bench import history
-from cpbench.bench.results.sealed import sealed
+from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command, ListOption
 from cpbench.cli.plot_options import OUTPUT, SIZE, caption, help_text, kind_option
 from cpbench.cli.terminal import print_lines, replaced
@@ -51,7 +51,7 @@ def command_of(kind: FigureKind) -> click.Command:
         own = {name: given.pop(name) for name in kind.options}
         tolerance = given.pop("tolerance")
         choice = Choice(**given, tolerance=math.nan if tolerance is None else tolerance)
-        with sealed(results) as store:
+        with Store(results) as store:
             histories = history.table(store.histories())
             table = RunTable.of(store.table(), store.meta())
             run = assembled(table, Path(), histories, publishable=publishable)

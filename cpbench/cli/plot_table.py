@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from cpbench.analysis.run_table import RunTable
-from cpbench.bench.results.sealed import sealed
+from cpbench.bench.results.store import Store
 from cpbench.cli.options import Command, force_option, publishable_option
 from cpbench.cli.types import PATH
 from cpbench.errors import UnknownName
@@ -28,7 +28,7 @@ def command(results: Path, form: str, node: str | None, publishable: bool, outpu
 
     Times are in milliseconds, in csv in seconds and with all digits.
     """
-    with sealed(results) as store:
+    with Store(results) as store:
         run = assembled(RunTable.of(store.table(), store.meta()), Path(), publishable=publishable)
     chosen = [ranking for ranking in run.rankings if node in (None, ranking.group.node)]
     if not chosen and node is not None:

@@ -14,7 +14,7 @@ from cpbench.bench.planning import run_plan, suites
 from cpbench.cli.options import Sections
 from cpbench.cli.progress import Display
 from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from, require_near, run_options
-from cpbench.cli.run_output import announce, finish, print_plan, print_removed, require_places
+from cpbench.cli.run_output import announce, finish, print_plan, require_places
 from cpbench.cli.terminal import print_lines
 from cpbench.foundation.imports import import_ahead
 from cpbench.foundation.plurals import counted
@@ -66,7 +66,6 @@ def command(
                 return
             require_places(plan, run.assembly)
             store = run.open_results()
-            print_removed(store)
             display.step(f"entering {counted(len(run.assembly.pairs), 'pair')} into {plan.results}")
             run.execute(store, display, shlex.join(["cpbench", *sys.argv[1:]]))
             finish(plan, store, run.assembly, display.step)

@@ -48,11 +48,6 @@ def require_places(plan: RunPlan, assembly: Assembly) -> None:
         require_folder(plan.report_folder)  # before hours of work
 
 
-def print_removed(store: Store) -> None:
-    """Print the rows of an earlier run that are run again."""
-    print_lines(run_text.removed(store), err=True)
-
-
 def finish(plan: RunPlan, store: Store, assembly: Assembly, step: Callable[[str], None]) -> None:
     """Print the answer and the last lines, and write the report; exits with 1 where the run failed. `step` notes what
     is being done."""

@@ -1,4 +1,4 @@
-"""Lines on a run: what is planned, what was removed from its results file, and how it ended."""
+"""Lines on a run: what is planned, and how it ended."""
 
 from __future__ import annotations
 
@@ -96,13 +96,6 @@ def named(plan: RunPlan, refused: Sequence[tuple[str, str]]) -> list[str]:
     return [on_one_line(address) for address, _ in refused if {address, address.partition("::")[0]} & asked]
 
 
-def removed(store: Store) -> Iterator[str]:
-    """Yield the rows of an earlier run that cannot be trusted, and what could not be checked."""
-    yield from (f"removed, to be run again where it is planned: {row}" for row in store.opened.broken)
-    yield from (f"{store.path}: {what}, by another program; reports keep this remark" for what in store.opened.changed)
-    yield from store.opened.notes
-
-
 def not_available(store: Store) -> Iterator[str]:
     """Yield the reasons why solvers could not run, a line for each of the first; the report has all."""
     rows = [row for row in store.rows() if row.status == Status.UNAVAILABLE]
@@ -123,7 +116,7 @@ def title(plan: RunPlan) -> str:
 def ending(
     plan: RunPlan, store: Store, assembly: Assembly, table: pd.DataFrame, found: Sequence[Contradiction]
 ) -> Ending:
-    """Return the outcome of a run; it failed where rows are missing or removed, or as `fail_on` says.
+    """Return the outcome of a run; it failed where rows are missing, or as `fail_on` says.
 
     Parameters
     ----------
@@ -154,9 +147,5 @@ def ending(
         listed += Counter({CONTRADICTION: len(involving(found, (pair.key for pair in assembly.pairs)))})
     if listed:
         failures.append(f"{summary(listed)} (--fail-on)")
-    broken = len(store.opened.broken)
-    if broken:
-        failures.append(f"{plan.results}: removed {counted(broken, 'row')} that could not be trusted")
-    failures += [f"{plan.results}: {what}, by another program" for what in store.opened.changed]
     empty = not counts and plan.shard == (1, 1)
     return Ending(tuple(lines), tuple(failures), bool(failures) or empty)

@@ -10,7 +10,9 @@ import click
 
 from cpbench import storage, verification
 from cpbench.api.problems import load, verify
+from cpbench.api.results import is_results_file
 from cpbench.bench import multipliers
+from cpbench.bench.results.rejudge import rejudge_file
 from cpbench.cli.options import Command, format_option, measure_option, number, tolerance_option
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import ADDRESS, PATH
@@ -26,17 +28,15 @@ DECLARED = "that the problem is convex is its author's word, which cannot be che
 
 
 @click.command(cls=Command)
-@click.argument("problem", required=False, type=ADDRESS)
+@click.argument("problem", type=ADDRESS)
 @click.option("--answer", type=PATH, help="Answer file (.h5, .npy, .npz, .csv).")
-@click.option("--rejudge", type=PATH, help="Results file whose kept answers to judge again.")
 @measure_option
 @click.option("--all-measures", is_flag=True, help="Print the answer under every measure, with its source.")
 @tolerance_option
 @format_option
 def command(
-    problem: str | None,
+    problem: str,
     answer: Path | None,
-    rejudge: Path | None,
     measure: str | None,
     all_measures: bool,
     tolerance: float,
@@ -51,25 +51,20 @@ def command(
     Where the formulation has multipliers, the other unknowns alone are an answer too: cpbench computes multipliers for
     them and says so.
 
-    With --rejudge, measure the stored answers of a results file again, without solving, and print the changes. The exit
-    code is 1 when the answer does not pass, or is only stationary (optimality conditions hold, and the problem is not
-    known to be convex); with --rejudge, when a row was changed after the run, or when a status
-    changes by the row's own measure and tolerance.
-    """
-    if rejudge is not None and all_measures:
-        raise click.UsageError("--all-measures is for one answer to a PROBLEM, and --rejudge reads many")
-    if rejudge is not None and (problem is not None or answer is not None):
-        raise click.UsageError("--rejudge reads problems and answers from RESULTS: leave PROBLEM and --answer out")
-    if rejudge is not None:
-        from cpbench.bench.results.rejudge import rejudge_file
+    Of a results file in place of PROBLEM, measure all stored answers again, without solving, and name every row whose
+    status or error does not follow from its answer; with --tolerance or --measure, every status that changes.
 
-        tolerance_given = click.get_current_context().get_parameter_source("tolerance")
-        requested = tolerance if tolerance_given and tolerance_given.name != "DEFAULT" else None
-        for line in rejudge_file(rejudge, measure, requested):
-            print_lines([line])
+    The exit code is 1 when the answer does not pass, or is only stationary (optimality conditions hold, and the problem
+    is not known to be convex); of a results file, when a row does not follow from its answer, or a problem has changed.
+    """
+    if is_results_file(problem):
+        if all_measures or answer is not None:
+            raise click.UsageError("--answer and --all-measures are for one answer to a PROBLEM, not for results")
+        source = click.get_current_context().get_parameter_source("tolerance")
+        asked = tolerance if source and source.name != "DEFAULT" else None
+        if not rejudge_file(problem, measure, asked, lambda line: print_lines([line])):
+            sys.exit(1)
         return
-    if problem is None:
-        raise click.UsageError("give a PROBLEM, or --rejudge RESULTS")
     loaded = load(problem, format=file_format)
     if answer is not None:
         given = storage.load_answer(answer, loaded, primal=True)

@@ -89,12 +89,11 @@ class QPtoDual(Conversion):
     def lift(self, point: QPPoint, trace: Trace) -> QPPoint:
         y, factor, G = point.z.copy(), trace["factor"], trace["G"]
         z = factor.solve(G.T @ y - trace["p"])
-        if "diagonal" in trace:  # files of earlier versions lack it
-            idle = G @ z - trace["c"] > np.abs(y) * trace["diagonal"]
-            idle[trace["inequalities"] :] = False
-            if y[idle].any():
-                y[idle] = 0.0
-                z = factor.solve(G.T @ y - trace["p"])
+        idle = G @ z - trace["c"] > np.abs(y) * trace["diagonal"]
+        idle[trace["inequalities"] :] = False
+        if y[idle].any():
+            y[idle] = 0.0
+            z = factor.solve(G.T @ y - trace["p"])
         lam, mu, nu = kkt.split(*np.split(y, [trace["inequalities"]]), trace)
         return QPPoint(z=z, lam=lam, mu=mu, nu=nu)
 

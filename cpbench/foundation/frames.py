@@ -23,8 +23,6 @@ UNTRUSTED_HEADER = 2**20
 _LENGTH = struct.Struct("<I")
 _encode = json.JSONEncoder(default=vars, separators=(",", ":")).encode
 _encode_finite = json.JSONEncoder(default=vars, separators=(",", ":"), allow_nan=False).encode
-_FORMER_TYPES = {False: "<f8", True: None}
-"""Histories in results files up to schema 3 tell only whether something is plain bytes."""
 
 
 class FrameError(ValueError):
@@ -102,7 +100,7 @@ def unpack(
             raise ValueError(f"a header of type {type(header).__name__}")
         arrays = dict[str, Any]()
         for name, size, kind in header.pop("vectors"):
-            part, kind = whole[at : at + int(size)], _FORMER_TYPES[kind] if isinstance(kind, bool) else kind
+            part = whole[at : at + int(size)]
             if kind is not None and kind not in types:
                 raise ValueError(f"an array of type {kind!s:.20}")
             arrays[str(name)] = bytes(part) if kind is None else np.frombuffer(part, kind)

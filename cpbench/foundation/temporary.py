@@ -11,8 +11,7 @@ from cpbench.errors import CpbenchError
 from cpbench.foundation.locks import Held, Lock
 
 RUN, EXCHANGE = "cpbench-run-", "cpbench-handed-"
-"""How the folders of a run begin, and those through which problems and answers go: not `cpbench-exchange-`, whose locks
-older versions look for elsewhere."""
+"""How the folders of a run begin, and those through which problems and answers go."""
 
 
 class TemporaryHome:

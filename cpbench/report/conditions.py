@@ -41,18 +41,12 @@ def _settings(run: Run) -> str:
         "run on": meta.get("date", ""),
         "random order": f"seed {meta['seed']}" if meta.get("seed") is not None else "",
         "rows": f"{run.all_rows}, one a pair" if len(run.rows) else "",
-        "sealed by": _sealed_by(run),
+        "results file": f"SHA-256 {meta['sha256']}" if meta.get("sha256") else "",
         "many rows": MANY if len(run.rows) > WHOLE else "",
     }
     lines = [f"- {name}: {value}" for name, value in facts.items() if str(value)]
     command = str(meta.get("command", "")).replace(str(Path.cwd()) + os.sep, "")
     return "\n".join([*lines, f"- command: {code(command)}"])
-
-
-def _sealed_by(run: Run) -> str:
-    """Return whose keys sealed the rows, with their numbers; '' where the rows do not tell."""
-    counts = run.rows["sealed_by"].value_counts() if "sealed_by" in run.rows else {}
-    return ", ".join(f"{key} ({count})" for key, count in counts.items() if key)
 
 
 def _all_of(run: Run, column: str, form: str) -> str:

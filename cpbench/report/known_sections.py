@@ -11,7 +11,7 @@ from cpbench.analysis.failures import Reason
 from cpbench.report.claims_section import claims_section
 from cpbench.report.details import WHOLE_RUN
 from cpbench.report.imported_section import imported
-from cpbench.report.run import Run, tuned_sentence
+from cpbench.report.run import Run
 from cpbench.report.run_sections import again, false_claims, refused, warm_against_cold
 from cpbench.report.text import code, counted, cut, listed, number, plain, table
 from cpbench.verification import Status
@@ -34,7 +34,7 @@ def known_sections(run: Run) -> Iterator[str]:
 
 def _remarks(run: Run) -> Iterator[str]:
     """Yield a line each on directions, on what conversions lost, and on routes that promise less than an answer."""
-    sentences = [plain(tuned_sentence(run))] if tuned_sentence(run) else []
+    sentences: list[str] = []
     wrong = failures.flagged(run.rows, "direction")
     if len(wrong):
         labels = _most_first(wrong["label"])

@@ -81,8 +81,8 @@ class Run:
 
     @cached_property
     def remarks(self) -> list[str]:
-        """`remarks.remarks` of all rows, of the seals of their file and of problem files: what the first lines say."""
-        of_files = [str(line) for name in ("seals", "changed") for line in self.meta.get(name) or []]
+        """`remarks.remarks` of all rows, and of problem files that changed: what the first lines say."""
+        of_files = [str(line) for line in self.meta.get("changed") or []]
         return [*remarks.remarks(self.read), *of_files]
 
     @property
@@ -209,18 +209,6 @@ def group_name_text(run: Run, group: ResultGroup) -> str:
     if len({g.measure for g in others}) > 1:
         parts.append(f"judged by {one_line(group.measure)}" if group.measure else "judged by all measures")
     return ", ".join(parts)
-
-
-def tuned_sentence(run: Run) -> str:
-    """Return a sentence on solvers whose options an earlier version of cpbench searched for; empty without them."""
-    sheets: Mapping[str, Mapping[str, Any]] = run.meta.get("solvers") or {}
-    tuned = sorted(label for label, sheet in sheets.items() if sheet.get("tuned"))
-    if not tuned:
-        return ""
-    return (
-        f"An earlier version of cpbench searched for the options of {', '.join(tuned)} before this run. On problems "
-        "that the search used, these solvers are at their best."
-    )
 
 
 def each(frame: pd.DataFrame) -> Iterator[Any]:

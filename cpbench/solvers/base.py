@@ -24,7 +24,6 @@ from cpbench.foundation.matrices import Vector
 from cpbench.registry import Registry
 from cpbench.solvers import clock
 from cpbench.solvers.options import choices, written
-from cpbench.solvers.renamed import RENAMED
 from cpbench.solvers.stopping import Stopping
 
 
@@ -348,7 +347,7 @@ def _typed(solver: str, key: str, raw: str, default: Any) -> Any:
 
 ORIGINS = {NATIVE: "native", ADAPTERS: "adapter"}
 """Packages of solvers that come with cpbench."""
-solvers: Registry[Solver] = Registry("solver", renamed=RENAMED)
+solvers: Registry[Solver] = Registry("solver")
 
 
 def register(cls: type[Solver]) -> type[Solver]:

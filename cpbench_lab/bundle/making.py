@@ -51,7 +51,6 @@ def make(source: Path, target: Path, options: BundleOptions = BundleOptions()) -
     """Bundle the results file `source` as the zip `target`; raises CpbenchError, with nothing written."""
     _require_target(target, options)
     with Store(source) as store, tempfile.TemporaryDirectory(prefix="cpbench-bundle-") as temporary:
-        store.audit().require()
         folder = Path(temporary)
         rows = results.rows_of(store)
         gathered = plugins.gather(store, rows)

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
-from cpbench.bench.results.limits import limits_of
-from cpbench.bench.results.rows import Row
+from cpbench.bench.results.rows import Row, limits_of
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench_lab.bundle.problems import Place, Unit, unit
@@ -81,7 +80,6 @@ def write(
         target_store.add_kept(sorted((keys[key], *kept) for key, *kept in store.kept()))  # type: ignore[misc]
         inside = {row.fingerprint for row in rows if not places[unit(row)].withheld}
         target_store.note_proved_problems(item for item in store.proved_problems() if item[0] in inside)
-        target_store.end()
         target_store.settle()
     return new
 

@@ -15,7 +15,7 @@ from cpbench import storage
 from cpbench.analysis import contradictions
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.contradictions import Contradiction
-from cpbench.bench.results.answers import unpack
+from cpbench.bench.results.rows import unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError
 from cpbench.formulations.base import Problem
@@ -122,7 +122,8 @@ def _answers(store: Store, own: Sequence[Any], sheets: Mapping[str, Mapping[str,
         if blob is not None:
             method = str(sheets.get(row.label, {}).get("method", ""))
             objective = json.loads(row.parts or "{}").get("objective")
-            yield KeptAnswer(row.key, row.label, row.status, row.error, row.tolerance, method, unpack(blob), objective)
+            vector = unpack_answer(blob)
+            yield KeptAnswer(row.key, row.label, row.status, row.error, row.tolerance, method, vector, objective)
 
 
 def _arbitrated(
@@ -163,7 +164,7 @@ def _arbitration(problem: Problem, kind: str, answers: Sequence[tuple[str, bytes
         left = end - time.perf_counter()
         if left <= 0:
             break
-        there, words = _certified(problem, unpack(blob), min(EACH, left))
+        there, words = _certified(problem, unpack_answer(blob), min(EACH, left))
         by_words.setdefault(words, []).append(label)
         if there and kind == Conflict.EXISTENCE:
             return f"{label}: {words}, so that there is a solution"

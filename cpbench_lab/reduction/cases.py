@@ -11,7 +11,7 @@ from pathlib import Path
 from cpbench.api.problems import load
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.places import located
-from cpbench.bench.results.sealed import sealed
+from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.generators.collection import address_text, builtin_folder
 from cpbench_lab.reduction.folder import WrittenFiles, write_folder
@@ -56,7 +56,7 @@ def case_of_row(results: Path, problem: str, label: str, failure: str | None, li
 
     Raises UnknownName where there is no such row, CpbenchError where its status is not a failure.
     """
-    with sealed(results) as store:
+    with Store(results) as store:
         every = list(store.rows())
     rows = [row for row in every if problem in (row.problem, row.address, address_text(row.address))]
     if not rows:

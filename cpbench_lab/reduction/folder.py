@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from cpbench import storage
-from cpbench.bench.results import answers
-from cpbench.bench.results.rows import Outcome
+from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.errors import CpbenchError, PointError
 from cpbench.formulations.base import Problem
 from cpbench.foundation import matrices
@@ -82,7 +81,7 @@ def _point(problem: Problem, outcome: Outcome | None) -> Any:
     if outcome is None or outcome.answer is None:
         return None
     try:
-        return problem.point_from_vector(answers.unpack(outcome.answer))
+        return problem.point_from_vector(unpack_answer(outcome.answer))
     except PointError:
         return None
 

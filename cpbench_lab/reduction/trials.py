@@ -13,8 +13,7 @@ from typing import Any, Self
 from cpbench import storage
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.nearest import nearest_automatic
-from cpbench.bench.results import answers
-from cpbench.bench.results.rows import Outcome
+from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, NoRoute, PointError
@@ -193,7 +192,7 @@ class Trials:
 def point_of(problem: Problem, outcome: Outcome) -> Any:
     """Return the answer of an outcome as a point of the problem; None where there is none."""
     try:
-        return None if outcome.answer is None else problem.point_from_vector(answers.unpack(outcome.answer))
+        return None if outcome.answer is None else problem.point_from_vector(unpack_answer(outcome.answer))
     except PointError:
         return None
 

@@ -9,7 +9,7 @@ from page_parts import table, verbatim
 
 from cpbench.bench.planning import plan_file
 from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS
-from cpbench.bench.results import schema
+from cpbench.bench.results import database
 from cpbench.solvers.external import declared
 from cpbench.storage import annotations, hdf5_points, native
 
@@ -20,7 +20,7 @@ def page() -> str:
     parts += [verbatim(inspect.getdoc(module) or "") for module in (native, annotations, hdf5_points)]
     parts += [
         "## Results: SQLite",
-        f"Version {schema.SCHEMA}. {' '.join((schema.__doc__ or '').split(chr(10) * 2, 1)[1].split())}",
+        f"Version {database.SCHEMA}. {' '.join((database.__doc__ or '').split(chr(10) * 2, 1)[1].split())}",
         "Numbers are SI units: seconds, bytes. Text in `sizes`, `options`, `parts`, `counters`, `samples` and `flags` "
         "is JSON or a list of words.",
         *_tables(),
@@ -37,7 +37,7 @@ def _tables() -> list[str]:
     """Read the tables from an empty file, so that the page cannot differ from what is written."""
     db = sqlite3.connect(":memory:")
     try:
-        schema.create(db)
+        database.create(db)
         names = [name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table' ORDER BY rowid")]
         columns = {name: db.execute(f'PRAGMA table_info("{name}")').fetchall() for name in names}
     finally:

@@ -17,8 +17,7 @@ import numpy as np
 import pandas as pd
 from made_up_rows import make
 
-from cpbench.bench.results.rows import Row
-from cpbench.bench.results.schema import MEASURED, PLANNED
+from cpbench.bench.results.rows import MEASURED, PLANNED, Row
 from cpbench.bench.results.store import Store
 
 PARTS = ("natural", "energy", "opening", "drift", "per_contact", "fclib2018", "cone_violation [N s]", "work [J]")

@@ -83,8 +83,7 @@ def rows() -> pd.DataFrame:
 @pytest.fixture(scope="module")
 def written(rows: pd.DataFrame, tmp_path_factory: pytest.TempPathFactory) -> Path:
     sheet = {"name": EVIL, "node": EVIL, "licence": EVIL, "summary": EVIL, "citation": EVIL, "version": EVIL}
-    told = {"tuned": {"method": EVIL}, **sheet}  # as an earlier version wrote it
-    about = meta(solvers={EVIL: told}, machine={EVIL: EVIL}, refused=[[EVIL, EVIL]], command=f"cpbench {EVIL}")
+    about = meta(solvers={EVIL: sheet}, machine={EVIL: EVIL}, refused=[[EVIL, EVIL]], command=f"cpbench {EVIL}")
     origins = {str(family): ProblemOrigin(f"made by {EVIL}", EVIL) for family in rows["family"].unique()}
     folder = tmp_path_factory.mktemp("page")
     return write_html(rows, about, folder, f"A {EVIL} title", iterates(rows), origins=origins)

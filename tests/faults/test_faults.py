@@ -12,7 +12,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from cpbench.bench.results import answers
+from cpbench.bench.results.rows import unpack_answer
 from cpbench.bench.results.store import Store
 
 LIMIT = 1.0  # seconds for those that only the clock can end
@@ -213,7 +213,7 @@ def test_a_repeat_that_fails_costs_no_answer(run: Run) -> None:
 @pytest.mark.needs("cpbench_solvers")
 def test_answers_are_kept_with_their_rows(run: Run) -> None:
     table = run.table().set_index("key")
-    kept = {key: answers.unpack(blob) for store in run.stores.values() for key, blob in store.answers()}
+    kept = {key: unpack_answer(blob) for store in run.stores.values() for key, blob in store.answers()}
     answered = table[table.status.isin(["solved", "wrong", "inaccurate"]) & (table.solver != "faulty-nothing")]
     assert set(kept) == set(answered.index)
     for key, row in answered.iterrows():

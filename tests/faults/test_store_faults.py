@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import resource
+import shutil
 import signal
 import sqlite3
 import subprocess
@@ -92,9 +93,9 @@ def disk(tmp_path: Path) -> Iterator[Path]:
 
 
 @pytest.fixture
-def sealed(tmp_path: Path) -> Iterator[Path]:
-    """A folder, writable until it is given to `seal`."""
-    folder = tmp_path / "sealed"
+def unwritable(tmp_path: Path) -> Iterator[Path]:
+    """A folder, writable until it is given to `make_unwritable`."""
+    folder = tmp_path / "unwritable"
     folder.mkdir()
     if os.geteuid() == 0:  # whom no permission binds
         if subprocess.run(["mount", "-t", "tmpfs", "tmpfs", str(folder)], capture_output=True).returncode:
@@ -110,7 +111,7 @@ def sealed(tmp_path: Path) -> Iterator[Path]:
             folder.chmod(0o755)
 
 
-def seal(folder: Path) -> None:
+def make_unwritable(folder: Path) -> None:
     if os.geteuid() == 0:
         subprocess.run(["mount", "-o", "remount,ro", str(folder)], check=True)
     else:
@@ -216,21 +217,21 @@ def test_temporary_files_that_cannot_be_written_are_nobodys_refusal(tmp_path: Pa
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_a_folder_that_cannot_be_written(sealed: Path, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written(unwritable: Path, tmp_path: Path) -> None:
     """Nothing can be run into it; what is in it can be read."""
-    path = sealed / "r.sqlite"
+    path = unwritable / "r.sqlite"
     with Store(path, create=True) as store:
         store.plan(PLANNED)
         store.finish(PLANNED[0].key, Outcome(**ROW, answer=b"answer"))
-    seal(sealed)
-    assert_refused(run(tmp_path, sealed / "new.sqlite"), sealed / "new.sqlite", "cannot be written", "-o")
+    make_unwritable(unwritable)
+    assert_refused(run(tmp_path, unwritable / "new.sqlite"), unwritable / "new.sqlite", "cannot be written", "-o")
     assert_refused(run(tmp_path, path), path, "cannot be written", "-o")
     assert read_results(path).status.value_counts()["solved"] == 1
     assert cpbench("export", path, "--rows", tmp_path / "rows.csv").returncode == 0
 
 
-def test_a_log_that_a_killed_run_left_in_a_folder_that_cannot_be_written(sealed: Path) -> None:
-    path = sealed / "r.sqlite"
+def test_a_log_that_a_killed_run_left_in_a_folder_that_cannot_be_written(unwritable: Path, tmp_path: Path) -> None:
+    path = unwritable / "r.sqlite"
     child = os.fork()
     if child == 0:
         store = Store(path, create=True)
@@ -238,10 +239,14 @@ def test_a_log_that_a_killed_run_left_in_a_folder_that_cannot_be_written(sealed:
         store.finish(PLANNED[0].key, Outcome(**ROW, answer=b"answer"))
         os.kill(os.getpid(), signal.SIGKILL)
     os.waitpid(child, 0)
-    assert (sealed / "r.sqlite-wal").stat().st_size > 0
-    (sealed / "r.sqlite-shm").unlink()
-    seal(sealed)
-    assert read_results(path).status.value_counts()["solved"] == 1
+    assert (unwritable / "r.sqlite-wal").stat().st_size > 0
+    (unwritable / "r.sqlite-shm").unlink()
+    make_unwritable(unwritable)
+    with pytest.raises(StoreError, match=r"copy it and r\.sqlite-wal into another folder"):
+        read_results(path)
+    for name in ("r.sqlite", "r.sqlite-wal"):
+        shutil.copyfile(unwritable / name, tmp_path / name)
+    assert read_results(tmp_path / "r.sqlite").status.value_counts()["solved"] == 1
 
 
 @pytest.mark.needs("cpbench_solvers")

@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import with_plugins
-from edited_results import seal_anew
 
 from cpbench import storage
 from cpbench.bench.results.store import Store
@@ -168,7 +167,6 @@ def test_other_statuses_end_with_1(plain: Path, tmp_path: Path) -> None:
     with closing(sqlite3.connect(folder / "results.sqlite")) as db:
         db.execute("UPDATE rows SET status = 'solved', error = 0 WHERE status = 'error' AND problem = 'p3'")
         db.commit()
-    seal_anew(folder / "results.sqlite")
     repacked(folder, tmp_path / "other.zip")
     done = cpbench(tmp_path, "reproduce", "other.zip", "-o", "x", "--yes", "-q", rc=1)
     assert "differs: p3, mine: solved → error" in done.stdout

@@ -1,4 +1,4 @@
-"""Certificates of the answers of a run: levels, distances, seals, the section of the report, older files."""
+"""Certificates of the answers of a run: levels, distances, forged rows, the section of the report."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ import cpbench as cp
 import cpbench_lab
 from cpbench.analysis import certainty
 from cpbench.analysis.table import normalised
-from cpbench.bench.results import schema
 from cpbench.bench.results.store import Store
-from cpbench.errors import SealError
 from cpbench_lab.certifying import certify_first
 
 pytest.importorskip("flint")
@@ -53,7 +51,6 @@ def results(tmp_path: Path) -> Path:
 
 def test_rows_have_the_distance_from_the_exact_solution(results: Path) -> None:
     with Store(results) as store:
-        store.require_unchanged()
         rows = {row.label: row for row in store.rows()}
         for row in rows.values():
             assert (row.certainty, row.certificate) == ("proved", "unique: P-matrix")
@@ -73,27 +70,6 @@ def test_what_is_certified_stays_and_what_runs_again_does_not(results: Path) -> 
     assert [row.certainty for row in Store(results).rows()] == [None, None]
     assert command(folder, "certify", "r.sqlite").stdout.count("proved") == 2
     assert command(folder, "certify", "r.sqlite", "-s", "lemke").returncode == 2
-
-
-def test_a_file_of_the_version_before_gets_the_columns_and_keeps_its_seals(results: Path) -> None:
-    with Store(results, create=True) as store:
-        for row in list(store.rows()):
-            store.note_certificate(row.key, None, None, None)  # type: ignore[arg-type]
-    with sqlite3.connect(results) as db:
-        for name in ("certainty", "distance", "certificate"):
-            db.execute(f"ALTER TABLE rows DROP COLUMN {name}")
-        for name in ("batch", "trip", "solve_wall", "sealed_by"):
-            db.execute(f"ALTER TABLE rows DROP COLUMN {name}")
-        db.execute("DROP TABLE proved_problems")
-        db.execute("DROP TABLE file_seal")
-        db.execute("PRAGMA user_version = 4")
-    with Store(results) as reading:
-        assert {row.certainty for row in reading.rows()} == {None}
-    with Store(results, create=True) as store:
-        assert not store.opened.broken
-        assert {row.certainty for row in store.rows()} == {None}
-    with sqlite3.connect(results) as db:
-        assert db.execute("PRAGMA user_version").fetchone()[0] == schema.SCHEMA
 
 
 CHECKER = Path(cpbench_lab.__file__).parent / "certificates" / "checker"
@@ -163,15 +139,12 @@ FORGERIES = {
 
 @pytest.mark.parametrize("name", FORGERIES)
 def test_forged_rows_are_caught(name: str, several: Path) -> None:
-    """By the program without cpbench, which knows no key; and by the seals."""
+    """By the program without cpbench."""
     with sqlite3.connect(several) as db:
         db.execute(FORGERIES[name])
     code, lines = checked(several)
     assert code == 1
     assert any("NOT PROVED" in line for line in lines)
-    if name not in ("no problem", "another problem's data"):
-        with Store(several) as store, pytest.raises(SealError):
-            store.audit().require()
 
 
 def test_proofs_are_merged(several: Path) -> None:
@@ -182,14 +155,14 @@ def test_proofs_are_merged(several: Path) -> None:
 
 
 def test_levels_are_counted_by_solver_and_problem() -> None:
-    sealed = {"certificate": "unique: P-matrix"}
+    same = {"certificate": "unique: P-matrix"}
     table = normalised(
         synthetic.table(
             synthetic.row("a-1", "s", "solved", 1.0, certainty="proved", distance=1e-9, certificate=""),
             synthetic.row("a-2", "s", "solved", 1.0, certainty="enclosed", distance=0.5, certificate=""),
             synthetic.row("a-3", "s", "wrong", 1.0, certainty="refuted", certificate="no solution is within 0.1"),
-            synthetic.row("a-1", "t", "wrong", 1.0, certainty="proved", distance=0.1, **sealed),
-            synthetic.row("a-2", "t", "inaccurate", 1.0, certainty="proved", distance=2e-6, **sealed),
+            synthetic.row("a-1", "t", "wrong", 1.0, certainty="proved", distance=0.1, **same),
+            synthetic.row("a-2", "t", "inaccurate", 1.0, certainty="proved", distance=2e-6, **same),
             synthetic.row("a-3", "t", "solved", 1.0),
         )
     )

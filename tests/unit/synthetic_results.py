@@ -12,8 +12,7 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.bench.results.rows import Row
-from cpbench.bench.results.schema import MEASURED, PLANNED
+from cpbench.bench.results.rows import MEASURED, PLANNED, Row
 from cpbench.bench.results.store import Store
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from judged_again import judged_again
 from synthetic_results import meta, row
 from tiers import some_by_day
 from written_reports import whole, write_html, write_report
@@ -23,7 +24,6 @@ from cpbench.bench.judging import PROOF_SECONDS
 from cpbench.bench.messages import Judge, Judged, RefereeCase
 from cpbench.bench.planning import plan
 from cpbench.bench.referee import Referee
-from cpbench.bench.results.rejudge import rejudge_file
 from cpbench.bench.results.rows import Outcome, Planned
 from cpbench.bench.results.store import Store
 from cpbench.conversions import make
@@ -186,19 +186,11 @@ def test_kept_answers_are_judged_again_as_they_were(program: Bench, tmp_path: Pa
     path = results_of(program, tmp_path, rows)
     with Store(path) as store:
         assert {r.label: r.status for r in store.rows()} == {"daqp": "lost", "osqp": "wrong", "piqp": "solved"}
-    assert list(rejudge_file(path, None, None)) == ["3 answers judged again: no change"]
-    looser = list(rejudge_file(path, None, 0.1))
+    assert judged_again(path) == (True, ["3 answers judged again: no change"])
+    _, looser = judged_again(path, tolerance=0.1)
     assert "daqp: lost -> solved" in looser[0]
-    tighter = list(rejudge_file(path, None, TOLERANCE / 2))
+    _, tighter = judged_again(path, tolerance=TOLERANCE / 2)
     assert "lost -> inaccurate" in tighter[0], "half the tolerance is missed on the solver's own problem, too"
-
-
-def test_what_an_older_file_lacks_is_reported(program: Bench, tmp_path: Path) -> None:
-    lost = nearly(program, program.prepared.tolerance)
-    older = {"target_error": None, "target_tolerance": None, "status": "wrong"}
-    told = list(rejudge_file(results_of(program, tmp_path, {"daqp": (lost, "solved")}, **older), None, None))
-    assert "did not measure them on the solver's own problem" in told[0]
-    assert told[1] == "1 answer judged again: no change"
 
 
 def measured(tolerance: float, error: float, flags: Sequence[str]) -> Verdict:

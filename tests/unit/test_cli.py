@@ -284,7 +284,7 @@ def test_run_writes_results_and_report(monkeypatch, capsys, lcp, contact) -> Non
     with h5py.File(folder / "answers.h5") as file:
         assert sum(len(group) for group in file.values()) == len(rows)
     capsys.readouterr()
-    assert cpbench(monkeypatch, "verify", "--rejudge", "r.sqlite", "-t", "0.2") == 0
+    assert cpbench(monkeypatch, "verify", "r.sqlite", "-t", "0.2") == 0
     assert "lemke@inner8: approximate -> solved" in capsys.readouterr().out
 
 
@@ -334,7 +334,7 @@ def test_rejudging_reads_files_by_the_format_of_their_run(monkeypatch, capsys, l
     for arguments in (["--plan", "plain.toml"], ["other.h5"]):
         done = in_process(folder, "run", *arguments, "-s", "lemke", "--no-report", "-o", "r.sqlite")
         assert done.returncode == 0, done.stderr
-    assert cpbench(monkeypatch, "verify", "--rejudge", "r.sqlite") == 0
+    assert cpbench(monkeypatch, "verify", "r.sqlite") == 0
     assert "2 answers judged again: no change" in capsys.readouterr().out
 
 

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-import sqlite3
-from pathlib import Path
 
 import pandas as pd
 import pytest
-from synthetic_results import meta, results_file, row, table
+from synthetic_results import meta, row, table
 
 from cpbench.analysis import cautions
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.ranking import rankings
 from cpbench.bench.outcome import LATE, LATE_SHARE, method_seconds
-from cpbench.bench.results import schema
-from cpbench.bench.results.store import Store
 
 
 def test_a_method_in_the_worker_has_the_clock_of_the_worker() -> None:
@@ -39,22 +35,6 @@ def test_a_clock_that_shows_far_too_little_is_not_believed() -> None:
 def test_what_a_program_of_others_reports_is_its_claim() -> None:
     assert method_seconds(0.5, 1e-9, 0.01, trusted=False) == 0.49
     assert method_seconds(0.005, 1e-9, 0.01, trusted=False) == 0.0
-
-
-def test_an_older_file_gets_columns_for_the_clocks(tmp_path: Path) -> None:
-    path = results_file(tmp_path / "old.sqlite", table(row("p", "s", "solved", 1.0)))
-    with sqlite3.connect(path) as db:
-        for name in ("trip", "solve_wall", "sealed_by"):
-            db.execute(f"ALTER TABLE rows DROP COLUMN {name}")
-        db.execute("DROP TABLE file_seal")
-        db.execute("PRAGMA user_version=7")
-    db.close()
-    with Store(path, create=True) as store:
-        [one] = store.rows()
-    assert (one.solve, one.trip, one.solve_wall) == (1.0, None, None)
-    with sqlite3.connect(path) as db:
-        assert db.execute("PRAGMA user_version").fetchone() == (schema.SCHEMA,)
-    db.close()
 
 
 def test_a_served_solver_is_marked_with_its_round_trip() -> None:

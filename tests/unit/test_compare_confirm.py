@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import cpbench as in_process
-from edited_results import seal_anew
 
 from cpbench import storage
 from cpbench.formulations import LCP
@@ -60,7 +59,6 @@ def altered(tmp_path_factory: pytest.TempPathFactory) -> Path:
         failed = "status = 'failed', claim = 'failed', error = NULL"
         assert db.execute(f"UPDATE rows SET {failed} WHERE problem = 'p2' AND label = ?", (FEW,)).rowcount == 1
         db.commit()
-    seal_anew(folder / "run.sqlite")
     return folder
 
 

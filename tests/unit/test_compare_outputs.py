@@ -18,8 +18,7 @@ from synthetic_results import row, suite
 from tiers import some_by_day
 
 from cpbench.analysis.comparison import ComparisonSide, compare
-from cpbench.bench.results.rows import Row
-from cpbench.bench.results.schema import MEASURED, PLANNED
+from cpbench.bench.results.rows import MEASURED, PLANNED, Row
 from cpbench.bench.results.store import Store
 from cpbench.cli import main
 from cpbench.report.comparison import junit, markdown

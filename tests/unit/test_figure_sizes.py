@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from synthetic_results import results_file, suite
 
 from cpbench.analysis.run_table import RunTable
-from cpbench.bench.results.sealed import sealed
+from cpbench.bench.results.store import Store
 from cpbench.cli.plot_command import command as plot
 from cpbench.cli.types import LENGTH
 from cpbench.errors import CpbenchError
@@ -49,7 +49,7 @@ def test_a_figure_for_a_column_gives_the_plot_the_room(results: Path, tmp_path: 
     done = CliRunner().invoke(plot, ["profile", str(results), "-o", str(path), "--width", "89mm"])
     assert done.exit_code == 0, done.output
     assert "\ncaption: The height of a curve at τ is the fraction" in done.output
-    with sealed(results) as store:
+    with Store(results) as store:
         run = assembled(RunTable.of(store.table(), store.meta()), tmp_path)
     with run_canvas.drawing():
         made = find("cpbench.report.plots", "profile").draw(run, Choice())

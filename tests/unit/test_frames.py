@@ -1,4 +1,4 @@
-"""Frames: bytes written by hand, as earlier versions wrote them, and types that a reader does not allow."""
+"""Frames: arrays of all types, and types that a reader does not allow."""
 
 from __future__ import annotations
 
@@ -11,16 +11,6 @@ import pytest
 from cpbench.bench.results.rows import Outcome
 from cpbench.foundation import frames
 from cpbench.foundation.frames import FrameError
-
-
-def test_frames_of_earlier_versions_are_read() -> None:
-    """They said false for numbers and true for bytes, and had blanks after commas: histories on disk are such."""
-    head = json.dumps({"solve": 2.0, "vectors": [["time", 16, False], ["answer", 3, True]]}).encode()
-    data = struct.pack("<I", len(head)) + head + struct.pack("<2d", 0.5, 1.5) + b"\x00\x01\xff"
-    header, arrays = frames.unpack(data)
-    assert header == {"solve": 2.0}
-    assert arrays["time"].tolist() == [0.5, 1.5]
-    assert arrays["answer"] == b"\x00\x01\xff"
 
 
 @pytest.mark.parametrize("aligned", [1, 8, 64])

@@ -12,12 +12,12 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from judged_again import judged_again
 from written_reports import whole, write_report
 
 from cpbench import storage
-from cpbench.bench.results import answers
 from cpbench.bench.results.merge import merge
-from cpbench.bench.results.rejudge import rejudge_file
+from cpbench.bench.results.rows import unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.cli import cli, main
 from cpbench.formulations import LCP, MLCP
@@ -118,9 +118,9 @@ def test_every_form_is_found_and_judged(monkeypatch, capsys, tmp_path: Path, ask
     assert "no answer, and a row that says failed: 1 problem" in told.err
     assert "no time (--times not given, or without a line): 4 answers" in told.err
     with Store(out) as store:
-        kept = {key: answers.unpack(blob) for key, blob in store.answers()}
+        kept = {key: unpack_answer(blob) for key, blob in store.answers()}
     np.testing.assert_array_equal(kept[first["key"]], PLANTED["planted-1"][1])
-    assert list(rejudge_file(out, None, None))[-1].startswith("5 answers judged again: no change")
+    assert judged_again(out) == (True, ["5 answers judged again: no change", "1 row has no answer to judge: 1 failed"])
 
 
 def test_answers_that_are_none_are_rows_too(monkeypatch, capsys, tmp_path: Path, asked: Path) -> None:
@@ -171,7 +171,7 @@ def test_a_given_ending_stays(monkeypatch, capsys, tmp_path: Path, asked: Path) 
     (tmp_path / "made" / "claim.json").write_text('{"planted-1": "memout"}')
     assert run(monkeypatch, tmp_path / "made", "-s", "a", "--problems", asked, "-o", tmp_path / "r.sqlite") == 0
     assert rows(tmp_path / "r.sqlite")["planted-1"]["status"] == "memout"
-    assert list(rejudge_file(tmp_path / "r.sqlite", None, None)) == ["0 answers judged again: no change"]
+    assert judged_again(tmp_path / "r.sqlite")[1][0] == "1 answer judged again: no change"
 
 
 def test_exported_answers_come_back(monkeypatch, tmp_path: Path, asked: Path, made: Path) -> None:

@@ -14,7 +14,7 @@ from command_line import cpbench as command
 import cpbench
 from cpbench import storage
 from cpbench.bench.multipliers import COMPLETED, completed
-from cpbench.bench.results import answers
+from cpbench.bench.results.rows import unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.errors import PointError
 from cpbench.formulations import NLP, QP, VI, ConeQP, Point, Problem
@@ -209,7 +209,7 @@ def test_imported_unknowns_are_completed_and_the_rows_say_so(tmp_path: Path, ask
     for row in rows.values():
         assert COMPLETED in str(row.flags).split(",")
         assert "the answer is z alone" in str(row.message)
-    assert judge(CASES["qp-0"][0], CASES["qp-0"][0].point_from_vector(answers.unpack(blob)), 1e-10).within
+    assert judge(CASES["qp-0"][0], CASES["qp-0"][0].point_from_vector(unpack_answer(blob)), 1e-10).within
 
 
 # -------------------------------------------------------------------------------------------- real files

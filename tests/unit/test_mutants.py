@@ -21,7 +21,6 @@ from cpbench import storage
 from cpbench.bench.planning import plan_file
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
 from cpbench.bench.results.rows import Outcome
-from cpbench.bench.results.sealed import sealed
 from cpbench.bench.results.store import Store
 from cpbench.formulations import QP, FrictionContact
 from cpbench.storage.arrays import read_array
@@ -104,7 +103,6 @@ def _results(path: Path) -> None:
         store.set_meta(command="cpbench run six.h5", machine={"cpu": "z"})
         for k, pair in enumerate(pairs):
             store.finish(pair.key, Outcome(status="solved", error=1e-9, solve=0.1 * (k + 1), answer=b"six" * 9))
-        store.end()
         store.settle()
 
 
@@ -165,7 +163,7 @@ NEEDS = {"bundle.zip": ("cpbench_lab",), "plan.toml": ("cpbench_solvers",)}
 def _content(path: Path) -> Any:
     """What cpbench reads in a file."""
     if path.suffix == ".sqlite":
-        with sealed(path) as store:
+        with Store(path) as store:
             return json.dumps(
                 [list(map(repr, store.rows())), store.meta()["command"], list(map(repr, store.answers()))]
             )

@@ -154,7 +154,6 @@ def test_two_values_within_one_option(monkeypatch, capsys, problem, words, said)
         (["solve", "p.h5", "-s", "lemke", "--facets", "8"], "--facets goes with --via"),
         (["convert", "p.h5", "x.h5", "--to", "qp", "--angle", "0.1"], "--angle goes with --via"),
         (["show", "p.h5", "--facets", "8"], "--facets goes with --via"),
-        (["verify", "p.h5", "--rejudge", "r.sqlite"], "leave PROBLEM and --answer out"),
     ],
 )
 def test_options_that_nothing_would_use(monkeypatch, capsys, problem, words, said) -> None:

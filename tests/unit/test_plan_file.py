@@ -110,10 +110,6 @@ def test_where_plan_files_are_searched(tmp_path) -> None:
         ("shard = '1/4'", "shard = '1/4': unknown key"),
         ('[[set]]\nname = "a"\noutput = "x"', "[[set]] 1 'a': output = 'x': unknown key"),
         ("[set]\nname = 'a'", "write [[set]] above each"),
-        (
-            "[[tuning]]\nsolver = 'psor'",
-            "[[tuning]]: cpbench no longer searches for options; delete the table",
-        ),
         ("[[set]]\n[[set]]", "[[set]] 1: has no name"),
         ("[[set]]\nname='a'\n[[set]]\nname='a'", "[[set]] 2: name = 'a': is the name of [[set]] 1 too"),
         ("[[set]]\ntimeout = true", "[[set]] 1: timeout = True: expected a text, found a truth value"),

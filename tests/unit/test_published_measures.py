@@ -14,6 +14,7 @@ import scipy.sparse as sp
 from click.testing import CliRunner
 
 from cpbench import storage
+from cpbench.bench.results.store import Store
 from cpbench.cli.verify_command import command
 from cpbench.errors import UnknownName
 from cpbench.formulations import (
@@ -402,6 +403,8 @@ def test_an_angle_is_within_no_tolerance(tmp_path: Path, friction: list[float], 
 
 
 def test_all_measures_of_many_answers_is_refused(tmp_path: Path) -> None:
-    code, told = verify("--rejudge", tmp_path / "r.sqlite", "--all-measures")
+    with Store(tmp_path / "r.sqlite", create=True):
+        pass
+    code, told = verify(tmp_path / "r.sqlite", "--all-measures")
     assert code == 2
-    assert "--all-measures is for one answer" in told
+    assert "--all-measures are for one answer" in told

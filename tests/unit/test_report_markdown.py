@@ -377,14 +377,6 @@ def test_pairs_that_could_not_be_run_are_not_counted(tmp_path: Path) -> None:
     assert "| `flat` | equivalent | 1 | 0 | 0 | 1 | 0 |" in text, "one that it could run"
 
 
-def test_solvers_tuned_by_an_earlier_version_are_named(tmp_path: Path) -> None:
-    """Results files of versions that searched for options stay readable, and the report still says so."""
-    sheets = {"a": {"tuned": {"method": "random search", "problems": [], "spent": 1.0}}, "b": {"tuned": None}}
-    text = report(suite(45, 20), tmp_path / "tuned", solvers=sheets)
-    assert "searched for the options of a before this run" in text
-    assert "searched for" not in report(suite(45, 20), tmp_path / "not", solvers={"b": {"tuned": None}})
-
-
 def test_problems_that_have_not_begun_are_no_failures(tmp_path: Path) -> None:
     """Of two problems, one has a pair that ran and one that waits, the other waits with both."""
     statuses = ("solved", "not_run", "not_run", "not_run")

@@ -12,9 +12,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cpbench.bench.results import whole
-from cpbench.bench.results.rows import Row
-from cpbench.bench.results.schema import MEASURED, PLANNED
+from cpbench.bench.results import store
+from cpbench.bench.results.rows import MEASURED, PLANNED, Row
 from cpbench.bench.results.store import Store, read_results
 
 KINDS = {**PLANNED, **MEASURED}
@@ -25,8 +24,8 @@ def row(key: str, **given: Any) -> dict[str, Any]:
 
 
 def file_of(path: Path, rows: Iterable[Mapping[str, Any]]) -> Path:
-    with Store(path, create=True) as store:
-        store.add(Row(**row) for row in rows)
+    with Store(path, create=True) as made:
+        made.add(Row(**row) for row in rows)
     return path
 
 
@@ -37,8 +36,7 @@ def asked_directly(path: Path) -> pd.DataFrame:
         found = pd.DataFrame(db.execute(f"SELECT {names} FROM rows ORDER BY problem, label, key"), columns=list(KINDS))
     for name in (name for name, kind in KINDS.items() if kind == "REAL"):
         found[name] = pd.to_numeric(found[name]).astype(float)
-    whose = pd.Series("you", index=found.index, dtype=found["status"].dtype)
-    return found.assign(error=found["error"].fillna(math.inf), sealed_by=whose)
+    return found.assign(error=found["error"].fillna(math.inf))
 
 
 def mixed(count: int, seed: int = 1) -> list[dict[str, Any]]:
@@ -84,8 +82,7 @@ def test_equal_texts_are_one_object(tmp_path: Path) -> None:
         assert len(set(map(id, found[name].to_numpy(dtype=object)))) == 1
 
 
-def test_what_is_remembered_to_share_is_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(whole, "REMEMBERED", 3)
-    monkeypatch.setattr(whole, "CHUNK", 2)
+def test_rows_are_read_in_chunks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store, "CHUNK", 7)
     path = file_of(tmp_path / "r.sqlite", mixed(50))
     pd.testing.assert_frame_equal(read_results(path), asked_directly(path), check_exact=True)

@@ -22,8 +22,7 @@ from cpbench.bench.block import block_name, predecessors, variant
 from cpbench.bench.events import Done, Event
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Pair
-from cpbench.bench.results import answers
-from cpbench.bench.results.rows import Outcome
+from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import execute
 from cpbench.bench.slot import Slot
@@ -119,7 +118,7 @@ def test_a_run_that_is_killed_goes_on_from_the_kept_answer(scene: Path, both: pd
     assert list(rows["error"]) == list(calm["error"])
     with Store(output) as store:
         kept = dict(store.answers())
-    assert all(np.array_equal(answers.unpack(kept[key]), answers.unpack(blob)) for key, blob in before.items())
+    assert all(np.array_equal(unpack_answer(kept[key]), unpack_answer(blob)) for key, blob in before.items())
 
 
 @pytest.mark.needs("cpbench_solvers")

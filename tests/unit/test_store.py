@@ -1,8 +1,7 @@
-"""The results file: rows and answers together, old and newer versions, limits that do not mix."""
+"""The results file: rows and answers together, other versions, limits that do not mix."""
 
 from __future__ import annotations
 
-import json
 import sqlite3
 import threading
 from collections.abc import Iterator
@@ -11,14 +10,11 @@ from pathlib import Path
 import pytest
 
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
-from cpbench.bench.results import schema
-from cpbench.bench.results.database import use_journal
-from cpbench.bench.results.rows import Outcome
-from cpbench.bench.results.store import Store, read_results
+from cpbench.bench.results.database import SCHEMA
+from cpbench.bench.results.rows import MEASURED, Outcome
+from cpbench.bench.results.store import Store
 from cpbench.errors import StoreError
 
-GOLDEN = Path(__file__).parents[1] / "golden"
-DUMP = GOLDEN / "results_schema1.sql"
 ROW = {"status": "solved", "error": 1e-9, "solve": 1e-3, "samples": "[0.001, 0.002]", "repeats": 2}
 
 
@@ -48,16 +44,6 @@ def pair(number: int = 0, limits: Limits = USUAL, **more) -> Pair:
 def store(tmp_path: Path) -> Iterator[Store]:
     with Store(tmp_path / "r.sqlite", create=True) as made:
         yield made
-
-
-@pytest.fixture
-def schema1(tmp_path: Path) -> Path:
-    path = tmp_path / "old.sqlite"
-    db = sqlite3.connect(path)
-    db.executescript(DUMP.read_text())
-    db.execute("PRAGMA journal_mode=WAL")
-    db.close()
-    return path
 
 
 def test_a_row_comes_with_its_answer_and_its_history(store: Store) -> None:
@@ -157,7 +143,7 @@ def test_reset(store: Store) -> None:
     assert store.pending() == {planned[1].key, planned[2].key}
     row = store.row(planned[1].key)
     assert row.attempts == 1
-    assert all(getattr(row, c) is None for c in schema.MEASURED if c not in ("status", "attempts"))
+    assert all(getattr(row, c) is None for c in MEASURED if c not in ("status", "attempts"))
     assert store.ending(planned[1].key) == ("not_run", None)
     assert {key for key, _ in store.histories()} == {planned[k].key for k in (0, 3, 4)}
     for p in planned[1:3]:
@@ -219,108 +205,16 @@ def test_a_row_costs_the_same_however_many_there_are(tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------------- versions
 
 
-def test_an_old_file_is_migrated(schema1: Path, tmp_path: Path) -> None:
-    """Nothing of it is lost, its limits become columns, and its tables are those of a new file."""
-    db = sqlite3.connect(schema1)
-    names = [d[0] for d in db.execute("SELECT * FROM rows").description]
-    before = {row[0]: dict(zip(names, row, strict=True)) for row in db.execute("SELECT * FROM rows")}
-    answers = sorted(db.execute("SELECT * FROM answers"))
-    meta = {name: json.loads(value) for name, value in db.execute("SELECT * FROM meta")}
-    refused = db.execute("SELECT * FROM refused").fetchall()
-    db.close()
-    with Store(schema1, create=True) as store:
-        after = {row.key: row for row in store.rows()}
-        assert len(after) == 12
-        for key, row in before.items():
-            assert {name: getattr(after[key], name) for name in names} == row
-            assert (after[key].seconds, after[key].memory, after[key].repeats_asked) == (5.0, 4 * 2**30, 3)
-            assert (after[key].attempts, after[key].started, after[key].jobs) == (1, "cold", 1)
-        assert list(store.answers()) == answers
-        read = store.meta()
-        assert [line.partition(" it was ")[2] for line in read.pop("seals")] == ["made by an older cpbench"]
-        assert read == {**meta, "refused": refused, "references": []}
-        layout = "SELECT type, name, sql FROM sqlite_master ORDER BY name"
-        with Store(tmp_path / "new.sqlite", create=True) as new:
-            assert store._database.read(layout) == new._database.read(layout)
-    with Store(schema1, create=True) as again:
-        assert len(list(again.rows())) == 12
-
-
-def test_a_file_of_schema_2_is_migrated(tmp_path: Path) -> None:
-    """Nothing of it changes; there are tables more, and columns, for what it does not have."""
-    path, everything = tmp_path / "old.sqlite", "SELECT * FROM rows ORDER BY rowid"
-    db = sqlite3.connect(path)
-    db.executescript((GOLDEN / "results_schema2.sql").read_text())
-    rows = db.execute(everything).fetchall()
-    meta = {name: json.loads(value) for name, value in db.execute("SELECT * FROM meta")}
-    kept = [db.execute(f"SELECT * FROM {table} ORDER BY key").fetchall() for table in ("answers", "histories")]
-    db.close()
-    with Store(path) as reading:
-        assert reading.features() == {}
-    with Store(path, create=True) as store, Store(tmp_path / "new.sqlite", create=True) as new:
-        assert store._database.read(everything) == [(*row, *[None] * 7, "none") for row in rows]
-        assert [list(store.answers()), list(store.histories())] == [[(a, c) for a, _, c in kept[0]], kept[1]]
-        told = store.meta()
-        assert {name: told[name] for name in meta} == meta
-        assert len(store.references()) == 2
-        assert list(store.machines()) == ["node"]
-        layout = "SELECT type, name, sql FROM sqlite_master ORDER BY name"
-        assert store._database.read(layout) == new._database.read(layout)
-        store.note_features({rows[0][3]: {"node": "lcp", "n": 3.0}})
-    with Store(path) as again:
-        assert again.features() == {rows[0][3]: {"node": "lcp", "n": 3.0}}
-
-
-def test_an_old_file_is_resumed(schema1: Path) -> None:
-    """Today's keys are those of its rows, so that nothing is run twice; other limits are refused as ever."""
-    with Store(schema1, create=True) as store:
-        rows = list(store.rows())
-        planned = [
-            pair(
-                fingerprint=row.fingerprint,
-                entry=Entry(row.solver, json.loads(row.options)),
-                limits=Limits(seconds=5.0),
-            )
-            for row in rows
-        ]
-        store.plan(planned)
-        assert list(store.rows()) == rows
-        with pytest.raises(StoreError, match="was made with timeout 5, now 10"):
-            store.plan([pair(1)])
-
-
-def test_an_old_file_is_read_as_it_is(schema1: Path) -> None:
-    before = schema1.read_bytes()
-    table = read_results(schema1)
-    assert schema1.read_bytes() == before
-    assert {p.name for p in schema1.parent.iterdir()} == {schema1.name}, "nothing is left beside it"
-    with Store(schema1, create=True) as store:
-        assert table.equals(store.table())
-
-
-def test_a_migration_that_fails_leaves_the_old_file(schema1: Path) -> None:
-    """A table that is in the way stops it half way."""
-    db = sqlite3.connect(schema1)
-    db.execute("CREATE TABLE machines (who TEXT)")
-    before = list(db.iterdump())
-    db.close()
-    with pytest.raises(StoreError, match="machines"):
-        Store(schema1, create=True)
-    db = sqlite3.connect(schema1)
-    assert db.execute("PRAGMA user_version").fetchone() == (1,)
-    assert list(db.iterdump()) == before
-    db.close()
-
-
 @pytest.mark.parametrize("create", [True, False])
-def test_a_newer_file_is_left_alone(tmp_path: Path, create: bool) -> None:
-    path = tmp_path / "newer.sqlite"
+@pytest.mark.parametrize("version", [SCHEMA + 1, 9])
+def test_a_file_of_another_version_is_left_alone(tmp_path: Path, create: bool, version: int) -> None:
+    path = tmp_path / "other.sqlite"
     with Store(path, create=True) as store:
         store.plan([pair()])
-        store._database.connection.execute(f"PRAGMA user_version={schema.SCHEMA + 1}")
+        store._database.connection.execute(f"PRAGMA user_version={version}")
     before = path.read_bytes()
     with pytest.raises(
-        StoreError, match=f"has results schema {schema.SCHEMA + 1}, this cpbench knows {schema.SCHEMA}; update"
+        StoreError, match=f"has results schema {version}, this cpbench knows {SCHEMA} only; use the cpbench that made"
     ) as told:
         Store(path, create=create)
     assert "\n" not in str(told.value)
@@ -340,12 +234,3 @@ def test_a_database_of_something_else_is_left_alone(tmp_path: Path, create: bool
     with pytest.raises(StoreError, match="database of something else"):
         Store(path, create=create)
     assert path.read_bytes() == before
-
-
-def test_without_shared_memory_there_is_a_rollback_journal(tmp_path: Path) -> None:
-    """SQLite's dot-file locking has no shared memory, as some file systems have none."""
-    path = tmp_path / "r.sqlite"
-    for how, mode in (("?vfs=unix-dotfile", "truncate"), ("", "wal")):
-        db = sqlite3.connect(path.as_uri() + how, uri=True, isolation_level=None)
-        assert use_journal(db, path) == mode
-        db.close()

@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from cpbench.analysis import participation, remarks
+from cpbench.analysis import participation
 from cpbench.analysis.comparison import gates
 from cpbench.analysis.comparison.noise import Noise
 from cpbench.analysis.comparison.pairs import Matched
@@ -24,13 +24,12 @@ def on_publishing(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, A
     return [f"publishing figures of {name} is restricted: {term}" for name, term in sorted(terms.items())]
 
 
-def on_files(tables: Sequence[pd.DataFrame], metas: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Note what is known of the files of both sides: rows of other users or without a seal, results and problem files
-    that were changed."""
+def on_files(metas: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Note the problem files of both sides that were changed since."""
     return [
         f"{name}: {line}"
-        for name, table, meta in zip(("base", "new results"), tables, metas, strict=True)
-        for line in [*remarks.seals(table), *(meta.get("seals") or []), *(meta.get("changed") or [])]
+        for name, meta in zip(("base", "new results"), metas, strict=True)
+        for line in meta.get("changed") or []
     ]
 
 

@@ -21,7 +21,6 @@ from cpbench.formulations.base import Kind
 from cpbench.foundation import brackets
 from cpbench.graph import nodes_of_maps
 from cpbench.solvers.base import SolverSpec, parse_options, solvers
-from cpbench.solvers.renamed import first_name
 
 if TYPE_CHECKING:
     from cpbench.bench.messages import Surveyed
@@ -127,7 +126,7 @@ class Pair:
         parts = [
             self.fingerprint,
             self.request.name,
-            first_name(self.entry.solver),
+            self.entry.solver,
             json.dumps(dict(self.entry.options), sort_keys=True),
             repr(self.tolerance),
             self.start,

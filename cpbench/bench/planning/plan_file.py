@@ -78,8 +78,6 @@ def read(path: str | Path) -> PlanFile:
         raise PlanError(f"{path}: has no table [tool.cpbench]")
     if "solver" in table:
         declared.declare_all(table.pop("solver"), path)
-    if "tuning" in table:
-        raise PlanError(f"{path}: [[tuning]]: cpbench no longer searches for options; delete the table to run the plan")
     sets = _tables(table.pop("set", []), path)
     top = _checked(
         table, [k for k in (*RUN_KEYS, *SET_KEYS) if k not in ("name", *ONLY_SAID)], path, "", ["set", "solver"]

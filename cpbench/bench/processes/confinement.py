@@ -1,6 +1,6 @@
 """Restricts a worker to write to its own temporary folder, caches and devices, where the system can enforce it.
 
-The results file, the problems, cpbench itself and the key of the seals are then out of its reach.
+The results file, the problems and cpbench itself are then out of its reach.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import tempfile
 
 from cpbench.bench.processes import landlock
 from cpbench.bench.processes.isolation import Isolation
-from cpbench.bench.results import seal_key
 from cpbench.foundation import kernel_cache
 
 DEVICES = ("/dev", "/proc/self")
@@ -35,4 +34,4 @@ def confine(means: Isolation, scratch: str, own: bool) -> None:
         with contextlib.suppress(OSError):
             os.makedirs(os.path.expanduser(folder), exist_ok=True)
     writable = [os.path.realpath(os.path.expanduser(path)) for path in (temporary, *DEVICES, *caches, *compiled)]
-    landlock.confine(writable, os.path.realpath(seal_key.folder()))
+    landlock.confine(writable)

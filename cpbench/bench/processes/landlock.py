@@ -12,7 +12,7 @@ import os
 import stat
 import struct
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import cache
 
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
@@ -32,32 +32,21 @@ def version() -> int:
     return max(0, _call(_CREATE_RULESET, None, 0, _ASK_VERSION)) if sys.platform == "linux" else 0
 
 
-def confine(writable: Iterable[str], hidden: str) -> None:
-    """Allow this thread, and all that it starts, to write below `writable` only and to read nothing below `hidden`.
+def confine(writable: Iterable[str]) -> None:
+    """Allow this thread, and all that it starts, to write below `writable` only.
 
     Paths are absolute and without links; those that do not exist are ignored. Raises OSError.
     """
     known = _FIRST | (_REFER if version() >= 2 else 0) | (_TRUNCATE if version() >= 3 else 0)
     ruleset = _checked(_call(_CREATE_RULESET, struct.pack("=Q", known), 8, 0))
     try:
-        _allow(ruleset, "/", _READ_DIR | _EXECUTE)
-        for path in _beside(hidden):
-            _allow(ruleset, path, _READ_DIR | _READ_FILE | _EXECUTE)
+        _allow(ruleset, "/", _READ_DIR | _READ_FILE | _EXECUTE)
         for path in writable:
             _allow(ruleset, path, known)
         _libc().prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0)
         _checked(_call(_RESTRICT_SELF, ruleset, 0))
     finally:
         os.close(ruleset)
-
-
-def _beside(hidden: str) -> Iterator[str]:
-    """Yield the siblings of `hidden` and of every folder above it, without links, which may lead to it."""
-    folder = "/"
-    for name in hidden.strip("/").split("/"):
-        with contextlib.suppress(OSError), os.scandir(folder) as entries:
-            yield from (entry.path for entry in entries if entry.name != name and not entry.is_symlink())
-        folder = os.path.join(folder, name)
 
 
 def _allow(ruleset: int, path: str, rights: int) -> None:

@@ -1,41 +1,62 @@
-"""Opens, checks, writes and reads the SQLite file of results.
+"""Opens, refuses, writes and reads the SQLite file of results.
 
-One process writes, by a lock that ends with it; any number of others read, and leave the file as it is.
+One process writes, by a lock that ends with it; any number of others read, and leave the file as it is. Beside the
+rows, with answers, histories and certificates by their key, the file has the features of the problems, the data of
+problems of which an answer has a proof, reference solves, the machines, the refused files, and facts of the run in
+`meta`.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import sqlite3
-import tempfile
 import threading
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench.results import schema
-from cpbench.bench.results.schema import SCHEMA
-from cpbench.errors import SealError, StoreError
+from cpbench.bench.results.rows import MEASURED, PLANNED
+from cpbench.errors import StoreError
 from cpbench.foundation.locks import Held, Lock
 
+SCHEMA = 1
+"""The version of the tables."""
 PATIENCE = 30.0
 """Seconds to wait for another program that holds the database for a moment."""
-REMOTE = {"nfs", "nfs4", "cifs", "smb3", "9p", "afs", "ceph", "lustre", "gpfs", "beegfs", "fuse.sshfs"}
-"""File systems that other machines write to: SQLite's write-ahead log needs memory that all its readers share."""
+_COLUMNS = ", ".join(
+    f'"{name}" {kind}{" PRIMARY KEY" if name == "key" else ""}' for name, kind in {**PLANNED, **MEASURED}.items()
+)
+_TABLES = (
+    f"CREATE TABLE rows ({_COLUMNS})",
+    "CREATE TABLE answers (key TEXT PRIMARY KEY REFERENCES rows(key), bytes INTEGER NOT NULL, answer BLOB NOT NULL)",
+    "CREATE TABLE histories (key TEXT PRIMARY KEY REFERENCES rows(key), history BLOB NOT NULL)",
+    "CREATE TABLE certificates (key TEXT PRIMARY KEY REFERENCES rows(key), kind TEXT NOT NULL, proof BLOB NOT NULL)",
+    "CREATE TABLE problems (fingerprint TEXT PRIMARY KEY, features TEXT NOT NULL)",
+    "CREATE TABLE proved_problems (fingerprint TEXT PRIMARY KEY, data BLOB NOT NULL)",
+    "CREATE TABLE reference (at TEXT NOT NULL, pairs INTEGER NOT NULL, seconds REAL, loadavg REAL)",
+    "CREATE TABLE machines (host TEXT PRIMARY KEY, description TEXT NOT NULL)",
+    "CREATE TABLE refused (address TEXT PRIMARY KEY, reason TEXT NOT NULL)",
+    "CREATE TABLE meta (name TEXT PRIMARY KEY, value TEXT NOT NULL)",
+    "CREATE INDEX answers_bytes ON answers(bytes)",  # their sum, without reading an answer
+    "CREATE INDEX rows_status ON rows(status)",  # what is left to run, without reading the rows
+    f"PRAGMA user_version={SCHEMA}",
+)
+
+
+def create(db: sqlite3.Connection) -> None:
+    """Make the tables, within the caller's transaction."""
+    for statement in _TABLES:
+        db.execute(statement)
 
 
 class Database:
-    """An open results file, with the tables of this version.
+    """An open results file: for writing (`create=True`), which only this process may do then, or for reading. May be
+    used from several threads.
 
-    For writing (`create=True`) this process alone may write it, and an older file is migrated; for reading, an older
-    one is migrated in memory. May be used from several threads.
-
-    Raises StoreError when the file is not a results file, is of a newer version, is being written by another process or
-    cannot be written; SealError when it has a trigger, a view, a table or an index that no run makes; from every
-    method StoreError, when SQLite fails.
+    Raises StoreError when the file is not a results file, is of another version, is being written by another process or
+    cannot be written, and for writing also where it is damaged; from every method when SQLite fails.
     """
 
     def __init__(self, path: Path, *, create: bool = False) -> None:
@@ -45,18 +66,14 @@ class Database:
         self._guard = threading.RLock()
         self._lock: Lock | None = None
         self._db: sqlite3.Connection | None = None
-        self._copy: tempfile.TemporaryDirectory[str] | None = None
-        self.found = 0
-        """The version of the tables when the file was opened, 0 where there were none."""
-        self._layout = -1
-        """SQLite's number of the layout of the tables that was checked last; it goes up with every change of that."""
         self._examine(create)
         try:
-            if create:
-                self._lock = _locked(path)
-                self._open_to_write()
-            else:
-                self._open_to_read()
+            with self._errors_explained():
+                if create:
+                    self._lock = _locked(path)
+                    self._open_to_write()
+                else:
+                    self._open_to_read()
         except BaseException:
             self.close()
             raise
@@ -70,13 +87,6 @@ class Database:
         lock, self._lock = self._lock, None
         if lock is not None:
             lock.release()
-        if self._copy is not None:
-            self._copy.cleanup()
-
-    @property
-    def closed(self) -> bool:
-        """Whether the file was closed."""
-        return self._db is None
 
     @property
     def connection(self) -> sqlite3.Connection:
@@ -85,20 +95,13 @@ class Database:
             raise StoreError(f"{self._path}: was closed")
         return self._db
 
-    @property
-    def file(self) -> Path | None:
-        """The file from which others read the same rows; None while this process writes, or has them in memory."""
-        name = str(self.connection.execute("PRAGMA database_list").fetchone()[2])
-        return Path(name) if name and self._lock is None else None
-
     @contextmanager
     def transaction(self) -> Generator[sqlite3.Connection]:
-        """Write within this context all or nothing; raises SealError where the tables are not those of a run."""
+        """Write within this context all or nothing."""
         db = self.connection
         with self._guard, self._errors_explained():
             db.execute("BEGIN IMMEDIATE")
             try:
-                self._require_layout(db)
                 yield db
                 db.execute("COMMIT")
             except BaseException:
@@ -140,23 +143,11 @@ class Database:
             one_line = " ".join(str(state).split())
             raise _explained(self._path, sqlite3.DatabaseError(one_line), sqlite3.SQLITE_CORRUPT)
 
-    def _require_layout(self, db: sqlite3.Connection) -> None:
-        """Check the tables where another program may have changed them since they were checked last."""
-        (layout,) = db.execute("PRAGMA schema_version").fetchone()
-        if layout != self._layout:
-            schema.require_exact(db)
-            self._layout = layout
-
     @contextmanager
     def _errors_explained(self) -> Generator[None]:
         """Turn exceptions of SQLite, and of values that it cannot store, into a StoreError with the cause."""
         try:
             yield
-        except schema.Unexpected as cause:
-            raise SealError(
-                f"{self._path}: {cause}: another program changed the file, so that none of its rows is believed; "
-                "remove what was added, or use another file with -o"
-            ) from None
         except UnicodeDecodeError as cause:  # of a name in the schema, as sqlite3 hands it on
             raise _explained(self._path, sqlite3.DatabaseError(str(cause)), sqlite3.SQLITE_CORRUPT) from cause
         except (sqlite3.Error, OverflowError) as cause:
@@ -182,113 +173,74 @@ class Database:
         if path.exists():
             with self._errors_explained(), contextlib.closing(self._connect("immutable=1")) as db:
                 try:
-                    self._require(int(db.execute("PRAGMA user_version").fetchone()[0]))
+                    self._require_version(db)
                 except sqlite3.DatabaseError as cause:
                     if cause.sqlite_errorcode & 0xFF != sqlite3.SQLITE_CORRUPT:
                         raise
                     # a full disk may leave the file half way to its log; it is whole when read together with that
 
-    def _require(self, version: int | None) -> int:
-        if version is None:
+    def _require_version(self, db: sqlite3.Connection) -> int:
+        """Return the version of the tables, 0 of an empty file; raises StoreError where it is not ours."""
+        version = int(db.execute("PRAGMA user_version").fetchone()[0])
+        tables = {name for (name,) in db.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+        if version == 0 and not tables:
+            return 0
+        if version == 0 or not tables >= {"rows", "answers", "meta"}:
             raise StoreError(f"{self._path}: not a results file (a database of something else); name another file")
-        if version > SCHEMA:
+        if version != SCHEMA:
             raise StoreError(
-                f"{self._path}: has results schema {version}, this cpbench knows {SCHEMA}; update cpbench, or use "
-                "another file with -o"
+                f"{self._path}: has results schema {version}, this cpbench knows {SCHEMA} only; use the cpbench that "
+                "made it, or another file with -o"
             )
         return version
 
     def _open_to_write(self) -> None:
-        with self._errors_explained():
-            db = self._db = self._connect("mode=rwc")
-            self.found = version = self._require(schema.version(db))
-            use_journal(db, self._path)
-            db.execute("PRAGMA temp_store=MEMORY")
-            db.execute("PRAGMA wal_autocheckpoint=4000")  # 16 MB: a page that several rows share is moved once
-            if version == 0:
-                db.execute("BEGIN IMMEDIATE")
-                schema.create(db)
-                db.execute("COMMIT")
-            elif version < SCHEMA:
-                schema.require_known(db)
-                schema.migrate(db, version)
-            self._require_layout(db)
+        """Open with a write-ahead log, or with a rollback journal where the file system has no memory for readers to
+        share.
+
+        A commit survives kill -9 either way; on a power cut the last rows may be lost, the file stays whole. An fsync
+        a row would cost milliseconds.
+        """
+        db = self._db = self._connect("mode=rwc")
+        version = self._require_version(db)
+        db.execute("PRAGMA journal_mode=WAL")
+        db.execute("PRAGMA synchronous=NORMAL")
+        db.execute("PRAGMA temp_store=MEMORY")
+        db.execute("PRAGMA wal_autocheckpoint=4000")  # 16 MB: a page that several rows share is moved once
+        if version == 0:
+            with self.transaction() as db:
+                create(db)
+        self.require_whole()
 
     def _open_to_read(self) -> None:
         """Open as for writing, but only read: SQLite then uses the log of a killed run, and leaves no helper files."""
-        with self._errors_explained():
-            try:
-                self._db = self._connect("mode=rw")
-                version = schema.version(self._db)
-            except sqlite3.OperationalError as cause:
-                if cause.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:
-                    raise
-                self._open_unwritable()
-                version = schema.version(self.connection)
-            self.found = version = self._require(version)
-            self.connection.execute("PRAGMA query_only=ON")
-            if version == 0:
-                raise StoreError(f"{self._path}: is empty, not a results file")
-            if version < SCHEMA:
-                schema.require_known(self.connection)
-                old, self._db = self.connection, sqlite3.connect("", isolation_level=None, check_same_thread=False)
-                old.backup(self._db)
-                old.close()
-                schema.migrate(self._db, version)
-            self._require_layout(self.connection)
+        try:
+            self._db = self._connect("mode=rw")
+            version = self._require_version(self._db)
+        except sqlite3.OperationalError as cause:
+            if cause.sqlite_errorcode & 0xFF == sqlite3.SQLITE_BUSY:
+                raise
+            self._db = self._connect_unwritable()
+            version = self._require_version(self._db)
+        self.connection.execute("PRAGMA query_only=ON")
+        if version == 0:
+            raise StoreError(f"{self._path}: is empty, not a results file")
 
-    def _open_unwritable(self) -> None:
-        """Open the file unchanged where SQLite cannot make helper files (a read-only folder, a full disk), or a copy of
-        file and log where a killed run left a log."""
+    def _connect_unwritable(self) -> sqlite3.Connection:
+        """Open the file unchanged where SQLite cannot make helper files (a read-only folder, a full disk)."""
         if self._db is not None:
             self._db.close()
-        logs = [path for path in (Path(f"{self._real}-wal"), Path(f"{self._real}-journal")) if path.exists()]
-        if not any(path.stat().st_size for path in logs):
-            self._db = self._connect("immutable=1")
-            return
-        self._copy = tempfile.TemporaryDirectory(prefix="cpbench-results-")
-        try:
-            for path in (self._real, *logs):
-                shutil.copyfile(path, Path(self._copy.name) / path.name)
-        except OSError as cause:
-            raise StoreError(
-                f"{self._path}: is in a folder that cannot be written, with the log of a killed run, and no copy of "
-                f"them can be made in {self._copy.name} ({cause.strerror})"
-            ) from None
-        self._db = self._connect("mode=rw", Path(self._copy.name) / self._real.name)
+        for log in (Path(f"{self._real}-wal"), Path(f"{self._real}-journal")):
+            if log.exists() and log.stat().st_size:
+                raise StoreError(
+                    f"{self._path}: is in a folder that cannot be written, with the log of a killed run: copy it and "
+                    f"{log.name} into another folder, and read it there"
+                )
+        return self._connect("immutable=1")
 
-    def _connect(self, how: str, path: Path | None = None) -> sqlite3.Connection:
-        address = f"{(path or self._real).as_uri()}?{how}"
+    def _connect(self, how: str) -> sqlite3.Connection:
+        address = f"{self._real.as_uri()}?{how}"
         return sqlite3.connect(address, uri=True, isolation_level=None, timeout=PATIENCE, check_same_thread=False)
-
-
-def use_journal(db: sqlite3.Connection, path: Path) -> str:
-    """Use a write-ahead log where readers share memory, else a rollback journal; return the mode.
-
-    A commit survives kill -9 either way; on a power cut the last rows may be lost, the file stays whole. An fsync
-    a row would cost milliseconds.
-    """
-    db.execute("PRAGMA synchronous=NORMAL")
-    if _file_system(path) not in REMOTE:
-        mode = str(db.execute("PRAGMA journal_mode=WAL").fetchone()[0])
-        if mode == "wal":
-            return mode
-    return str(db.execute("PRAGMA journal_mode=TRUNCATE").fetchone()[0])
-
-
-def _file_system(path: Path) -> str:
-    """Return the type of the file system of `path`, '' where the system does not tell."""
-    try:
-        mounts = [line.split() for line in Path("/proc/self/mounts").read_text().splitlines()]
-    except OSError:
-        return ""
-    folder = os.path.dirname(os.path.realpath(path))
-    mount, kind = "", ""
-    for _, point, name, *_ in mounts:
-        point = point.replace("\\040", " ")
-        if len(point) >= len(mount) and f"{folder}/".startswith(f"{point.rstrip('/')}/"):
-            mount, kind = point, name
-    return kind
 
 
 def _explained(path: Path, cause: Exception, code: int = 0) -> StoreError:

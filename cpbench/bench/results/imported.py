@@ -18,9 +18,9 @@ from cpbench import storage, verification
 from cpbench.bench import machine, multipliers
 from cpbench.bench.judging import with_others
 from cpbench.bench.planning.plan import Entry, Limits, Pair, Request
-from cpbench.bench.results import answer_files, answers
+from cpbench.bench.results import answer_files
 from cpbench.bench.results.answer_files import ENDINGS, ForeignAnswer, Names, Reported
-from cpbench.bench.results.rows import Outcome, Planned
+from cpbench.bench.results.rows import Outcome, Planned, pack_answer
 from cpbench.bench.results.store import Store
 from cpbench.errors import CpbenchError, FormatError, PointError, StoreError
 from cpbench.formulations.base import Problem
@@ -174,7 +174,7 @@ def _judged(pair: Pair, answer: ForeignAnswer | None, reported: Reported, origin
             verdict = with_others(verification.judge(problem, point, pair.tolerance, pair.measure), problem, point)
             if message:
                 verdict = multipliers.marked(verdict)
-            verify, blob = time.perf_counter() - begun, answers.pack(point)
+            verify, blob = time.perf_counter() - begun, pack_answer(point)
         except (FormatError, PointError) as refusal:
             message = f"the answer is not valid: {refusal}"
     status = ending or str(verification.status(verdict, claim))

@@ -7,18 +7,16 @@ concerned carry the flag `mixed` and the meta table names the differences.
 from __future__ import annotations
 
 import itertools
-import json
 import os
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 
-from cpbench.bench.results.limits import LIMITS, limits_of
-from cpbench.bench.results.rows import Row
-from cpbench.bench.results.schema import MEASURED
+from cpbench.bench.results.rows import LIMITS, MEASURED, Row, limits_of
 from cpbench.bench.results.store import Store
 from cpbench.errors import StoreError
 
@@ -29,35 +27,31 @@ _TABLES = {"refused", "references"}
 """Facts of a run that have tables of their own."""
 _OF_ALL_ROWS = {"contradictions"}
 """Facts of all rows together, which have to be found again."""
-_measured = attrgetter(*(name for name in MEASURED if name != "sealed_by"))
+_measured = attrgetter(*MEASURED)
 _PASSING = {"load"}
 """Momentary entries of a machine's description."""
 
 
-@dataclass(frozen=True)
-class Disagreement:
-    """A difference between files that must not be: `what` differs, and the rows that it affects."""
+class CommonFact(NamedTuple):
+    """A fact on which files have to agree: `what`, of the rows with `value` in `column`, or of all rows."""
 
     what: str
     column: str = ""
-    value: Any = None
+    value: str = ""
 
     def affects(self, row: Row) -> bool:
-        """Return whether it affects a finished row; a difference without a column affects every row."""
+        """Return whether it is of a finished row."""
         return row.status != "not_run" and (not self.column or getattr(row, self.column) == self.value)
 
+    def __str__(self) -> str:
+        named = {"set": f"set '{self.value}'", "problem": f"problem {self.value}", "label": self.value}
+        return f"{self.what} of {named[self.column]}" if self.value else self.what
 
-@dataclass
-class _Facts:
-    """Facts that must agree, as one file has them."""
 
-    limits: dict[str, set[tuple[Any, ...]]] = field(default_factory=dict)
-    tolerances: dict[str, set[float]] = field(default_factory=dict)
-    measures: dict[str, set[str]] = field(default_factory=dict)
-    versions: dict[str, set[str]] = field(default_factory=dict)
-    fingerprints: dict[str, set[str]] = field(default_factory=dict)
-    machines: set[str] = field(default_factory=set)
-    cpbench: set[str] = field(default_factory=set)
+_MACHINE, _CPBENCH = CommonFact("machine"), CommonFact("version of cpbench")
+_SHARED = ("tolerance", "measure", "fingerprint")
+"""Facts that agree where files have one in common: a part of a plan need not have all of them."""
+_Facts: TypeAlias = Mapping[CommonFact, set[Any]]
 
 
 def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = False, prefer: str = "") -> list[str]:
@@ -66,10 +60,8 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
     Rows of one key: the one that was run is taken; of two that were run, by `prefer` (first, last) the one of the
     first or the last file. Inputs stay as they are, and the output is there when it is complete.
 
-    The seals of all inputs are checked, and every row is sealed anew.
-
-    Raises SealError when a row is not as a run wrote it; StoreError when the files do not compare and `mixed` is not
-    set, when a key was run twice and `prefer` is not set, and when the output is there already.
+    Raises StoreError when the files do not compare and `mixed` is not set, when a key was run twice and `prefer` is not
+    set, and when the output is there already.
     """
     target = Path(output)
     for path in (target, Path(f"{target}-wal"), Path(f"{target}-journal")):
@@ -78,27 +70,25 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
     with ExitStack() as opened:
         stores = [opened.enter_context(Store(path)) for path in inputs]
         for store in stores:
-            store.audit().require()
+            store.require_whole()
         facts = [_facts(store) for store in stores]
-        differences = [
-            d for pair in itertools.combinations(range(len(stores)), 2) for d in _between(stores, facts, *pair)
-        ]
+        differences = [one for pair in itertools.combinations(range(len(stores)), 2) for one in _between(facts, *pair)]
+        kinds = sorted({_told(stores, facts, *one) for one in differences})
         if differences and not mixed:
+            first = _told(stores, facts, *differences[0])
             more = f" (and {len(differences) - 1} more differences)" if len(differences) > 1 else ""
-            raise StoreError(f"{differences[0].what}{more}; --mixed merges them all the same, and marks the rows")
+            raise StoreError(f"{first}{more}; --mixed merges them all the same, and marks the rows")
         chosen = _chosen(stores, prefer)
         partial = target.with_name(f".{target.name}.partial")
         _remove(partial)
-        kinds = sorted({d.what for d in differences})
         try:
             with Store(partial, create=True) as merged:
-                merged.add(_rows(stores, chosen, differences))
+                merged.add(_rows(stores, chosen, {fact for fact, *_ in differences}))
                 for index, store in enumerate(stores):
                     merged.add_kept(item for item in store.kept() if chosen[item[0]] == index)
                     merged.note_proved_problems(store.proved_problems())
-                leading = sorted(range(len(stores)), key=lambda i: not facts[i].machines)
+                leading = sorted(range(len(stores)), key=lambda i: _MACHINE not in facts[i])
                 _merge_facts(merged, [stores[i] for i in leading], kinds)
-                merged.end()
                 merged.settle()
             _sync(partial)
             partial.replace(target)
@@ -108,75 +98,54 @@ def merge(inputs: Sequence[str | Path], output: str | Path, *, mixed: bool = Fal
 
 
 def _facts(store: Store) -> _Facts:
-    facts, ran = _Facts(), False
-    judged = False
+    """Return the facts of a file, each with the values that its rows have."""
+    facts: dict[CommonFact, set[Any]] = defaultdict(set)
+    meta = store.meta()
     for row in store.rows():
-        judged = judged or row.status != "not_run"
-        facts.tolerances.setdefault(row.set, set()).add(row.tolerance)
-        facts.measures.setdefault(row.set, set()).add(row.measure or "")
-        facts.fingerprints.setdefault(row.problem, set()).add(row.fingerprint)
+        facts[CommonFact("tolerance", "set", row.set)].add(row.tolerance)
+        facts[CommonFact("measure", "set", row.set)].add(row.measure or "")
+        facts[CommonFact("fingerprint", "problem", row.problem)].add(row.fingerprint)
+        if row.status != "not_run" and meta.get("cpbench"):
+            facts[_CPBENCH] = {meta["cpbench"]}
         if row.origin:  # made elsewhere, under unknown limits
             continue
-        facts.limits.setdefault(row.set, set()).add(limits_of(row))
+        for limit, value in zip(LIMITS.values(), limits_of(row), strict=True):
+            facts[CommonFact(limit, "set", row.set)].add(value)
         if row.version:
-            facts.versions.setdefault(row.label, set()).add(row.version)
-        ran = ran or row.status != "not_run"
-    meta = store.meta()
-    if judged:
-        facts.cpbench = {str(meta.get("cpbench", ""))}
-    if ran:  # a shard without rows has not been run on any machine
-        descriptions = list(store.machines().values()) or [meta.get("machine") or {}]
-        facts.machines = {_machine(description) for description in descriptions}
+            facts[CommonFact("version", "label", row.label)].add(row.version)
+        if row.status != "not_run" and _MACHINE not in facts:  # a file without results was run on no machine
+            machines = list(store.machines().values()) or [meta.get("machine") or {}]
+            facts[_MACHINE] = set(map(_entries, machines))
     return facts
 
 
-def _machine(description: Mapping[str, Any]) -> str:
-    return json.dumps({k: v for k, v in description.items() if k not in _PASSING}, sort_keys=True)
+def _entries(machine: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    """Return the lasting entries of a machine's description."""
+    return tuple(sorted((name, str(value)) for name, value in machine.items() if name not in _PASSING))
 
 
-def _between(stores: Sequence[Store], facts: Sequence[_Facts], i: int, j: int) -> Iterator[Disagreement]:
-    """Yield the differences between the files i and j."""
-    names, (one, other) = f"{stores[i].path} and {stores[j].path}", (facts[i], facts[j])
-
-    def differing(kind: str, a: Iterable[Any], b: Iterable[Any], of: str = "") -> str:
-        return f"{names} differ in {kind}{of and ' of '}{of}: {_listed(a)} and {_listed(b)}"
-
-    for name in sorted(one.limits.keys() & other.limits.keys()):
-        of = f"set '{name}'" if name else ""
-        if one.limits[name] != other.limits[name]:
-            kind, a, b = _limit_that_differs(one.limits[name], other.limits[name])
-            yield Disagreement(differing(kind, a, b, of), "set", name)
-        if not one.tolerances[name] & other.tolerances[name]:
-            yield Disagreement(differing("tolerance", one.tolerances[name], other.tolerances[name], of), "set", name)
-        if not one.measures[name] & other.measures[name]:
-            yield Disagreement(differing("measure", one.measures[name], other.measures[name], of), "set", name)
-    for label in sorted(one.versions.keys() & other.versions.keys()):
-        if one.versions[label] != other.versions[label]:
-            yield Disagreement(differing("version", one.versions[label], other.versions[label], label), "label", label)
-    for problem in sorted(one.fingerprints.keys() & other.fingerprints.keys()):
-        a, b = one.fingerprints[problem], other.fingerprints[problem]
-        if not a & b:
-            yield Disagreement(differing("fingerprint", a, b, f"problem {problem}"), "problem", problem)
-    if one.machines and other.machines and one.machines != other.machines:
-        a, b = (_telling(mine, theirs) for mine, theirs in ((one, other), (other, one)))
-        yield Disagreement(differing("machine", a, b))
-    if one.cpbench and other.cpbench and one.cpbench != other.cpbench:
-        yield Disagreement(differing("version", one.cpbench, other.cpbench, "cpbench"))
+def _between(facts: Sequence[_Facts], i: int, j: int) -> Iterator[tuple[CommonFact, int, int]]:
+    """Yield the facts on which the files i and j do not agree, with i and j."""
+    for fact, one in facts[i].items():
+        other = facts[j].get(fact, one)
+        agree = bool(one & other) if fact.what in _SHARED else one == other
+        if not agree:
+            yield fact, i, j
 
 
-def _limit_that_differs(a: set[tuple[Any, ...]], b: set[tuple[Any, ...]]) -> tuple[str, set[Any], set[Any]]:
-    for k, name in enumerate(LIMITS.values()):
-        mine, theirs = ({limits[k] for limits in side} for side in (a, b))
-        if mine != theirs:
-            return name, mine, theirs
-    return "limits", a, b
+def _told(stores: Sequence[Store], facts: Sequence[_Facts], fact: CommonFact, i: int, j: int) -> str:
+    """Return a sentence about a difference."""
+    one, other = facts[i][fact], facts[j][fact]
+    if fact == _MACHINE:
+        one, other = _only_in(one, other), _only_in(other, one)
+    return f"{stores[i].path} and {stores[j].path} differ in {fact}: {_listed(one)} and {_listed(other)}"
 
 
-def _telling(mine: _Facts, theirs: _Facts) -> list[str]:
+def _only_in(mine: set[Any], theirs: set[Any]) -> set[str]:
     """Return the entries of machines that no machine of the other file has."""
-    known = [item for text in theirs.machines for item in json.loads(text).items()]
-    own = (", ".join(f"{k} {v}" for k, v in json.loads(text).items() if (k, v) not in known) for text in mine.machines)
-    return [text for text in own if text] or [f"{len(mine.machines)} kinds"]
+    known = set(itertools.chain(*theirs))
+    own = (", ".join(f"{k} {v}" for k, v in machine if (k, v) not in known) for machine in mine)
+    return set(filter(None, own)) or {f"{len(mine)} kinds"}
 
 
 def _listed(values: Iterable[Any]) -> str:
@@ -207,12 +176,12 @@ def _chosen(stores: Sequence[Store], prefer: str) -> dict[str, int]:
     return chosen
 
 
-def _rows(stores: Sequence[Store], chosen: Mapping[str, int], differences: Sequence[Disagreement]) -> Iterator[Row]:
+def _rows(stores: Sequence[Store], chosen: Mapping[str, int], differing: Iterable[CommonFact]) -> Iterator[Row]:
     for index, store in enumerate(stores):
         for row in store.rows():
             if chosen[row.key] != index:
                 continue
-            affected = any(difference.affects(row) for difference in differences)
+            affected = any(fact.affects(row) for fact in differing)
             flags = [flag for flag in (row.flags or "").split(",") if flag]
             yield replace(row, flags=",".join([*flags, FLAG])) if affected and FLAG not in flags else row
 
@@ -228,11 +197,6 @@ def _merge_facts(target: Store, stores: Sequence[Store], differences: Sequence[s
     plans = [meta["plan"] for meta in metas if meta.get("plan")]
     if plans and all(_whole(plan) == _whole(plans[0]) for plan in plans):
         merged["plan"] = _whole(plans[0])
-    merged["seals"] = [
-        line if str(store.path) in line else f"{store.path.name}: {line}"
-        for store, meta in zip(stores, metas, strict=True)
-        for line in meta.get("seals", [])
-    ]
     merged["jobs"] = max((meta.get("jobs") or 1 for meta in metas), default=1)
     names = ("command", "date", "cpbench", "seed", "jobs", "machine", "versions", "plan")
     merged["merged"] = [

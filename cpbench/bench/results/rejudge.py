@@ -1,44 +1,56 @@
-"""Judges kept answers again, and checks kept proofs: by another measure or tolerance, without a solver."""
+"""Judges kept answers again, and checks kept proofs: without a solver, by their own or another measure or tolerance.
+
+A row whose status or error does not follow from its answer was changed after the run, or the run judged wrongly.
+"""
 
 from __future__ import annotations
 
 import itertools
+import json
 import math
+import sys
 import zlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 from cpbench import proofs, storage, verification
-from cpbench.bench.results import answers
 from cpbench.bench.results.answer_files import ENDINGS
-from cpbench.bench.results.rows import Row
+from cpbench.bench.results.rows import Row, unpack_answer
 from cpbench.bench.results.store import Store
-from cpbench.errors import CpbenchError, FormatError, PointError, SealError
+from cpbench.errors import FormatError, PointError
 from cpbench.formulations.base import Kind, Problem
-from cpbench.foundation.plurals import counted
+from cpbench.foundation.plurals import counted, summary
 
 NO_ROUTE = ("", "direct")
 """Routes of an answer made elsewhere, and of a solver of the source problem itself."""
+SAME = 1e-6
+"""Relative difference of two measurements of one error: another machine adds in another order. An answer that was
+changed, or is another row's, differs by much more."""
+ROUNDING = 64 * sys.float_info.epsilon
+"""Errors below this are nothing but rounding."""
+OTHER_ERROR, UNREADABLE = "another error", "unreadable"
+"""Changes that are none of a status."""
 
 
-def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None) -> Iterator[str]:
-    """Yield one line for every row that is not as a run wrote it and every kept answer or proof whose status changes,
-    then a summary. The file is left as it is.
+def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None, say: Callable[[str], None]) -> bool:
+    """Say in a line each which rows do not follow from their answer or proof, then a summary; return whether all do.
 
-    Raises SealError at the end when there was such a row, an answer that cannot be read,
-    or a status that changes by the row's own measure and tolerance.
+    The file is left as it is.
+
+    Parameters
+    ----------
+    measure, tolerance : in place of each row's own, None for that. What changes by another one is said, and is no
+        fault.
     """
     with Store(path) as store:
-        audit = store.audit()
-        yield from (f"not as a run wrote it: {row}" for row in audit.broken)
-        yield from (f"{path}: {what}, by another program" for what in audit.changed)
-        yield from store.meta().get("seals", [])
-        kept = {key: (kind, data) for key, kind, data in store.certificates()}
+        store.require_whole()
+        kept = {key: (kind, data) for key, kind, data in store.certificates() if kind in verification.PROVEN}
         formats = store.meta().get("formats", {})
         rows = sorted(store.rows(), key=lambda row: row.address)  # each problem is read once
         changes: Counter[str] = Counter()
-        total = unknown = contradicted = unreadable = gone = 0
+        without: Counter[str] = Counter()
+        total = faults = 0
         for address, group in itertools.groupby(rows, key=lambda row: row.address):
             own, problem, why = list(group), None, "its numbers changed"
             try:
@@ -46,45 +58,52 @@ def rejudge_file(path: str | Path, measure: str | None, tolerance: float | None)
             except FormatError as cause:
                 why = str(cause)
             if problem is None or problem.fingerprint not in {row.fingerprint for row in own}:
-                gone += 1
-                yield f"{address}: is not the problem that was solved ({why}): its {counted(len(own), 'row')} stay"
+                faults += 1
+                say(f"{address}: is not the problem that was solved ({why}): its {counted(len(own), 'row')} stay")
                 continue
             for row in own:
-                if problem.fingerprint != row.fingerprint:  # the file held another problem when this row was made
-                    continue
                 blob = store.ending(row.key)[1]
-                if row.status in ENDINGS:  # it came too late, or was reported to: its quality does not matter
-                    continue
-                if blob is None and row.status not in verification.PROVEN:
-                    continue
-                try:
-                    status, error = _judge(problem, row, blob, kept.get(row.key), measure, tolerance)
-                except (zlib.error, ValueError, PointError) as cause:
-                    unreadable += 1
-                    yield f"{row.problem}  {row.label}: its answer cannot be read ({cause})"
-                    continue
-                total += 1
-                unknown += status in verification.FALSE_CLAIMS and _target(row, 1.0) is None and _exact_route(row)
-                if status != row.status:
-                    contradicted += tolerance in (None, row.tolerance) and measure in (None, row.measure)
-                    changes[f"{row.status} -> {status}"] += 1
-                    yield f"{row.problem}  {row.label}: {row.status} -> {status}, error {error:.3g}"
-        if unknown:
-            yield (
-                f"{unknown} of these are {' or '.join(verification.FALSE_CLAIMS)} and came by a conversion of an older "
-                "cpbench, which did not measure them on the solver's own problem: the conversion may have lost them"
-            )
+                if problem.fingerprint != row.fingerprint:  # the file held another problem when this row was made
+                    without["of what its file held before"] += 1
+                elif blob is None and row.key not in kept and row.status not in verification.PROVEN:
+                    without[row.status] += 1
+                else:
+                    as_run = tolerance in (None, row.tolerance) and measure in (None, row.measure)
+                    total += 1
+                    change, told = _change(problem, row, blob, kept.get(row.key), measure, tolerance)
+                    if change and (as_run or change != OTHER_ERROR):
+                        changes[change] += 1
+                        faults += as_run or change == UNREADABLE
+                        say(f"{row.problem}  {row.label}: {told}")
         listed = ", ".join(f"{n} {change}" for change, n in changes.most_common()) or "no change"
-        yield f"{counted(total, 'answer')} judged again{f' by {measure}' if measure else ''}: {listed}"
-        faults = {
-            f"{len(audit.broken)} rows are not as a run wrote them": len(audit.broken),
-            "; ".join(audit.changed): len(audit.changed),
-            f"{unreadable} answers cannot be read": unreadable,
-            f"{counted(gone, 'problem')} could not be judged again": gone,
-            f"{contradicted} statuses change by the row's own measure and tolerance": contradicted,
-        }
-        if any(faults.values()):
-            raise SealError(f"{path}: {', '.join(fault for fault, count in faults.items() if count)}")
+        say(f"{counted(total, 'answer')} judged again{f' by {measure}' if measure else ''}: {listed}")
+        if without:
+            say(f"{counted(without.total(), 'row has', 'rows have')} no answer to judge: {summary(without)}")
+        say(f"SHA-256 of the file: {store.sha256()}")
+    return not faults
+
+
+def _change(
+    problem: Problem,
+    row: Row,
+    blob: bytes | None,
+    proof: tuple[str, bytes] | None,
+    measure: str | None,
+    tolerance: float | None,
+) -> tuple[str, str]:
+    """Return what of a row does not follow from what is kept of it, short and in full; '' where all does."""
+    try:
+        status, error = _judge(problem, row, blob, proof, measure, tolerance)
+        same_status = status == row.status or _ended_so(row, blob)
+        noted = math.inf if row.error is None else float(row.error)
+    except (zlib.error, EOFError, ValueError, TypeError, PointError) as cause:  # bytes, or numbers, may be anything
+        return UNREADABLE, f"it or its answer cannot be read ({cause})"
+    if not same_status:
+        change = f"{row.status} -> {status}"
+        return change, f"{change}, error {error:.3g}"
+    if noted == error or math.isclose(noted, error, rel_tol=SAME, abs_tol=ROUNDING):
+        return "", ""
+    return OTHER_ERROR, f"{row.status} with error {noted:.3g}, that of its answer is {error:.3g}"
 
 
 def _judge(
@@ -96,16 +115,27 @@ def _judge(
     tolerance: float | None,
 ) -> tuple[str, float]:
     """Return status and error of a kept answer or proof; by the row's own measure and tolerance where none is given."""
-    if problem.fingerprint != row.fingerprint:
-        raise CpbenchError(f"{row.address}: is not the problem that was solved (its fingerprint changed)")
     asked = tolerance or float(row.tolerance)
     verdict = verification.no_answer(asked)
     if blob is not None:
-        point = problem.point_from_vector(answers.unpack(blob))
+        point = problem.point_from_vector(unpack_answer(blob))
         verdict = verification.judge(problem, point, asked, measure or row.measure)
     kind, target = Kind(row.kind or Kind.EQUIVALENT), _target(row, asked / float(row.tolerance))
-    proven = {f"proven_{one}": _proven(problem, row, one, proof, asked) for one in verification.PROVEN}
-    return verification.status(verdict, str(row.claim), kind=kind, target=target, **proven), verdict.error
+    proven = {f"proven_{one}": _proven(problem, one, proof, asked) for one in verification.PROVEN}
+    status = verification.status(verdict, str(row.claim), kind=kind, target=target, **proven)
+    return str(status), math.inf if math.isnan(verdict.error) else verdict.error
+
+
+def _ended_so(row: Row, blob: bytes | None) -> bool:
+    """Return whether a row has an answer, and a status without a claim all the same: an answer that came too late, or
+    one made elsewhere of which that was reported."""
+    if blob is None or row.status not in ENDINGS:
+        return False
+    if row.origin:
+        return not row.claim
+    seconds = [*json.loads(row.samples or "[]"), row.solve or 0.0]
+    limit = math.inf if row.seconds is None else row.seconds
+    return row.status == verification.Status.TIMEOUT and (row.setup or 0.0) + max(seconds) > limit
 
 
 def _target(row: Row, factor: float) -> verification.Verdict | None:
@@ -114,26 +144,18 @@ def _target(row: Row, factor: float) -> verification.Verdict | None:
     None where that was not measured, or where it is the problem that was asked, whose verdict says all.
     """
     error, asked = row.target_error, row.target_tolerance
-    if error is None or row.route in NO_ROUTE:
+    if error is None or asked is None or row.route in NO_ROUTE:
         return None
-    tolerance = factor * float(row.tolerance if asked is None else asked)  # an older cpbench measured at the former
+    tolerance = factor * float(asked)
     error = math.inf if math.isnan(error) else float(error)
     flags = ("unresolvable",) if verification.TARGET_UNRESOLVABLE in (row.flags or "").split(",") else ()
     return verification.Verdict(tolerance, error <= tolerance and not flags, error, flags=flags)
 
 
-def _exact_route(row: Row) -> bool:
-    """Return whether an exact conversion led to the solver's problem."""
-    return (row.route or "") not in NO_ROUTE and Kind(row.kind).exact
-
-
-def _proven(problem: Problem, row: Row, kind: str, kept: tuple[str, bytes] | None, tolerance: float) -> bool:
-    """Return whether the row has this status and its proof holds at the tolerance; one is looked for where an older
-    file kept none."""
-    if row.status != kind:
+def _proven(problem: Problem, kind: str, kept: tuple[str, bytes] | None, tolerance: float) -> bool:
+    """Return whether there is a proof of this kind that holds at the tolerance."""
+    if kept is None or kept[0] != kind:
         return False
-    if kept is None:
-        return proofs.prove(problem, kind, tolerance=tolerance).proof is not None
     try:
         proof = proofs.unpacked(*kept)
     except ValueError:

@@ -1,15 +1,20 @@
 """Rows of the results file: what is planned of a pair, and what its run measured.
 
 The fields of `Planned` and then those of `Measured`, in their order, are the columns of the file, and their types the
-types of SQL (`columns`). A new column goes to the end of `Measured`, and into a step of `schema.migrate`.
+types of SQL (`columns`). Limits of rows in one file, or of one set in it, have to agree.
 """
 
 from __future__ import annotations
 
+import io
 import json
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, get_args, get_type_hints
+
+import numpy as np
 
 if TYPE_CHECKING:
     from cpbench.bench.planning.plan import Pair
@@ -91,8 +96,7 @@ class Measured:
     made, empty for what was solved here. certainty : level of the certificate of the answer, where one was sought.
     distance : a bound on its distance from a solution, over the size of that. certificate : what else it says.
     trip : round trip of an empty request [s] to the process of a served solver, None of a solver that runs in its
-    worker. solve is the time of its method, solve_wall [s] what passed in the worker meanwhile. sealed_by : the name of
-    the key that sealed the row before the file was continued with another key, 'none' where it had no seal.
+    worker. solve is the time of its method, solve_wall [s] what passed in the worker meanwhile.
     """
 
     status: str = "not_run"
@@ -135,7 +139,6 @@ class Measured:
     certificate: str | None = None
     trip: float | None = None
     solve_wall: float | None = None
-    sealed_by: str | None = None
 
 
 @dataclass(frozen=True)
@@ -163,21 +166,58 @@ def columns(kind: type[Planned | Measured]) -> dict[str, str]:
     return {f.name: _SQL[(get_args(types[f.name]) or (types[f.name],))[0]] for f in fields(kind)}
 
 
-def stored(value: Any, kind: str) -> Any:
-    r"""Return a value as SQLite hands it back from a column of this type.
+PLANNED, MEASURED = columns(Planned), columns(Measured)
+"""Columns of a row that the plan fixes, and those that the run fills, with their SQL types."""
 
-    Halves of characters, as broken file names have them, are escaped, for SQLite stores no such text.
 
-    >>> stored(3, "REAL"), stored(float("nan"), "REAL"), stored(2.0, "INTEGER"), stored("a\ud800", "TEXT")
-    (3.0, None, 2, 'a\\ud800')
-    """
-    if isinstance(value, str):
-        return value if value.isascii() else value.encode("utf-8", "backslashreplace").decode()
-    if value is None or value != value:
-        return None
-    if kind == "REAL" and isinstance(value, (int, float)):
-        return float(value) + 0.0  # SQLite knows no -0.0
-    if kind == "INTEGER" and isinstance(value, (int, float)):
-        whole = isinstance(value, int) or (value.is_integer() and abs(value) < 2**63)
-        return int(value) if whole else value
-    return str(int(value)) if kind == "TEXT" and isinstance(value, int) else value
+# ------------------------------------------------------------------------------------------------- limits
+
+LIMITS = {"seconds": "timeout", "memory": "memory", "threads": "threads", "repeats_asked": "repeats"}
+"""The columns of limits, by the name that an option gives them."""
+
+
+def limits_of(row: Planned) -> tuple[float | None, int | None, int | None, int | None]:
+    """Return the limits of a row, in the order of `LIMITS`."""
+    return row.seconds, row.memory, row.threads, row.repeats_asked
+
+
+def agree(old: tuple[Any, ...], asked: tuple[Any, ...]) -> bool:
+    """Return whether results with these limits may share a file; an unknown old limit (None) agrees with any."""
+    return all(a is None or a == b for a, b in zip(old, asked, strict=True))
+
+
+def difference(name: str, old: tuple[Any, ...], asked: tuple[Any, ...]) -> str:
+    """Return why a file refuses limits that do not `agree` with the old ones of set `name`."""
+    for limit, before, now in zip(LIMITS.values(), old, asked, strict=True):
+        if before is not None and before != now:
+            origin = f"set '{name}' was made" if name else "was made"
+            return (
+                f"{origin} with {limit} {before:.12g}, now {now:.12g}; results of other limits do not mix: use another "
+                "file with -o"
+            )
+    return "was made with other limits"
+
+
+# ---------------------------------------------------------------------------------------------- kept answers
+
+
+def pack_answer(point: Any) -> bytes:
+    """Return a point as one compressed .npy file, which `numpy.load` reads too: its parts one after the other
+    (`Problem.point_from_vector` splits them)."""
+    vector = point.vector
+    return zlib.compress(_header(vector.size) + vector.tobytes(), 1)
+
+
+def unpack_answer(blob: bytes) -> Any:
+    """Return the vector in a kept answer."""
+    return np.load(io.BytesIO(zlib.decompress(blob)), allow_pickle=False)
+
+
+@lru_cache(maxsize=2**10)
+def _header(size: int) -> bytes:
+    """Return the header of a .npy file with one vector of float64."""
+    buffer = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        buffer, {"descr": np.dtype(np.float64).str, "fortran_order": False, "shape": (size,)}
+    )
+    return buffer.getvalue()

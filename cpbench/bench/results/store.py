@@ -1,28 +1,39 @@
 """Results in one SQLite file: a transaction a row, the answer and the history in the same transaction.
 
 `kill -9` of the runner loses at most the pair in flight: planned rows are there from the start as `not_run`,
-and a row is filled together with its answer or not at all. One process writes, any number read (`database`). Here is
-what is written; a store is opened and sealed in `store_sealing`, and read in `store_reading`.
+and a row is filled together with its answer or not at all. One process writes, any number read (`database`).
 """
 
 from __future__ import annotations
 
 import json
 import sqlite3
+import subprocess
+import sys
 import time
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
 
 from cpbench.bench.planning.plan import Pair
-from cpbench.bench.results import file_seal, seals
-from cpbench.bench.results.limits import LIMITS, agree, difference, limits_of
-from cpbench.bench.results.rows import Measured, Outcome, Planned, Row, stored
-from cpbench.bench.results.schema import MEASURED, PLANNED
-from cpbench.bench.results.store_sealing import KEPT, PLACE, SealedStore
-from cpbench.errors import SealError, StoreError
+from cpbench.bench.results.database import Database
+from cpbench.bench.results.rows import (
+    LIMITS,
+    MEASURED,
+    PLANNED,
+    Measured,
+    Outcome,
+    Planned,
+    Row,
+    agree,
+    difference,
+    limits_of,
+)
+from cpbench.errors import StoreError
 from cpbench.verification import CHARGED_TO_ROUTE, FALSE_CLAIMS, Status
 
 if TYPE_CHECKING:
@@ -31,52 +42,178 @@ if TYPE_CHECKING:
 KEEP = ("none", "wrong", "all")
 KEEP_LIMIT = 10**9
 """Bytes of answers after which `--keep all` stops keeping; rows without their answer say so."""
+OF_AN_ANSWER = "answer"
+"""Kind of a certificate that is about an answer."""
+CHUNK = 5_000
+"""Rows of a table that are held as Python objects at a time; equal texts among them are one object."""
+_KINDS = {**PLANNED, **MEASURED}
+_KEPT = ("answers", "histories", "certificates")
+"""Tables of what is kept of single rows."""
 
 
-class Store(SealedStore):
+class Store:
     """A results file, opened for running (`create=True`) or for reading.
 
-    For running, this process alone may write it, and an older file is migrated; for reading, the file is left as it
-    is, whoever writes it meanwhile. May be used from several threads.
+    For running, this process alone may write it; for reading, the file is left as it is, whoever writes it meanwhile.
+    May be used from several threads.
 
-    For running, the seals are checked: rows that do not fit are refused, or with `expel` removed, so that they are
-    planned and run again; all others are sealed by this user's key, and say whose key it was before
-    (`sealed_by`). `opened` says what was found. For reading, `audit` checks them. A file that was left without an
-    exception has a seal over the whole (`end`).
-
-    Raises StoreError when the file is not a results file, is of a newer version, is being written by another process or
-    cannot be written; SealError; from every method StoreError, when SQLite fails.
+    Raises StoreError when the file is not a results file, is of another version, is being written by another process or
+    cannot be written; from every method when SQLite fails.
     """
 
+    def __init__(self, path: str | Path, *, create: bool = False, keep: str = "all") -> None:
+        self.path = Path(path)
+        self._keep = keep
+        self._database = Database(self.path, create=create)
+        try:  # whatever fails from here on, the lock must not stay
+            self._kept = int(self._database.read("SELECT coalesce(sum(bytes), 0) FROM answers")[0][0])
+        except BaseException:
+            self._database.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file and let others write it; harmless when done before."""
+        self._database.close()
+
+    def settle(self) -> None:
+        """Move what is in SQLite's log into the file; raises StoreError when that fails, where `close` would leave the
+        log."""
+        self._database.settle()
+
+    def require_whole(self) -> None:
+        """Check the file; raises StoreError when it is damaged."""
+        self._database.require_whole()
+
+    def sha256(self) -> str:
+        """Return the SHA-256 of the file, with all that was written so far."""
+        self.settle()
+        # by another process: to close a file would release the locks that SQLite has on it in this one
+        command = [sys.executable, "-I", "-S", "-c", _DIGEST, str(self.path)]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+
+    # ------------------------------------------------------------------------------------------------ read
+
+    def meta(self) -> dict[str, Any]:
+        """Return facts of the run by name, with the refused files under `refused`, and the solves that tell the
+        machine's drift under `references`."""
+        values = {name: json.loads(value) for name, value in self._database.read("SELECT name, value FROM meta")}
+        values["refused"] = self._database.read("SELECT address, reason FROM refused ORDER BY address")
+        values["references"] = self.references()
+        return values
+
+    def machines(self) -> dict[str, dict[str, Any]]:
+        """Return what the machines are that solved, by host."""
+        return self._facts("SELECT host, description FROM machines ORDER BY host")
+
+    def features(self) -> dict[str, dict[str, Any]]:
+        """Return the features of the problems by fingerprint, as `bench.planning.features` found them."""
+        return self._facts("SELECT fingerprint, features FROM problems ORDER BY fingerprint")
+
+    def _facts(self, query: str) -> dict[str, dict[str, Any]]:
+        return {name: json.loads(facts) for name, facts in self._database.read(query)}
+
+    def references(self) -> list[dict[str, Any]]:
+        """Return the solves of the reference, in order: at, pairs, seconds (None where it failed), loadavg."""
+        names = ("at", "pairs", "seconds", "loadavg")
+        rows = self._database.read(f"SELECT {', '.join(names)} FROM reference ORDER BY rowid")
+        return [dict(zip(names, values, strict=True)) for values in rows]
+
+    def pending(self) -> set[str]:
+        """Return keys of planned rows that have not been run."""
+        return {key for (key,) in self._database.read("SELECT key FROM rows WHERE status = 'not_run'")}
+
+    def counts(self) -> dict[str, int]:
+        """Return rows by status."""
+        return dict(self._database.read("SELECT status, count(*) FROM rows GROUP BY status"))
+
+    def row(self, key: str) -> Row:
+        """Return one row; raises StoreError where there is none."""
+        return Row(*self._one(f"SELECT {_ALL} FROM rows WHERE key = ?", key))
+
+    def rows(self) -> Iterator[Row]:
+        """Yield every row, in the order in which they were planned."""
+        for values in self._database.stream(f"SELECT {_ALL} FROM rows ORDER BY rowid"):
+            yield Row(*values)
+
+    def ending(self, key: str) -> tuple[str, bytes | None]:
+        """Return how a row ended: its status, and its compressed answer where one is kept."""
+        status, answer = self._one("SELECT status, answer FROM rows LEFT JOIN answers USING (key) WHERE key = ?", key)
+        return status, answer
+
+    def _one(self, query: str, key: str) -> tuple[Any, ...]:
+        rows = self._database.read(query, (key,))
+        if not rows:
+            raise StoreError(f"{self.path}: no row {key}")
+        return rows[0]
+
+    def kept(self) -> Iterator[tuple[str, bytes | None, bytes | None, str | None, bytes | None]]:
+        """Yield (key, compressed answer, history, kind of proof, proof) of every row of which something is kept."""
+        yield from self._database.stream(_READ_KEPT)  # type: ignore[misc]
+
+    def answers(self) -> Iterator[tuple[str, bytes]]:
+        """Yield (key, compressed answer) of every kept answer."""
+        yield from self._database.stream("SELECT key, answer FROM answers ORDER BY key")
+
+    def histories(self) -> Iterator[tuple[str, bytes]]:
+        """Yield (key, compressed history) of every kept history."""
+        yield from self._database.stream("SELECT key, history FROM histories ORDER BY key")
+
+    def certificates(self) -> Iterator[tuple[str, str, bytes]]:
+        """Yield (key, kind, proof) of every row that is proved to have no solution, or whose answer has a proof."""
+        yield from self._database.stream("SELECT key, kind, proof FROM certificates ORDER BY key")
+
+    def proved_problems(self) -> Iterator[tuple[str, bytes]]:
+        """Yield (fingerprint, data) of every problem of which an answer has a proof."""
+        yield from self._database.stream("SELECT fingerprint, data FROM proved_problems ORDER BY fingerprint")
+
+    def table(self) -> pd.DataFrame:
+        """Return all rows in the order problem, label, key, with `error` ∞ where none was measured."""
+        import pandas as pd
+
+        parts = {name: [_column(name, ())] for name in _KINDS}
+        for rows in self._database.chunks(f"SELECT {_ALL} FROM rows ORDER BY rowid", CHUNK):
+            for name, values in zip(_KINDS, zip(*rows, strict=True), strict=True):
+                parts[name].append(_column(name, values))
+        with pd.option_context("mode.string_storage", "python"):  # where pyarrow is, each cell would be a separate text
+            frame = pd.DataFrame({name: pd.Series(np.concatenate(of)).infer_objects() for name, of in parts.items()})
+        frame["error"] = frame["error"].fillna(float("inf"))
+        return frame.sort_values(["problem", "label", "key"], ignore_index=True)
+
+    # ----------------------------------------------------------------------------------- facts of the run
+
     def set_meta(self, **values: Any) -> None:
+        """Store facts of the run by name."""
         with self._database.transaction() as db:
-            self._put_meta(db, **values)
-            file_seal.write(db, self._writing.file_seal())
+            db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", [(n, json.dumps(v)) for n, v in values.items()])
 
     def note_files(self, loaded: Iterable[str], refused: Iterable[tuple[str, str]]) -> None:
         """Note which files could not be read, and why; those that are read now are refused no longer."""
-        with self._facts_written() as (db, contents):
-            for address in map(_text, loaded):
-                db.execute("DELETE FROM refused WHERE address = ?", (address,))
-                contents.remove("refused", address)
-            for address, reason in refused:
-                db.execute("INSERT OR REPLACE INTO refused VALUES (?, ?)", (_text(address), _text(reason)))
-                contents.put("refused", _text(address), reason)
+        with self._database.transaction() as db:
+            db.executemany("DELETE FROM refused WHERE address = ?", [(_text(address),) for address in loaded])
+            lines = [(_text(address), _text(reason)) for address, reason in refused]
+            db.executemany("INSERT OR REPLACE INTO refused VALUES (?, ?)", lines)
 
     def note_machine(self, host: str, description: Mapping[str, Any]) -> None:
         """Store the description of a machine that solves."""
-        with self._facts_written() as (db, contents):
-            text = json.dumps(dict(description))
-            db.execute("INSERT OR REPLACE INTO machines VALUES (?, ?)", (host, text))
-            contents.put("machines", host, text)
+        with self._database.transaction() as db:
+            db.execute("INSERT OR REPLACE INTO machines VALUES (?, ?)", (host, json.dumps(dict(description))))
 
     def note_features(self, features: Mapping[str, Mapping[str, Any]]) -> None:
         """Note the features of problems by fingerprint, in place of what was noted of them."""
-        with self._facts_written() as (db, contents):
-            for fingerprint, facts in features.items():
-                text = json.dumps(dict(facts))
-                db.execute("INSERT OR REPLACE INTO problems VALUES (?, ?)", (fingerprint, text))
-                contents.put("problems", fingerprint, text)
+        with self._database.transaction() as db:
+            lines = [(fingerprint, json.dumps(dict(facts))) for fingerprint, facts in features.items()]
+            db.executemany("INSERT OR REPLACE INTO problems VALUES (?, ?)", lines)
+
+    def note_proved_problems(self, data: Iterable[tuple[str, bytes]]) -> None:
+        """Keep the data of problems by fingerprint, for a check of the proofs of answers."""
+        with self._database.transaction() as db:
+            db.executemany("INSERT OR IGNORE INTO proved_problems VALUES (?, ?)", data)
 
     def add_reference(self, pairs: int, seconds: float, loadavg: float | None = None) -> None:
         """Add a reference solve of this moment: pairs run before, its time [s] (NaN if it failed), and the load of the
@@ -86,56 +223,10 @@ class Store(SealedStore):
 
     def add_references(self, solves: Iterable[Mapping[str, Any]]) -> None:
         """Add reference solves as `references` returns them."""
-        with self._facts_written() as (db, contents):
-            for solve in solves:
-                values = [solve[name] for name in ("at", "pairs", "seconds", "loadavg")]
-                db.execute("INSERT INTO reference VALUES (?, ?, ?, ?)", values)
-                contents.put("reference", *values)
+        with self._database.transaction() as db:
+            db.executemany("INSERT INTO reference VALUES (:at, :pairs, :seconds, :loadavg)", solves)
 
-    def add(self, rows: Iterable[Row]) -> None:
-        """Add rows as `rows` yields them, in one transaction."""
-        with self._rows_written() as db:
-            for row in rows:
-                self._add(db, "INSERT", _row_values(row), (None, None, None, None))
-
-    def _add(self, db: sqlite3.Connection, how: str, values: Sequence[Any], kept: Sequence[Any]) -> None:
-        """Add a whole row and seal it with what is kept of it."""
-        values = [_text(value) for value in values]
-        db.execute(f"{how} INTO rows {_WHOLE}", values)
-        state = self._writing
-        planned, measured = values[: len(PLANNED)], values[len(PLANNED) :]
-        digests = seals.planned_digest(planned, state.key), seals.measured_digest(measured, state.key)
-        self._seal(db, values[0], *digests, seals.kept_digest(kept, state.key))
-        state.count(values[0], measured[_ATTEMPTS])
-
-    def put(self, row: Planned, outcome: Outcome) -> None:
-        """Put a whole row with its answer in place of the one of its key."""
-        answer = outcome.answer
-        if answer is not None and self._kept + len(answer) > KEEP_LIMIT:
-            answer = None
-        with self._rows_written() as db:
-            for table in KEPT:
-                db.execute(f"DELETE FROM {table} WHERE key = ?", (row.key,))
-            values = (*_planned_values(row), *_measured_values(outcome))
-            self._add(db, "INSERT OR REPLACE", values, (answer, None, None, None))
-            if answer is not None:
-                db.execute("INSERT INTO answers VALUES (?, ?, ?)", (row.key, len(answer), answer))
-                self._kept += len(answer)
-
-    def add_kept(self, kept: Iterable[tuple[str, bytes | None, bytes | None, str | None, bytes | None]]) -> None:
-        """Add what is kept of existing rows, as `kept` yields it."""
-        state = self._writing
-        with self._rows_written() as db:
-            for key, answer, history, kind, proof in kept:
-                if answer is not None:
-                    db.execute("INSERT INTO answers VALUES (?, ?, ?)", (key, len(answer), answer))
-                if history is not None:
-                    db.execute("INSERT INTO histories VALUES (?, ?)", (key, history))
-                if proof is not None:
-                    db.execute("INSERT INTO certificates VALUES (?, ?, ?)", (key, kind, proof))
-                planned, measured, _ = seals.digests_of(state.written.seals[key])
-                digest = seals.kept_digest((answer, history, kind, proof), state.key)
-                self._seal(db, key, planned, measured, digest)
+    # ------------------------------------------------------------------------------------------------ rows
 
     def plan(self, pairs: Iterable[Pair]) -> None:
         """Add the rows of a plan as `not_run`; those that are there already stay as they are.
@@ -145,13 +236,11 @@ class Store(SealedStore):
         """
         pairs = list(pairs)
         rows = [Planned.of(pair) for pair in pairs]
-        there = self._writing.written.seals
-        new = {row.key: row for row in rows if row.key not in there}
         self._require_same_limits(rows)
-        if new:
-            with self._rows_written() as db:
-                for row in new.values():
-                    self._add(db, "INSERT", (*_planned_values(row), *_UNMEASURED), (None, None, None, None))
+        by_key = {row.key: row for row in rows}
+        with self._database.transaction() as db:
+            values = [(*map(_text, _planned_values(row)), *_UNMEASURED) for row in by_key.values()]
+            db.executemany(f"INSERT OR IGNORE INTO rows {_WHOLE}", values)
 
     def _require_same_limits(self, rows: Sequence[Planned]) -> None:
         columns = ", ".join(LIMITS)
@@ -174,65 +263,55 @@ class Store(SealedStore):
         if answer is not None and self._kept + len(answer) > KEEP_LIMIT:
             message = f"{outcome.message or ''} (answer not kept: over {KEEP_LIMIT} bytes)".strip()
             outcome, answer = replace(outcome, message=message), None
-        state = self._writing
-        attempts = state.attempts.get(key, 0) + 1 if outcome.attempts is None else outcome.attempts
-        measured = [_text(value) for value in _measured_values(outcome)]
-        measured[_ATTEMPTS] = attempts
         kind = outcome.status if outcome.proof is not None else None
-        with self._rows_written() as db:
-            if db.execute(_FINISH, (*measured, key)).rowcount != 1:
-                raise StoreError(f"{self.path}: no row {key} was planned")
-            for table in KEPT:
-                db.execute(f"DELETE FROM {table} WHERE key = ?", (key,))
-            if answer is not None:
-                db.execute("INSERT INTO answers VALUES (?, ?, ?)", (key, len(answer), answer))
-            if outcome.history is not None:
-                db.execute("INSERT INTO histories VALUES (?, ?)", (key, outcome.history))
-            if outcome.proof is not None:
-                db.execute("INSERT INTO certificates VALUES (?, ?, ?)", (key, kind, outcome.proof))
-            planned, *_ = seals.digests_of(state.written.seals[key])
-            kept = seals.kept_digest((answer, outcome.history, kind, outcome.proof), state.key)
-            self._seal(db, key, planned, seals.measured_digest(measured, state.key), kept)
-            state.count(key, attempts)
-        if answer is not None:
-            self._kept += len(answer)
-
-    def note_certificate(
-        self, key: str, certainty: str, distance: float | None, words: str, proof: bytes | None = None
-    ) -> None:
-        """Put down how certain the answer of a row is, with the proof; a proof that there is no solution stays.
-
-        Raises SealError where the row is not as this process knows it.
-        """
-        state = self._writing
-        with self._rows_written() as db:
-            row = db.execute(f"{seals.READ} WHERE rows.key = ?", (key,)).fetchone()
-            if row is None:
-                raise StoreError(f"{self.path}: no row {key}")
-            if why := seals.unfit(row, state.key, state.written.seals):
-                raise SealError(f"{self.path}: row {key} {why}: by another program")
-            measured, (answer, history, kind, old) = list(row[len(PLANNED) : -5]), row[-5:-1]
-            for name, value in (("certainty", certainty), ("distance", distance), ("certificate", _text(words))):
-                measured[PLACE[name]] = value
-            if kind in (None, OF_AN_ANSWER):
-                kind, old = (None, None) if proof is None else (OF_AN_ANSWER, proof)
-            db.execute(_FINISH, (*measured, key))
-            db.execute("DELETE FROM certificates WHERE key = ?", (key,))
-            if kind is not None:
-                db.execute("INSERT INTO certificates VALUES (?, ?, ?)", (key, kind, old))
-            kept = seals.kept_digest((answer, history, kind, old), state.key)
-            planned, *_ = seals.digests_of(state.written.seals[key])
-            self._seal(db, key, planned, seals.measured_digest(measured, state.key), kept)
-
-    def note_proved_problems(self, data: Iterable[tuple[str, bytes]]) -> None:
-        """Keep the data of problems by fingerprint, for a check of the proofs of answers."""
         with self._database.transaction() as db:
-            db.executemany("INSERT OR IGNORE INTO proved_problems VALUES (?, ?)", data)
+            if db.execute(_FINISH, (*map(_text, _measured_values(outcome)), key)).rowcount != 1:
+                raise StoreError(f"{self.path}: no row {key} was planned")
+            for table in _KEPT:
+                db.execute(f"DELETE FROM {table} WHERE key = ?", (key,))
+            _keep(db, key, answer, outcome.history, kind, outcome.proof)
+        self._kept += len(answer or b"")
 
     def _wants(self, status: str) -> bool:
         if self._keep == "wrong":
             return status in (*FALSE_CLAIMS, *CHARGED_TO_ROUTE, str(Status.UNRESOLVABLE))
         return self._keep == "all"
+
+    def put(self, row: Planned, outcome: Outcome) -> None:
+        """Put a whole row with its answer in place of the one of its key."""
+        answer = outcome.answer
+        if answer is not None and self._kept + len(answer) > KEEP_LIMIT:
+            answer = None
+        with self._database.transaction() as db:
+            for table in _KEPT:
+                db.execute(f"DELETE FROM {table} WHERE key = ?", (row.key,))
+            values = [*map(_text, _planned_values(row)), *map(_text, _measured_values(outcome))]
+            db.execute(f"INSERT OR REPLACE INTO rows {_WHOLE}", values)
+            _keep(db, row.key, answer, None, None, None)
+        self._kept += len(answer or b"")
+
+    def add(self, rows: Iterable[Row]) -> None:
+        """Add rows as `rows` yields them, in one transaction."""
+        with self._database.transaction() as db:
+            db.executemany(f"INSERT INTO rows {_WHOLE}", (list(map(_text, _row_values(row))) for row in rows))
+
+    def add_kept(self, kept: Iterable[tuple[str, bytes | None, bytes | None, str | None, bytes | None]]) -> None:
+        """Add what is kept of existing rows, as `kept` yields it."""
+        with self._database.transaction() as db:
+            for one in kept:
+                _keep(db, *one)
+
+    def note_certificate(
+        self, key: str, certainty: str, distance: float | None, words: str, proof: bytes | None = None
+    ) -> None:
+        """Put down how certain the answer of a row is, with the proof; a proof that there is no solution stays."""
+        change = "UPDATE rows SET certainty = ?, distance = ?, certificate = ? WHERE key = ?"
+        with self._database.transaction() as db:
+            if db.execute(change, (certainty, distance, _text(words), key)).rowcount != 1:
+                raise StoreError(f"{self.path}: no row {key}")
+            db.execute("DELETE FROM certificates WHERE key = ? AND kind = ?", (key, OF_AN_ANSWER))
+            if proof is not None:
+                db.execute("INSERT OR IGNORE INTO certificates VALUES (?, ?, ?)", (key, OF_AN_ANSWER, proof))
 
     def reset(
         self,
@@ -256,59 +335,27 @@ class Store(SealedStore):
             chosen.append("coalesce(attempts, 0) <= ?")
             given.append(attempts)
         cleared = ", ".join(f'"{c}" = NULL' for c in MEASURED if c not in ("status", "attempts"))
-        with self._rows_written() as db:
+        with self._database.transaction() as db:
             db.execute("CREATE TEMP TABLE asked (key TEXT PRIMARY KEY)")
             db.execute("CREATE TEMP TABLE chosen (key TEXT PRIMARY KEY)")
             db.executemany("INSERT OR IGNORE INTO temp.asked VALUES (?)", [(key,) for key in keys or ()])
             db.execute(f"INSERT INTO temp.chosen SELECT key FROM rows WHERE {' AND '.join(chosen)}", given)
             among = "key IN (SELECT key FROM temp.chosen)"
-            again = [key for (key,) in db.execute("SELECT key FROM temp.chosen")]
             count = db.execute(f"UPDATE rows SET {cleared}, status = 'not_run' WHERE {among}").rowcount
             freed = db.execute(f"SELECT coalesce(sum(bytes), 0) FROM answers WHERE {among}").fetchone()[0]
-            for table in KEPT:
+            for table in _KEPT:
                 db.execute(f"DELETE FROM {table} WHERE {among}")
-            self._seal_as_planned(db, again)
             db.execute("DROP TABLE temp.asked")
             db.execute("DROP TABLE temp.chosen")
         self._kept -= freed
         return count
 
-    def _seal_as_planned(self, db: sqlite3.Connection, keys: Iterable[str]) -> None:
-        """Seal rows that wait to be run again."""
-        state = self._writing
-        kept = seals.kept_digest((None, None, None, None), state.key)
-        for key in keys:
-            measured = list(_UNMEASURED)
-            measured[_ATTEMPTS] = state.attempts.get(key)
-            if key in state.written.seals:
-                planned, *_ = seals.digests_of(state.written.seals[key])
-                self._seal(db, key, planned, seals.measured_digest(measured, state.key), kept)
-
     def withdraw(self, keys: Iterable[str]) -> None:
         """Take rows out of the results, with all that is kept of them."""
         gone = [(key,) for key in keys]
-        if not gone:
-            return
-        with self._rows_written() as db:
-            for table in (*KEPT, "seals", "rows"):
+        with self._database.transaction() as db:
+            for table in (*_KEPT, "rows"):
                 db.executemany(f"DELETE FROM {table} WHERE key = ?", gone)
-        for (key,) in gone:
-            self._writing.written.seals.pop(key, None)
-
-
-def _into(names: Sequence[str]) -> str:
-    """Return the columns and the places of values in a statement."""
-    return f"({', '.join(f'{chr(34)}{name}{chr(34)}' for name in names)}) VALUES ({', '.join('?' * len(names))})"
-
-
-OF_AN_ANSWER = "answer"
-"""Kind of a certificate that is about an answer."""
-_WHOLE = _into((*PLANNED, *MEASURED))
-_FINISH = f"UPDATE rows SET {', '.join(f'{chr(34)}{name}{chr(34)} = ?' for name in MEASURED)} WHERE key = ?"
-_planned_values, _measured_values = attrgetter(*PLANNED), attrgetter(*MEASURED)
-_row_values = attrgetter(*PLANNED, *MEASURED)
-_ATTEMPTS = PLACE["attempts"]
-_UNMEASURED = _measured_values(Measured())
 
 
 def read_results(path: str | Path) -> pd.DataFrame:
@@ -317,7 +364,53 @@ def read_results(path: str | Path) -> pd.DataFrame:
         return store.table()
 
 
+def _keep(
+    db: sqlite3.Connection,
+    key: str,
+    answer: bytes | None,
+    history: bytes | None,
+    kind: str | None,
+    proof: bytes | None,
+) -> None:
+    """Write what is kept of a row, within the caller's transaction."""
+    if answer is not None:
+        db.execute("INSERT INTO answers VALUES (?, ?, ?)", (key, len(answer), answer))
+    if history is not None:
+        db.execute("INSERT INTO histories VALUES (?, ?)", (key, history))
+    if proof is not None:
+        db.execute("INSERT INTO certificates VALUES (?, ?, ?)", (key, kind, proof))
+
+
 def _text(value: Any) -> Any:
     """Return `value` as SQLite can store it: text with halves of characters, as broken file names have them, is
     escaped."""
-    return stored(value, "TEXT") if isinstance(value, str) else value
+    if not isinstance(value, str) or value.isascii():
+        return value
+    return value.encode("utf-8", "backslashreplace").decode()
+
+
+def _column(name: str, values: Sequence[Any]) -> Any:
+    """Return a part of a column as an array: NaN where a number is missing, equal texts one object."""
+    if _KINDS[name] == "REAL":
+        return np.array(values, dtype=float)
+    once: dict[Any, Any] = {}
+    return np.fromiter(map(once.setdefault, values, values), dtype=object, count=len(values))
+
+
+def _setting(name: str) -> str:
+    """Return how an outcome sets a column; of `attempts`, which it may not tell, one more than before."""
+    return f'"{name}" = ?' if name != "attempts" else '"attempts" = coalesce(?, coalesce(attempts, 0) + 1)'
+
+
+_ALL = ", ".join(f'"{name}"' for name in _KINDS)
+_WHOLE = f"({_ALL}) VALUES ({', '.join('?' * len(_KINDS))})"
+_FINISH = f"UPDATE rows SET {', '.join(map(_setting, MEASURED))} WHERE key = ?"
+_READ_KEPT = """
+    SELECT key, answer, history, certificates.kind, proof FROM rows LEFT JOIN answers USING (key)
+    LEFT JOIN histories USING (key) LEFT JOIN certificates USING (key)
+    WHERE coalesce(answer, history, proof) IS NOT NULL ORDER BY key
+"""
+_DIGEST = "import hashlib, sys; print(hashlib.file_digest(open(sys.argv[1], 'rb'), 'sha256').hexdigest())"
+_planned_values, _measured_values = attrgetter(*PLANNED), attrgetter(*MEASURED)
+_row_values = attrgetter(*_KINDS)
+_UNMEASURED = _measured_values(Measured())

@@ -12,7 +12,7 @@ from cpbench.report.html.overview import overview
 from cpbench.report.html.sheets import problems
 from cpbench.report.methods import METHODS
 from cpbench.report.participation_sections import absent
-from cpbench.report.run import Run, tuned_sentence
+from cpbench.report.run import Run
 from cpbench.report.run_sections import failed_pairs, false_claims, losses, not_started, refused, solver_sheets
 from cpbench.report.text import plain
 
@@ -111,8 +111,6 @@ def _failed() -> Iterator[Markup]:
 
 def _solvers(run: Run) -> Iterator[str]:
     yield from solver_sheets(run)
-    if tuned_sentence(run):
-        yield plain(tuned_sentence(run))
 
 
 def _figures(name: str) -> Iterator[Markup]:

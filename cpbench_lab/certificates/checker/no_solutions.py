@@ -17,7 +17,7 @@ from linear_conditions import conditions
 
 def no_solution(own: dict[str, Any], data: dict[str, Any], evidence: dict[str, Any]) -> str:
     """Prove that the problem of a certificate has no solution, and return it in words; raises ValueError else."""
-    require("sides" in evidence, "the certificate is of an older cpbench, which measured margins by other sizes")
+    require("sides" in evidence, "the certificate does not say by which sizes its margin is measured")
     vectors = {name: [_fraction(v) for v in part] for name, part in _unpacked(evidence["proof"]).items()}
     P, t = conditions(own["node"], data), exact(own["margin"])
     sizes = [[exact(v) for v in evidence[name].tolist()] for name in ("sides", "bounds", "reach")]
