@@ -2,8 +2,8 @@
 
 Sparse stays sparse. A matrix falls apart into the connected components of its graph (bodies of a mechanical
 system, nodes of a circuit), and so does the product. Small components are dense blocks (`delassus`). Large ones are
-factored, and the columns of C that touch them are solved for one by one as sparse vectors where that is cheaper
-(`sparse_schur`), else in bundles, so that no more than a few hundred dense columns exist at a time.
+factored by SuperLU, and the columns of C that touch them are solved for in bundles, so that no more than some dense
+columns exist at a time; or by LAPACK, where that costs less.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import blas
 
-from cpbench.conversions import delassus, sparse_schur
+from cpbench.conversions import delassus
 from cpbench.conversions.base import Size
 from cpbench.formulations.base import Kind
 from cpbench.foundation import factorization, matrices
@@ -26,6 +26,17 @@ BUNDLE = 64
 """Right-hand sides of one sparse solve: more of them leave the cache."""
 FEW = 300
 """Rows and columns of a product that is computed by dense matrices where A is factored as one."""
+SECONDS = {"dense": 2.5e-11, "bundle": 3.5e-10, "unknown": 1.8e-8}
+"""Measured: a flop of LAPACK; an entry of L and U, and an unknown, a right-hand side of SuperLU."""
+RATIO = 4
+"""How many times as many unknowns as are touched, and columns as right-hand sides, make it pay to eliminate the others
+first."""
+WORSE = 0.01
+"""Share of the reciprocal condition number that is given up for it."""
+FULL = 0.5
+"""Share of nonzero entries above which a product is kept dense: CSR would then need as much memory."""
+DENSE_BYTES = 2**30
+"""Most memory of an A made dense."""
 LOSSLESS = 1e-8
 """Rounding of a target's data, relative, up to which the solutions of source and target count as the same: two digits
 below the default tolerance."""
@@ -106,7 +117,7 @@ def size_bound(left: Matrix, factor: Factorization, right: Matrix, added: int = 
             matrices.sparse(matrices.transpose(right)), labels, sizes.size
         )
         entries = min(entries, int(met.sum()) + added)
-    if entries > sparse_schur.FULL * rows * cols:
+    if entries > FULL * rows * cols:
         return Size.dense(rows, cols)
     return Size.sparse(rows, cols, entries)
 
@@ -122,7 +133,7 @@ def compact(M: Matrix) -> Matrix:
     """Return CSR, or the dense array when more than half of the entries is nonzero."""
     if not matrices.is_sparse(M):
         return M
-    return matrices.dense(M) if matrices.nnz(M) > sparse_schur.FULL * M.shape[0] * M.shape[1] else matrices.sparse(M)
+    return matrices.dense(M) if matrices.nnz(M) > FULL * M.shape[0] * M.shape[1] else matrices.sparse(M)
 
 
 def symmetrised(W: Matrix) -> Matrix:
@@ -236,13 +247,65 @@ def _over_large(left: Sparse, factor: Factorization, right: Sparse) -> Matrix:
     rows, columns = np.flatnonzero(np.diff(left.indptr)), np.unique(right.indices)
     if (rows.size, columns.size) != shape:
         left, right = matrices.sparse(left[rows]), matrices.sparse(right[:, columns])
-    result = sparse_schur.product(left, factor, right)
-    if result is None:
+    result = _by_touched(left, factor, right)
+    if result is None and _full_costs_less(left, factor, right):
+        result = _by_lapack(left, factor, right)
+    elif result is None:
         result = _by_bundles(left, factor, right)
     if (rows.size, columns.size) == shape:
         return result
     entries = sp.coo_array(result)
     return sp.csr_array((entries.data, (rows[entries.row], columns[entries.col])), shape=shape)
+
+
+def _by_touched(left: Sparse, factor: Factorization, right: Sparse) -> Matrix | None:
+    """Eliminate the unknowns that neither `left` nor `right` touches first; None where that does not pay.
+
+    Without the touched unknowns a chain or a tree falls into many parts, each beside few of them: one dense right-hand
+    side serves a column of every part.
+    """
+    is_touched = np.zeros(factor.n, dtype=bool)
+    is_touched[left.indices] = True
+    is_touched[np.flatnonzero(np.diff(right.indptr))] = True
+    touched, rest = np.flatnonzero(is_touched), np.flatnonzero(~is_touched)
+    if RATIO * touched.size > factor.n:
+        return None
+    A = matrices.sparse(factor.A)
+    inner = matrices.sparse(A[rest][:, rest])
+    into, back = A[rest][:, touched].tocoo(), A[touched][:, rest].tocoo()
+    part, _ = factorization.components(inner)
+    code = part[into.row] * np.int64(touched.size) + into.col
+    beside = np.unique(code)  # each part with each column that it is beside
+    first = np.searchsorted(beside // touched.size, np.arange(part.max(initial=0) + 2))
+    width = int(np.diff(first).max(initial=0))
+    if RATIO * width > right.shape[1]:
+        return None
+    parts = Factorization(inner)
+    if parts.rcond < WORSE * factor.rcond:
+        return None
+    bundle = np.zeros((rest.size, width))
+    bundle[into.row, np.searchsorted(beside, code) - first[part[into.row]]] = into.data
+    solved = parts.solve(bundle)
+    place = first[part[back.col]][:, None] + np.arange(width)
+    here = place < first[part[back.col] + 1][:, None]
+    terms = (back.data[:, None] * solved[back.col])[here]
+    at = np.broadcast_to(back.row[:, None], here.shape)[here], beside[place[here]] % touched.size
+    less = sp.csr_array((terms, at), shape=(touched.size, touched.size))
+    outer = Factorization(matrices.sparse(A[touched][:, touched] - less))
+    return _sparse_product(matrices.sparse(left[:, touched]), outer, matrices.sparse(right[touched]))
+
+
+def _full_costs_less(left: Sparse, factor: Factorization, right: Sparse) -> bool:
+    """Tell whether LAPACK on a dense A costs less than the right-hand sides of SuperLU."""
+    n, columns = factor.n, right.shape[1]
+    if 8 * n * n > DENSE_BYTES:
+        return False
+    flops = 2 / 3 * n**3 + 2.0 * n * n * columns + 2.0 * n * left.shape[0] * columns
+    return SECONDS["dense"] * flops < columns * (SECONDS["bundle"] * factor.entries + SECONDS["unknown"] * n)
+
+
+def _by_lapack(left: Sparse, factor: Factorization, right: Sparse) -> Dense:
+    return left @ Factorization(matrices.dense(factor.A)).solve(right)
 
 
 def _by_bundles(left: Sparse, factor: Factorization, right: Sparse) -> Matrix:
@@ -256,4 +319,4 @@ def _by_bundles(left: Sparse, factor: Factorization, right: Sparse) -> Matrix:
 
 
 def _sparse_unless_full(M: Dense) -> Matrix:
-    return M if matrices.nnz(M) > sparse_schur.FULL * M.size else sp.csr_array(M)
+    return M if matrices.nnz(M) > FULL * M.size else sp.csr_array(M)

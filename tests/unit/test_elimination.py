@@ -8,10 +8,9 @@ import scipy.linalg
 import scipy.sparse as sp
 from tiers import some_by_day
 
-from cpbench.conversions import delassus, elimination, sparse_schur
+from cpbench.conversions import delassus, elimination
 from cpbench.foundation import factorization, matrices
 from cpbench.foundation.factorization import Factorization
-from cpbench.foundation.kernel_cache import load
 
 TOLERANCE = 1e-12
 
@@ -75,7 +74,7 @@ def test_a_large_delassus_operator_is_canonical_and_scipys_product(rng):
     np.testing.assert_array_equal(W.toarray(), W.toarray().T)
 
 
-@pytest.mark.parametrize("few", [0, 10**9], ids=["kernel", "scipy"])
+@pytest.mark.parametrize("few", [0, 10**9], ids=["blocks", "entries"])
 def test_rows_and_columns_of_different_kinds(rng, monkeypatch, few):
     """Nonsymmetric blocks, badly scaled; D in groups of 3, C in none; empty rows, columns and bodies."""
     monkeypatch.setattr(delassus, "FEW", few)
@@ -129,14 +128,11 @@ def network(rng, n, kind):
 @pytest.mark.parametrize(
     "kind", some_by_day(["band", "grid", "no diagonal", "permuted", "badly scaled", "two parts"], 2)
 )
-@pytest.mark.parametrize("way", ["reach", "bundles", "dense", "chosen"])
+@pytest.mark.parametrize("way", ["touched", "bundles", "dense", "chosen"])
 def test_large_components(rng, monkeypatch, kind, way):
-    costs = dict.fromkeys(sparse_schur.SECONDS, 1e-9)
-    costs |= {"reach": {"sparse": 0.0, "order": 0.0, "start": 0.0, "dense": 1.0}, "dense": {"dense": 0.0}}.get(way, {})
-    costs |= {"bundle": 0.0, "unknown": 0.0} if way == "bundles" else {}
     if way != "chosen":
-        monkeypatch.setattr(sparse_schur, "SECONDS", costs)
-        monkeypatch.setattr(sparse_schur, "CROWDED", 0.9 if way == "reach" else 0.2)
+        monkeypatch.setattr(elimination, "_full_costs_less", lambda *_: way == "dense")
+        monkeypatch.setattr(elimination, "RATIO", 0.1 if way == "touched" else np.inf)
     monkeypatch.setattr(elimination, "BUNDLE", 7)
     A = network(rng, 400, kind)
     n = A.shape[0]
@@ -151,29 +147,39 @@ def test_large_components(rng, monkeypatch, kind, way):
     close(elimination.schur(B.toarray(), D, factor, C), reference)
 
 
-def test_reach_is_what_a_long_chain_takes(rng):
-    """A tridiagonal A: neither A⁻¹C nor bundles are formed, and the result is that of SuperLU on dense columns."""
+@pytest.mark.parametrize("units", [False, True])
+def test_a_long_chain_is_cut_where_it_is_touched(rng, units):
+    """Parts of a tridiagonal A have two neighbours, so that two right-hand sides serve all; the result is SuperLU's."""
     n, m = 20_000, 400
     A = sp.csr_array(sp.diags_array([np.full(n, 4.0), -np.ones(n - 1), -2 * np.ones(n - 1)], offsets=[0, 1, -1]))
     C = sp.random_array((n, m), density=3 / n, rng=rng, format="csr")
     D = sp.random_array((m, n), density=3 / n, rng=rng, format="csr")
+    if units:
+        scale = sp.diags_array(2.0 ** rng.integers(-40, 40, n))
+        A, C = sp.csr_array(scale @ A), sp.csr_array(scale @ C)
     factor = Factorization(A)
-    result = sparse_schur.product(D, factor, C)
+    result = elimination._by_touched(D, factor, C)
     assert result is not None
     close(result, D @ factor.solve(C.toarray()))
+    close(elimination.product(D, factor, C), matrices.dense(result))
 
 
-def test_pivots_are_looked_for_where_the_diagonal_is_tiny(rng):
-    n = 600
-    A = sp.csr_array(sp.diags_array([np.full(n, 1e-30), np.ones(n - 1), np.ones(n - 1)], offsets=[0, 1, -1]))
-    identity = sp.csr_array(sp.eye_array(n))
-    C, D = sp.csr_array(identity[:, 3::40]), sp.csr_array(identity[5::40])
+def test_parts_that_are_worse_conditioned_are_not_eliminated_first(rng):
+    """Without its ends the chain would be singular: a part of zeros on the diagonal and one number of unknowns."""
+    n = 601
+    A = sp.csr_array(sp.diags_array([np.zeros(n), np.ones(n - 1), np.ones(n - 1)], offsets=[0, 1, -1]))
+    A = sp.csr_array(A + sp.csr_array(([1.0], ([0], [0])), shape=(n, n)))
+    C = sp.csr_array((np.ones(9), (np.zeros(9, int), np.arange(9))), shape=(n, 9))
     factor = Factorization(A)
-    plan = sparse_schur._Plan.of(factor, D, C, limit=10**6)
-    assert plan is not None
-    result = sparse_schur._by_reach(D, factor, C, plan)
-    assert result is not None
-    close(result, D.toarray() @ np.linalg.solve(A.toarray(), C.toarray()))
+    assert not factor.singular
+    part = Factorization(sp.csr_array(A[1:][:, 1:]))
+    assert not part.singular
+    touched = sp.csr_array((np.ones(9), (np.ones(9, int), np.arange(9))), shape=(n, 9))
+    assert Factorization(sp.csr_array(A[2:][:, 2:])).singular
+    assert elimination._by_touched(sp.csr_array(touched.T), factor, touched) is None
+    reference = touched.toarray().T @ np.linalg.solve(A.toarray(), touched.toarray())
+    close(elimination.product(sp.csr_array(touched.T), factor, touched), reference)
+    close(elimination.product(sp.csr_array(C.T), factor, C), C.toarray().T @ np.linalg.solve(A.toarray(), C.toarray()))
 
 
 @pytest.mark.parametrize(("n", "m", "k"), [(30, 7, 12), (30, 12, 7), (5, 40, 40), (0, 4, 4), (6, 0, 3), (6, 3, 0)])
@@ -244,52 +250,6 @@ def test_a_mass_matrix_with_very_different_masses_is_eliminated(n, sparse):
     assert told is not None
     assert f"rank {n - 1}" in told or n > elimination.RANK_LIMIT
     assert "condition number infinite" in told
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_elimination_trees_against_fill_computed_densely(seed: int) -> None:
-    """A graph eliminated node by node, with all fill kept in a dense table, has the tree and the columns of L."""
-    rng = np.random.default_rng(seed)
-    n = 30
-    G = sp.random_array((n, n), density=0.05, rng=rng)
-    G = sp.csr_array(G + G.T + sp.eye_array(n))
-    order = rng.permutation(n).astype(np.int32)
-    filled = (G.toarray() != 0)[np.ix_(order, order)]
-    for k in range(n):
-        below = k + 1 + np.flatnonzero(filled[k + 1 :, k])
-        filled[np.ix_(below, below)] = True
-    lower = np.tril(filled)
-    parents = [int(rows[0]) + k + 1 if (rows := np.flatnonzero(lower[k + 1 :, k])).size else -1 for k in range(n)]
-    parent, count = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int64)
-    total = load(sparse_schur.KERNELS).eliminate(G.indptr, G.indices, order, n * n, parent, count)
-    assert parent.tolist() == parents
-    assert count.tolist() == lower.sum(axis=0).tolist()
-    assert total == lower.sum()
-    assert load(sparse_schur.KERNELS).eliminate(G.indptr, G.indices, order, total - 1, parent, count) == -1
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_reached_nodes_against_powers_of_the_graph(seed: int) -> None:
-    """Nodes reached are the nonzeros of (I + A)ⁿ b, each before those that it leads to; some nodes have no column."""
-    rng = np.random.default_rng(seed)
-    n = 25
-    below = np.tril(rng.random((n, n)) < 0.08, -1)
-    below[:, rng.random(n) < 0.2] = False
-    columns = np.flatnonzero(below.any(axis=0))
-    column_of = np.full(n, -1, dtype=np.int32)
-    column_of[columns] = np.arange(columns.size)
-    ends = np.cumsum(below[:, columns].sum(axis=0)).astype(np.int64)
-    begin = np.concatenate([[0], ends[:-1]]).astype(np.int64)
-    leads = np.concatenate([np.flatnonzero(below[:, j]) for j in columns]).astype(np.int32)
-    b = rng.choice(n, size=3, replace=False).astype(np.int32)
-    mark, at, work = np.zeros(n, dtype=np.int32), np.empty(n, dtype=np.int64), np.empty(2 * n, dtype=np.int32)
-    top = load(sparse_schur.KERNELS)._reach(b, n, 1, begin, ends, leads, column_of, mark, at, work)
-    found = work[top:n].tolist()
-    start = np.zeros(n, dtype=int)
-    start[b] = 1
-    powers = np.linalg.matrix_power(np.eye(n, dtype=int) + below, n)
-    assert sorted(found) == np.flatnonzero(powers @ start).tolist()
-    assert all(found.index(j) < found.index(i) for j in found for i in np.flatnonzero(below[:, j]))
 
 
 @pytest.mark.parametrize(("more", "rest"), [(0.0, 0.0), (1e-7, 1e-7), (-1e-7, -1e-7)])
