@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from cpbench.analysis import table as rows_of
 from cpbench.analysis.profiles import Curve, at_least, curves
-from cpbench.analysis.sizes import sizes_of, sizes_read
 from cpbench.errors import UnknownName
 
 
@@ -95,7 +95,7 @@ def size_units(group: pd.DataFrame, symbol: str, plus: float = 0.0) -> pd.Series
     {'f': 4.0, 'g': 8.0}
     """
     first = group[["fingerprint", "sizes"]].drop_duplicates("fingerprint")
-    for sizes in sizes_read(first)[1]:
+    for sizes in rows_of.sizes_read(first)[1]:
         if symbol not in sizes:
             raise UnknownName("dimension", symbol, sizes)
-    return pd.Series(sizes_of(first, symbol) + plus, index=first["fingerprint"].tolist())
+    return pd.Series(rows_of.sizes_of(first, symbol) + plus, index=first["fingerprint"].tolist())

@@ -14,7 +14,6 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.sizes import sizes_of
 from cpbench.analysis.summary import size_ranges
 from cpbench.analysis.table import Floats
 from cpbench.verification import Status
@@ -129,7 +128,7 @@ def _measured(
     """Return of each row: size, seconds to the answer or (`stopped`) the limit, whether these and the size are
     known.
     """
-    x = sizes_of(group, symbol, features)
+    x = rows_of.sizes_of(group, symbol, features)
     timed = rows_of.with_time(group)
     stopped = (group["status"] == str(Status.TIMEOUT)).to_numpy(dtype=bool)
     seconds = np.where(stopped, group["seconds"].to_numpy(dtype=float), timed["time"].to_numpy(dtype=float))

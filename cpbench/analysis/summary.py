@@ -12,7 +12,6 @@ from cpbench.analysis import table as rows_of
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.profiles import FLOOR
 from cpbench.analysis.reliability import false_claims
-from cpbench.analysis.sizes import sizes_read
 from cpbench.verification import Status
 
 
@@ -147,7 +146,7 @@ def size_ranges(group: pd.DataFrame) -> dict[str, tuple[int, int]]:
     {'m': (1, 1), 'n': (3, 7)}
     """
     found: dict[str, list[int]] = {}
-    for sizes in sizes_read(group)[1]:
+    for sizes in rows_of.sizes_read(group)[1]:
         for symbol, size in sizes.items():
             found.setdefault(symbol, []).append(int(size))
     return {symbol: (min(values), max(values)) for symbol, values in sorted(found.items())}

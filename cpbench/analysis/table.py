@@ -8,19 +8,20 @@ known by its fingerprint (the problem's mathematics) and its label (solver, opti
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 import pandas as pd
 
-from cpbench.analysis.codes import Integers, by_appearance, codes, order
 from cpbench.errors import StoreError
 from cpbench.formulations.base import Kind
 from cpbench.verification import MET_TOLERANCE, VERIFIED, Status
 
+Integers: TypeAlias = np.ndarray[tuple[int], np.dtype[np.int64]]
 Floats: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 Matrix: TypeAlias = np.ndarray[Any, np.dtype[np.float64]]
 
@@ -85,11 +86,30 @@ def normalised(table: pd.DataFrame, columns: Collection[str] = ()) -> pd.DataFra
     if not columns:  # found from all rows: groups of them, and reports without some, would miss what contradicts
         found = contradicted(clean)
         clean = clean.drop(columns=CONTRADICTED, errors="ignore").assign(**{CONTRADICTED: found})
-    places = order(clean)
-    if places is not None:
+    places = _order(clean)
+    if (np.diff(places) != 1).any():
         clean = clean.take(places)
     clean.index = pd.RangeIndex(len(clean))
     return clean
+
+
+def codes(values: pd.Series) -> tuple[Integers, pd.Index]:
+    """Code each value by its place among the distinct ones in ascending order; text is compared once a name.
+
+    >>> place, names = codes(pd.Series(["b", "a", "b"]))
+    >>> place.tolist(), names.tolist()
+    ([1, 0, 1], ['a', 'b'])
+    """
+    place, names = pd.factorize(values, sort=True)
+    return np.asarray(place, dtype=np.int64), pd.Index(names)
+
+
+def _order(clean: pd.DataFrame) -> Integers:
+    """Return the positions of the rows by problem, fingerprint, label and key."""
+    places = [codes(clean[name])[0] for name in ("label", "fingerprint", "problem")]
+    order = np.lexsort(places)
+    same = np.all([np.diff(place[order]) == 0 for place in places], axis=0)
+    return np.lexsort([codes(clean["key"])[0], *places]) if same.any() else order  # no two keys are alike
 
 
 def _text(values: pd.Series) -> pd.Series[str]:
@@ -227,13 +247,38 @@ def problem_names(table: pd.DataFrame) -> pd.Series[str]:
     >>> problem_names(rows).tolist()
     ['a (x)', 'a (y)', 'b']
     """
-    problem, names = by_appearance(table["problem"])
-    fingerprint, prints = by_appearance(table["fingerprint"])
+    problem, names = pd.factorize(table["problem"])
+    fingerprint, prints = pd.factorize(table["fingerprint"])
     pairs = np.unique(problem * (len(prints) + 1) + fingerprint, return_index=True)[1]
     shared = (np.bincount(problem[pairs], minlength=len(names)) > 1)[problem]
     if not shared.any():
         return table["problem"]
     return table["problem"].where(~shared, table["problem"] + " (" + table["address"] + ")")
+
+
+def sizes_read(group: pd.DataFrame) -> tuple[Integers, list[Mapping[str, float]]]:
+    """Give each row's sizes a number, and return these, of every dimension by its symbol.
+
+    >>> place, sizes = sizes_read(pd.DataFrame({"sizes": ['{"n": 3}', "", '{"n": 3}']}))
+    >>> place.tolist(), sizes
+    ([0, 1, 0], [{'n': 3.0}, {}])
+    """
+    place, texts = pd.factorize(group["sizes"])
+    return place, [{symbol: float(size) for symbol, size in (json.loads(t) if t else {}).items()} for t in texts]
+
+
+def sizes_of(group: pd.DataFrame, symbol: str, features: pd.DataFrame | None = None) -> Floats:
+    """Return a size of each row's problem, NaN where it has none of that name.
+
+    `features` : facts of the problems by fingerprint, as nnz; a symbol is looked up there first.
+
+    >>> sizes_of(pd.DataFrame({"sizes": ['{"n": 3}', "", '{"m": 1}']}), "n").tolist()
+    [3.0, nan, nan]
+    """
+    if features is not None and symbol in features.columns:
+        return group["fingerprint"].map(features[symbol]).to_numpy(dtype=float)
+    place, sizes = sizes_read(group)
+    return np.array([known.get(symbol, math.nan) for known in sizes], dtype=float)[place]
 
 
 def pivot(table: pd.DataFrame, column: str, missing: Any) -> pd.DataFrame:
@@ -257,7 +302,7 @@ def spread(table: pd.DataFrame, values: np.ndarray[tuple[int], np.dtype[Any]], m
     >>> spread(rows, np.array([5.0, 7.0]), math.inf).to_dict("list")
     {'s': [inf, 5.0], 't': [7.0, inf]}
     """
-    fingerprint, prints = by_appearance(table["fingerprint"])
+    fingerprint, prints = pd.factorize(table["fingerprint"])
     label, labels = codes(table["label"])
     place = fingerprint * len(labels) + label
     filled = np.bincount(place, minlength=len(prints) * len(labels))

@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.codes import Integers
 from cpbench.analysis.reliability import JUDGED
+from cpbench.analysis.table import Integers
 from cpbench.formulations.base import Kind
 from cpbench.verification import INACCURATE_FACTOR, PROVEN, TARGET_UNRESOLVABLE, Status, Verdict, status
 

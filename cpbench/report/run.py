@@ -13,7 +13,6 @@ import pandas as pd
 
 from cpbench.analysis import contradictions, failures, reliability, remarks, starts, summary
 from cpbench.analysis import table as rows_of
-from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.contradictions import Contradiction
 from cpbench.analysis.failures import Reason
 from cpbench.analysis.histories import COLUMNS as HISTORY_COLUMNS
@@ -184,7 +183,7 @@ def _without_folders(rows: pd.DataFrame, address: Callable[[str], str]) -> pd.Da
 
 def _each_once(values: pd.Series, function: Callable[[str], str]) -> pd.Series:
     """Apply a function once to each text: of a million rows few differ in it."""
-    place, texts = by_appearance(values)
+    place, texts = pd.factorize(values)
     changed = pd.Series(list(map(function, texts.tolist())), dtype=values.dtype)
     return pd.Series(changed.array.take(place), index=values.index)
 

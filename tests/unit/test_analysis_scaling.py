@@ -13,7 +13,7 @@ from synthetic_results import row, table
 
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.scaling import scaling
-from cpbench.analysis.sizes import sizes_of
+from cpbench.analysis.table import sizes_of
 
 
 def _rows(sizes: list[int], times: list[float], label: str = "s", limit: float = 10.0) -> list[dict[str, Any]]:

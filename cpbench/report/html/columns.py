@@ -21,7 +21,6 @@ import pandas as pd
 from cpbench.analysis import histories, metrics, starts
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.bootstrap import families_of
-from cpbench.analysis.codes import by_appearance
 from cpbench.analysis.participation import REFUSED
 from cpbench.analysis.table import CHARGED, ResultGroup
 from cpbench.analysis.tolerances import Ladders, ladders
@@ -106,7 +105,7 @@ def _one_after_another(parts: list[pd.DataFrame]) -> pd.DataFrame:
 
 
 def _codes(values: pd.Series) -> tuple[Column, list[str]]:
-    code, names = by_appearance(values)
+    code, names = pd.factorize(values)
     return code, [str(name) for name in names]
 
 
