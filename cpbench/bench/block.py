@@ -63,10 +63,6 @@ class Block:
         first, others = self.pairs[:count], self.pairs[count:]
         return self._only(first, self.known), self._only(others, self.known) if others else None
 
-    def only(self, pairs: Sequence[Pair]) -> Block:
-        """Return the block of some of its pairs: all of those that start from one another, or none."""
-        return self._only(tuple(pairs), self.known)
-
     def moved(self, place: Callable[[str], str]) -> Block:
         """Return the block with its problems' files at other places."""
 
@@ -124,26 +120,20 @@ def block_name(pair: Pair) -> str:
     return f"sequence {pair.scene}" if pair.scene else f"problem {pair.address} {pair.format or ''}"
 
 
-def run(
-    slot: Slot, block: Block, on_event: EventHandler = ignore_event, put_off: list[Block] | None = None
-) -> Iterator[tuple[Pair, Outcome]]:
+def run(slot: Slot, block: Block, on_event: EventHandler = ignore_event) -> Iterator[tuple[Pair, Outcome]]:
     """Yield the outcome of every pair of the block in turn. A worker is started, and waited for, before the first pair
     that needs it.
-
-    put_off : receives a block of the pairs whose solvers are still compiling; None to wait for them.
     """
-    waiting, later = dict[str, bool](), list[Pair]()
+    started = set[str]()
     prepared: dict[tuple[str, str, float, float], Prepared | Outcome] = {}
     endings: dict[str, Ending] = dict(block.known)
     derived: dict[str, Outcome] = {}
     held: tuple[str, str | None] = ("", None)
     for pair in block.pairs:
         name = pair.entry.solver
-        if name not in waiting:
-            waiting[name] = bool(slot.start([name], pair.limits, on_event, patient=put_off is None))
-        if waiting[name]:
-            later.append(pair)
-            continue
+        if name not in started:
+            slot.start([name], pair.limits, on_event)
+            started.add(name)
         if (pair.address, pair.format) != held:  # the referee holds one problem
             held, prepared = (pair.address, pair.format), {}
         where = (pair.request.name, pair.target, pair.tolerance, pair.limits.seconds)
@@ -157,8 +147,6 @@ def run(
             derived |= _looser(pair, outcome, block.pairs)
         endings[pair.key] = (outcome.status, outcome.answer)
         yield pair, outcome
-    if put_off is not None and later:
-        put_off.append(block.only(later))
 
 
 def _looser(pair: Pair, outcome: Outcome, pairs: Sequence[Pair]) -> dict[str, Outcome]:

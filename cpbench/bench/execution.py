@@ -9,10 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from cpbench.bench import planned_run
-from cpbench.bench.events import EventHandler
-from cpbench.bench.pilot import Pilot, pilot
 from cpbench.bench.planning.assembly import Assembly, Reading, assemble
-from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.bench.runner import Executor, settings
@@ -63,10 +60,6 @@ class OpenRun:
         scenes = {(pair.scene, pair.label) for pair in pairs if pair.scene and pair.key in wanted}
         kept = [pair for pair in pairs if pair.key in wanted or (pair.scene, pair.label) in scenes]
         self.assembly = replace(self.assembly, pairs=kept)
-
-    def pilot(self, todo: Sequence[Pair], on_compiling: EventHandler) -> Pilot:
-        """Run some of these pairs for a few seconds, on this machine, to see how long all take; nothing is kept."""
-        return pilot(self._slots, todo, self.plan.seed, on_compiling)
 
     def open_results(self) -> Store:
         """Open the results file for the rest of the run. Raises StoreError, and where the plan needs Dask,

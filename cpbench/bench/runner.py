@@ -72,8 +72,8 @@ class LocalExecutor:
             return _side_by_side(self._slots, todo, on_event)
         slot, first = self._slots[0], todo[0].pairs[0]
         slot.workers.begin(first.entry.solver, first.limits.memory)
-        slot.start([first.entry.solver], first.limits, on_event, patient=False)  # or it would disturb the reference
-        return _one_by_one(slot, todo, on_event)
+        slot.start([first.entry.solver], first.limits, on_event)  # or it would disturb the reference
+        return (ended for block in todo for ended in blocks.run(slot, block, on_event))
 
 
 def execute(
@@ -107,20 +107,6 @@ def execute(
             on_event(Done(pair, outcome))
             if reference and (done % REFERENCE_EVERY == 0 or done == pairs):
                 store.add_reference(done, *reference.measure())
-
-
-def _one_by_one(slot: Slot, todo: Sequence[Block], on_event: EventHandler) -> Generator[tuple[Pair, Outcome]]:
-    """Yield outcomes block by block; solvers that have to compile are put off until nothing else is left."""
-    waiting = list(todo)
-    while waiting:
-        now, waiting, idle = waiting, list[Block](), True
-        for block in now:
-            for ended in blocks.run(slot, block, on_event, waiting):
-                idle = False
-                yield ended
-        if idle:
-            # every block that is left waits for kernels: nothing is timed that one more process could disturb
-            slot.compiler.give_back()
 
 
 def _side_by_side(

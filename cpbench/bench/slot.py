@@ -11,8 +11,7 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from cpbench.bench import machine, messages
-from cpbench.bench.compiler import Compiler
+from cpbench.bench import messages
 from cpbench.bench.events import Compiling, EventHandler, Starting, ignore_event
 from cpbench.bench.outcome import of_both, reason, unprepared
 from cpbench.bench.pair_run import Before, PairRun
@@ -46,8 +45,6 @@ class Slot:
         self._means = means = context(setting.threads, few=setting.single)
         self.referee = self.another_referee()
         self.workers = WorkerPool(means, setting, self._scratch.folder)
-        idle = sorted({*machine.cores()} - {*setting.cpus}) if setting.cpus and setting.slots == 1 else []
-        self.compiler = Compiler(means, idle)
 
     def __enter__(self) -> Slot:
         return self
@@ -57,7 +54,6 @@ class Slot:
 
     def close(self) -> None:
         """Kill every process and remove the temporary files; harmless when done before."""
-        self.compiler.close()
         self.workers.close()
         self.referee.close()
         self._scratch.remove()
@@ -93,34 +89,16 @@ class Slot:
             raise Unread(f"{address}: {reason(reply)}")
         return reply
 
-    def start(
-        self,
-        names: Iterable[str],
-        limits: Limits,
-        on_event: EventHandler = ignore_event,
-        *,
-        patient: bool = True,
-    ) -> set[str]:
+    def start(self, names: Iterable[str], limits: Limits, on_event: EventHandler = ignore_event) -> None:
         """Start workers and wait until all have warmed up, so that none disturbs a measurement.
 
         limits : of the solves to come.
-        patient : whether to wait for solvers whose kernels are not in the cache yet; otherwise these are compiled on a
-            core where nothing is timed, if there is one, and returned.
         """
-        waiting = set[str]()
         for name in names:
-            if self.compiler.waits(name) and not patient:
-                waiting.add(name)
-                continue
-            wait = patient or not self.compiler.takes(name)
             if not self.workers.ready(name, limits.memory):
                 on_event(Starting(name))
             on_compiling = lambda name=name: on_event(Compiling(name))  # noqa: E731
-            worker = self.workers.get(name, limits.memory, limits.seconds, on_compiling, patient=wait)
-            if worker is None and name not in self.workers.unavailable:
-                self.compiler.add(name)
-                waiting.add(name)
-        return waiting
+            self.workers.get(name, limits.memory, limits.seconds, on_compiling)
 
     def prepare(self, pair: Pair) -> messages.Prepared | Outcome:
         """Convert the pair's problem to its solver's node; the outcome of the pair where that fails.

@@ -144,22 +144,19 @@ class WorkerPool:
         memory: int,
         timeout: float = 0.0,
         compiling: Callable[[], None] = lambda: None,
-        *,
-        patient: bool = True,
     ) -> Child | None:
         """Return the worker of a solver, with this memory limit; None where the solver is not available.
 
         timeout : limit of a solve, from which the limits of start and warm-up follow.
         compiling : called when the worker has to compile first, which takes seconds and happens once a machine.
-        patient : whether to wait for that; otherwise such a worker is dropped, and None returned.
         """
         if not self.settled(name, memory):
             self.drop(name)
         if not self.ready(name, memory):
-            reply = self._warmed_up(name, memory, timeout, compiling, patient)
+            reply = self._warmed_up(name, memory, timeout, compiling)
             for _ in range(AGAIN):
                 if isinstance(reply, messages.Gone):
-                    reply = self._warmed_up(name, memory, timeout, compiling, patient)
+                    reply = self._warmed_up(name, memory, timeout, compiling)
             if isinstance(reply, messages.SolverUnavailable):
                 self.unavailable[name] = reply
             elif isinstance(reply, messages.Failure):
@@ -204,8 +201,8 @@ class WorkerPool:
             self.drop(name)
 
     def _warmed_up(
-        self, name: str, memory: int, timeout: float, compiling: Callable[[], None], patient: bool
-    ) -> messages.Ready | messages.CompilingKernels | messages.Failure:
+        self, name: str, memory: int, timeout: float, compiling: Callable[[], None]
+    ) -> messages.Ready | messages.Failure:
         """Wait until a new worker is ready; pass on that it has to compile, and drop it where it fails."""
         phase, reply = START, None
         try:
@@ -218,13 +215,12 @@ class WorkerPool:
                 reply = hear(child, over - time.monotonic())
                 if isinstance(reply, messages.CompilingKernels):
                     compiling()
-                    if patient:
-                        reply = hear(child, over - time.monotonic())
+                    reply = hear(child, over - time.monotonic())
             if isinstance(reply, messages.Ready):
                 # only what it takes from here on counts against the limit of memory, not what it has loaded
                 child.warm()
                 return reply
-            if not isinstance(reply, (messages.CompilingKernels, messages.SolverUnavailable)):
+            if not isinstance(reply, messages.SolverUnavailable):
                 reply = messages.Failed(f"expected Ready, received {reply!s:.200}")
         except TimedOut:
             reply = messages.Late(f"{phase.name} not over after {phase.limit(timeout):g} s")

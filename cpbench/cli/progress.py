@@ -12,9 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cpbench.bench.events import Compiling, Event, Joined, Solving, Spent, Starting
-from cpbench.bench.pace import Expected, Pace
 from cpbench.bench.planning.plan import Pair
-from cpbench.cli.standings import Standings
 from cpbench.cli.steps import EVERY, Steps
 from cpbench.cli.terminal import print_lines
 from cpbench.conversions import Conversion
@@ -23,14 +21,14 @@ from cpbench.formulations import Problem
 from cpbench.foundation.plain_text import on_one_line
 from cpbench.foundation.plurals import counted, summary
 from cpbench.graph import Apply
+from cpbench.verification import MET_TOLERANCE, REFUSED
 
 if TYPE_CHECKING:
     from rich.console import Group
+    from rich.table import Table
 
-FIRST = 50
-"""Pairs after which a run of more than ten times as many has its first line, with an estimate."""
 ROOM = 4
-"""Lines of a terminal that no row of the live table may take: head and end of the table, and what is below it."""
+"""Lines of a terminal that no solver's row may take: head and end of its table, and what is below it."""
 LARGE = 50e6
 """Bytes of a conversion's result from which on it is announced."""
 
@@ -41,22 +39,22 @@ class Display:
     A live table on a terminal, lines elsewhere, nothing when quiet. With `verbose` every event has a line on stderr.
     """
 
-    def __init__(self, quiet: bool = False, verbose: bool = False, slots: int = 1) -> None:
-        self._quiet, self._slots = quiet, slots
+    def __init__(self, quiet: bool = False, verbose: bool = False) -> None:
+        self._quiet = quiet
         self._terminal = sys.stderr.isatty() and not quiet and not verbose
         self._verbose = verbose
         self._steps = Steps(quiet)
         self._live: Any = None
-        self._total = self._done = self._before = 0
+        self._bar: Any = None
+        self._total = self._done = 0
         self._counts: Counter[str] = Counter()
-        self._standings = Standings()
+        self._of_solver: dict[str, Counter[str]] = {}
         self._now: dict[str, tuple[str, float, float]] = {}
         self._warming = ""
-        self._pace = Pace(slots)
 
     def step(self, text: str) -> None:
         """Note what is being done before and after pairs are run: it has a line while it lasts."""
-        self._steps.say(text, EVERY)
+        self._steps.say(text)
 
     def rest(self) -> None:
         """Note that the step has ended, and none begins."""
@@ -64,38 +62,22 @@ class Display:
 
     def reading(self, addresses: Sequence[str]) -> Iterator[str]:
         """Yield the addresses, with a bar over the files on a terminal, with lines elsewhere."""
-        if self._terminal:
-            from rich.console import Console
-            from rich.progress import track
-
-            self._steps.stop()
-            console = Console(file=sys.stderr)
-            yield from track(addresses, description="reading", console=console, transient=True)
-        else:
-            yield from self._steps.through(addresses, "reading", "problem")
+        yield from self._steps.through(addresses, "reading", "problem")
         self.step("planning pairs")
 
     def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
         self._steps.stop()
-        self._total = len({p.key for p in planned} & set(pending))
-        self._before = len(planned) - self._total
-        self._done, self._pace = 0, Pace(self._slots)
+        self._total, self._done = len({p.key for p in planned} & set(pending)), 0
+        before = len(planned) - self._total
         if not self._quiet:
-            resumed = f", {self._before} done before" if self._before else ""
-            click.echo(f"{counted(len(planned), 'pair')}{resumed}", err=True)
+            click.echo(f"{counted(len(planned), 'pair')}{f', {before} done before' if before else ''}", err=True)
         if self._terminal and self._total:
-            from rich.console import Console
-            from rich.live import Live
-
-            console = Console(file=sys.stderr)
-            self._live = Live(get_renderable=self.view, console=console, refresh_per_second=2, transient=True)
-            self._live.start()
+            self._begin_live()
         elif self._total:
-            self._steps.watch(self._line, EVERY)
+            self._steps.say(self._line, EVERY)
 
     def progress(self, event: Event) -> None:
         """Show an event of the run."""
-        self._pace.note(event)
         if isinstance(event, Starting):
             self._warming = event.solver
         elif isinstance(event, Compiling):
@@ -110,10 +92,7 @@ class Display:
                 print_lines([str(event)], err=True)
         else:
             self._now.pop(event.pair.key, None)
-            self._done += 1
-            self._counts[event.outcome.status] += 1
-            self._standings.note(event.pair.label, event.outcome)
-            self._tell()
+            self._count(event.pair.label, event.outcome.status, event.outcome.wall or 0.0)
         if self._verbose:
             print_lines([f"{time.strftime('%Y-%m-%dT%H:%M:%S')} {event_line(event)}"], err=True)
 
@@ -122,46 +101,67 @@ class Display:
         if self._live is not None:
             self._live.stop()
 
+    def _count(self, label: str, status: str, seconds: float) -> None:
+        """Count a pair that has ended; a line tells each tenth of the way, and what lasts longer than others."""
+        self._done += 1
+        self._counts[status] += 1
+        standing = "solved" if status in MET_TOLERANCE else "refused" if status in REFUSED else "failed"
+        self._of_solver.setdefault(label, Counter()).update({standing: 1, "time": seconds})
+        if self._bar is not None:
+            self._bar.update(0, completed=self._done)
+        elif not self._quiet and self._done % max(1, self._total // 10) == 0:
+            click.echo(self._line(), err=True)
+            if self._done < self._total:
+                self._steps.say(self._line, EVERY)
+
+    def _line(self) -> str:
+        return f"{self._done}/{self._total}  {summary(dict(self._counts))}".rstrip()
+
+    def _begin_live(self) -> None:
+        from rich.console import Console
+        from rich.live import Live
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        console = Console(file=sys.stderr)
+        self._bar = Progress(
+            TextColumn("done"), BarColumn(), MofNCompleteColumn(), TextColumn("pairs,"), TimeRemainingColumn(),
+            TextColumn("left"), console=console,
+        )  # fmt: skip
+        self._bar.add_task("", total=self._total)
+        self._live = Live(get_renderable=self.view, console=console, refresh_per_second=2, transient=True)
+        self._live.start()
+
     def view(self) -> Group:
         """Return the live table: how far, how long it will take, what is being solved, and how the solvers stand."""
         from rich.console import Group
-        from rich.progress_bar import ProgressBar
-        from rich.table import Table
+        from rich.text import Text
 
-        table = Table.grid(padding=(0, 2), expand=True)
-        table.add_column(style="dim", width=9)
-        table.add_column(ratio=1, no_wrap=True, overflow="ellipsis")
         now = time.monotonic()
-        table.add_row("done", f"{self._done} of {counted(self._total, 'pair')}, {self._left() or 'no estimate yet'}")
-        table.add_row("", ProgressBar(total=max(self._total, 1), completed=self._done))
-        for text, since, limit in list(self._now.values()):
-            table.add_row("solving", f"{text}  {now - since:.1f} s of {limit:g} s")
+        lines = [f"solving  {text}  {now - since:.1f} s of {limit:g} s" for text, since, limit in [*self._now.values()]]
         if self._warming:
-            table.add_row("warming", self._warming)
-        room = shutil.get_terminal_size().lines - table.row_count - ROOM
-        return Group(table, self._standings.table(max(room, 1)))
+            lines.append(f"warming  {self._warming}")
+        room = shutil.get_terminal_size().lines - len(lines) - ROOM
+        shown = [Text(line, no_wrap=True, overflow="ellipsis") for line in lines]
+        return Group(self._bar.get_renderable(), *shown, self._standings(max(room, 1)))
 
-    def _tell(self) -> None:
-        """Print a line each tenth of the way, and the first of a long run as soon as it can be estimated."""
-        tenth = self._done % max(1, self._total // 10) == 0
-        first = self._done == FIRST < self._total / 10
-        if self._quiet or self._terminal or not (tenth or first):
-            return
-        click.echo(self._line(), err=True)
-        if self._done < self._total:
-            self._steps.watch(self._line, EVERY)
+    def _standings(self, most: int) -> Table:
+        """Return a row for each of at most so many solvers that were started, those that solved most above."""
+        from rich.table import Table
+        from rich.text import Text
 
-    def _line(self) -> str:
-        left = self._left() if self._done < self._total else ""
-        return "  ".join(filter(None, (f"{self._done}/{self._total}", self._summary(), left)))
-
-    def _left(self) -> str:
-        """Return the time for the rest; nothing before enough pairs have ended."""
-        expected: Expected | None = self._pace.expected(self._total - self._done)
-        return f"{expected} left" if expected is not None else ""
-
-    def _summary(self) -> str:
-        return summary(dict(self._counts))
+        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
+        table.add_column("solver", no_wrap=True, overflow="ellipsis", max_width=40)
+        for name in ("solved", "failed", "time"):
+            table.add_column(name, justify="right", no_wrap=True)
+        started = {label: s for label, s in [*self._of_solver.items()] if s["solved"] or s["failed"]}
+        ordered = sorted(started, key=lambda label: (-started[label]["solved"], started[label]["failed"], label))
+        for label in ordered[:most]:
+            s = started[label]
+            failed = Text(str(s["failed"] or "·"), style="red" if s["failed"] else "dim")
+            table.add_row(Text(label), str(s["solved"]), failed, f"{s['time']:.1f} s")
+        if len(ordered) > most:
+            table.add_row(Text(f"and {len(ordered) - most} more", style="dim"))
+        return table
 
 
 def event_line(event: Event) -> str:

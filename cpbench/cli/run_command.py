@@ -54,15 +54,15 @@ def command(
     values = (file.top, file.sets) if file is not None else ({}, [])
     suite = partial(suites.values, problems=lambda: quick_problems(builtin_folder()))
     plan = run_plan.make(given, *values, suite=suite)
-    display = Display(quiet, verbose, slots=plan.jobs)
+    display = Display(quiet, verbose)
     display.step("looking for problems")
     import_ahead("cpbench.cli.answer", "rich.table", "cpbench.api.reports")  # while processes start and files are read
     try:
         with open_run(plan, builtin_folder, display.reading) as run:
             display.rest()
-            announce(plan, quiet, run.assembly)
+            announce(run.assembly)
             if dry_run:
-                print_plan(run, display)
+                print_plan(run)
                 return
             require_places(plan, run.assembly)
             store = run.open_results()

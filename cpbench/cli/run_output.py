@@ -5,40 +5,32 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 
 from cpbench.bench import planned_run
 from cpbench.bench.execution import OpenRun
-from cpbench.bench.planning import dry_run as dry_runs
+from cpbench.bench.planning import dry_run
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
 from cpbench.cli import run_text
-from cpbench.cli.progress import Display
-from cpbench.cli.terminal import fitted, folded, print_lines, width
+from cpbench.cli.terminal import folded, print_lines, width
 from cpbench.storage.base import require_folder
 from cpbench.verification import Status
 
 
-def announce(plan: RunPlan, quiet: bool, assembly: Assembly) -> None:
-    """Print what will be run, and how long it takes where that is known; raises CpbenchError where it is nothing."""
+def announce(assembly: Assembly) -> None:
+    """Print what a reader should know before the run; raises CpbenchError where there is nothing to run."""
     print_lines(run_text.planned(assembly), err=True)
-    if not quiet:
-        print_lines(fitted(run_text.duration(plan, assembly)), err=True)
     assembly.require_pairs()
 
 
-def print_plan(run: OpenRun, display: Display) -> None:
-    """Print the plan and how long it takes, by a pilot where it is not short; nothing is written."""
+def print_plan(run: OpenRun) -> None:
+    """Print the plan, its number of pairs and how long they take at most; nothing is written."""
     plan, assembly = run.plan, run.assembly
     before = planned_run.statuses(plan.results)
-    for line in dry_runs.lines(plan, assembly, before, width()):
+    for line in dry_run.lines(plan, assembly, before, width()):
         print_lines(folded(line))
     print_lines(run_text.refused(assembly.refused), err=True)
-    display.step("running drawn pairs, to see how long all take")
-    todo = dry_runs.to_run(assembly.pairs, before, plan.rerun)
-    for line in run_text.piloted(plan, todo, partial(run.pilot, on_compiling=display.progress)):
-        print_lines(folded(line))
 
 
 def require_places(plan: RunPlan, assembly: Assembly) -> None:

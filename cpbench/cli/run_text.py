@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cpbench.bench import planned_run
-from cpbench.bench.pilot import Pilot
-from cpbench.bench.planning import dry_run, quantities
 from cpbench.bench.planning.assembly import Assembly
-from cpbench.bench.planning.plan import Pair
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.processes.isolation import address_space, address_space_allowed
 from cpbench.bench.results.store import Store
@@ -25,8 +22,6 @@ if TYPE_CHECKING:
 
     from cpbench.analysis.contradictions import Contradiction
 
-MANY = 100
-"""Number of pairs from which on the duration of a run is estimated."""
 ABSENT = 4
 """Largest number of solvers of which the end of a run says why they could not run."""
 
@@ -53,35 +48,6 @@ def planned(assembly: Assembly) -> Iterator[str]:
     yield from (on_one_line(f"same problem, run once: {address} is {twin}") for address, twin in assembly.twins)
     if assembly.pairs and assembly.idle:
         yield f"no route leads to {', '.join(assembly.idle)}: no row"
-
-
-def duration(plan: RunPlan, assembly: Assembly) -> Iterator[str]:
-    """Yield the expected and the longest duration of a run that is not short, where its problems were timed before."""
-    todo = dry_run.to_run(assembly.pairs, planned_run.statuses(plan.results), plan.rerun)
-    if len(todo) >= MANY and (known := _estimate(todo, plan)):
-        yield f"{known}; at most {quantities.duration(dry_run.longest(todo, plan))}"
-
-
-def piloted(plan: RunPlan, todo: Sequence[Pair], pilot: Callable[[Sequence[Pair]], Pilot]) -> Iterator[str]:
-    """Yield the expected duration of a run that is not short and whose problems were not timed before, by a pilot."""
-    if len(todo) < MANY or _estimate(todo, plan):
-        return
-    estimate = pilot(todo)
-    drawn = f"{counted(estimate.pairs, 'drawn pair')} of {len(todo)} that were run now"
-    if estimate.expected is None:
-        yield f"no estimate: only {drawn}"
-        return
-    whose = " of one worker like this machine" if plan.cluster else ""
-    yield (
-        f"{estimate.expected}{whose}, if the machine stays as busy, by {drawn}; reading, the start of solvers and the "
-        "report come on top"
-    )
-
-
-def _estimate(todo: Sequence[Pair], plan: RunPlan) -> str:
-    from cpbench.api.estimate import estimate
-
-    return estimate(todo, plan)
 
 
 def refused(addresses: Sequence[tuple[str, str]]) -> Iterator[str]:

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import math
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 
-from cpbench.bench.planning.quantities import duration
 from cpbench.cli.terminal import print_lines
 from cpbench.foundation.plurals import counted
 
 PAUSE = 1.0
 """Seconds without a line after which a step has one."""
 EVERY = 30.0
-"""Seconds between two lines of a step that lasts, where the output is not a terminal."""
+"""Seconds between two lines of a step that lasts."""
 
 
 class Steps:
@@ -28,8 +27,6 @@ class Steps:
         self._quiet, self._pause = quiet, pause
         self._began = time.monotonic()
         self._printed = self._began - pause / 2.0  # the interpreter has started before
-        self._text: Callable[[], str] = str
-        self._every = math.inf
         self._timer: threading.Timer | None = None
         self._lock = threading.RLock()
 
@@ -39,36 +36,29 @@ class Steps:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def say(self, step: str | Callable[[], str], every: float = math.inf) -> None:
-        """Note a step, which begins; a function makes its text anew for each line. It has a line each `every`
-        seconds."""
+    def say(self, step: str | Callable[[], str], first: float | None = None) -> None:
+        """Note a step, which begins; a function makes its text anew for each line. `first` : seconds until its first
+        line, None for the pause since the last one."""
         self.stop()
-        self._text, self._every = (step if callable(step) else lambda: step), every
         if not self._quiet:
-            self._wait(max(0.0, self._printed + self._pause - time.monotonic()))
-
-    def watch(self, text: Callable[[], str], every: float) -> None:
-        """Note a step that has its own lines, and one more where `every` seconds went by without."""
-        self.stop()
-        self._text, self._every = text, every
-        if not self._quiet:
-            self._wait(every)
+            wait = max(0.0, self._printed + self._pause - time.monotonic()) if first is None else first
+            self._wait(wait, step if callable(step) else lambda: step)
 
     def through(self, items: Sequence[str], doing: str, noun: str) -> Iterator[str]:
-        """Yield the items; while they last, lines say how many are done, and how long the others take."""
-        first, done = 0.0, 0
+        """Yield the items; while they last, a bar on a terminal, or lines say how many are done."""
+        text = f"{doing} {counted(len(items), noun)}"
+        if sys.stderr.isatty() and not self._quiet:
+            from rich.console import Console
+            from rich.progress import track
 
-        def text() -> str:
-            # what was before the first one, as the start of processes, says nothing of the others
-            pace = (time.monotonic() - first) / (done - 1) if done > 1 else 0.0
-            so_far = f": {done} done, about {duration(pace * (len(items) - done))} left" if pace else ""
-            return f"{doing} {counted(len(items), noun)}{so_far}"
-
-        self.say(text, EVERY)
+            self.stop()
+            yield from track(items, description=text, console=Console(file=sys.stderr), transient=True)
+            return
+        done = 0
+        self.say(lambda: f"{text}: {done} done")
         for item in items:
             yield item
             done += 1
-            first = first or time.monotonic()
         self.stop()
 
     def stop(self) -> None:
@@ -78,16 +68,15 @@ class Steps:
                 self._timer.cancel()
             self._timer = None
 
-    def _wait(self, seconds: float) -> None:
-        self._timer = threading.Timer(seconds, self._print)
+    def _wait(self, seconds: float, text: Callable[[], str]) -> None:
+        self._timer = threading.Timer(seconds, self._print, [text])
         self._timer.daemon = True
         self._timer.start()
 
-    def _print(self) -> None:
+    def _print(self, text: Callable[[], str]) -> None:
         with self._lock:
             if threading.current_thread() is not self._timer:  # the next step has begun
                 return
             self._printed = time.monotonic()
-            print_lines([f"{self._printed - self._began:5.1f} s  {self._text()}"], err=True)
-            if self._every < math.inf:
-                self._wait(self._every)
+            print_lines([f"{self._printed - self._began:5.1f} s  {text()}"], err=True)
+            self._wait(EVERY, text)

@@ -99,13 +99,8 @@ def _sets(assembly: Assembly) -> Iterator[str]:
                 yield f"  {text}: {len(entries)} entries, {counted(count, 'pair')}"
 
 
-def longest(todo: Sequence[Pair], asked: RunPlan) -> float:
-    """Return the longest time that the solves can take [s]."""
-    return sum(_shares(todo, asked)) * (1 + asked.retry)
-
-
 def _shares(todo: Sequence[Pair], asked: RunPlan) -> tuple[float, float, float]:
-    """Return its parts: first solves, repeats, solves whose history is kept."""
+    """Return the parts of the longest time of a run [s]: first solves, repeats, solves whose history is kept."""
     first = sum(pair.limits.seconds + GRACE for pair in todo) / asked.jobs
     more = (
         sum(min(pair.limits.repeat_below, pair.limits.seconds) * (pair.limits.repeats - 1) for pair in todo)
@@ -130,9 +125,8 @@ def _bound(todo: Sequence[Pair], asked: RunPlan) -> str:
     if asked.retry:
         parts.append(f"{counted(asked.retry, 'retry', 'retries')}, as much again each")
     slots = f" with {asked.jobs} solves at a time" if asked.jobs > 1 else ""
-    return (
-        f"worst case {duration(longest(todo, asked))}{slots} ({'; '.join(parts)}); conversions and judging come on top"
-    )
+    longest = (first + more + again) * (1 + asked.retry)
+    return f"worst case {duration(longest)}{slots} ({'; '.join(parts)}); conversions and judging come on top"
 
 
 def _recorded(pair: Pair) -> bool:
