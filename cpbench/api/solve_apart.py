@@ -52,7 +52,7 @@ def solve_apart(
         requests = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
     if len(entries) == 1:
         requests = [replace(request, nodes=_only(entries[0], request)) for request in requests]
-    with Slot(Setting(limits.threads, limits.memory, single=True)) as slot:
+    with Slot(Setting(limits.threads, limits.memory)) as slot:
         if len(entries) == 1:
             slot.workers.begin(entries[0].solver, limits.memory)
         survey = slot.survey(address, requests, format, limits.seconds)

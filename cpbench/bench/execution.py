@@ -97,7 +97,7 @@ def open_run(plan: RunPlan, builtin: Callable[[], Path], reading: Reading) -> Ge
     """
     kernel_cache.ensure_cache_dir()  # before processes start: they inherit it
     with ExitStack() as stack:
-        setting = Setting(plan.threads, plan.memory, fresh=plan.isolate == "fresh")
+        setting = Setting(plan.threads, plan.memory)
         count = 1 if plan.cluster else plan.jobs  # with Dask, problems are only read here
         slots = [stack.enter_context(Slot(each)) for each in settings(setting, count)]
         yield OpenRun(plan, assemble(plan, slots[0], builtin, reading), slots, setting, stack)

@@ -251,10 +251,9 @@ class CompilingKernels(Message):
 
 
 class Ready(Message):
-    """The worker takes requests, only one if it is `single`."""
+    """The worker takes requests."""
 
     version: str
-    single: bool = False
 
 
 class ProblemLoaded(Message):

@@ -20,7 +20,7 @@ from cpbench.bench.planning.features import features
 from cpbench.bench.planning.plan import Request, parse_request
 from cpbench.bench.problem_cache import ConvertedProblem, ProblemCache
 from cpbench.bench.processes.channel import Channel
-from cpbench.bench.processes.launch import limit_memory
+from cpbench.bench.processes.isolation import limit_address_space
 from cpbench.bench.results.rows import pack_answer, unpack_answer
 from cpbench.conversions import Conversion
 from cpbench.errors import CpbenchError, PointError
@@ -32,7 +32,7 @@ HISTORY_SECONDS = 30.0
 
 def main(connection: Channel, scratch: str, memory: int) -> None:
     """Answer the runner until it closes the connection, within `memory` bytes."""
-    limit_memory(memory)
+    limit_address_space(memory)
     referee = Referee(Path(scratch))
     while True:
         try:

@@ -16,7 +16,7 @@ from cpbench.errors import CpbenchError, StoreError
 
 CHOOSING = ("found", "problems", "where")
 """Keys of a set that select its problems, which are known here."""
-KEPT = ("seed", "threads", "jobs", "isolate")
+KEPT = ("seed", "threads", "jobs")
 
 
 def plan(path: Path, keys: Collection[str], output: Path) -> RunPlan:

@@ -42,7 +42,7 @@ class Slot:
     def __init__(self, setting: Setting | None = None) -> None:
         self.setting = setting = setting or Setting()
         self._scratch = TemporaryHome(RUN)
-        self._means = means = context(setting.threads, few=setting.single)
+        self._means = means = context(setting.threads)
         self.referee = self.another_referee()
         self.workers = WorkerPool(means, setting, self._scratch.folder)
 
@@ -123,7 +123,6 @@ class Slot:
             outcome = prepared
         else:
             outcome = self._confirmed(pair, prepared, before, self._run(pair, prepared, before))
-            self.workers.served(pair.entry.solver)
         return replace(
             outcome,
             wall=time.perf_counter() - begun,

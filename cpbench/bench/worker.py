@@ -13,6 +13,7 @@ import gc
 import itertools
 import operator
 import os
+import tempfile
 import time
 import traceback
 from collections.abc import Callable, Mapping
@@ -25,8 +26,7 @@ from cpbench.bench.history import recorded
 from cpbench.bench.outcome import method_seconds
 from cpbench.bench.processes import guard
 from cpbench.bench.processes.channel import Channel
-from cpbench.bench.processes.forked import run_forked
-from cpbench.bench.processes.launch import confine, forks, limit_memory
+from cpbench.bench.processes.isolation import limit_address_space
 from cpbench.bench.processes.meter import Meter, checksum
 from cpbench.errors import Ended, NotApplicable, Unavailable
 from cpbench.formulations import formulations
@@ -42,16 +42,13 @@ COUNTERS, NAME = 100, 100
 """Counters of a solve that are kept, and characters of their names."""
 
 
-def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False, scratch: str = "") -> None:
-    """Serve solves of one solver until the runner closes the connection; the solver may write below `scratch`.
-
-    With `fresh` every solve has a separate process, forked from this one. Where that is not safe (no fork on this
-    system, or threads that a fork would lose) this process serves one request, and announces that as `single`.
-    """
+def main(connection: Channel, solver_name: str, memory: int, scratch: str = "") -> None:
+    """Serve solves of one solver until the runner closes the connection; temporary files of the solver are below
+    `scratch`, which the runner removes."""
     gc.disable()  # imports and compilation leave hardly any garbage
     solver = solvers.get(solver_name)
     if scratch:  # before the guest is imported, whose code runs from then on
-        confine(scratch, own=solver.origin != "plugin")
+        tempfile.tempdir = os.environ["TMPDIR"] = tempfile.mkdtemp(prefix="worker-", dir=scratch)
     available = solver.availability()
     if not available.ok:
         connection.send_bytes(messages.pack(messages.SolverUnavailable(available.detail[-WORDS:], available.state)))
@@ -63,25 +60,20 @@ def main(connection: Channel, solver_name: str, memory: int, fresh: bool = False
             interpreter.load()
     version = solver.version()
     gc.enable()
-    limit_memory(memory)  # after the warm-up: its memory is not charged to solves
+    limit_address_space(memory)  # after the warm-up: its memory is not charged to solves
     runner = SolverRunner(connection, solver)
-    forked = fresh and forks() and runner.meter.threads == 1 and not runner.meter.helpers
-    if forked:
-        gc.freeze()  # so that no forked process searches what is loaded for garbage
-    runner.send(messages.Ready(version[:WORDS], single=fresh and not forked))
+    runner.send(messages.Ready(version[:WORDS]))
     while True:
         try:
             asked = messages.unpack(connection.recv_bytes())
         except EOFError:
             return
         assert isinstance(asked, messages.Solve), "the runner asks a worker for nothing else"
-        runner.serve(asked, run_forked if forked else _here)
-        if fresh and not forked:
-            return
+        runner.serve(asked)
 
 
 class SolverRunner:
-    """One solver, which serves one request at a time; each step of it may run in a separate process."""
+    """One solver, which serves one request at a time."""
 
     def __init__(self, connection: Channel, solver: Solver) -> None:
         self._connection, self._solver = connection, solver
@@ -89,21 +81,21 @@ class SolverRunner:
         self._asked = messages.Solve("", 0.0, 0.0, {})
         self.meter = Meter()
 
-    def serve(self, asked: messages.Solve, run: Callable[..., Any]) -> None:
-        """Answer a request; `run` executes each step of it, here or in a separate process."""
+    def serve(self, asked: messages.Solve) -> None:
+        """Answer a request."""
         self._asked = asked
-        result = run(lambda: self._safely(self._answer))
+        result = self._safely(self._answer)
         if result is None:
             return
         if asked.repeats > 1 and result["short"] and not result["wrote"]:
             times: list[Any] = []
             for _ in range(asked.repeats - 1):
-                times.append(run(lambda: self._safely(self._repeat)))
+                times.append(self._safely(self._repeat))
                 if times[-1] is None:
                     return
             self.send(messages.Repeats(tuple(times)))
         if asked.history:
-            run(lambda: self._safely(self._record))
+            self._safely(self._record)
 
     def send(self, message: messages.Message) -> None:
         self._connection.send_bytes(messages.pack(message))
@@ -214,10 +206,6 @@ class SolverRunner:
         first = problem.point_type(**asked.vectors) if asked.vectors else None
         budget = Budget(tolerance=asked.tolerance, seconds=asked.seconds)
         return budget, self._solver.spec.options(**asked.options), first
-
-
-def _here(step: Callable[[], Any]) -> Any:
-    return step()
 
 
 def _timed(

@@ -6,14 +6,14 @@ import contextlib
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from multiprocessing.context import ForkServerContext
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import cpbench.bench.referee as referee_process
 import cpbench.bench.worker as worker_process
 from cpbench.bench import messages
 from cpbench.bench.processes.isolation import memory_around
-from cpbench.bench.processes.launch import Context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import START, WARM_UP
 from cpbench.foundation import frames
@@ -36,18 +36,14 @@ class Setting:
     ----------
     threads : threads of every numerical library, set before it is imported.
     memory : largest memory limit of any solve; the referee gets twice that.
-    fresh : whether every solve gets a new process.
     cpus : cores on which workers run, () for all; the referee runs elsewhere, since it would leave cold caches there.
     slots : number of slots side by side; a column of rows, since their times are not those of a quiet machine.
-    single : whether there is one solve only, so that nothing is loaded that it does not need.
     """
 
     threads: int = 1
     memory: int = 4 * 2**30
-    fresh: bool = False
     cpus: tuple[int, ...] = ()
     slots: int = 1
-    single: bool = False
 
     @property
     def referee_memory(self) -> int:
@@ -63,7 +59,7 @@ class Setting:
 class RefereeClient:
     """Client of the referee process, which it starts again after a crash."""
 
-    def __init__(self, context: Context, setting: Setting, scratch: Path) -> None:
+    def __init__(self, context: ForkServerContext, setting: Setting, scratch: Path) -> None:
         self._context, self._scratch = context, scratch
         self._limit = setting.referee_memory
         self.child: Child | None = None
@@ -83,11 +79,10 @@ class RefereeClient:
         try:
             if self.child is None:
                 arguments = (str(self._scratch), self._limit)
-                self.child = Child(self._context, referee_process.main, arguments, memory=self._limit)
+                self.child = Child(self._context, referee_process.main, arguments)
             over = time.monotonic() + seconds
             self.child.send(data, seconds)
             reply = messages.unpack(self.child.receive(over - time.monotonic()))
-            self.child.warm()
             if not isinstance(reply, messages.OutOfMemory):
                 return reply
         except TimedOut:
@@ -116,11 +111,10 @@ class WorkerPool:
     versions : versions of the solvers that were started. unavailable : why others cannot be started.
     """
 
-    def __init__(self, context: Context, setting: Setting, scratch: Path) -> None:
+    def __init__(self, context: ForkServerContext, setting: Setting, scratch: Path) -> None:
         self._context, self._setting, self._scratch = context, setting, scratch
         self._children: dict[str, Child] = {}
         self._memory: dict[str, int] = {}
-        self._single: dict[str, bool] = {}
         self._begun: dict[str, float] = {}
         self._holds: dict[str, str] = {}
         self.versions: dict[str, str] = {}
@@ -163,7 +157,7 @@ class WorkerPool:
                 self.unavailable[name] = messages.SolverUnavailable(reply.message)
             if not isinstance(reply, messages.Ready):
                 return None
-            self.versions[name], self._single[name] = reply.version, reply.single
+            self.versions[name] = reply.version
         return self._children.get(name)
 
     def settled(self, name: str, memory: int) -> bool:
@@ -176,18 +170,12 @@ class WorkerPool:
         return self.settled(name, memory) and name not in self._begun
 
     def loaded(self, name: str, path: str) -> None:
-        """Note that a worker holds this problem, unless its process ends with the solve (`fresh`)."""
-        if not self._setting.fresh:
-            self._holds[name] = path
+        """Note that a worker holds this problem."""
+        self._holds[name] = path
 
     def holds(self, name: str, path: str) -> bool:
         """Return whether a worker has loaded this problem already."""
         return self._holds.get(name) == path
-
-    def served(self, name: str) -> None:
-        """Note that a request is done: drop a worker that serves only one."""
-        if self._single.get(name):
-            self.drop(name)
 
     def drop(self, name: str) -> None:
         child = self._children.pop(name, None)
@@ -217,8 +205,6 @@ class WorkerPool:
                     compiling()
                     reply = hear(child, over - time.monotonic())
             if isinstance(reply, messages.Ready):
-                # only what it takes from here on counts against the limit of memory, not what it has loaded
-                child.warm()
                 return reply
             if not isinstance(reply, messages.SolverUnavailable):
                 reply = messages.Failed(f"expected Ready, received {reply!s:.200}")
@@ -234,9 +220,10 @@ class WorkerPool:
     def _begin(self, name: str, memory: int) -> None:
         """Start the process; raises Died where the system refuses."""
         setting = self._setting
-        arguments = (name, memory, setting.fresh, str(self._scratch))
-        limits: dict[str, Any] = {"cpus": setting.cpus, "memory": memory, "processes": setting.processes}
-        self._children[name] = Child(self._context, worker_process.main, arguments, **limits)
+        arguments = (name, memory, str(self._scratch))
+        self._children[name] = Child(
+            self._context, worker_process.main, arguments, cpus=setting.cpus, processes=setting.processes
+        )
         self._memory[name], self._begun[name] = memory, time.monotonic()
 
 

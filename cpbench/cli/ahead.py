@@ -24,8 +24,6 @@ ELSEWHERE = ("-h", "--help", "--plugin", "--cluster")
 """Options with which nothing is solved here, or by what is known only when they are read."""
 PLAN, NO_PLAN = "cpbench.toml", "none"
 AUTO = "auto"
-FEW = 4
-"""The most solvers of which each loads what it needs, in place of all that there is once for all."""
 SOLVE_CODE = (
     "from cpbench.foundation.imports import uncollected\n"
     "with uncollected():\n    from cpbench.api.solve_process import main\n"
@@ -51,10 +49,7 @@ def begin(arguments: Sequence[str]) -> None:
         return
     from cpbench.bench.processes import launch
 
-    several = (
-        not names or len(names) > FEW or any({*name.partition("[")[0]} & {*"*?"} or name == "all" for name in names)
-    )
-    launch.begin(int(threads), few=command == "solve" or not several)
+    launch.begin(int(threads))
 
 
 def own_process(solver: str) -> bool:
@@ -62,7 +57,7 @@ def own_process(solver: str) -> bool:
 
     Others run in processes with more isolation. Only the text of modules is looked at: nothing is imported.
     """
-    if sys.platform != "linux" or os.environ.get("CPBENCH_ISOLATION") == "spawn":
+    if sys.platform != "linux":
         return False
     name = solver.partition("[")[0]
     place = find_spec(NATIVE)

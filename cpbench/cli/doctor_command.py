@@ -9,7 +9,6 @@ import click
 
 from cpbench.bench import availability, machine, time_limits
 from cpbench.bench.availability import SolverState
-from cpbench.bench.processes import isolation
 from cpbench.cli.options import Command
 from cpbench.cli.solver_tables import HEAD, cells, families, folded_names
 from cpbench.cli.terminal import fitted, folded, print_lines, reading_width, table
@@ -35,8 +34,6 @@ def command(warm: bool, node: str | None) -> None:
         return
     for name, value in (*machine.describe().items(), *machine.versions().items()):
         click.echo(f"{name:<12} {value}")
-    click.echo("isolation")
-    _print_facts(isolation.detect().described())
     click.echo("limits       killed with all it started half a second later at most")
     _print_facts(time_limits.described())
     chosen = list(solvers)

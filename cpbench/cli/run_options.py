@@ -31,7 +31,7 @@ SECTIONS = {
     "Problems": ["suite", "where", "shard"],
     "Solvers and routes": ["solvers", "routes", "via", "start", "plugin_files"],
     "Accuracy": ["tolerance", "history"],
-    "Limits": ["timeout", "memory", "repeats", "isolate"],
+    "Limits": ["timeout", "memory", "repeats"],
     "Order and machines": ["seed", "jobs", "cluster"],
     "Results": ["output", "rerun", "retry", "keep", "no_report", "fail_on"],
     "Output": ["dry_run", "quiet", "verbose", "help"],
@@ -97,13 +97,6 @@ run_options = chained(
     timeout_option,
     memory_option,
     click.option("--repeats", type=COUNT, default=3, show_default=True, help="Number of solves of a pair below 1 s."),
-    click.option(
-        "--isolate",
-        type=click.Choice(plan_file.ISOLATE),
-        default="worker",
-        show_default=True,
-        help="Processes: one for each solver, or a fresh one for each solve.",
-    ),
     seed_option("Random seed of the order."),
     jobs_option(1, "Number of pairs at the same time; their times are marked."),
     click.option(

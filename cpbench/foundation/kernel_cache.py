@@ -179,11 +179,6 @@ def include(package: str) -> None:
         _PACKAGES.append(package)
 
 
-def folders() -> list[str]:
-    """Return the folders in which compiled kernels, and what is known of them, are kept."""
-    return [str(ensure_cache_dir()), *(str(_folder(package) / "__pycache__") for package in _PACKAGES)]
-
-
 def modules(*packages: str) -> list[str]:
     """Return full names of the kernel modules in these packages, in all that are known where none is named."""
     return [

@@ -21,7 +21,7 @@ from cpbench.formulations.base import Kind
 from cpbench.foundation import brackets
 from cpbench_lab.bundle import plan_text
 
-SETTINGS = ("seed", "threads", "jobs", "isolate", "keep", "retry")
+SETTINGS = ("seed", "threads", "jobs", "keep", "retry")
 """Keys of a plan as a whole that a bundle says; places (output, report, cluster) are those of its user."""
 PARTS = (
     "name", "problems", "solvers", "routes", "facets", "via", "tolerance", "timeout", "memory", "repeats", "history",

@@ -15,7 +15,8 @@ import numpy as np
 
 from cpbench.bench import shared_problem
 from cpbench.bench.processes.channel import Channel
-from cpbench.bench.processes.launch import context, limit_memory
+from cpbench.bench.processes.isolation import limit_address_space
+from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import GRACE, LOAD, WARM_UP
 from cpbench.bench.worker_pool import describe_exit
@@ -84,12 +85,10 @@ class Apart:
         if not self._deadline.left:
             raise TimedOut
         if self._child is None:
-            self._child = Child(self._context, _main, (self._memory,), memory=self._memory)
+            self._child = Child(self._context, _main, (self._memory,))
         self._child.forget()
         self._child.send(frames.pack(request, vectors))
-        reply = frames.unpack(self._child.receive(min(seconds, self._deadline.left)), frames.UNTRUSTED_HEADER)
-        self._child.warm()
-        return reply
+        return frames.unpack(self._child.receive(min(seconds, self._deadline.left)), frames.UNTRUSTED_HEADER)
 
     def _close(self) -> None:
         if self._child is not None:
@@ -124,7 +123,7 @@ def _main(channel: Channel, memory: int) -> None:
         if "warm" in request:
             warming.warm_up_quickly(named(request["warm"])[0])
             if not limited:
-                limit_memory(memory)
+                limit_address_space(memory)
                 limited = True
             channel.send_bytes(frames.pack({}))
             continue

@@ -6,7 +6,9 @@ import contextlib
 import json
 import os
 import subprocess
+import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -268,3 +270,16 @@ def test_a_flood_leaves_nothing_on_the_disk(bench) -> None:
     assert "first words" in row.message
     assert "last words" in row.message
     assert len(row.message) < 2000
+
+
+@pytest.mark.nightly
+def test_modules_of_the_folder_are_not_taken_for_others(bench) -> None:
+    """A `numpy.py` where the run is started is the user's affair, and nobody's import."""
+    for name in ("numpy", "json", "cpbench"):
+        (bench.folder / f"{name}.py").write_text("raise RuntimeError('the wrong module')\n")
+    problem = bench.problem("p", 3)
+    script = str(Path(sys.executable).with_name("cpbench"))
+    command = [script, "run", problem, "-s", "lemke", "--no-report", "-q", "-o", "r.sqlite"]
+    done = subprocess.run(command, cwd=bench.folder, capture_output=True, text=True, timeout=600)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert list(bench.store().table().status) == ["solved"]

@@ -59,12 +59,10 @@ def test_kill_and_resume(bench, problems: int) -> None:
     store.close()
 
 
-@pytest.mark.parametrize("isolation", ["", pytest.param("group", marks=pytest.mark.nightly)])
-def test_no_process_outlives_the_runner(bench, isolation: str) -> None:
+def test_no_process_outlives_the_runner(bench) -> None:
     """kill -9 while a solver has children, and daemons with sessions of their own."""
     command = bench.command([bench.problem("p", 3)], ["faulty-crowd"], "--timeout", "600s")
-    environment = {**os.environ, "CPBENCH_ISOLATION": isolation}
-    running = subprocess.Popen(command, cwd=bench.folder, env=environment, stdout=subprocess.DEVNULL)
+    running = subprocess.Popen(command, cwd=bench.folder, stdout=subprocess.DEVNULL)
     _wait(lambda: len(bench.living()) > 18)
     running.kill()
     running.wait()

@@ -181,15 +181,6 @@ def test_what_a_failing_program_says_is_in_its_row(rows: pd.DataFrame) -> None:
     assert "no such executable" in rows.loc["sh-gone"].message
 
 
-@pytest.mark.nightly
-def test_one_process_a_solve(rows: pd.DataFrame, module_bench) -> None:
-    """A worker whose program has to stay serves one request, and so does the program."""
-    done = _run(module_bench.folder, "--isolate", "fresh", "-s", "none", "-s", "segfault", "-o", "fresh.sqlite")
-    assert done.returncode == 0, done.stderr
-    table = Store(module_bench.folder / "fresh.sqlite").table().set_index("solver")
-    assert table.status.to_dict() == {"none": "solved", "segfault": "crash"}
-
-
 @pytest.mark.needs("cpbench_solvers")
 def test_no_folder_of_a_killed_run_stays(rows: pd.DataFrame, tmp_path: Path) -> None:
     """What the killed workers left is removed by the next that hands a problem over."""

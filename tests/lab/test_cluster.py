@@ -64,8 +64,7 @@ class Loopback:
             process = subprocess.Popen(
                 [*DASK, *command],
                 cwd=self.folder,
-                # `gate` tells by a file here that it is at work, which a confined worker could not write
-                env={**os.environ, "CLUSTER_TEST": str(self.folder), "CPBENCH_ISOLATION": "open", **environment},
+                env={**os.environ, "CLUSTER_TEST": str(self.folder), **environment},
                 stdout=log,
                 stderr=log,
             )

@@ -65,7 +65,7 @@ def folder(tmp_path: Path) -> Path:
 
 def run(folder: Path, *arguments: str, plugin: bool = False, rc: int = 0) -> subprocess.CompletedProcess[str]:
     if plugin:  # `flaky` notes beside the results what it has met
-        done = with_plugins(folder, "--plugin", "flaky.py", "run", *arguments, CPBENCH_ISOLATION="open")
+        done = with_plugins(folder, "--plugin", "flaky.py", "run", *arguments)
     else:
         done = cpbench(folder, "run", *arguments)
     assert done.returncode == rc, done.stderr

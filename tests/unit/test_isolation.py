@@ -1,4 +1,4 @@
-"""What the system offers, and that the processes get it."""
+"""Processes of a run are tied to cores, limited in memory, and killed with all that they started."""
 
 from __future__ import annotations
 
@@ -8,28 +8,22 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import psutil
 import pytest
-from tiers import some_by_day
 
-from cpbench.bench.processes import cgroup, isolation
-from cpbench.bench.processes.cgroup import Cgroup
-from cpbench.bench.processes.launch import context, limit_memory
+from cpbench.bench.processes.isolation import limit_address_space
+from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
-from cpbench.errors import CpbenchError, UnknownName
 from cpbench.foundation.frames import FrameError
 
-linux = pytest.mark.skipif(sys.platform != "linux", reason="does not apply: Linux only")
-WAYS = ["", "group", "spawn"] if sys.platform == "linux" else ["spawn"]
 Start = Callable[..., Child]
 
 
-@pytest.fixture(params=some_by_day(WAYS, 1), ids=lambda way: way or "best")
-def start(request: pytest.FixtureRequest) -> Iterator[Start]:
+@pytest.fixture
+def start() -> Iterator[Start]:
     """Starts children of the target given, and kills them."""
-    ctx = context(1, request.param)
+    ctx = context(1)
     children: list[Child] = []
 
     def starter(target: Callable[..., None], *args: object, **more: object) -> Child:
@@ -72,7 +66,7 @@ def _hang_up(connection) -> None:
 
 
 def _family(connection) -> None:
-    """A child, a grandchild, and (where there are sessions) a daemon; tells their process ids."""
+    """A child, a grandchild, and a daemon with a session of its own; tells their process ids."""
     reader, writer = os.pipe()
     for daemon in (False, True):
         if os.fork() == 0:
@@ -91,7 +85,7 @@ def _family(connection) -> None:
 
 def _grow(connection, growth: int) -> None:
     """As much more memory as told, in steps, written to."""
-    limit_memory(2**27)
+    limit_address_space(2**27)
     connection.send_bytes(b"warm")
     hoard = [bytearray(2**20) for _ in range(growth // 2**20)]
     time.sleep(1.0)
@@ -109,7 +103,6 @@ def test_messages_go_there_and_back(start: Start) -> None:
     assert child.alive
 
 
-@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="does not apply: no affinity here")
 def test_a_child_is_tied_to_its_cores(start: Start) -> None:
     core = max(os.sched_getaffinity(0))
     assert start(_tell_cpus, cpus=(core,)).receive(30.0) == b"[%d]" % core
@@ -148,11 +141,8 @@ def test_a_family_dies_together(start: Start) -> None:
     _until(lambda: not any(_lives(pid) for pid in members))
 
 
-@linux
-def test_daemons_of_a_dead_worker_are_ended(start: Start, request: pytest.FixtureRequest) -> None:
+def test_daemons_of_a_dead_worker_are_ended(start: Start) -> None:
     """The worker is killed by itself; what it started is adopted by its guard, which ends it."""
-    if "spawn" in request.node.name:
-        pytest.skip("does not apply: no guard where processes are spawned")
     child = start(_family)
     members = [int(pid) for pid in child.receive(30.0).split()]
     os.kill(psutil.Process(members[0]).ppid(), signal.SIGKILL)
@@ -164,73 +154,14 @@ def test_daemons_of_a_dead_worker_are_ended(start: Start, request: pytest.Fixtur
 
 def test_memory_is_limited(start: Start) -> None:
     """128 MiB are allowed: 32 more go well, 512 do not."""
-    modest = start(_grow, 2**25, memory=2**27)
+    modest = start(_grow, 2**25)
     modest.receive(30.0)
-    modest.warm()
     assert modest.receive(30.0) == b"32"
-    greedy = start(_grow, 2**29, memory=2**27)
+    greedy = start(_grow, 2**29)
     greedy.receive(30.0)
-    greedy.warm()
     with pytest.raises(Died) as death:
         greedy.receive(30.0)
     assert death.value.out_of_memory
-
-
-def test_an_unknown_way_is_refused() -> None:
-    with pytest.raises(UnknownName, match="chroot"):
-        isolation.detect("chroot")
-
-
-def test_every_way_is_explained() -> None:
-    for way in (*WAYS, "open"):
-        told = dict(isolation.detect(way).described())
-        assert set(told) == {"start", "kill", "memory", "guard", "forks", "affinity", "writes", "output"}
-
-
-@pytest.mark.skipif(hasattr(os, "sched_setaffinity"), reason="does not apply: this system can")
-def test_cores_that_cannot_be_had_are_refused() -> None:
-    with pytest.raises(CpbenchError, match="cannot tie"):
-        isolation.pin([0])
-
-
-# ------------------------------------------------------------------------------------- control groups
-
-
-@linux
-def test_a_group_is_gone_with_its_child() -> None:
-    ctx = context(1)
-    if not ctx.isolation.cgroups:
-        pytest.skip("does not apply: no writable control groups here")
-    before = set(Path(ctx.isolation.cgroups).glob(f"{cgroup.PREFIX}{os.getpid()}-*"))
-    child = Child(ctx, _echo, ())
-    child.send(b"x")
-    child.receive(30.0)
-    (group,) = set(Path(ctx.isolation.cgroups).glob(f"{cgroup.PREFIX}{os.getpid()}-*")) - before
-    assert len((group / "cgroup.procs").read_text().split()) == 1, "the worker, but not its guard"
-    child.kill()
-    assert not group.exists()
-
-
-def test_the_files_of_a_memory_limit(tmp_path: Path) -> None:
-    """Against the text of the kernel's documentation (Admin Guide, cgroup v2, memory interface files)."""
-    group = Cgroup(tmp_path)
-    (group.path / "memory.current").write_text("1000\n")
-    assert not group.out_of_memory
-    group.limit_memory(500)
-    assert (group.path / "memory.max").read_text() == "1500"
-    assert (group.path / "memory.oom.group").read_text() == "1"
-    (group.path / "memory.events").write_text("low 0\nhigh 0\nmax 7\noom 1\noom_kill 1\n")
-    assert group.out_of_memory
-
-
-def test_only_empty_groups_of_the_dead_are_removed(tmp_path: Path) -> None:
-    dead = 2**22 + 1  # beyond what a process id can be
-    for name in (f"cpbench-{dead}-0", f"cpbench-{dead}-1", f"cpbench-{os.getpid()}-0", "cpbench-x-0", "other"):
-        (tmp_path / name).mkdir()
-    (tmp_path / f"cpbench-{dead}-1" / "member").touch()
-    cgroup.remove_abandoned(tmp_path)
-    left = {path.name for path in tmp_path.iterdir()}
-    assert left == {f"cpbench-{dead}-1", f"cpbench-{os.getpid()}-0", "cpbench-x-0", "other"}
 
 
 def test_noise_is_no_message(start: Start) -> None:
@@ -257,7 +188,6 @@ def _until(condition: Callable[[], bool]) -> None:
         time.sleep(0.02)
 
 
-@linux
 def test_memory_is_limited_beside_a_process_that_cannot_be_read() -> None:
     """The system may refuse /proc/PID of somebody else, at which psutil gives up its look at all processes."""
     code = (

@@ -14,14 +14,12 @@ import numpy as np
 import psutil
 import pytest
 import scipy.sparse as sp
-from tiers import some_by_day
 
 from cpbench.bench import messages, shared_problem, worker
 from cpbench.bench.processes import meter
-from cpbench.bench.processes.forked import run_forked
 from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.meter import Meter, checksum
-from cpbench.bench.processes.process import Child, Died
+from cpbench.bench.processes.process import Child
 from cpbench.bench.worker_pool import hear
 from cpbench.formulations import LCP
 
@@ -186,11 +184,10 @@ def _serve(child: Child, path: str, repeats: int = 3) -> list[messages.Message]:
 
 
 @pytest.mark.needs("cpbench_solvers")
-@pytest.mark.parametrize("fresh", some_by_day([False, True], 1), ids=["warm", "fresh"])
-def test_the_messages_of_a_request(path: str, fresh: bool) -> None:
-    child = Child(context(1), worker.main, ("lemke", 2**30, fresh))
+def test_the_messages_of_a_request(path: str) -> None:
+    child = Child(context(1), worker.main, ("lemke", 2**30))
     try:
-        assert not _ready(child).single
+        _ready(child)
         for _ in range(2):
             told = _serve(child, path)
             assert [type(m) for m in told] == [messages.ProblemLoaded, messages.Result, messages.Repeats]
@@ -204,18 +201,6 @@ def test_the_messages_of_a_request(path: str, fresh: bool) -> None:
         assert isinstance(missing, messages.Failed)
         assert "no such file" in missing.message.lower()
         assert isinstance(_serve(child, path)[-1], messages.Repeats), "it goes on after an error"
-    finally:
-        child.kill()
-
-
-@pytest.mark.nightly
-def test_where_nothing_can_be_forked_a_worker_serves_one_request(path: str) -> None:
-    child = Child(context(1, "spawn"), worker.main, ("lemke", 2**30, True))
-    try:
-        assert _ready(child).single
-        assert [type(m) for m in _serve(child, path)] == [messages.ProblemLoaded, messages.Result, messages.Repeats]
-        with pytest.raises(Died, match="exited with code 0"):
-            child.receive(60.0)
     finally:
         child.kill()
 
@@ -241,47 +226,6 @@ def test_counters_are_few_short_and_of_64_bits() -> None:
 
 
 # ---------------------------------------------------------------------------------------------- apart
-
-
-def _forks(connection, how: str) -> None:
-    """Several pieces of work in processes of their own; the last one ends as told."""
-    pids = [run_forked(lambda: {"pid": os.getpid(), "parent": os.getppid()}) for _ in range(3)]
-    assert len({p["pid"] for p in pids}) == 3
-    assert {p["parent"] for p in pids} == {os.getpid()}
-    connection.send_bytes(b"three")
-    ends = {"abort": os.abort, "exit": lambda: sys.exit(7), "exit-0": sys.exit, "children": _leave_children}
-    run_forked(ends[how])
-    connection.send_bytes(repr(len(meter.descendants())).encode())
-
-
-def _leave_children() -> str:
-    for _ in range(3):
-        if os.fork() == 0:
-            time.sleep(3600)
-    return "done"
-
-
-@linux
-@pytest.mark.parametrize(("how", "code"), [("abort", -6), ("exit", 7), ("exit-0", 0)])
-def test_a_solver_that_forks_ends_with_the_status_of_its_child(how: str, code: int) -> None:
-    child = Child(context(1), _forks, (how,))
-    try:
-        assert child.receive(60.0) == b"three"
-        with pytest.raises(Died) as death:
-            child.receive(60.0)
-        assert death.value.code == code
-    finally:
-        child.kill()
-
-
-@linux
-def test_what_a_forked_process_leaves_behind_is_ended() -> None:
-    child = Child(context(1), _forks, ("children",))
-    try:
-        assert child.receive(60.0) == b"three"
-        assert child.receive(60.0) == b"0"
-    finally:
-        child.kill()
 
 
 def test_scratch_folders_of_the_living_are_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

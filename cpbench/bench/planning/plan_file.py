@@ -42,7 +42,6 @@ from cpbench.verification import CONTRADICTION, Status
 
 NAME, PROJECT = "cpbench.toml", "pyproject.toml"
 ROUTES = ("exact", "facets", "all")
-ISOLATE = ("worker", "fresh")
 ONLY_SAID = ("shard", "rerun")
 """Keys of one command, not of a plan."""
 
@@ -316,7 +315,6 @@ READERS: Mapping[str, Callable[[Any], Any]] = {
     "keep": _choice(*KEEP),
     "threads": _whole(1),
     "jobs": _whole(1),
-    "isolate": _choice(*ISOLATE),
     "cluster": _text,
     "shard": _shard,
     "rerun": _choice("failed", "timeouts", "all"),

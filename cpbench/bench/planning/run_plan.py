@@ -79,7 +79,7 @@ class RunPlan:
     ----------
     sets : the parts. output : results file. report : folder of the report, empty for one named after the results,
     None for no report. keep : answers to keep. seed : of the random order. threads : of every library.
-    jobs : number of solves at a time. isolate : worker or fresh. cluster : other machines. shard : (i, n), the
+    jobs : number of solves at a time. cluster : other machines. shard : (i, n), the
     i-th of n parts of all blocks. rerun : what is run again of an old file (empty: nothing). retry : times a pair that
     crashed or ran out of time is run again. fail_on : statuses that make the command end with 1, or `contradiction`.
     """
@@ -91,7 +91,6 @@ class RunPlan:
     seed: int = 0
     threads: int = 1
     jobs: int = 1
-    isolate: str = "worker"
     cluster: str | None = None
     shard: tuple[int, int] = (1, 1)
     rerun: str = ""

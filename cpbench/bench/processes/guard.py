@@ -1,6 +1,6 @@
 """A process between the runner and a worker: it adopts and ends what a solver leaves behind, and ends as it ended.
 
-A solver that kills or stops its parent hits its own guard, not the runner or the forkserver. Linux only: orphans come
+A solver that kills or stops its parent hits its own guard, not the runner or the forkserver. Orphans come
 to the guard because it is a child subreaper, and a pipe tells it that the runner has ended.
 """
 
@@ -17,7 +17,7 @@ from typing import NoReturn
 
 import psutil
 
-from cpbench.bench.processes import cgroup, isolation
+from cpbench.bench.processes import isolation
 from cpbench.foundation.child_processes import fork
 
 PATIENCE = 5.0
@@ -26,27 +26,26 @@ LONGEST = 0.02
 """Seconds between two looks whether they are dead."""
 
 
-def run_guarded(group: str, lifeline: Connection, release: Callable[[], None], work: Callable[[], None]) -> NoReturn:
+def run_guarded(lifeline: Connection, release: Callable[[], None], work: Callable[[], None]) -> NoReturn:
     """Do `work` in a fork, the worker; guard that until it ends, and end as it did.
 
     Parameters
     ----------
-    group : the control group of the worker, "" for none; the guard stays out of it, to reap what dies in it.
     lifeline : the reading end of a pipe whose other end only the runner has.
     release : closes what is the worker's alone: no other process is to hold its connection open.
     """
     isolation.adopt_orphans()
     isolation.die_with_parent(signal.SIGTERM)  # the forkserver, should that alone be killed
-    signal.signal(signal.SIGTERM, lambda *_: _end_all(group))
+    signal.signal(signal.SIGTERM, lambda *_: _end_all())
     ended = _ChildEnded()
 
     def worker_steps() -> None:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         ended.close()
         lifeline.close()
-        if group:
-            cgroup.join(group)
-        begin()
+        os.setpgid(0, 0)
+        isolation.adopt_orphans()
+        isolation.die_with_parent(signal.SIGKILL)
         work()
 
     worker = fork(worker_steps)
@@ -57,7 +56,7 @@ def run_guarded(group: str, lifeline: Connection, release: Callable[[], None], w
     while (status := _exit_status(worker)) is None:
         ready = [descriptor for descriptor, _ in poll.poll()]
         if lifeline.fileno() in ready:
-            _end_all(group)
+            _end_all()
         ended.clear()
     kill_descendants()
     end_as(status)
@@ -90,22 +89,6 @@ def _exit_status(worker: int) -> int | None:
         ended, status = os.waitpid(-1, os.WNOHANG)
         if ended in (0, worker):
             return status if ended else None
-
-
-def begin() -> None:
-    """Take the first steps of a process that runs a solver: its own process group, its orphans come to it, it dies
-    with its parent."""
-    os.setpgid(0, 0)
-    isolation.adopt_orphans()
-    isolation.die_with_parent(signal.SIGKILL)
-
-
-def reap(child: int) -> int:
-    """Wait until `child` ends, reaping all others that end before; its wait status."""
-    while True:
-        ended, status = os.waitpid(-1, 0)
-        if ended == child:
-            return status
 
 
 def pauses(seconds: float) -> Iterator[bool]:
@@ -191,10 +174,7 @@ def below(pid: int) -> list[int]:
     return result
 
 
-def _end_all(group: str) -> NoReturn:
+def _end_all() -> NoReturn:
     """Kill everything and end, because the runner is gone."""
-    if group:
-        with contextlib.suppress(OSError), open(os.path.join(group, "cgroup.kill"), "w") as kill:
-            kill.write("1")
     kill_descendants()
     os._exit(1)

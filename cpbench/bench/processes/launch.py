@@ -1,6 +1,6 @@
-"""Start-up of a run's processes: context, preloads, first steps.
+"""Start-up of a run's processes: context, preload, first steps.
 
-On Linux they come from a forkserver that has loaded the numerical packages (`preload`): a start takes milliseconds. The
+They come from a forkserver that has loaded the numerical packages (`preload`): a start takes milliseconds. The
 forkserver itself takes as long as a command takes to import the same packages, hence it is started first (`begin`).
 """
 
@@ -19,11 +19,11 @@ from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from multiprocessing import forkserver
 from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext
 from typing import Any
 
-from cpbench.bench.processes import cgroup, confinement, guard, isolation
+from cpbench.bench.processes import guard, isolation
 from cpbench.bench.processes.channel import Channel
-from cpbench.bench.processes.isolation import Isolation
 from cpbench.foundation.child_processes import THREAD_VARIABLES as THREAD_VARIABLES
 from cpbench.registry import DECLARED, PLUGIN_FILES
 
@@ -37,44 +37,22 @@ NO_LEAKS = "ignore:resource_tracker:UserWarning"
 PASSED_ON = ("CPBENCH_", "NUMBA_")
 """Prefixes of variables that children get as they are now, not as they were when the forkserver started."""
 PRELOAD = "cpbench.bench.processes.preload"
-EVERYTHING = "cpbench.bench.processes.preload_everything"
 
 
-@dataclass(frozen=True)
-class Context:
-    """The means to start processes of a run: `start`, a context of multiprocessing, and those of isolation."""
-
-    start: Any
-    isolation: Isolation
-
-
-def begin(threads: int, *, few: bool) -> None:
-    """Start the forkserver, if the system has one, so that it imports while the caller does something else.
-
-    few : as of `context`, which has to be called with the same. Without effect where the forkserver runs.
-    """
-    if context(threads, few=few).isolation.forks:
-        with (
-            _isolated_start(),
-            contextlib.suppress(OSError, EOFError),
-        ):  # `started` tries again
-            forkserver.ensure_running()
+def begin(threads: int) -> None:
+    """Start the forkserver, so that it imports while the caller does something else; without effect where it runs."""
+    context(threads)
+    with _isolated_start(), contextlib.suppress(OSError, EOFError):  # `started` tries again
+        forkserver.ensure_running()
 
 
-def context(threads: int, asked: str | None = None, *, few: bool = False) -> Context:
-    """Return the means of this system, after thread counts were set for what is imported from here on.
-
-    few : whether each process loads the solvers and kernels that it needs; otherwise the forkserver loads all.
-    """
+def context(threads: int) -> ForkServerContext:
+    """Return the context of multiprocessing, after thread counts were set for what is imported from here on."""
     for variable in THREAD_VARIABLES:
         os.environ[variable] = str(threads)
-    found = isolation.detect(asked)
-    if found.cgroups:
-        cgroup.remove_abandoned(found.cgroups)
-    ctx = mp.get_context(found.start)
-    if found.forks:
-        ctx.set_forkserver_preload([PRELOAD] if few else [PRELOAD, EVERYTHING])
-    return Context(ctx, found)
+    ctx = mp.get_context("forkserver")
+    ctx.set_forkserver_preload([PRELOAD])
+    return ctx
 
 
 @dataclass(frozen=True)
@@ -82,11 +60,9 @@ class ProcessStart:
     """The settings that a new process gets."""
 
     connection: socket.socket
-    output: Connection | None
-    lifeline: Connection | None
-    cgroup: str
+    output: Connection
+    lifeline: Connection
     cpus: tuple[int, ...]
-    isolation: Isolation
     variables: Mapping[str, str]
 
 
@@ -151,43 +127,17 @@ def _variables() -> Generator[None]:
 
 _starting = threading.Lock()
 """Held while a process starts, because variables and modules of the whole process are changed for it."""
-_means: Isolation | None = None
-"""The means by which this process was started, None in the runner."""
 
 
 def _enter(start: ProcessStart, target: Callable[..., None], args: tuple[Any, ...]) -> None:
     """Take the first steps of every child: session, cores, log, guard; then run `target`."""
-    global _means
-    _means = start.isolation
     os.environ.update(start.variables)
-    if hasattr(os, "setsid"):
-        os.setsid()
+    os.setsid()
     isolation.pin(start.cpus)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the runner handles Ctrl-C
     isolation.no_core_dumps()
-    if start.output is not None:
-        for descriptor in (1, 2):
-            os.dup2(start.output.fileno(), descriptor)
-        start.output.close()
-    if start.lifeline is None:
-        target(Channel(start.connection), *args)
-        return
+    for descriptor in (1, 2):
+        os.dup2(start.output.fileno(), descriptor)
+    start.output.close()
     work = lambda: target(Channel(start.connection), *args)  # noqa: E731
-    guard.run_guarded(start.cgroup, start.lifeline, start.connection.close, work)
-
-
-def limit_memory(growth: int) -> None:
-    """Limit the growth of this process to `growth` bytes (0: no limit), where it is not limited from outside."""
-    if growth > 0 and _means is not None and _means.memory == "rlimit":
-        isolation.limit_address_space(growth)
-
-
-def confine(scratch: str, *, own: bool) -> None:
-    """Restrict writing to `scratch` and caches, where the system can (`confinement.confine`)."""
-    if _means is not None:
-        confinement.confine(_means, scratch, own)
-
-
-def forks() -> bool:
-    """Return whether this process, started by a runner, may fork."""
-    return _means is not None and _means.forks
+    guard.run_guarded(start.lifeline, start.connection.close, work)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-import sys
+import resource
 import threading
 import time
 import zlib
@@ -20,9 +20,6 @@ import scipy.sparse as sp
 from cpbench.bench.processes import guard
 from cpbench.bench.processes.isolation import address_space
 from cpbench.formulations.base import Problem
-
-if os.name == "posix":
-    import resource
 
 BUSY = 0.05
 """Seconds from which on the ratio of CPU time to wall time counts the busy threads."""
@@ -58,9 +55,8 @@ class Meter:
     def cpu(self) -> float:
         """Return the CPU seconds of this process and its helpers, and of processes that they have waited for."""
         seconds = time.process_time()
-        if os.name == "posix":
-            ended = resource.getrusage(resource.RUSAGE_CHILDREN)
-            seconds += ended.ru_utime + ended.ru_stime
+        ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+        seconds += ended.ru_utime + ended.ru_stime
         for helper in self.helpers:
             with contextlib.suppress(psutil.Error):
                 used = helper.cpu_times()
@@ -105,7 +101,7 @@ class Meter:
 
 def descendants() -> tuple[psutil.Process, ...]:
     """Return the running descendants of this process."""
-    if os.name == "posix" and not guard.has_children():
+    if not guard.has_children():
         return ()
     return tuple(guard.descendants(psutil.Process()))
 
@@ -113,7 +109,7 @@ def descendants() -> tuple[psutil.Process, ...]:
 def _count() -> int:
     """Return the number of running descendants; where the system lists children (Linux) without a look at all
     processes, which takes milliseconds."""
-    if os.name == "posix" and not guard.has_children():
+    if not guard.has_children():
         return 0
     try:
         return len(guard.below(os.getpid()))
@@ -143,7 +139,7 @@ def _tasks() -> int:
 
 
 def _forget_peak(process: str = "self") -> None:
-    """Reset the high-water mark of resident memory (Linux)."""
+    """Reset the high-water mark of resident memory."""
     try:
         descriptor = os.open(f"/proc/{process}/clear_refs", os.O_WRONLY)
     except OSError:
@@ -155,17 +151,12 @@ def _forget_peak(process: str = "self") -> None:
 
 
 def _peak() -> int:
-    """Return the high-water mark of resident memory [bytes]; on Linux since `_forget_peak`."""
-    if os.name != "posix":
-        return int(psutil.Process().memory_info().peak_wset)
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
+    """Return the high-water mark of resident memory since `_forget_peak` [bytes]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def _faults() -> int:
     """Return the page faults of all processes that this one has waited for: 0 means that there was no process."""
-    if os.name != "posix":
-        return 0
     ended = resource.getrusage(resource.RUSAGE_CHILDREN)
     return ended.ru_minflt + ended.ru_majflt
 

@@ -1,7 +1,5 @@
-"""Modules that the forkserver has loaded before anybody asks: every process forked from it starts with that.
-
-It is what referee and workers have in common; for a run of many solvers what `preload_everything` adds.
-"""
+"""Modules that the forkserver has loaded before anybody asks: every process forked from it starts with what referee
+and workers have in common."""
 
 from __future__ import annotations
 

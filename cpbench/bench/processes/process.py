@@ -1,7 +1,4 @@
-"""A child process with hard limits: isolated, its memory limited, its output kept, killed with all that it started.
-
-On Linux every child has a guard (`guard`); `isolation` describes what else each system offers.
-"""
+"""A child process in a session of its own: guarded, its output kept, killed with all that it started."""
 
 from __future__ import annotations
 
@@ -12,20 +9,19 @@ import selectors
 import signal
 import time
 from collections.abc import Callable, Sequence
+from multiprocessing.context import ForkServerContext
 from typing import Any, cast
 
 import psutil
 
 from cpbench.bench.processes import channel, guard
-from cpbench.bench.processes.cgroup import Cgroup
-from cpbench.bench.processes.isolation import Isolation
-from cpbench.bench.processes.launch import Context, ProcessStart, passed_on, started
+from cpbench.bench.processes.launch import ProcessStart, passed_on, started
 from cpbench.bench.processes.log import Log
 
 LOOK = 0.05
 """Seconds between two looks at a child that sends nothing."""
-EXIT, EXIT_SPAWNED = 0.5, 5.0
-"""Seconds that a child has to end after it closed its connection; one that was spawned shuts its interpreter down."""
+EXIT = 0.5
+"""Seconds that a child has to end after it closed its connection."""
 GUARD_EXIT = 0.2
 """Seconds that a guard has to end after all that it guarded was killed."""
 ACCEPT = 30.0
@@ -39,10 +35,10 @@ class TimedOut(Exception):
 class Died(Exception):
     """The child ended: `signal` (a number) or exit `code`, and the first and last part of its output."""
 
-    def __init__(self, code: int | None, output: str, *, reason: str = "", out_of_memory: bool = False) -> None:
+    def __init__(self, code: int | None, output: str, *, reason: str = "") -> None:
         self.signal = -code if code is not None and code < 0 else None
         self.code, self.output = code, output
-        self._reason, self._out_of_memory = reason, out_of_memory
+        self._reason = reason
         super().__init__(self.cause)
 
     @property
@@ -55,18 +51,16 @@ class Died(Exception):
 
     @property
     def out_of_memory(self) -> bool:
-        """Whether it was killed for its memory, or its output names an allocation that failed."""
-        return self._out_of_memory or "bad_alloc" in self.output or "MemoryError" in self.output
+        """Whether its output names an allocation that failed."""
+        return "bad_alloc" in self.output or "MemoryError" in self.output
 
 
 class Child:
-    """A process running `target(channel, *args)`, isolated from all others.
+    """A process running `target(channel, *args)`, isolated from all others; `target` limits its own memory.
 
     Parameters
     ----------
     cpus : cores on which it runs, () for all.
-    memory : bytes by which it may grow once it is `warm`, where that is measured from outside; otherwise (`rlimit`)
-        the target limits itself by `limit_memory`.
     processes : number of descendants that it may have, where the system lists them (0: no limit).
 
     Raises Died when the system refuses to start it.
@@ -74,46 +68,35 @@ class Child:
 
     def __init__(
         self,
-        ctx: Context,
+        ctx: ForkServerContext,
         target: Callable[..., None],
         args: tuple[Any, ...],
         *,
         cpus: Sequence[int] = (),
-        memory: int = 0,
         processes: int = 0,
     ) -> None:
-        self._isolation, self._memory = ctx.isolation, memory
-        self._processes = processes if ctx.isolation.guard else 0
-        self._ceiling = 0
+        self._processes = processes
         self._looked = 0.0
-        self._warm = self._over = False
-        self._log = Log(ctx.start) if ctx.isolation.output else None
-        self._cgroup = _cgroup(ctx.isolation)
+        self._over = False
+        self._log = Log(ctx)
         self._channel, theirs = channel.pair()
-        writer = self._log.writer if self._log is not None else None
-        ours, self._lifeline = ctx.start.Pipe(duplex=False) if ctx.isolation.guard else (None, None)
-        group = str(self._cgroup.path) if self._cgroup is not None else ""
-        start = ProcessStart(theirs, writer, ours, group, tuple(cpus), ctx.isolation, passed_on())
+        ours, self._lifeline = ctx.Pipe(duplex=False)
+        start = ProcessStart(theirs, self._log.writer, ours, tuple(cpus), passed_on())
         self._selector = selectors.DefaultSelector()
         try:
-            self._process = started(ctx.start, start, target, args)
+            self._process = started(ctx, start, target, args)
         except OSError as cause:
             self._release()
             raise Died(None, "", reason=f"could not be started ({cause})") from None
         finally:
             theirs.close()
-            if ours is not None:
-                ours.close()
-            if self._log is not None:
-                self._log.started()
+            ours.close()
+            self._log.started()
         self._first = _found(self.pid)
         self._selector.register(self._channel, selectors.EVENT_READ)
-        self._end: Any = None
-        if os.name == "posix":
-            self._selector.register(self._process.sentinel, selectors.EVENT_READ)
-            if ctx.isolation.forks:  # where it is spawned, children of the child hold the sentinel open
-                self._end = select.poll()
-                self._end.register(self._process.sentinel, select.POLLIN)
+        self._selector.register(self._process.sentinel, selectors.EVENT_READ)
+        self._end = select.poll()
+        self._end.register(self._process.sentinel, select.POLLIN)
 
     @property
     def pid(self) -> int:
@@ -122,9 +105,7 @@ class Child:
     @property
     def alive(self) -> bool:
         """Whether it still runs; it may die between two requests."""
-        if self._over:
-            return False
-        return self._process.exitcode is None if self._end is None else not self._end.poll(0)
+        return not self._over and not self._end.poll(0)
 
     def send(self, message: bytes, seconds: float = ACCEPT) -> None:
         """Send a request. Raises Died when the other end is closed, TimedOut when it does not read."""
@@ -160,39 +141,26 @@ class Child:
             ended = silent and (self._process.sentinel in ready or (not ready and not self.alive))
             self._look()
 
-    def warm(self) -> None:
-        """Count its growth from here on; without effect when called before."""
-        if self._warm:
-            return
-        self._warm = True
-        if self._memory > 0 and self._isolation.memory == "cgroup" and self._cgroup is not None:
-            self._cgroup.limit_memory(self._memory)
-        elif self._memory > 0 and self._isolation.memory == "watch":
-            self._ceiling = self._resident() + self._memory
-
     def output(self) -> str:
         """Return what the child printed since the last call, first and last part."""
-        return self._log.take() if self._log is not None else ""
+        return self._log.take()
 
     def forget(self) -> None:
         """Forget what was printed so far."""
-        if self._log is not None:
-            self._log.forget()
+        self._log.forget()
 
     def kill_all(self) -> None:
         """Kill the child and all that it started (SIGKILL); `receive` in another thread raises Died.
 
         A guard gets a moment to reap what was killed: in a container there may be no other process that does.
         """
-        if self._cgroup is not None:
-            self._cgroup.kill()
         deadline = time.monotonic() + guard.PATIENCE
         passing = guard.pauses(guard.PATIENCE)
         while (family := self._family()) and next(passing, False):
             for process in family:
                 with contextlib.suppress(psutil.Error):
                     process.kill()
-        if self._isolation.guard and self._lives():
+        if self._lives():
             self._join(GUARD_EXIT)
         while self._lives() and time.monotonic() < deadline:
             with contextlib.suppress(psutil.Error):
@@ -208,15 +176,11 @@ class Child:
     # ------------------------------------------------------------------------------------------- within
 
     def _release(self) -> None:
-        """Close pipes and sockets and remove the control group."""
+        """Close pipes and sockets."""
         self._selector.close()
         self._channel.close()
-        if self._lifeline is not None:
-            self._lifeline.close()
-        if self._log is not None:
-            self._log.close()
-        if self._cgroup is not None:
-            self._cgroup.remove()
+        self._lifeline.close()
+        self._log.close()
 
     def _join(self, seconds: float) -> None:
         """Wait for the end and remember it: the exit code can be read once, and the forkserver closes its pipe a moment
@@ -229,68 +193,41 @@ class Child:
         return self._first is not None and self._first.is_running() and _lives(self._first)
 
     def _family(self) -> list[psutil.Process]:
-        """Return the living descendants of the child and, where there are sessions, the members of its session.
-
-        The child itself is included unless it is a guard.
-        """
+        """Return the living descendants of the child, which is their guard, and the members of its session."""
         members: dict[int, psutil.Process] = {}
         with contextlib.suppress(psutil.Error):
             if self._first is not None:
-                members = {p.pid: p for p in (self._first, *guard.descendants(self._first))}
-        if os.name == "posix":
-            for pid in psutil.pids():
-                with contextlib.suppress(OSError, psutil.Error):
-                    if os.getsid(pid) == self.pid:
-                        members.setdefault(pid, psutil.Process(pid))
-        if self._isolation.guard:
-            members.pop(self.pid, None)
+                members = {p.pid: p for p in guard.descendants(self._first)}
+        for pid in psutil.pids():
+            with contextlib.suppress(OSError, psutil.Error):
+                if os.getsid(pid) == self.pid:
+                    members.setdefault(pid, psutil.Process(pid))
+        members.pop(self.pid, None)
         return [process for process in members.values() if _lives(process)]
 
     def _look(self) -> None:
-        """Raise Died when the child exceeds a limit that is measured here; checks once in `LOOK` seconds."""
+        """Raise Died when the child has too many processes; checks once in `LOOK` seconds."""
         now = time.monotonic()
         if now - self._looked < LOOK:
             return
         self._looked = now
-        if self._ceiling and self._resident() > self._ceiling:
-            self.kill_all()
-            raise Died(None, self.output(), reason=f"over {self._memory} bytes", out_of_memory=True)
         if self._processes and guard.count_below(self.pid) > self._processes:
             self.kill_all()
             raise Died(None, self.output(), reason=crowded(self._processes))
 
-    def _resident(self) -> int:
-        """Return the resident memory [bytes] of the largest among child and descendants: forks share theirs."""
-        sizes = [0]
-        with contextlib.suppress(psutil.Error):
-            family = [] if self._first is None else [self._first, *self._first.children(recursive=True)]
-            for process in family:
-                with contextlib.suppress(psutil.Error):
-                    sizes.append(int(process.memory_info().rss))
-        return max(sizes)
-
     def _death(self) -> Died:
         """Return why it ended; a child that goes on without its connection is killed."""
-        self._join(EXIT if self._isolation.forks else EXIT_SPAWNED)
+        self._join(EXIT)
         reason = "closed its connection" if self.alive and self._family() else ""
         if reason:
             self.kill_all()
         self._join(guard.PATIENCE)  # a guard that is about to end as its worker did
-        full = self._cgroup is not None and self._cgroup.out_of_memory
-        return Died(None if reason else self._process.exitcode, self.output(), reason=reason, out_of_memory=full)
+        return Died(None if reason else self._process.exitcode, self.output(), reason=reason)
 
 
 def crowded(most: int) -> str:
     """Return the reason to kill a child, or refuse its answer, that had too many processes."""
     return f"more than {most} processes at a time"
-
-
-def _cgroup(means: Isolation) -> Cgroup | None:
-    """Return a new control group where there are any; without one, processes are killed one by one."""
-    if means.cgroups:
-        with contextlib.suppress(OSError):
-            return Cgroup(means.cgroups)
-    return None
 
 
 def _found(pid: int) -> psutil.Process | None:
