@@ -83,7 +83,7 @@ def report_file(
     data, choices : as `write_report` takes them. Returns what `write_report` does.
     """
     from cpbench.analysis.comparison import compare
-    from cpbench.api.sides import side, side_of
+    from cpbench.api.comparing import side, side_of
 
     with Store(results) as store:
         require_folder(folder)

@@ -158,10 +158,10 @@ class Results:
         (`analysis.comparison.Settings`).
         """
         from cpbench.analysis.comparison import Thresholds, compare
-        from cpbench.api import sides
+        from cpbench.api import comparing
 
-        after = sides.side(self.path)
-        before = sides.side(base.path if isinstance(base, Results) else Path(base))
+        after = comparing.side(self.path)
+        before = comparing.side(base.path if isinstance(base, Results) else Path(base))
         return compare(before, after, Thresholds(**settings))
 
     def __len__(self) -> int:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
 from pathlib import Path
 
 import click
 
 from cpbench.api import comparing
 from cpbench.cli.options import Command, fail_on_option, outputs_option, seed_option, stationary_option
-from cpbench.cli.progress import Display
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import LABELS, PATH
 from cpbench.errors import UnknownName
@@ -46,11 +44,6 @@ NOT_NEGATIVE = click.FloatRange(min=0)
     metavar="LABEL,LABEL",
     help="Two labels of equal code: the difference between them is noise.",
 )
-@click.option(
-    "--confirm",
-    is_flag=True,
-    help="Run the pairs that raised an alarm again, by the plan in the file, and keep alarms that repeat.",
-)
 @stationary_option
 @click.option(
     "--same-machine", is_flag=True, help="Treat the two files as measured on one machine, even if its name differs."
@@ -67,7 +60,6 @@ def command(
     counter_margin: float,
     alpha: float,
     noise: tuple[str, str] | None,
-    confirm: bool,
     count_stationary: bool,
     same_machine: bool,
     seed: int,
@@ -78,10 +70,6 @@ def command(
     then the verified error, then the counters. The time decides last, only where both were timed on one machine and
     differ by more than its noise.
 
-    With --confirm, pairs that raised an alarm are run again: both builds where they are in one file; of two files only
-    the new side, with the solvers that are installed now (--plugin for solvers in a file). A pair without a second
-    alarm is inconclusive.
-
     The exit code is 0 for any difference, 1 for --fail-on and when rows were changed after the run, 2 for bad input.
     """
     from cpbench.analysis.comparison import Thresholds
@@ -89,15 +77,7 @@ def command(
 
     _require_sense(base, new, first, second, fail_on)
     settings = Thresholds(margin, counter_margin, alpha, same_machine, seed, count_stationary)
-    again = partial(
-        comparing.confirm,
-        others=noise or (),
-        statuses=[name for name in fail_on if name not in (*WHOLE, CONTRADICTION)],
-        observer=Display(quiet=True),
-        report=lambda line: print_lines([line], err=True),
-    )
-    labels = first or "", second or ""
-    comparison = comparing.compare_files(base, new, labels, settings, noise, again if confirm else None)
+    comparison = comparing.compare_files(base, new, (first or "", second or ""), settings, noise)
     print_lines(terminal.lines(comparison))
     for path in outputs:
         write(comparison, path)

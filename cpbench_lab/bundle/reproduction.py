@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cpbench.bench import rerun
+from cpbench.bench.execution import open_run
 from cpbench.bench.planned_run import RoundObserver
 from cpbench.bench.planning import plan_file, run_plan
 from cpbench.bench.planning.assembly import Assembly, Reading
@@ -183,9 +183,13 @@ def run(
     was interrupted. Raises CpbenchError where no pair of them can be run here."""
     with Store(bundle.results) as store:
         wanted = {row.key for row in store.rows() if row.status != "not_run" and not row.origin}
-    return rerun.carry_out(
-        plan, wanted, f"cpbench reproduce {bundle.path.name}", str(bundle.path), builtin, observer, reading
-    )
+    with open_run(plan, builtin, reading) as opened:
+        opened.keep(wanted)
+        if not opened.assembly.pairs:
+            why = f" ({opened.assembly.refused[0][1]})" if opened.assembly.refused else ""
+            raise CpbenchError(f"{bundle.path}: none of its pairs can be run here{why}")
+        opened.execute(opened.open_results(expel=False), observer, f"cpbench reproduce {bundle.path.name}")
+    return opened.assembly
 
 
 def compare(bundle: Bundle, found: Assembly) -> Agreement:

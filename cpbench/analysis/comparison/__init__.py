@@ -1,6 +1,5 @@
-"""Two results files, or two builds in one, compared: `compare`, `compare_labels`, `confirmed`."""
+"""Two results files, or two builds in one, compared: `compare`, `compare_labels`."""
 
-from cpbench.analysis.comparison.confirmation import confirmed, to_repeat
 from cpbench.analysis.comparison.gates import PairVerdict
 from cpbench.analysis.comparison.verdicts import (
     Comparison,
@@ -18,7 +17,5 @@ __all__ = [
     "Thresholds",
     "compare",
     "compare_labels",
-    "confirmed",
     "equal_pairs",
-    "to_repeat",
 ]

@@ -26,9 +26,6 @@ from cpbench.analysis.table import counting_stationary
 from cpbench.errors import CpbenchError
 from cpbench.verification import CONTRADICTION, VERIFIED
 
-NOT_AGAIN = "not confirmed"
-"""The kind of a pair that alarmed, and did not when it was run again."""
-
 
 @dataclass(frozen=True)
 class ComparisonSide:
@@ -100,11 +97,9 @@ class Comparison:
         return own.assign(order=order).sort_values(["order", "kind", "problem", "label_new"]).drop(columns="order")
 
     def became(self, status: str) -> pd.DataFrame:
-        """Return the pairs that have this status on the new side, and not on the base; without repeated pairs that
-        did not confirm it.
-        """
+        """Return the pairs that have this status on the new side, and not on the base."""
         now = (self.pairs["status_new"] == status) & (self.pairs["status_base"] != status)
-        return self.pairs[now & (self.pairs["kind"] != NOT_AGAIN)]
+        return self.pairs[now]
 
     @property
     def contradictions(self) -> list[Contradiction]:
@@ -210,7 +205,7 @@ def _compare(
         base=base,
         new=new,
         settings=settings,
-        verdict=worst(judged, by_label),
+        verdict=_worst(judged, by_label),
         pairs=judged,
         suites=by_label,
         noise=noise,
@@ -278,7 +273,7 @@ def _judged(own: pd.DataFrame, one_machine: pd.Series[bool], noise: Noise, setti
     return pd.concat([own.assign(**solved), timed, ruling], axis=1)
 
 
-def worst(judged: pd.DataFrame, by_label: Sequence[Suite]) -> PairVerdict:
+def _worst(judged: pd.DataFrame, by_label: Sequence[Suite]) -> PairVerdict:
     """Return the verdict on the whole: `Comparison.verdict`."""
     if not len(judged):
         return PairVerdict.INCONCLUSIVE

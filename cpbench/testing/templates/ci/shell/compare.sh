@@ -129,7 +129,6 @@ fi
 mapfile -t both < <(comm -12 "$work/base.names" "$work/head.names")
 mapfile -t fresh < <(comm -13 "$work/base.names" "$work/head.names")
 cat "$work"/{base,again}.toml > "$work/others.toml"
-cat "$work"/{base,again,head}.toml > "$work/variants.toml" # for the comparison, which may repeat solves
 mkdir -p "$output"
 cp "$work/head.toml" "$output/variants.toml"
 
@@ -196,7 +195,6 @@ else
     one=0
     logged python3 -m cpbench compare "$work/results.sqlite" --a "$name@base" --b "$name@head" \
       --noise "$name@base,$name@again" ${fail_on:+--fail-on "$fail_on"} \
-      --confirm --plugin "$solver" --plugin "$output/variants.toml" --plugin "$work/others.toml" \
       -o "$work/$name.md" -o "$work/out/$name.json" -o "$work/out/$name.xml" || one=$?
     [ "$one" -le 1 ] || die "$name: the comparison ended with $one: $(last_words)"
     [ "$one" = 0 ] || code=1
