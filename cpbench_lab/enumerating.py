@@ -94,10 +94,10 @@ class EverySolution:
         write_atomic(path, put, force=force)
 
 
-def reply_to(address: str, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """List all solutions of the problem of a file, as `cpbench solve --all` is asked: lines, record, and whether a file
-    was written. Raises CpbenchError."""
-    problem = storage.load(address, format=asked["format"])
+def reply_to(address: str, format: str | None, output: Path | None, force: bool) -> dict[str, Any]:
+    """List all solutions of the problem of a file, as `cpbench solve --all` does: lines, record, and whether the file
+    `output` was written. Raises CpbenchError."""
+    problem = storage.load(address, format=format)
     found = every_solution(problem)
     name = problem.name or Path(address).stem
     first, *rest = found.lines()
@@ -105,8 +105,8 @@ def reply_to(address: str, asked: Mapping[str, Any]) -> dict[str, Any]:
     record["solutions"] = found.x.tolist()
     if game_sizes(problem) is not None:
         record["equilibria"] = [{name: part.tolist() for name, part in own.items()} for own in found.own]
-    if asked["output"] is not None and found.points:
-        found.save(Path(asked["output"]), force=asked["force"])
+    if output is not None and found.points:
+        found.save(output, force=force)
     lines = [f"{name} ({problem.node}): {first}", *rest]
     return {"lines": lines, "record": record, "good": True, "written": bool(found.points)}
 

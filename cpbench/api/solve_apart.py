@@ -3,51 +3,36 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
 from dataclasses import replace
 
 from cpbench import storage
 from cpbench.api.answered import Answered
+from cpbench.api.solve_alone import Asked
 from cpbench.bench import starts
 from cpbench.bench.events import EventHandler, ignore_event
 from cpbench.bench.planning import grids, plan
 from cpbench.bench.planning.nearest import AUTO
+from cpbench.bench.planning.places import located
 from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import NoRoute
-from cpbench.generators.collection import address_text
+from cpbench.generators.collection import address_text, builtin_folder
 from cpbench.solvers.base import solvers
 
 
-def solve_apart(
-    address: str,
-    solver: str,
-    *,
-    via: Sequence[str] = (),
-    facets: int = 8,
-    routes: str = "exact",
-    start: str = "cold",
-    tolerance: float = 1e-6,
-    limits: plan.Limits,
-    format: str | None = None,
-    on_event: EventHandler = ignore_event,
-) -> Answered:
+def solve_apart(asked: Asked, on_event: EventHandler = ignore_event) -> Answered:
     """Solve a problem of a file by one solver, in a process that is stopped at the limits.
 
-    Parameters
-    ----------
-    address : the file, or ``FILE::NAME``. solver : a name with options, or AUTO. via : conversions to go through.
-    facets : for conversions of `via` that have them. routes : exact, or all. start : where the solver begins.
-    tolerance : the largest error of an answer that counts as solved. limits : seconds, bytes and threads of a solve.
-    on_event : called with the events of the run.
+    `on_event` : called with the events of the run.
 
     Raises NoRoute where no route leads to the solver, UnknownName, CpbenchError on a start that needs several solves.
     """
+    address, solver, routes, limits = located(asked.address, builtin_folder), asked.solver, asked.routes, asked.limits
     entries = grids.grid(AUTO) if solver == AUTO else [plan.parse_entry(solver)]
-    policy = starts.one_start(start)
-    if via:
-        requests = [plan.pinned(via, {"facets": facets})]
+    policy = starts.one_start(asked.start)
+    if asked.via:
+        requests = [plan.pinned(asked.via, {"facets": asked.facets})]
     else:
         requests = [plan.exact(), *(plan.requests("all", ())[1:] if routes == "all" else [])]
     if len(entries) == 1:
@@ -55,9 +40,9 @@ def solve_apart(
     with Slot(Setting(limits.threads, limits.memory)) as slot:
         if len(entries) == 1:
             slot.workers.begin(entries[0].solver, limits.memory)
-        survey = slot.survey(address, requests, format, limits.seconds)
-        relaxed = routes == "all" or not via
-        pairs = plan.pairs([survey], entries, requests, tolerance, limits, relaxations=relaxed, start=str(policy))
+        survey = slot.survey(address, requests, asked.format, limits.seconds)
+        relaxed = routes == "all" or not asked.via
+        pairs = plan.pairs([survey], entries, requests, asked.tolerance, limits, relaxations=relaxed, start=str(policy))
         if not pairs:
             raise NoRoute(
                 f"no {routes} route from {survey.node} to {solver}; see: cpbench route {shlex.quote(address)} --explain"

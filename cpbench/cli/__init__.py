@@ -5,13 +5,14 @@ from __future__ import annotations
 import io
 import os
 import sys
+from collections.abc import Sequence
 from importlib.metadata import EntryPoint
+from pathlib import Path
 from typing import Any
 
 import click
 
 from cpbench import __version__
-from cpbench.cli import ahead
 from cpbench.errors import CpbenchError, FormatError
 from cpbench.foundation import extensions
 from cpbench.foundation.imports import uncollected
@@ -39,6 +40,8 @@ COMMANDS = (
 RESULT_COMMANDS = ("import", "merge", "export")
 """Commands of `cpbench results`, which packages may add to; each is also found by its name alone, as it was before."""
 RESULTS = "results"
+SAYING_MORE = ("-h", "--help", "--plugin", "--plan", "--cluster")
+"""Options with which a run has no processes here, or others than most."""
 _PLUGIN: dict[str, Any] = {
     "multiple": True,
     "metavar": "FILE",
@@ -79,10 +82,7 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, extensions.summary(entry.module)) for name, entry in entries if entry])
 
     def resolve_command(self, ctx: click.Context, args: list[str]) -> Any:
-        from cpbench.registry import PLUGIN_FILES
-
-        if args and not os.environ.get(PLUGIN_FILES):
-            ahead.begin(args)
+        _begin_run(args)
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError:
@@ -92,6 +92,19 @@ class LazyGroup(click.Group):
             near = difflib.get_close_matches(args[0], known, n=3)
             hint = f"did you mean {', '.join(near)}?" if near else f"commands: {', '.join(known)}"
             ctx.fail(f"no command '{args[0]}': {hint}")
+
+
+def _begin_run(arguments: Sequence[str]) -> None:
+    """Start what starts the processes of a run before its command is imported, which takes as long; where a file or an
+    option may say otherwise, as of its threads, the run starts it later."""
+    if arguments[:1] != ["run"] or any(word.startswith(SAYING_MORE) for word in arguments):
+        return
+    for file in map(Path, ("cpbench.toml", "pyproject.toml")):
+        if file.is_file() and (file.name == "cpbench.toml" or b"tool.cpbench" in file.read_bytes()):
+            return
+    from cpbench.bench.processes import launch
+
+    launch.begin(1)
 
 
 def _entry(name: str) -> EntryPoint | None:
@@ -144,5 +157,3 @@ def main() -> None:
         traceback.print_exc()
         click.echo("cpbench: this is a bug; please report it with the lines above", err=True)
         sys.exit(3)
-    finally:
-        ahead.end()

@@ -5,15 +5,11 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
 
-from cpbench.bench.processes.supervised import Stopped
-from cpbench.bench.time_limits import GRACE, REFEREE, START, WARM_UP
-from cpbench.cli import ahead
 from cpbench.cli.options import (
     Command,
     facets_option,
@@ -27,8 +23,13 @@ from cpbench.cli.options import (
 )
 from cpbench.cli.terminal import print_lines
 from cpbench.cli.types import PATH
-from cpbench.errors import CpbenchError
-from cpbench.registry import PLUGIN_FILES
+from cpbench.foundation.child_processes import THREAD_VARIABLES
+from cpbench.foundation.imports import uncollected
+
+if TYPE_CHECKING:
+    from cpbench.bench.events import Event
+
+AUTO = "auto"
 
 
 @click.command(cls=Command)
@@ -36,7 +37,7 @@ from cpbench.registry import PLUGIN_FILES
 @click.option(
     "-s",
     "--solver",
-    default=ahead.AUTO,
+    default=AUTO,
     show_default=True,
     metavar="NAME[opt=value]",
     help="Solver (cpbench list solvers); auto: cpbench chooses among its own, as cpbench.solve does.",
@@ -91,114 +92,45 @@ def command(
     ...` lifts no wrong answer. The answer is written in either case.
     """
     require_with_via(via)
-    if every and (solver != ahead.AUTO or via or start != "cold"):
+    if every and (solver != AUTO or via or start != "cold"):
         raise click.UsageError("--all looks at every complementary basis: leave out -s, --via and --start")
-    asked = {
-        "solver": solver,
-        "via": via,
-        "facets": facets,
-        "routes": routes,
-        "start": start,
-        "tolerance": tolerance,
-        "seconds": timeout,
-        "memory": memory,
-        "threads": threads,
-        "output": None if output is None else str(output),
-        "force": force,
-        "format": file_format,
-        "verbose": verbose,
-        "all": every,
-    }
-    own = not os.environ.get(PLUGIN_FILES) and ahead.own_process(solver)
-    answered = (_in_own_process if own else _apart)(problem, asked)
-    for line in [json.dumps(answered["record"])] if as_json else answered["lines"]:
+    for variable in THREAD_VARIABLES:  # before what reads them is imported
+        os.environ[variable] = str(threads)
+    with uncollected():
+        from cpbench.api.solve_alone import Asked, own, reply, solve_alone
+        from cpbench.bench.planning.plan import Limits
+
+        ours = own(solver)
+    limits = Limits(timeout, memory, threads, repeats=1)
+    asked = Asked(
+        problem, solver, every, via, facets, routes, start, tolerance, limits, file_format, output, force, verbose
+    )
+    if ours:
+        told = solve_alone(asked, _say_compiling)
+    else:
+        from cpbench.api.solve_apart import solve_apart
+        from cpbench.storage.base import require_new
+
+        if output is not None:
+            require_new(output, force)
+        told = reply(asked, solve_apart(asked, _show))
+    for line in [json.dumps(told["record"])] if as_json else told["lines"]:
         click.echo(line)
-    if output is not None and not answered["written"]:
+    if output is not None and not told["written"]:
         click.echo("no answer to write", err=True)
         sys.exit(1)
     if output is not None:
         print_lines([f"answer: {output}"], err=as_json)
-    if not answered["good"]:
+    if not told["good"]:
         sys.exit(1)
 
 
-def _in_own_process(problem: str, asked: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Solve by a solver of cpbench, in one process; raises CpbenchError where there is nothing to solve."""
-    seconds, known = asked["seconds"], {"address": problem, "problem": "", "node": "?"}
-    around = REFEREE.limit(seconds)
-    limits = {"read": START.limit(seconds) + around, "warm-up": WARM_UP.limit(seconds), "judge": around}
-
-    def note(facts: Mapping[str, Any]) -> None:
-        known.update(facts)
-        if "compiling" in facts:
-            _say_compiling(facts["compiling"])
-
-    with ahead.solving(asked["threads"]) as process:
-        try:
-            reply = process.ask({**asked, "address": problem}, "read", {**limits, "solve": seconds + GRACE}, note)
-        except Stopped as stopped:
-            reply = _stopped(stopped, seconds, limits)
-    if "refused" in reply:
-        raise CpbenchError(reply["refused"])
-    if "others" in reply:
-        return _apart(problem, asked)
-    return _without_answer(known, asked, reply) if "status" in reply else reply
-
-
-def _stopped(stopped: Stopped, seconds: float, limits: Mapping[str, float]) -> dict[str, Any]:
-    """Return status and message of a process that gave no answer."""
-    if stopped.code is not None:
-        cause = f"killed by signal {-stopped.code}" if stopped.code < 0 else f"exited with code {stopped.code}"
-        return {"status": "crash", "message": f"{stopped.phase}: {cause}"}
-    if stopped.phase == "solve":
-        return {"status": "timeout", "message": f"killed after {seconds:g} s", "solve": seconds}
-    return {"status": "error", "message": f"{stopped.phase}: not over after {limits[stopped.phase]:g} s"}
-
-
-def _without_answer(known: Mapping[str, Any], asked: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, Any]:
-    from cpbench.api.answered import Answered
-    from cpbench.bench.results.rows import Outcome
-
-    named = known["address"], known["problem"], known["node"]
-    answered = Answered(*named, known.get("solver", asked["solver"]), asked["tolerance"], Outcome(**found))
-    lines = list(answered.lines(verbose=asked["verbose"]))
-    return {"lines": lines, "record": answered.record(), "good": False, "written": False}
-
-
-def _apart(problem: str, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """Solve by a solver of another package, in separate processes."""
-    from cpbench.api.solve_apart import solve_apart
+def _show(event: Event) -> None:
+    """Say that a solver compiles, which takes seconds."""
     from cpbench.bench.events import Compiling
-    from cpbench.bench.planning.plan import Limits
-    from cpbench.cli.types import ADDRESS
-    from cpbench.storage.base import require_new
 
-    if asked["output"] is not None:
-        require_new(Path(asked["output"]), asked["force"])
-    address = ADDRESS.convert(problem, None, None)
-    if asked["all"]:
-        from cpbench.foundation.extensions import hook
-
-        reply: dict[str, Any] = hook("reply_to")(address, asked)
-        return reply
-    answered = solve_apart(
-        address,
-        asked["solver"],
-        via=asked["via"],
-        facets=asked["facets"],
-        routes=asked["routes"],
-        start=asked["start"],
-        tolerance=asked["tolerance"],
-        limits=Limits(asked["seconds"], asked["memory"], asked["threads"], repeats=1),
-        format=asked["format"],
-        on_event=lambda event: _say_compiling(event.solver) if isinstance(event, Compiling) else None,
-    )
-    output: str | None = asked["output"]
-    written = output is not None and answered.point is not None
-    if output is not None and written:
-        answered.save(Path(output), force=asked["force"])
-    lines = list(answered.lines(verbose=asked["verbose"]))
-    return {"lines": lines, "record": answered.record(), "good": bool(answered), "written": written}
+    if isinstance(event, Compiling):
+        _say_compiling(event.solver)
 
 
 def _say_compiling(solver: str) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,14 +15,12 @@ import cpbench
 from cpbench import storage
 from cpbench.analysis.contact_table import contact_table
 from cpbench.api.answer_text import WORDS, status_text
+from cpbench.api.solve_alone import own
 from cpbench.bench.planning import grids
 from cpbench.bench.planning.nearest import all_automatic, nearest_automatic
-from cpbench.cli import ahead
-from cpbench.errors import CpbenchError, NoRoute
+from cpbench.errors import CpbenchError, NoRoute, UnknownName
 from cpbench.formulations import LCP, QP, Contacts, FCPoint, FrictionContact
 from cpbench.verification import Status
-
-linux = pytest.mark.skipif(sys.platform != "linux", reason="does not apply: Linux only")
 
 
 def saved(folder: Path, problem: cpbench.LCP | QP | FrictionContact) -> str:
@@ -205,7 +202,6 @@ def test_the_command_shows_the_table_of_contacts(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("cpbench_solvers")
-@linux
 def test_the_memory_of_a_solve_is_limited(tmp_path: Path) -> None:
     """A factor of a dense 1200 × 1200 matrix has 11.5 MB, of which 4 MB are allowed."""
     rng = np.random.default_rng(0)
@@ -217,20 +213,19 @@ def test_the_memory_of_a_solve_is_limited(tmp_path: Path) -> None:
 
 
 @pytest.mark.needs("cpbench_solvers")
-@linux
 def test_only_solvers_of_cpbench_are_in_the_process_that_judges() -> None:
-    assert all(map(ahead.own_process, ("auto", "lemke", "nsgs[omega=1.2]", "auto-qp")))
-    assert not any(map(ahead.own_process, ("siconos-fc3d-nsgs", "casadi-ipopt-nlp", "no-such-solver")))
+    assert all(map(own, ("auto", "lemke", "nsgs[omega=1.2]", "auto-qp")))
+    assert not any(map(own, ("siconos-fc3d-nsgs", "casadi-ipopt-nlp")))
+    with pytest.raises(UnknownName):
+        own("no-such-solver")
 
 
 @pytest.mark.needs("cpbench_solvers")
-def test_a_solver_of_others_that_one_of_cpbench_names_is_not_run_there(tmp_path: Path) -> None:
-    """`auto-qp` has osqp among its members, by which the text of modules takes it for one of cpbench's."""
+def test_a_solver_of_others_has_processes_of_its_own(tmp_path: Path) -> None:
     pytest.importorskip("osqp", reason="needs a package: osqp")
     name = saved(tmp_path, QP.build(Q=[[1.0]], p=[-3.0], lb=[0.0], ub=[1.0], name="bounded"))
     row = json.loads(command(tmp_path, "solve", name, "-s", "osqp", "--json").stdout)
     assert (row["solver"], row["status"], row["repeats"]) == ("osqp", "solved", 1)
-    assert ahead.own_process("osqp")
 
 
 @pytest.mark.needs("cpbench_solvers")

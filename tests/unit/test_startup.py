@@ -58,7 +58,7 @@ def test_the_command_line_itself_is_small() -> None:
         "print(*sorted(name for name in sys.modules if name.startswith('cpbench') or name in ('numpy', 'asyncio')))"
     )
     below = ["", ".extensions", ".imports", ".plain_text"]
-    ours = ["", ".cli", ".cli.ahead", ".errors", *(f".foundation{name}" for name in below)]
+    ours = ["", ".cli", ".errors", *(f".foundation{name}" for name in below)]
     packages = ["cpbench_lab", "cpbench_lab.commands"]  # of the docstrings of commands, which are read
     assert _said(code).splitlines()[-1].split() == [*(f"cpbench{name}" for name in ours), *packages]
 
@@ -156,21 +156,22 @@ def test_a_plugin_may_not_take_the_name_of_a_solver_that_is_looked_for(tmp_path:
     ("arguments", "begins"),
     some_by_day(
         [
-            (["solve", "p.h5", "-s", "lemke"], True),
-            (["run", "p.h5", "-s", "lemke"], True),
+            (["run", "p.h5", "-s", "lemke", "--timeout=1"], True),
             (["run"], True),
+            (["run", "p.h5", "--cluster=local"], False),
             (["run", "--plan", "mine.toml"], False),
             (["run", "p.h5", "--plugin", "mine.py"], False),
-            (["solve", "--help"], False),
+            (["run", "--help"], False),
+            (["solve", "p.h5"], False),
             (["info", "p.h5"], False),
         ],
         2,
     ),
 )
-def test_a_command_that_solves_begins_its_processes_before_it_imports(arguments: list[str], begins: bool) -> None:
-    """Unless a file or a plugin may say how."""
+def test_a_run_begins_its_processes_before_it_imports(arguments: list[str], begins: bool) -> None:
+    """Unless a file or an option may say how."""
     code = (
-        f"import sys, psutil; from cpbench.cli import ahead; ahead.begin({arguments!r}); "
+        f"import os, sys, psutil, cpbench.cli; os.chdir('/'); cpbench.cli._begin_run({arguments!r}); "
         "print(len(psutil.Process().children()) > 0, 'numpy' in sys.modules)"
     )
     assert _said(code) == f"{begins} False"

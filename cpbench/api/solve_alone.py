@@ -1,0 +1,210 @@
+"""Solving one problem of a file by a solver of cpbench, as `cpbench.solve` does, in a process of its own with limits.
+
+What a solve loads or compiles is off the clock, and counts as no memory of it.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from cpbench import graph, storage
+from cpbench.api.answered import Answered
+from cpbench.api.solution import Solution
+from cpbench.api.solving import JUDGE, Way, solve_there, way_to
+from cpbench.api.takers import advised
+from cpbench.bench import starts
+from cpbench.bench.planning import plan
+from cpbench.bench.planning.nearest import AUTO
+from cpbench.bench.planning.places import located
+from cpbench.bench.processes.alone import FIRST, OFF, SOLVE, Stopped, Work, run_alone
+from cpbench.bench.results.rows import Outcome
+from cpbench.bench.time_limits import GRACE, REFEREE, START, WARM_UP
+from cpbench.conversions.base import Conversion
+from cpbench.errors import CpbenchError, NoRoute, NotApplicable, Unavailable
+from cpbench.formulations.base import Kind, Problem
+from cpbench.foundation import brackets, kernel_cache
+from cpbench.foundation.extensions import hook
+from cpbench.generators.collection import builtin_folder
+from cpbench.solvers import clock, warming
+from cpbench.solvers.base import Trait, solvers
+from cpbench.storage.base import require_new
+from cpbench.verification import Status
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What `cpbench solve` was asked for.
+
+    Attributes
+    ----------
+    address : of the problem. solver : a name with options, or AUTO. every : whether all solutions are asked for.
+    via, facets : conversions to go through. routes : exact, or all. start : where the solver begins.
+    tolerance : the largest error of an answer that counts as solved. limits : of the solve.
+    output, force : the file for the answer, and whether it may be there. verbose : whether all lines are shown.
+    """
+
+    address: str
+    solver: str
+    every: bool
+    via: tuple[str, ...]
+    facets: int
+    routes: str
+    start: str
+    tolerance: float
+    limits: plan.Limits
+    format: str | None
+    output: Path | None
+    force: bool
+    verbose: bool
+
+
+def own(solver: str) -> bool:
+    """Return whether a solver is one of cpbench's own, to which a process is left; raises UnknownName."""
+    name = brackets.read("solver", solver)[0]
+    return name == AUTO or solvers.get(name).origin == "native"
+
+
+def reply(asked: Asked, answered: Answered) -> dict[str, Any]:
+    """Write the answer where that is asked for; return what is to be printed of it, and whether it is `good`."""
+    written = asked.output is not None and answered.point is not None
+    if asked.output is not None and written:
+        answered.save(asked.output, force=asked.force)
+    lines = list(answered.lines(verbose=asked.verbose))
+    return {"lines": lines, "record": answered.record(), "good": bool(answered), "written": written}
+
+
+def solve_alone(asked: Asked, on_compiling: Callable[[str], None]) -> dict[str, Any]:
+    """Solve as asked, or list all solutions; return what `reply` does. `on_compiling` takes the name of a solver that
+    compiles first. Raises CpbenchError where there is nothing to solve."""
+    seconds, known = asked.limits.seconds, {"problem": "", "node": "?", "solver": asked.solver}
+    around = REFEREE.limit(seconds)
+    limits = {FIRST: START.limit(seconds) + around, OFF: WARM_UP.limit(seconds), JUDGE: around, SOLVE: seconds + GRACE}
+
+    def on_note(note: Mapping[str, Any]) -> None:
+        known.update(note)
+        if "compiling" in note:
+            on_compiling(note["compiling"])
+
+    try:
+        found = run_alone(lambda work: _safely(asked, work), limits, asked.limits.memory, on_note)
+    except Stopped as stopped:
+        found = _stopped(stopped, seconds, limits)
+    if "refused" in found:
+        raise CpbenchError(found["refused"])
+    if "status" not in found:
+        return found
+    named = asked.address, known["problem"], known["node"], known["solver"], asked.tolerance
+    return reply(asked, Answered(*named, Outcome(**found)))
+
+
+def _stopped(stopped: Stopped, seconds: float, limits: Mapping[str, float]) -> dict[str, Any]:
+    """Return status and message of a process that gave no answer."""
+    if stopped.code is not None:
+        cause = f"killed by signal {-stopped.code}" if stopped.code < 0 else f"exited with code {stopped.code}"
+        return {"status": "crash", "message": f"{stopped.phase}: {cause}"}
+    if stopped.phase == SOLVE:
+        return {"status": "timeout", "message": f"killed after {seconds:g} s", "solve": seconds}
+    return {"status": "error", "message": f"{stopped.phase}: not over after {limits[stopped.phase]:g} s"}
+
+
+def _safely(asked: Asked, work: Work) -> dict[str, Any]:
+    """Return the reply, or why there is none."""
+    try:
+        if asked.output is not None:
+            require_new(asked.output, asked.force)
+        if not asked.every:
+            answered = _answered(asked, work)
+            work.begin(JUDGE)
+            return reply(asked, answered)
+        if asked.output is not None:
+            hook("require_rows")(asked.output)
+        work.begin(JUDGE)
+        listed: dict[str, Any] = hook("reply_to")(
+            located(asked.address, builtin_folder), asked.format, asked.output, asked.force
+        )
+        return listed
+    except CpbenchError as refusal:
+        return {"refused": str(refusal)}
+    except MemoryError:
+        return {"status": str(Status.MEMOUT), "message": f"{work.phase}: ran out of memory"}
+    except Exception as error:
+        return {"status": str(Status.ERROR), "message": f"{work.phase}: {type(error).__name__}: {error}"}
+
+
+def _answered(asked: Asked, work: Work) -> Answered:
+    """Return what became of the solve, whatever that is; raises CpbenchError where there is nothing to solve."""
+    begun = time.perf_counter()
+    address, known = located(asked.address, builtin_folder), Outcome()
+    policy = starts.one_start(asked.start)
+    problem = storage.load(address, format=asked.format)
+    known = replace(known, load=time.perf_counter() - begun)
+    work.say(problem=problem.name, node=problem.node)
+    label = asked.solver
+    try:
+        way = _way(problem, asked)
+        label = way.name
+        work.say(solver=label)
+        known = replace(known, route=way.label, kind=str(way.kind), convert=way.seconds)
+        known = replace(known, target_tolerance=graph.tolerance(way.problem, asked.tolerance, way.steps))
+        point = None
+        if policy.warm:
+            point, started = _start(policy, problem, way, address, asked.tolerance)
+            known = replace(known, started=started)
+        work.begin(OFF)
+        with kernel_cache.compiling_reported(lambda: work.say(compiling=way.name)):
+            warming.warm_up_quickly(way.solver)
+            clock.listen(work.off_the_clock)
+            solution, there = solve_there(
+                problem, way, asked.tolerance, asked.limits.seconds, point, on_phase=work.begin
+            )
+    except (NotApplicable, Unavailable) as refusal:
+        status = Status.UNSUPPORTED if isinstance(refusal, NotApplicable) else Status.UNAVAILABLE
+        refused = replace(known, status=str(status), message=str(refusal))
+        return Answered(asked.address, problem.name, problem.node, label, asked.tolerance, refused)
+    return _of(asked.address, advised(solution), there, known)
+
+
+def _way(problem: Problem, asked: Asked) -> Way:
+    """Bring the problem to the solver: by exact conversions, and where these do not lead there by all of them if that
+    is asked for."""
+    via: tuple[Conversion, ...] = ()
+    if asked.via:
+        via = plan.parse_request(plan.pinned(asked.via, {"facets": asked.facets}))[1]
+    try:
+        return way_to(problem, asked.solver, via)
+    except NoRoute:
+        if asked.routes != "all":
+            raise
+    return way_to(problem, asked.solver, via, frozenset(Kind))
+
+
+def _start(policy: starts.StartPolicy, problem: Problem, way: Way, address: str, tolerance: float) -> tuple[Any, str]:
+    """Return the starting point on the solver's own problem, and its description; raises NotApplicable."""
+    if Trait.WARM_START not in way.solver.spec.traits:
+        raise NotApplicable(way.name, "takes no starting point, and a cold start is not what was asked for")
+    begin = starts.start(policy, problem, address, way.problem, way.steps)
+    return begin.point, begin.description
+
+
+def _of(address: str, solution: Solution, there: float, known: Outcome) -> Answered:
+    """Return a solution as the outcome of a solve, with `there`, its error on the solver's own problem."""
+    problem, verdict, spent = solution.problem, solution.verdict, solution.seconds
+    outcome = replace(
+        known,
+        status=str(solution.status),
+        claim=solution.claim or None,
+        error=verdict.error,
+        target_error=there,
+        flags=",".join(verdict.flags),
+        message=solution.message,
+        parts=json.dumps({**verdict.judged, **verdict.parts}),
+        counters=json.dumps(dict(solution.counters)),
+        **{name: spent[name] for name in ("setup", "solve", "lift", "verify") if name in spent},
+    )
+    asked = address, problem.name, problem.node, solution.solver, solution.tolerance
+    return Answered(*asked, outcome, problem, solution.point)
