@@ -37,8 +37,8 @@ from cpbench.verification import Status
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What `cpbench solve` was asked for.
+class SolveRequest:
+    """Arguments of `cpbench solve`.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ def own(solver: str) -> bool:
     return name == AUTO or solvers.get(name).origin == "native"
 
 
-def reply(asked: Asked, answered: Answered) -> dict[str, Any]:
+def reply(asked: SolveRequest, answered: Answered) -> dict[str, Any]:
     """Write the answer where that is asked for; return what is to be printed of it, and whether it is `good`."""
     written = asked.output is not None and answered.point is not None
     if asked.output is not None and written:
@@ -78,7 +78,7 @@ def reply(asked: Asked, answered: Answered) -> dict[str, Any]:
     return {"lines": lines, "record": answered.record(), "good": bool(answered), "written": written}
 
 
-def solve_alone(asked: Asked, on_compiling: Callable[[str], None]) -> dict[str, Any]:
+def solve_alone(asked: SolveRequest, on_compiling: Callable[[str], None]) -> dict[str, Any]:
     """Solve as asked, or list all solutions; return what `reply` does. `on_compiling` takes the name of a solver that
     compiles first. Raises CpbenchError where there is nothing to solve."""
     seconds, known = asked.limits.seconds, {"problem": "", "node": "?", "solver": asked.solver}
@@ -112,7 +112,7 @@ def _stopped(stopped: Stopped, seconds: float, limits: Mapping[str, float]) -> d
     return {"status": "error", "message": f"{stopped.phase}: not over after {limits[stopped.phase]:g} s"}
 
 
-def _safely(asked: Asked, work: Work) -> dict[str, Any]:
+def _safely(asked: SolveRequest, work: Work) -> dict[str, Any]:
     """Return the reply, or why there is none."""
     try:
         if asked.output is not None:
@@ -136,7 +136,7 @@ def _safely(asked: Asked, work: Work) -> dict[str, Any]:
         return {"status": str(Status.ERROR), "message": f"{work.phase}: {type(error).__name__}: {error}"}
 
 
-def _answered(asked: Asked, work: Work) -> Answered:
+def _answered(asked: SolveRequest, work: Work) -> Answered:
     """Return what became of the solve, whatever that is; raises CpbenchError where there is nothing to solve."""
     begun = time.perf_counter()
     address, known = located(asked.address, builtin_folder), Outcome()
@@ -169,7 +169,7 @@ def _answered(asked: Asked, work: Work) -> Answered:
     return _of(asked.address, advised(solution), there, known)
 
 
-def _way(problem: Problem, asked: Asked) -> Way:
+def _way(problem: Problem, asked: SolveRequest) -> Way:
     """Bring the problem to the solver: by exact conversions, and where these do not lead there by all of them if that
     is asked for."""
     via: tuple[Conversion, ...] = ()

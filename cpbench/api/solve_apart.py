@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from cpbench import storage
 from cpbench.api.answered import Answered
-from cpbench.api.solve_alone import Asked
+from cpbench.api.solve_alone import SolveRequest
 from cpbench.bench import starts
 from cpbench.bench.events import EventHandler, ignore_event
 from cpbench.bench.planning import grids, plan
@@ -21,7 +21,7 @@ from cpbench.generators.collection import address_text, builtin_folder
 from cpbench.solvers.base import solvers
 
 
-def solve_apart(asked: Asked, on_event: EventHandler = ignore_event) -> Answered:
+def solve_apart(asked: SolveRequest, on_event: EventHandler = ignore_event) -> Answered:
     """Solve a problem of a file by one solver, in a process that is stopped at the limits.
 
     `on_event` : called with the events of the run.

@@ -12,9 +12,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import groupby
+from multiprocessing.context import ForkServerContext
 
 from cpbench.bench.processes.channel import Channel
-from cpbench.bench.processes.launch import Context, context
+from cpbench.bench.processes.launch import context
 from cpbench.bench.processes.process import Child, Died, TimedOut
 from cpbench.bench.time_limits import START, WARM_UP
 from cpbench.bench.worker_pool import describe_exit
@@ -107,7 +108,7 @@ class _ImportThread(threading.Thread):
 
     def __init__(
         self,
-        means: Context,
+        means: ForkServerContext,
         waiting: queue.SimpleQueue[list[str]],
         found: queue.SimpleQueue[SolverState | BaseException],
         warm: bool,

@@ -97,12 +97,12 @@ def command(
     for variable in THREAD_VARIABLES:  # before what reads them is imported
         os.environ[variable] = str(threads)
     with uncollected():
-        from cpbench.api.solve_alone import Asked, own, reply, solve_alone
+        from cpbench.api.solve_alone import SolveRequest, own, reply, solve_alone
         from cpbench.bench.planning.plan import Limits
 
         ours = own(solver)
     limits = Limits(timeout, memory, threads, repeats=1)
-    asked = Asked(
+    asked = SolveRequest(
         problem, solver, every, via, facets, routes, start, tolerance, limits, file_format, output, force, verbose
     )
     if ours:
