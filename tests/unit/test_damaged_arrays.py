@@ -124,15 +124,6 @@ def test_archives(kind: str, tmp_path: Path) -> None:
     _ends_in_one_line(tmp_path, "info", "a.npz")
 
 
-@pytest.mark.needs("cpbench_lab")
-@pytest.mark.parametrize("kind", ARCHIVES)
-def test_archives_that_are_bundles(kind: str, tmp_path: Path) -> None:
-    from cpbench_lab.bundle import archive
-
-    (tmp_path / "b.zip").write_bytes(_zip(ARCHIVES[kind], (archive.MANIFEST, "q.npy")))
-    _ends_in_one_line(tmp_path, "reproduce", "b.zip", "-o", "out")
-
-
 def _save_mat(path: Path) -> None:
     parts = {"P": sp.csc_matrix(M), "q": Q, "r": 0.5, "A": sp.csc_matrix(M[:1]), "l": Q[:1] - 1.0, "u": Q[:1]}
     scipy.io.savemat(path, parts, do_compression=path.stem == "packed")

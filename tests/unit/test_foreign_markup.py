@@ -227,17 +227,3 @@ def test_terminals_get_one_line_for_each_name(tmp_path: Path) -> None:
         lines = (done.stdout + done.stderr).splitlines()
         assert not [line for line in lines if line.startswith("second")], arguments
         assert [line for line in lines if "\\nsecond" in line], arguments
-
-
-@pytest.mark.needs("cpbench_lab")
-def test_the_guide_of_a_bundle_is_text() -> None:
-    from cpbench_lab.bundle import guide
-
-    withheld = {
-        "address": SCRIPT, "node": "lcp", "fingerprint": "f", "withheld": SCRIPT, "source": SCRIPT, "citation": SCRIPT,
-    }  # fmt: skip
-    about = {
-        "plugins": [f"plugins/{SCRIPT}"], "statuses": {}, "pairs": 0, "seconds": 1.0, "problems": [withheld],
-        "absent": [SCRIPT], "restricted": {SCRIPT: SCRIPT},
-    }  # fmt: skip
-    assert _html(guide.text(about, report=True)) == []

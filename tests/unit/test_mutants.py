@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import random
-import shutil
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -25,7 +24,7 @@ from cpbench.bench.results.store import Store
 from cpbench.formulations import QP, FrictionContact
 from cpbench.storage.arrays import read_array
 
-OWN = ("own.h5", "contact.h5", "results.sqlite", "bundle.zip")
+OWN = ("own.h5", "contact.h5", "results.sqlite")
 """Files with a digest of what is in them."""
 CUTS = (r"(?<=\n)", r"(\s)", r"(?s)(?=.)")
 LETTERS = "0123456789.-+*/=()[]{}\"';:,eExXnN \n\t\x00\xff"
@@ -106,17 +105,6 @@ def _results(path: Path) -> None:
         store.settle()
 
 
-def _bundle(path: Path) -> None:
-    from cpbench_lab.bundle import archive
-
-    folder = path.parent / "bundled"
-    folder.mkdir()
-    cpbench.save(_lcp(), folder / "p.h5")
-    (folder / "plan.toml").write_text(PLAN)
-    archive.pack(folder, path, {"problems": [], "plugins": []})
-    shutil.rmtree(folder)
-
-
 def _texts(path: Path) -> None:
     np.savetxt(path, M)
     np.savetxt(path.with_name(path.name.replace("-M", "-q")), Q)
@@ -150,14 +138,13 @@ SEEDS: dict[str, Callable[[Path], object]] = {
     "case-M1.txt": _texts,
     "triples.txt": _triples,
     "plan.toml": lambda path: path.write_text(PLAN),
-    "bundle.zip": _bundle,
     "results.sqlite": _results,
 }
 """How a file of each format is made, by its name."""
 TEXTS = ("matrix.mtx", "program.mps", "program.lp", "program.nl", "binary.nl", "model.gms", "model.mof.json",
          "siconos.dat", "case-M1.txt", "triples.txt", "plan.toml")  # fmt: skip
 """Files of which pieces of the text are moved as well."""
-NEEDS = {"bundle.zip": ("cpbench_lab",), "plan.toml": ("cpbench_solvers",)}
+NEEDS = {"plan.toml": ("cpbench_solvers",)}
 
 
 def _content(path: Path) -> Any:
@@ -167,12 +154,6 @@ def _content(path: Path) -> Any:
             return json.dumps(
                 [list(map(repr, store.rows())), store.meta()["command"], list(map(repr, store.answers()))]
             )
-    if path.suffix == ".zip":
-        from cpbench_lab.bundle import archive
-
-        shutil.rmtree(path.parent / "out", ignore_errors=True)
-        about = archive.unpack(path, path.parent / "out")
-        return about, {name: (path.parent / "out" / name).read_bytes() for name in about["files"]}
     if path.suffix == ".toml":
         plan = plan_file.read(path)
         return repr((plan.top, plan.sets))
