@@ -23,7 +23,6 @@ PAGES: dict[str, Callable[[], str | bytes]] = {
     "reference/commands.md": command_page.page,
     "reference/formulations.md": registry_pages.formulations_page,
     "reference/conversions.md": registry_pages.conversions_page,
-    "reference/conversions.svg": registry_pages.graph_picture,
     "reference/solvers.md": registry_pages.solvers_page,
     "reference/formats.md": registry_pages.formats_page,
     "reference/schemas.md": schema_page.page,

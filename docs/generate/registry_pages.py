@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import io
 import re
 import sys
 import tomllib
@@ -11,14 +10,12 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
-from lecture.graph_map import GUIDE, graph_map
 from page_parts import table, verbatim
 
 from cpbench.conversions import Conversion
 from cpbench.formulations import Problem, formulations
 from cpbench.formulations.exchange import exchanges
 from cpbench.graph import edges, promise
-from cpbench.report import canvas
 from cpbench.report.methods import METHODS
 from cpbench.solvers.base import SolverSpec, Trait, solvers
 from cpbench.storage import formats
@@ -53,19 +50,12 @@ def conversions_page() -> str:
             "# Conversions",
             "*Equivalent* and *one-way* conversions are exact: every answer of the target is one of the source. "
             "The others promise less, and are taken only when they are asked for.",
-            f"![Formulations and conversions](conversions.svg)\n\n{GUIDE}",
+            "![Formulations and conversions](conversions.svg)",
+            "Blue: exact for every problem, or for some. Dashed: approximations and relaxations only.",
             table(head, rows),
             *(_conversion(edge) for edge in edges()),
         ]
     )
-
-
-def graph_picture() -> bytes:
-    """Return the map of formulations and conversions as SVG."""
-    picture = io.BytesIO()
-    with canvas.drawing():
-        graph_map().savefig(picture, format="svg")
-    return picture.getvalue()
 
 
 def solvers_page() -> str:
