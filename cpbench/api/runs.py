@@ -14,11 +14,12 @@ from typing import Any
 from cpbench import storage
 from cpbench.api.concluding import conclude
 from cpbench.api.results import Results
-from cpbench.bench import planned_run
-from cpbench.bench.execution import SilentObserver, open_run
+from cpbench.bench import skipped
+from cpbench.bench.events import Observer
 from cpbench.bench.planning import plan_file, run_plan
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RUN_KEYS, SET_KEYS
+from cpbench.bench.run import open_run, require_answers
 from cpbench.errors import CpbenchError, UnknownName
 from cpbench.formulations.base import Problem
 from cpbench.generators.collection import builtin_folder
@@ -88,16 +89,16 @@ def run(
     given = {key: plan_file.check(key, value) for key, value in settings.items()}
     checked = run_plan.make({**given, "report": None}, {}, [])
     remarks: list[str] = []
-    observer = SilentObserver()
+    observer = Observer()
     with _environment_kept(), open_run(checked, builtin_folder, observer.reading) as opened:
         assembly = opened.assembly
         assembly.require_pairs()
-        planned_run.require_answers(checked, assembly.pairs)
+        require_answers(checked, assembly.pairs)
         remarks += _remarks(assembly)
         store = opened.open_results()
         opened.execute(store, observer, "cpbench.run from Python")
         conclude(store, say=remarks.append)
-        remarks += [f"rows are missing: {gap}; the same call goes on" for gap in planned_run.gaps(store, assembly)]
+        remarks += [f"rows are missing: {gap}; the same call goes on" for gap in skipped.gaps(store, assembly)]
     return Results(path, remarks=remarks)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -80,3 +80,20 @@ EventHandler: TypeAlias = Callable[[Event], None]
 
 def ignore_event(event: Event) -> None:
     """Ignore an event."""
+
+
+class Observer:
+    """An observer of a run, which shows nothing; a display shows what it overrides."""
+
+    def reading(self, addresses: Sequence[str]) -> Iterator[str]:
+        """Yield the addresses; an address is being read from its yield until the next one."""
+        yield from addresses
+
+    def begin(self, planned: Sequence[Pair], pending: Collection[str]) -> None:
+        """Take note that a round begins: the first run of pending pairs, or a retry."""
+
+    def progress(self, event: Event) -> None:
+        """Take an event of the run."""
+
+    def end(self) -> None:
+        """Take note that the round has ended, whatever the reason."""

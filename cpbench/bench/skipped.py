@@ -1,4 +1,6 @@
-"""Pairs that a run skips: of solvers that are not installed, or whose route turned out to be closed.
+"""Pairs without a row that a run can show: skipped, waiting, or of solvers that could not be run.
+
+A pair is skipped where its solver is not installed, or its route turned out to be closed.
 
 A pair that cannot be run says nothing about a solver. Unless the solver was named by the user, such a pair has no row
 but is counted under its reason, in `left_out` of the results: a list of `status` (missing, licence, unsupported),
@@ -9,12 +11,18 @@ again only with `--rerun`.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from cpbench.bench.planning import grids
+from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.plan import Pair
+from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.rows import Row
 from cpbench.bench.results.store import Store
+from cpbench.foundation.plurals import counted
 from cpbench.verification import Status
 
 MISSING, LICENCE = "missing", "licence"
@@ -37,6 +45,48 @@ def statuses(store: Store) -> dict[str, str]:
         for entry in _entries(store)
         for key in entry["keys"]
     }
+
+
+def statuses_of(path: Path) -> dict[str, str]:
+    """Return the status of every row and of every skipped pair of a results file, by key; nothing where there is no
+    such file."""
+    if not path.exists():
+        return {}
+    with Store(path) as store:
+        return {**statuses(store), **{row.key: row.status for row in store.rows()}}
+
+
+def gaps(store: Store, assembly: Assembly) -> list[str]:
+    """Return what the plan asked for and the results lack; nothing after a complete run."""
+    waiting = store.pending() & {pair.key for pair in assembly.pairs}
+    rows = [f"{len(waiting)} of {counted(len(assembly.pairs), 'pair')} not run"] if waiting else []
+    files = [f"the content of {address} is unknown" for address in assembly.unread[:1]]
+    more = [f"and that of {len(assembly.unread) - 1} more files"] if len(assembly.unread) > 1 else []
+    return [*rows, *files, *more]
+
+
+def not_run(store: Store, assembly: Assembly) -> list[str]:
+    """Return the solvers that were named and could not be run: those with rows that are `unavailable`, and those that
+    no route leads to."""
+    status = str(Status.UNAVAILABLE)
+    absent: Counter[str] = Counter()
+    if store.counts().get(status):
+        named = {pair.key for pair in assembly.pairs if pair.named}
+        absent = Counter(row.solver for row in store.rows() if row.status == status and row.key in named)
+    asked = {name for part in assembly.parts if part.asked.chosen for name in grids.named(part.asked.solvers)}
+    return [
+        *(f"{name} ({counted(rows, 'row')} {status})" for name, rows in sorted(absent.items())),
+        *(f"{name} (no route)" for name in assembly.idle if name in asked),
+    ]
+
+
+def failures(store: Store, asked: RunPlan, planned: Sequence[Pair]) -> Counter[str]:
+    """Count the planned pairs that ended in a status which the plan calls a failure."""
+    if not asked.fail_on:
+        return Counter()
+    keys = {pair.key for pair in planned}
+    ended = [*((row.key, row.status) for row in store.rows()), *statuses(store).items()]
+    return Counter(status for key, status in ended if key in keys and status in asked.fail_on)
 
 
 def settle(store: Store, pairs: Iterable[Pair], absent: Mapping[str, str]) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cpbench.bench.events import Compiling, Event, Joined, Solving, Spent, Starting
+from cpbench.bench.events import Compiling, Event, Joined, Observer, Solving, Spent, Starting
 from cpbench.bench.planning.plan import Pair
 from cpbench.cli.steps import EVERY, Steps
 from cpbench.cli.terminal import print_lines
@@ -33,7 +33,7 @@ LARGE = 50e6
 """Bytes of a conversion's result from which on it is announced."""
 
 
-class Display:
+class Display(Observer):
     """Progress on stderr; data never goes there, so that stdout can be piped.
 
     A live table on a terminal, lines elsewhere, nothing when quiet. With `verbose` every event has a line on stderr.

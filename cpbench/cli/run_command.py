@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
-from cpbench.bench.execution import open_run
 from cpbench.bench.planning import run_plan, suites
+from cpbench.bench.run import open_run
 from cpbench.cli.options import Sections
 from cpbench.cli.progress import Display
 from cpbench.cli.run_options import EXAMPLES, SECTIONS, given_options, plan_from, require_near, run_options

@@ -6,12 +6,12 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 
-from cpbench.bench import planned_run
-from cpbench.bench.execution import OpenRun
+from cpbench.bench import skipped
 from cpbench.bench.planning import dry_run
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.results.store import Store
+from cpbench.bench.run import OpenRun, require_answers
 from cpbench.cli import run_text
 from cpbench.cli.terminal import folded, print_lines, width
 from cpbench.storage.base import require_folder
@@ -27,7 +27,7 @@ def announce(assembly: Assembly) -> None:
 def print_plan(run: OpenRun) -> None:
     """Print the plan, its number of pairs and how long they take at most; nothing is written."""
     plan, assembly = run.plan, run.assembly
-    before = planned_run.statuses(plan.results)
+    before = skipped.statuses_of(plan.results)
     for line in dry_run.lines(plan, assembly, before, width()):
         print_lines(folded(line))
     print_lines(run_text.refused(assembly.refused), err=True)
@@ -35,7 +35,7 @@ def print_plan(run: OpenRun) -> None:
 
 def require_places(plan: RunPlan, assembly: Assembly) -> None:
     """Raise CpbenchError where the results could not be used as the plan asks, or the report could not be written."""
-    planned_run.require_answers(plan, assembly.pairs)
+    require_answers(plan, assembly.pairs)
     if plan.report_folder is not None:
         require_folder(plan.report_folder)  # before hours of work
 

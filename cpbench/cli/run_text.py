@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from cpbench.bench import planned_run
+from cpbench.bench import skipped
 from cpbench.bench.planning.assembly import Assembly
 from cpbench.bench.planning.run_plan import RunPlan
 from cpbench.bench.processes.isolation import address_space, address_space_allowed
@@ -99,16 +99,16 @@ def ending(
         lines.append(f"wrong answers by {', '.join(f'{label} ({count})' for label, count in wrong.items())}")
     lines += [*map(on_one_line, remarks(table)), f"results: {plan.results}"]
     failures: list[str] = []
-    gaps = planned_run.gaps(store, assembly)
+    gaps = skipped.gaps(store, assembly)
     if gaps:
         failures.append(f"rows are missing: {', '.join(gaps)}; the same command goes on")
-    absent = planned_run.not_run(store, assembly)
+    absent = skipped.not_run(store, assembly)
     if absent:
         failures.append(f"named and not run: {some_of(absent, ABSENT)}")
     unreadable = named(plan, assembly.refused)
     if unreadable:
         failures.append(f"named and not read: {some_of(unreadable, ABSENT)}")
-    listed = planned_run.failures(store, plan, assembly.pairs)
+    listed = skipped.failures(store, plan, assembly.pairs)
     if CONTRADICTION in plan.fail_on:
         listed += Counter({CONTRADICTION: len(involving(found, (pair.key for pair in assembly.pairs)))})
     if listed:

@@ -8,7 +8,7 @@ Groups of entry points, and what stands behind a name in each:
   A name as ``results.bundle`` is one of the group ``cpbench results``;
 - ``cpbench.functions``: a function or class, offered as ``cpbench.NAME``;
 - ``cpbench.hooks``: a function that cpbench's own commands call, as ``doctor --node`` does;
-- ``cpbench.executors``: a module that connects a run to other machines (`bench/execution`);
+- ``cpbench.executors``: a module that connects a run to other machines (`bench/run`);
 - ``cpbench.figures``: a package of modules, each with a kind of figure (`report/figure_kinds`): of runs where its name
   is ``runs``, else of problems.
 """

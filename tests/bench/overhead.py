@@ -42,7 +42,7 @@ from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
-from cpbench.bench.runner import execute
+from cpbench.bench.run import execute
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.formulations import LCP

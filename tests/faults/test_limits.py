@@ -25,10 +25,10 @@ SHORT = """
 import sys
 from dataclasses import replace
 from cpbench import cli
-from cpbench.bench import pair_run, slot, time_limits, worker_call, worker_pool
+from cpbench.bench import slot, time_limits, worker_pool
 name, floor = sys.argv[1], float(sys.argv[2])
 phase = replace(getattr(time_limits, name), floor=floor)
-for module in (pair_run, slot, worker_call, worker_pool):
+for module in (slot, worker_pool):
     if hasattr(module, name):
         setattr(module, name, phase)
 del sys.argv[1:3]

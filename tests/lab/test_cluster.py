@@ -26,7 +26,7 @@ from cpbench.bench.block import Block
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Limits, Pair
 from cpbench.bench.results.store import Store
-from cpbench.bench.runner import Executor, execute
+from cpbench.bench.run import Executor, execute
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.errors import CpbenchError, FormatError, UnknownName

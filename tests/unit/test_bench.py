@@ -16,7 +16,7 @@ import pytest
 from tiers import some_by_day
 
 from cpbench import graph, storage
-from cpbench.bench import messages, shared_problem, worker_call
+from cpbench.bench import messages, shared_problem
 from cpbench.bench import slot as slots
 from cpbench.bench.messages import RefereeCase, Survey
 from cpbench.bench.planning import plan
@@ -24,7 +24,7 @@ from cpbench.bench.problem_cache import ProblemCache, TimedConversions
 from cpbench.bench.referee import Referee
 from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
-from cpbench.bench.runner import execute
+from cpbench.bench.run import execute
 from cpbench.bench.slot import Slot
 from cpbench.bench.worker_pool import Setting
 from cpbench.conversions.base import make
@@ -324,7 +324,7 @@ def test_a_problem_that_loads_too_slowly_is_no_timeout_of_a_solver(
     (pair,) = plan.pairs([survey], [plan.Entry("lemke")], [plan.exact()], 1e-6, LIMITS)
     prepared = slot.prepare(pair)
     slot.start(["lemke"], LIMITS)
-    monkeypatch.setattr(worker_call, "LOAD", replace(worker_call.LOAD, floor=0.3))
+    monkeypatch.setattr(slots, "LOAD", replace(slots.LOAD, floor=0.3))
     quick = replace(pair, limits=replace(LIMITS, seconds=0.2))
     row = slot.run(quick, replace(prepared, path=str(_hanging(tmp_path / "hanging.h5"))))
     assert row.status == "error"

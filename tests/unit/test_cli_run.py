@@ -13,7 +13,7 @@ import pytest
 from command_line import cpbench, with_plugins
 
 from cpbench import storage
-from cpbench.bench import planned_run
+from cpbench.bench import skipped
 from cpbench.bench.planning import dry_run
 from cpbench.bench.planning.assembly import Assembly, PlannedSet
 from cpbench.bench.planning.plan import Entry, Limits, Pair, exact
@@ -295,5 +295,5 @@ def test_a_plan_fits_its_terminal() -> None:
 
 
 def test_a_file_that_is_not_there_has_no_rows(tmp_path: Path) -> None:
-    assert planned_run.statuses(tmp_path / "absent.sqlite") == {}
+    assert skipped.statuses_of(tmp_path / "absent.sqlite") == {}
     assert not list(tmp_path.iterdir())

@@ -17,14 +17,14 @@ from command_line import cpbench
 from cpbench import storage
 from cpbench.analysis import table as rows_of
 from cpbench.analysis.starts import paired
-from cpbench.bench import planned_run
+from cpbench.bench import run
 from cpbench.bench.block import block_name, predecessors, variant
 from cpbench.bench.events import Done, Event
 from cpbench.bench.planning import plan
 from cpbench.bench.planning.plan import Pair
 from cpbench.bench.results.rows import Outcome, unpack_answer
 from cpbench.bench.results.store import Store
-from cpbench.bench.runner import execute
+from cpbench.bench.run import execute
 from cpbench.bench.slot import Slot
 from cpbench.generators.collection import write_collections
 
@@ -195,7 +195,7 @@ def test_followers_of_a_step_that_is_run_again_are_run_again(scene: Path, tmp_pa
         store.finish(planned[1].key, Outcome(status="solved", started="cold: the step before was crash"))
         store.finish(planned[2].key, Outcome(status="solved", started="previous"))
         store.reset(("crash",), [pair.key for pair in planned])
-        planned_run._reset_followers(store, planned)
+        run._reset_followers(store, planned)
         assert store.pending() == {planned[0].key, planned[1].key}
 
 
