@@ -10,7 +10,7 @@ import platform
 import queue
 import threading
 import time
-from collections.abc import Callable, Collection, Generator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -53,13 +53,6 @@ class OpenRun:
         self.plan, self.assembly = plan, assembly
         self._slots, self._setting, self._stack = slots, setting, stack
         self._executor: Executor | Sequence[Slot] = slots
-
-    def keep(self, wanted: Collection[str]) -> None:
-        """Keep the pairs whose keys are wanted, with all steps of their sequences."""
-        pairs = self.assembly.pairs
-        scenes = {(pair.scene, pair.label) for pair in pairs if pair.scene and pair.key in wanted}
-        kept = [pair for pair in pairs if pair.key in wanted or (pair.scene, pair.label) in scenes]
-        self.assembly = replace(self.assembly, pairs=kept)
 
     def open_results(self) -> Store:
         """Open the results file for the rest of the run. Raises StoreError, and where the plan needs Dask,

@@ -114,7 +114,7 @@ def test_the_plan_file_is_one(tmp_path: Path) -> None:
     texts = [block for language, block in blocks(ROOT / "docs/guides/runs.md") if language == "toml"]
     (tmp_path / "cpbench.toml").write_text("\n".join(texts))
     plan = plan_file.read(tmp_path / "cpbench.toml")
-    assert [part["name"] for part in plan.sets] == ["boxes", "rolling", "wheels"]
+    assert [part["name"] for part in plan.sets] == ["boxes", "rolling"]
 
 
 def test_the_declared_solvers_are_some(tmp_path: Path) -> None:
