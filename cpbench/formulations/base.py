@@ -232,6 +232,8 @@ class Problem(ABC):
     """
 
     node: ClassVar[str]
+    core: ClassVar[bool] = False
+    """Whether a newcomer meets it first: the core of the lecture, and contact, local and global."""
     title: ClassVar[str]
     equation: ClassVar[str]
     relations: ClassVar[tuple[str, ...]]

@@ -20,6 +20,7 @@ class FrictionContact(LocalContact):
     """
 
     node: ClassVar[str] = "fc"
+    core: ClassVar[bool] = True
     title: ClassVar[str] = "frictional contact, local"
     equation: ClassVar[str] = "P_L"
     relations: ClassVar[tuple[str, ...]] = ("u = Wr + q", "û = u + μ‖u_T‖e_N", "K*_μ ∋ û ⟂ r ∈ K_μ")

@@ -19,6 +19,7 @@ class GlobalFrictionContact(GlobalContact):
     """
 
     node: ClassVar[str] = "gfc"
+    core: ClassVar[bool] = True
     title: ClassVar[str] = "frictional contact, global"
     equation: ClassVar[str] = "P_LM"
     relations: ClassVar[tuple[str, ...]] = (

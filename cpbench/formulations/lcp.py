@@ -39,6 +39,7 @@ class LCP(AffineProblem):
     """
 
     node: ClassVar[str] = "lcp"
+    core: ClassVar[bool] = True
     title: ClassVar[str] = "linear complementarity problem"
     equation: ClassVar[str] = "(13)"
     relations: ClassVar[tuple[str, ...]] = ("0 ≤ z ⟂ w = Mz + q ≥ 0",)

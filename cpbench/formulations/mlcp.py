@@ -42,6 +42,7 @@ class MLCP(Problem):
     """
 
     node: ClassVar[str] = "mlcp"
+    core: ClassVar[bool] = True
     title: ClassVar[str] = "mixed linear complementarity problem"
     equation: ClassVar[str] = "(14)"
     relations: ClassVar[tuple[str, ...]] = ("Au + Cv + a = 0", "0 ≤ v ⟂ w = Du + Bv + b ≥ 0")

@@ -29,6 +29,7 @@ class NCP(NonlinearProblem):
     strict complementarity fails."""
 
     node: ClassVar[str] = "ncp"
+    core: ClassVar[bool] = True
     title: ClassVar[str] = "nonlinear complementarity problem"
     equation: ClassVar[str] = "(19)"
     relations: ClassVar[tuple[str, ...]] = ("0 ≤ z ⟂ F(z) ≥ 0",)

@@ -46,6 +46,7 @@ class QP(Problem):
     """
 
     node: ClassVar[str] = "qp"
+    core: ClassVar[bool] = True
     title: ClassVar[str] = "quadratic program"
     equation: ClassVar[str] = "(1)"
     relations: ClassVar[tuple[str, ...]] = ("min ½zᵀQz + pᵀz", "Az ≥ b", "Cz = d", "lb ≤ z ≤ ub")

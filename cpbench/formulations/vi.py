@@ -24,6 +24,7 @@ class VI(RowsProblem):
     """
 
     node: ClassVar[str] = "vi"
+    core: ClassVar[bool] = True
     title: ClassVar[str] = "variational inequality"
     equation: ClassVar[str] = "(22)"
     relations: ClassVar[tuple[str, ...]] = (

@@ -6,11 +6,10 @@ from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 from pathlib import Path
 
+from cpbench.formulations import formulations
 from cpbench.generators.base import SMALL
 from cpbench.generators.collection import ListedProblem, catalogue
 
-CORE = ("qp", "lcp", "mlcp", "ncp", "vi", "fc", "gfc")
-"""Formulations that a newcomer can read: those of the lecture's core, and contact, local and global."""
 FEW = 10
 """How many problems of a formulation the suite has: from so many on, a ranking is more than a hint."""
 SMALLEST, MIDDLE, LARGEST = 30, 100, 300
@@ -27,7 +26,12 @@ def quick_problems(folder: Path) -> list[str]:
     """
     by_node: dict[str, list[ListedProblem]] = {}
     for entry in catalogue(folder):
-        if entry.node in CORE and entry.tier == SMALL and entry.known not in NONE and entry.unknowns <= LARGEST:
+        if (
+            formulations.get(entry.node).core
+            and entry.tier == SMALL
+            and entry.known not in NONE
+            and entry.unknowns <= LARGEST
+        ):
             by_node.setdefault(entry.node, []).append(entry)
     chosen: list[str] = []
     for entries in by_node.values():

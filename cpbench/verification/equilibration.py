@@ -22,7 +22,7 @@ from cpbench.foundation.matrices import Vector
 SWEEPS = 200
 STEPS = 100
 """Limit of conjugate gradients."""
-ENOUGH = 1e-4
+ENOUGH = 1e-5
 """The mean of a row may be off by this much in the root mean square: sizes are compared, no digits."""
 GUESSED = 1e-3
 """The first guess may be off by this much in logarithms, in the root mean square."""

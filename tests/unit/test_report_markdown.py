@@ -125,8 +125,8 @@ def test_counts_in_the_report_are_those_of_the_table(tmp_path: Path) -> None:
     )
     assert "\n**3 of 4 pairs solved** (2 problems, 2 solver configurations); 1 false claim." in text
     assert "| `pgs` | 2 of 2 | · | 3.5 ms | 1.41 | 1.0e-09 | direct |" in text
-    assert "| `pgs` | equivalent | 2 | 0 | 0 | 2 | 0 | 1 | 3.5 ms | 1.5 | " in text
-    assert "| `lemke` | equivalent | 1 | 0 | 0 | 2 | 1 | 1 | 1 ms | 1 | " in text
+    assert "| `pgs` | equivalent | 2 | 0 | 0 | 2 | 0 | 1 | 3.5 ms | 5 ms | 5 ms | 1.5 | " in text
+    assert "| `lemke` | equivalent | 1 | 0 | 0 | 2 | 1 | 1 | 1 ms | ∞ | ∞ | 1 | " in text
     assert "| a-2 | `pgs` | solved | 1e-09 | 44.2 |" in text
     again = "cpbench solve problems/a-2.h5 -s lemke --tolerance 1e-06 --timeout 10s"
     assert f"| wrong | 1 | `lemke 1` | thought so | `{again}` |" in text

@@ -23,11 +23,13 @@ from cpbench.bench.results.rows import Outcome
 from cpbench.bench.results.store import Store
 from cpbench.cli import cli
 from cpbench.errors import CpbenchError
-from cpbench.formulations import LCP
+from cpbench.formulations import LCP, formulations
 from cpbench.generators.base import SMALL
 from cpbench.generators.collection import builtin_folder, catalogue, unknowns
-from cpbench.generators.quick import CORE, FEW, LARGEST, SMALLEST, quick_problems
+from cpbench.generators.quick import FEW, LARGEST, SMALLEST, quick_problems
 from cpbench.solvers.base import missing, solvers
+
+CORE = {formulation.node for formulation in formulations if formulation.core}
 
 
 def _few() -> list[str]:
@@ -44,7 +46,7 @@ def test_the_quick_problems_are_of_the_core_and_of_a_size_that_matters() -> None
     entries = {entry.address: entry for entry in catalogue() if entry.tier == SMALL}
     assert len(set(chosen)) == len(chosen)
     nodes = Counter(entries[address].node for address in chosen)
-    assert set(nodes) == set(CORE)
+    assert set(nodes) == CORE
     assert max(nodes.values()) == FEW
     for address in chosen:
         entry = entries[address]
