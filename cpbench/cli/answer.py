@@ -91,9 +91,11 @@ def _print_rankings(rankings: Sequence[Ranking]) -> None:
             beside[0].append(f", {ranking.problems_and_starts}")
         for row in shown:
             lines.append([beside.pop(0) if beside else Text(), *map(Text, _cells(row))])
+    if not lines:
+        return
     room = width() or WIDE
     # numbers are never cut: routes have the room that is left, and warnings fold
-    widths = [max(len(name), *(len(line[k]) for line in lines)) for k, name in enumerate(HEAD)] if lines else []
+    widths = [max(len(name), *(len(line[k]) for line in lines)) for k, name in enumerate(HEAD)]
     fixed = [k for k in range(ROUTE) if k != LOST or any(line[k].plain != NONE for line in lines)]
     left = room - sum(widths[k] + GAP for k in fixed)
     warned = any(line[WARNINGS].plain for line in lines)

@@ -237,7 +237,8 @@ def test_files_that_are_no_results_are_refused(tmp_path: Path) -> None:
         Store(text)
     newer = tmp_path / "newer.sqlite"
     db = sqlite3.connect(newer)
-    db.execute("CREATE TABLE rows (key TEXT)")
+    for table in ("rows", "answers", "meta"):
+        db.execute(f"CREATE TABLE {table} (key TEXT)")
     db.execute("PRAGMA user_version=99")
     db.commit()
     db.close()
