@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import resource
+import statistics
 import subprocess
 import sys
 from pathlib import Path
@@ -30,7 +31,8 @@ def _seconds(*arguments: str) -> float:
 
 def test_help_costs_at_most_six_bare_interpreters() -> None:
     pairs = [(_seconds("-m", "cpbench", "--help"), _seconds("-c", "pass")) for _ in range(7)]
-    assert min(help for help, _ in pairs) <= 6 * min(bare for _, bare in pairs)
+    # of pairs, each measured in one moment: on a busy machine the least of either is luck
+    assert statistics.median(help / bare for help, bare in pairs) <= 6
 
 
 LEFT = ("CPBENCH_PLUGINS", "CPBENCH_SOLVERS")
