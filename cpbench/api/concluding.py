@@ -1,4 +1,4 @@
-"""What is noted in a results file when all its rows are there: the collection they quote, and their contradictions."""
+"""Notes in a results file, when all its rows are there, the collection that they quote and their contradictions."""
 
 from __future__ import annotations
 

@@ -44,19 +44,15 @@ def write(problem: Problem, path: str | Path) -> None:
 
 def read(path: str | Path) -> Problem:
     """Return the problem of a file that `write` made; raises OSError, and ValueError when it is none."""
-    header, arrays = _frame(path)
+    whole = np.fromfile(path, np.uint8)
+    whole.flags.writeable = False
+    header, arrays = frames.unpack(whole, types=frames.NUMBERS, aligned=ALIGNED)
     found: dict[str, list[Any]] = {}
     for name, array in arrays.items():
         found.setdefault(name.rpartition(".")[0], []).append(array)
     parts = {name: _matrix(found[name], tuple(shape)) for name, shape in header["shapes"].items()}
     parts |= {name: Map(inputs, *found[name]) for name, inputs in header["inputs"].items()}
     return formulations.get(header["node"])(name=header["name"], **parts, **header["fields"])
-
-
-def _frame(path: str | Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    whole = np.fromfile(path, np.uint8)
-    whole.flags.writeable = False
-    return frames.unpack(whole, types=frames.NUMBERS, aligned=ALIGNED)
 
 
 def _arrays(matrix: Any) -> Iterator[Any]:

@@ -186,7 +186,7 @@ class Times:
 
     @property
     def remembered(self) -> bool:
-        """Whether the repeats are those of a cache."""
+        """Tell whether the repeats are those of a cache."""
         return remembered(self.solve)
 
     def columns(self) -> dict[str, Any]:

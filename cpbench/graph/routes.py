@@ -131,18 +131,18 @@ def beginnings(
     source: str, kinds: frozenset[Kind], via: Sequence[Conversion] = ()
 ) -> dict[str, tuple[Conversion | None, ...]]:
     """Return, by target, the first conversions of all paths of `candidates`; None stands for the empty path."""
-    found: dict[str, dict[Conversion | None, None]] = {} if via else {source: {None: None}}
+    first: dict[str, dict[Conversion | None, None]] = {}
     if via:
         for target in formulations.names():
             for route, _ in best_first(source, target, kinds, via, True, lambda prefix: True):
-                found.setdefault(target, {})[route.steps[0]] = None
-        return {target: tuple(first) for target, first in found.items()}
-    usable, onward = _usable(kinds)
-    for edge in usable:
-        if edge.source == source:
+                first.setdefault(target, {})[route.steps[0]] = None
+    else:  # what is reached without passing the source again: no path has to be followed to its end
+        first[source] = {None: None}
+        usable, onward = _usable(kinds)
+        for edge in (edge for edge in usable if edge.source == source):
             for target in _reached(edge.target, onward, frozenset({source})):
-                found.setdefault(target, {})[edge] = None
-    return {target: tuple(first) for target, first in found.items()}
+                first.setdefault(target, {})[edge] = None
+    return {target: tuple(steps) for target, steps in first.items()}
 
 
 def _usable(kinds: frozenset[Kind], via: Sequence[Conversion] = ()) -> tuple[list[Conversion], list[Conversion]]:

@@ -1,4 +1,4 @@
-"""What a process does to itself to be isolated: cores, limits of its memory, and what becomes of orphans."""
+"""Isolates the process that calls it: its cores, limits of its memory, and what becomes of orphans."""
 
 from __future__ import annotations
 
