@@ -37,8 +37,8 @@ _PACKAGES = ["cpbench.formulations.expressions.kernels", "cpbench.conversions.ke
 """Packages of kernel modules; plugins add theirs."""
 _TAKEN = re.compile(r"^from ([\w.]+\.kernels\.\w+) import", re.MULTILINE)
 """How a kernel module takes functions from another one."""
-_KEPT = re.compile(r"cache=True|\*\*(COMPILED|KEPT|QUICK)")
-"""Options of a kernel that is in the cache; others are compiled where they are used."""
+_KEPT = re.compile(r"^@njit\([\s\S]*?(cache=True|\*\*(COMPILED|KEPT|QUICK))", re.MULTILINE)
+"""Decorator of a kernel that is in the cache; others are compiled where they are used."""
 
 _SIDE = """
 import sys
@@ -121,7 +121,7 @@ def _load(module: str) -> ModuleType:
             load(taken)
     with _one_at_a_time(directory / f"{module}.lock"):
         _drop_stale(module, directory)
-        if not is_compiled(module):
+        if is_kept(module) and not is_compiled(module):
             LOG.info("compiling %s", module)
         return importlib.import_module(module)
 

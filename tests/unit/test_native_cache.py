@@ -209,6 +209,13 @@ def test_what_is_compiled_is_asked_of_the_cache_in_use(fresh: pytest.MonkeyPatch
     assert not cache.is_compiled(module)
 
 
+@pytest.mark.needs("cpbench_solvers")
+@pytest.mark.parametrize(("name", "kept"), [("array_types", False), ("block_row", False), ("box_splitting", True)])
+def test_only_a_module_with_kernels_of_its_own_in_the_cache_is_ever_compiling(name: str, kept: bool) -> None:
+    """Else every command would say so of a module that merely names options, or whose functions others take."""
+    assert cache.is_kept(f"cpbench_solvers.kernels.{name}") == kept
+
+
 @pytest.mark.nightly
 def test_solve_says_when_it_compiles_and_only_then(tmp_path: Path) -> None:
     path = tmp_path / "two.h5"
